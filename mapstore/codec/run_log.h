@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/run/run.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A run as read from a file, with what a reader must know about the file.
+struct RunLog {
+  Run run;
+  std::string sha256;  ///< Of the file's bytes, in hex.
+  /// Non-empty if the file ends early, e.g. by a power failure: says where. `run` holds everything
+  /// up to the last whole chunk.
+  std::string truncation;
+};
+
+/// Reads a run log (MCAP with shiftmap messages; see proto/README.md) whole and checks it with
+/// ValidateRun. Messages on other topics are skipped.
+/// Errors: kNotFound; kInvalidArgument if it is not an MCAP file, has no odometry, or goes
+/// backwards in time; kDataLoss if a checksum is wrong. Every message starts with `run log
+/// '<path>': `.
+StatusOr<RunLog> ReadRunLog(const std::string& path);
+
+struct RunLogWriterOptions {
+  bool compress = true;  ///< zstd chunks; off makes larger files that any tool can read.
+  std::int64_t chunk_bytes =
+      1 << 20;  ///< Uncompressed size at which a chunk is closed; what a crash can lose.
+};
+
+/// Writes a run log: to a temporary file beside `path`, fsync, rename. The same run gives the same
+/// bytes. Errors: kInvalidArgument if ValidateRun fails; kUnavailable if the disk does not take it.
+Status WriteRunLog(const Run& run,
+                   const std::string& path,
+                   const RunLogWriterOptions& options = {});
+
+/// Reads a run log item by item, from a file or a pipe, in constant memory, in the order of the
+/// file. Items are checked by ValidateEvent; order is the consumer's business.
+class RunLogStream {
+ public:
+  /// @param path  A file, or "-" for standard input.
+  static StatusOr<RunLogStream> Open(const std::string& path);
+
+  RunLogStream(RunLogStream&&) noexcept;
+  RunLogStream& operator=(RunLogStream&&) noexcept;
+  ~RunLogStream();
+
+  /// The next item, or nothing at the end of the stream.
+  StatusOr<std::optional<RunEvent>> Next();
+
+  /// Complete only after the first odometry or scan was read.
+  const RunInfo& info() const;
+
+  /// As RunLog::truncation; complete after Next() returned nothing.
+  const std::string& truncation() const;
+
+ private:
+  struct State;
+  explicit RunLogStream(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace shiftmap

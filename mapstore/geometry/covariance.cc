@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/geometry/covariance.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "proto/core/check.h"
+
+namespace shiftmap {
+bool IsSymmetricPositiveDefinite(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                                 double min_eigenvalue) {
+  if (matrix.rows() != matrix.cols() || matrix.rows() == 0 || !matrix.allFinite()) return false;
+  const double scale = matrix.cwiseAbs().maxCoeff();
+  if ((matrix - matrix.transpose()).cwiseAbs().maxCoeff() > 1e-9 * scale) return false;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues().minCoeff() > min_eigenvalue;
+}
+
+double SquaredMahalanobis(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
+  return nu.dot(S.inverse() * nu);
+}
+
+double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
+  return -0.5 * SquaredMahalanobis(nu, S) - 0.5 * std::log(S.determinant()) -
+         std::log(2.0 * std::numbers::pi);
+}
+
+double ChiSquareTail(double value, int dof) {
+  SHIFTMAP_CHECK(dof > 0 && value >= 0.0, "dof {}, value {}", dof, value);
+  return boost::math::cdf(boost::math::complement(boost::math::chi_squared(dof), value));
+}
+
+double ChiSquareQuantile(double probability, int dof) {
+  SHIFTMAP_CHECK(probability > 0.0 && probability < 1.0 && dof > 0,
+                 "probability {}, dof {}",
+                 probability,
+                 dof);
+  return boost::math::quantile(boost::math::chi_squared(dof), probability);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+namespace shiftmap {
+
+/// What a fleet's odometry gets wrong, and by how much that differs between vehicles:
+/// true v = scale_v · measured v, true ω = scale_omega · measured ω, each read `lag_s` later.
+struct OdometryCalibration {
+  double scale_v = 1.0;      ///< True over measured speed. [-]
+  double scale_omega = 1.0;  ///< True over measured yaw rate. [-]
+  double lag_s = 0.0;        ///< The motion at time t is what odometry says of t - lag. [s]
+
+  /// Standard deviation of log(scale) between vehicles of the fleet. [-]
+  double sd_log_scale = 0.05;
+
+  /// Random walk of the motion: variance grows per second driven. [m/√s], [rad/√s]
+  double noise_v = 0.02;
+  double noise_omega = 0.05;
+};
+
+/// The sensor that sees landmarks: noise, field of view, detection, clutter.
+struct SensorCalibration {
+  double sd_range_m = 0.15;      ///< Standard deviation of a range. [m]
+  double sd_bearing_rad = 0.03;  ///< Standard deviation of a bearing. [rad]
+  double sd_position_m = 0.15;   ///< Of each coordinate of a Cartesian observation. [m]
+
+  /// Sector field of view: γ_r and γ_b of IJRR 7.2.
+  double max_range_m = 10.0;
+  double max_bearing_rad = 1.0;
+
+  /// P_D0 of T-IV (19): probability of detecting a landmark that is in the field of view. In (0,
+  /// 1).
+  double detection_probability = 0.5;
+
+  /// Share of visits in which a landmark that is there is not seen at all, e.g. behind a parked
+  /// truck. It bounds what silence can prove in one visit. In (0, 1).
+  double occluded_visit_probability = 0.05;
+
+  /// Poisson densities of clutter and of undiscovered landmarks, T-IV (20), per m² of the vehicle
+  /// frame and scan.
+  double clutter_density_per_m2 = 1e-4;
+  double new_landmark_density_per_m2 = 1e-4;
+};
+
+/// What a map version tells a localizer about the vehicles that drive on it.
+struct Calibration {
+  OdometryCalibration odometry;
+  SensorCalibration sensor;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The canonical rows of a map. Every value is written with its length or as 8 fixed bytes,
+// big-endian, so that no two contents share a row stream. The layout is part of the store's format:
+// see mapstore/README.md.
+#include <bit>
+#include <cstdint>
+
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/sha256.h"
+
+namespace shiftmap {
+namespace {
+
+class RowHasher {
+ public:
+  void Add(std::int64_t value) {
+    char bytes[8];
+    const auto bits = static_cast<std::uint64_t>(value);
+    for (int i = 0; i < 8; ++i) bytes[i] = static_cast<char>(bits >> (56 - 8 * i));
+    hash_.Update({bytes, sizeof bytes});
+  }
+
+  // The bits of the number, with -0 as 0.
+  void Add(double value) { Add(std::bit_cast<std::int64_t>(value == 0.0 ? 0.0 : value)); }
+
+  void Add(const std::string& text) {
+    Add(static_cast<std::int64_t>(text.size()));
+    hash_.Update(text);
+  }
+
+  void Add(const Eigen::Matrix2d& block) {
+    for (int i = 0; i < 4; ++i) Add(block(i / 2, i % 2));
+  }
+
+  void Add(const Mode& mode) {
+    Add(mode.number.value());
+    Add(mode.p_map_landmark.x());
+    Add(mode.p_map_landmark.y());
+    Add(mode.cov_p_map_landmark);
+    Add(ToNanoseconds(mode.last_seen));
+  }
+
+  std::string HexDigest() { return hash_.HexDigest(); }
+
+ private:
+  Sha256 hash_;
+};
+
+}  // namespace
+
+std::string ContentHash(const MapContent& content) {
+  RowHasher rows;
+  rows.Add(std::string("shiftmap content 1"));
+  rows.Add(ToNanoseconds(content.stamp));
+  rows.Add(static_cast<std::int64_t>(content.groups.size()));
+  for (const LandmarkGroup& group : content.groups) {
+    rows.Add(group.signature.text());
+    rows.Add(group.chain.leave_rate_per_s());
+    rows.Add(static_cast<std::int64_t>(group.modes.size()));
+    for (const Mode& mode : group.modes) rows.Add(mode);
+    for (const double probability : group.probabilities) rows.Add(probability);
+  }
+  rows.Add(static_cast<std::int64_t>(content.covariance.cross_blocks().size()));
+  for (const JointCovariance::CrossBlock& block : content.covariance.cross_blocks()) {
+    rows.Add(static_cast<std::int64_t>(block.row));
+    rows.Add(static_cast<std::int64_t>(block.column));
+    rows.Add(block.value);
+  }
+  rows.Add(static_cast<std::int64_t>(content.anonymous_landmarks.size()));
+  for (const Mode& landmark : content.anonymous_landmarks) rows.Add(landmark);
+  const OdometryCalibration& odometry = content.calibration.odometry;
+  for (const double value : {odometry.scale_v,
+                             odometry.scale_omega,
+                             odometry.lag_s,
+                             odometry.sd_log_scale,
+                             odometry.noise_v,
+                             odometry.noise_omega}) {
+    rows.Add(value);
+  }
+  const SensorCalibration& sensor = content.calibration.sensor;
+  for (const double value : {sensor.sd_range_m,
+                             sensor.sd_bearing_rad,
+                             sensor.sd_position_m,
+                             sensor.max_range_m,
+                             sensor.max_bearing_rad,
+                             sensor.detection_probability,
+                             sensor.occluded_visit_probability,
+                             sensor.clutter_density_per_m2,
+                             sensor.new_landmark_density_per_m2}) {
+    rows.Add(value);
+  }
+  return rows.HexDigest();
+}
+
+}  // namespace shiftmap

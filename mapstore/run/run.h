@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "mapstore/core/ids.h"
+#include "mapstore/core/stamp.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Velocity of the vehicle in its own frame, as its odometry measured it from `stamp` on.
+struct OdometrySample {
+  Stamp stamp;
+  double v_mps = 0.0;        ///< Forward. [m/s]
+  double omega_radps = 0.0;  ///< Counter-clockwise. [rad/s]
+};
+
+/// One landmark seen in one scan.
+struct Observation {
+  enum class Kind {
+    kRangeBearing,  ///< z = (range [m] > 0, bearing [rad], counter-clockwise from vehicle x).
+    kCartesian,     ///< z = position in the vehicle frame (x, y) [m], T-IV (29).
+  };
+
+  Signature signature;  ///< Empty if the landmark has none.
+  Kind kind = Kind::kRangeBearing;
+  Eigen::Vector2d z = Eigen::Vector2d::Zero();
+  /// Covariance of z in its own units, if the log states one; otherwise the sensor's calibration
+  /// holds.
+  std::optional<Eigen::Matrix2d> cov_z;
+
+  /// Position of the landmark in the vehicle frame. [m]
+  Eigen::Vector2d PositionInVehicle() const;
+};
+
+/// Everything seen in one scan; may be empty, which says that the sensor looked and saw nothing.
+struct Scan {
+  Stamp stamp;
+  std::vector<Observation> observations;
+};
+
+/// Where a run comes from.
+struct RunInfo {
+  std::string vehicle;
+  std::string source;  ///< E.g. "utias MRCLAM_Dataset1 robot 1".
+};
+
+/// One vehicle's recorded log.
+struct Run {
+  RunInfo info;
+  std::vector<OdometrySample> odometry;  ///< By non-decreasing stamp.
+  std::vector<Scan> scans;               ///< By non-decreasing stamp.
+};
+
+/// One item of a run in the order of time, as a live vehicle delivers it.
+using RunEvent = std::variant<OdometrySample, Scan>;
+
+inline Stamp StampOf(const RunEvent& event) {
+  return std::visit([](const auto& item) { return item.stamp; }, event);
+}
+
+/// Checks one item by itself: finite numbers, range > 0, covariance positive definite.
+/// Errors: kInvalidArgument with the stamp and the value.
+Status ValidateEvent(const RunEvent& event);
+
+/// Checks a whole run: every item, stamps that do not go backwards, at least one odometry sample.
+/// Errors: kInvalidArgument, naming the first item that is wrong.
+Status ValidateRun(const Run& run);
+
+/// Both streams of a run merged by stamp; odometry first where stamps are equal.
+std::vector<RunEvent> MergeEvents(const Run& run);
+
+}  // namespace shiftmap

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+# One helper per kind of target. Every target lists its files explicitly.
+include_guard()
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+
+# Compile and link options that every target of ours gets and no user of ours sees.
+function(shiftmap_private_options target)
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wnon-virtual-dtor
+    $<$<BOOL:${SHIFTMAP_WERROR}>:-Werror>)
+  # Fused multiply-add contraction differs between call sites; results must not depend on inlining.
+  target_compile_options(${target} PRIVATE -ffp-contract=off)
+  if(SHIFTMAP_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE} -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
+  endif()
+endfunction()
+
+# shiftmap_library(<name> HDRS ... SRCS ... [DEPS ...] [PRIVATE_DEPS ...])
+# Makes shiftmap_<name> with the alias shiftmap::<name>; headers are included from the project root.
+function(shiftmap_library name)
+  cmake_parse_arguments(ARG "" "" "HDRS;SRCS;DEPS;PRIVATE_DEPS" ${ARGN})
+  set(target shiftmap_${name})
+  add_library(${target} STATIC ${ARG_SRCS})
+  add_library(shiftmap::${name} ALIAS ${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} VERIFY_INTERFACE_HEADER_SETS ON)
+  target_sources(${target} PUBLIC FILE_SET HEADERS BASE_DIRS "${PROJECT_SOURCE_DIR}" FILES ${ARG_HDRS})
+  target_include_directories(${target} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/shiftmap>)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  target_link_libraries(${target} PUBLIC ${ARG_DEPS} PRIVATE ${ARG_PRIVATE_DEPS})
+  shiftmap_private_options(${target})
+  install(TARGETS ${target} EXPORT shiftmapTargets
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/shiftmap)
+endfunction()
+
+# shiftmap_binary(<name> SRCS ... DEPS ...): an installed executable.
+function(shiftmap_binary name)
+  cmake_parse_arguments(ARG "" "" "SRCS;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SRCS})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPS})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/bin")
+  shiftmap_private_options(${name})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
+
+# shiftmap_test(<name> LABEL unit|property|scenario|fault|... SRCS ... DEPS ...)
+function(shiftmap_test name)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SRCS;DEPS" ${ARGN})
+  if(NOT ARG_LABEL OR NOT ARG_SRCS)
+    message(FATAL_ERROR "shiftmap_test(${name}) needs LABEL and SRCS")
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  add_executable(${name} ${ARG_SRCS})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPS} GTest::gmock GTest::gtest_main)
+  shiftmap_private_options(${name})
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT})
+endfunction()
+
+# shiftmap_bench(<name> SRCS ... DEPS ...): a benchmark that also runs, briefly, as a test, so that it cannot rot.
+function(shiftmap_bench name)
+  cmake_parse_arguments(ARG "" "" "SRCS;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SRCS})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPS} benchmark::benchmark_main)
+  shiftmap_private_options(${name})
+  add_test(NAME ${name} COMMAND ${name} --benchmark_min_time=0.001)
+  set_tests_properties(${name} PROPERTIES LABELS bench TIMEOUT 300)
+endfunction()
+
+# Installs the package files, so that find_package(shiftmap) works.
+function(shiftmap_install_package)
+  include(CMakePackageConfigHelpers)
+  set(dir "${CMAKE_INSTALL_LIBDIR}/cmake/shiftmap")
+  configure_package_config_file(
+    "${PROJECT_SOURCE_DIR}/tools/cmake/shiftmapConfig.cmake.in"
+    "${PROJECT_BINARY_DIR}/shiftmapConfig.cmake" INSTALL_DESTINATION ${dir})
+  write_basic_package_version_file(
+    "${PROJECT_BINARY_DIR}/shiftmapConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
+  install(FILES "${PROJECT_BINARY_DIR}/shiftmapConfig.cmake"
+    "${PROJECT_BINARY_DIR}/shiftmapConfigVersion.cmake" DESTINATION ${dir})
+  install(EXPORT shiftmapTargets NAMESPACE shiftmap:: DESTINATION ${dir})
+endfunction()
