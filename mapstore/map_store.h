@@ -11,15 +11,13 @@
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/run/trajectory.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
 
 /// One pose of a run's trajectory as the mapper estimated it.
-struct TrajectoryPose {
-  Stamp stamp;
-  Se2 T_map_vehicle;
-};
+using TrajectoryPose = StampedPose;
 
 /// A run that a version was built from.
 struct RunRecord {
@@ -83,9 +81,9 @@ struct ReturnResult {
 /// store is as before. Threads: one thread per object; several processes may use one file.
 ///
 /// Errors, of every function: kFailedPrecondition if the file is not a map store, or of a newer
-/// schema; kDataLoss if it is damaged; kUnavailable if it is locked for too long, or the disk does
-/// not take it; kNotFound for an area or version that does not exist. Messages start with `map
-/// store '<path>': `.
+/// schema, or if a write meets kReadOnly; kDataLoss if it is damaged; kUnavailable if it is locked
+/// for too long, or the disk does not take it; kNotFound for an area or version that does not
+/// exist. Messages start with `map store '<path>': `.
 class MapStore {
  public:
   enum class Access {
@@ -121,11 +119,12 @@ class MapStore {
   /// A version as it was committed: probabilities before any report.
   StatusOr<MapSnapshot> LoadVersion(const std::string& area, VersionNumber version);
 
-  /// A version with the probabilities that the ledger implies at a time.
+  /// A version with the probabilities that the ledger implies at a time. Evidence counts if it was
+  /// reported against this version, or against an ancestor for a visit after this version's stamp.
   /// @param version  Nothing: the published one.
-  /// @param at       Nothing: the time of the newest evidence, or the version's own if there is
-  /// none.
-  ///                 Evidence after `at` does not count.
+  /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
+  ///                 there is none. Visits that begin after `at` do not count. A time before the
+  ///                 version's stamp gives the probabilities at the stamp, and says so by stamp().
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);

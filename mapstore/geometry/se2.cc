@@ -17,12 +17,18 @@ struct ArcFactors {
 
 constexpr double kSmallAngle = 1e-4;
 
+// 1 - cos(θ) without the cancellation for small θ.
+double OneMinusCos(double theta) {
+  const double s = std::sin(0.5 * theta);
+  return 2.0 * s * s;
+}
+
 ArcFactors ComputeArcFactors(double theta) {
   if (std::abs(theta) < kSmallAngle) {
     const double theta2 = theta * theta;
     return {1.0 - theta2 / 6.0, theta * (0.5 - theta2 / 24.0)};
   }
-  return {std::sin(theta) / theta, (1.0 - std::cos(theta)) / theta};
+  return {std::sin(theta) / theta, OneMinusCos(theta) / theta};
 }
 
 }  // namespace
@@ -72,12 +78,12 @@ Eigen::Vector3d Se2::Log() const {
 Eigen::Matrix3d Se2::RightJacobian(const Eigen::Vector3d& twist) {
   const double theta = twist.z();
   const auto [sinc, cosc] = ComputeArcFactors(theta);
-  // (θ - sin θ)/θ² and (1 - cos θ)/θ², which lose all digits near 0.
+  // (θ - sin θ)/θ² and (1 - cos θ)/θ², undefined at 0.
   double a = theta / 6.0;
   double b = 0.5 - theta * theta / 24.0;
   if (std::abs(theta) >= kSmallAngle) {
     a = (theta - std::sin(theta)) / (theta * theta);
-    b = (1.0 - std::cos(theta)) / (theta * theta);
+    b = OneMinusCos(theta) / (theta * theta);
   }
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();
   jacobian(0, 0) = sinc;

@@ -37,7 +37,10 @@ class RowHasher {
     Add(mode.number.value());
     Add(mode.p_map_landmark.x());
     Add(mode.p_map_landmark.y());
-    Add(mode.cov_p_map_landmark);
+    // Symmetric: three numbers say it all, and a file stores no more.
+    Add(mode.cov_p_map_landmark(0, 0));
+    Add(mode.cov_p_map_landmark(0, 1));
+    Add(mode.cov_p_map_landmark(1, 1));
     Add(ToNanoseconds(mode.last_seen));
   }
 

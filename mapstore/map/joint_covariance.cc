@@ -15,6 +15,12 @@ JointCovariance::JointCovariance(std::vector<Eigen::Matrix2d> diagonal,
   std::sort(cross_.begin(), cross_.end(), [](const CrossBlock& a, const CrossBlock& b) {
     return std::tie(a.row, a.column) < std::tie(b.row, b.column);
   });
+  for (std::size_t i = 1; i < cross_.size(); ++i) {
+    SHIFTMAP_CHECK(cross_[i - 1].row != cross_[i].row || cross_[i - 1].column != cross_[i].column,
+                   "block ({}, {}) twice",
+                   cross_[i].row,
+                   cross_[i].column);
+  }
   row_begin_.assign(diagonal_.size() + 1, 0);
   for (const CrossBlock& block : cross_) {
     SHIFTMAP_CHECK(0 <= block.row && block.row < block.column && block.column < size(),

@@ -18,6 +18,10 @@ function(shiftmap_private_options target)
     target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE} -fno-omit-frame-pointer)
     target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
   endif()
+  if(SHIFTMAP_BUILD_FUZZERS)
+    # A fuzzer steers by the branches that its input takes in the libraries.
+    target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
+  endif()
 endfunction()
 
 # shiftmap_library(<name> HDRS ... SRCS ... [DEPS ...] [PRIVATE_DEPS ...])

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/core/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+Status ErrnoStatus(const char* action) {
+  const int error = errno;
+  const StatusCode code =
+      error == ENOENT || error == ENOTDIR ? StatusCode::kNotFound : StatusCode::kUnavailable;
+  return MakeStatus(code, "cannot {}: {}", action, std::strerror(error));
+}
+
+std::string FolderOf(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+// A rename is durable only once the folder is.
+Status SyncFolder(const std::string& path) {
+  const int fd = open(FolderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return ErrnoStatus("open its folder");
+  const Status status = fsync(fd) == 0 ? OkStatus() : ErrnoStatus("sync its folder");
+  close(fd);
+  return status;
+}
+
+Status RenameAndSyncFolder(const std::string& temporary, const std::string& path) {
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) return ErrnoStatus("rename to it");
+  return SyncFolder(path);
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(std::string path, std::string temporary, int fd)
+    : path_(std::move(path)), temporary_(std::move(temporary)), fd_(fd) {}
+
+AtomicFile::AtomicFile(AtomicFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      temporary_(std::move(other.temporary_)),
+      fd_(std::exchange(other.fd_, -1)) {}
+
+AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
+  if (this != &other) {
+    Discard();
+    path_ = std::move(other.path_);
+    temporary_ = std::move(other.temporary_);
+    fd_ = std::exchange(other.fd_, -1);
+  }
+  return *this;
+}
+
+AtomicFile::~AtomicFile() { Discard(); }
+
+void AtomicFile::Discard() {
+  if (fd_ < 0) return;
+  close(std::exchange(fd_, -1));
+  unlink(temporary_.c_str());
+}
+
+StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
+  struct stat info {};
+  if (stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
+    return InvalidArgument("not a regular file");
+  }
+  static std::atomic<unsigned> count{0};
+  for (;;) {
+    std::string temporary = fmt::format("{}.tmp-{}-{}", path, getpid(), count++);
+    const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd >= 0) return AtomicFile(path, std::move(temporary), fd);
+    // A process of the same number may have left one behind.
+    if (errno != EEXIST) return ErrnoStatus("create a file beside it");
+  }
+}
+
+Status AtomicFile::Append(std::string_view bytes) {
+  SHIFTMAP_CHECK(fd_ >= 0, "'{}' is committed", path_);
+  while (!bytes.empty()) {
+    const ssize_t written = write(fd_, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return ErrnoStatus("write");
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return OkStatus();
+}
+
+Status AtomicFile::Commit() {
+  SHIFTMAP_CHECK(fd_ >= 0, "'{}' is committed", path_);
+  if (fsync(fd_) != 0) return ErrnoStatus("sync");
+  SHIFTMAP_RETURN_IF_ERROR(RenameAndSyncFolder(temporary_, path_));
+  close(std::exchange(fd_, -1));
+  return OkStatus();
+}
+
+Status SyncAndRename(const std::string& temporary, const std::string& path) {
+  const int fd = open(temporary.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return ErrnoStatus("open the temporary file");
+  const Status status = fsync(fd) == 0 ? OkStatus() : ErrnoStatus("sync the temporary file");
+  close(fd);
+  SHIFTMAP_RETURN_IF_ERROR(status);
+  return RenameAndSyncFolder(temporary, path);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A file that appears at its path whole or not at all. Bytes go to a temporary file in the same
+/// folder; Commit() makes them durable and then renames it into place. Without Commit() the
+/// temporary file is removed, and what was at the path stays.
+///
+/// Errors: kNotFound if the folder does not exist; kInvalidArgument if something other than a
+/// regular file is at the path; kUnavailable if the disk does not take it. Messages say what
+/// failed; the caller puts the kind and name of the file before it.
+class AtomicFile {
+ public:
+  static StatusOr<AtomicFile> Create(const std::string& path);
+
+  AtomicFile(AtomicFile&& other) noexcept;
+  AtomicFile& operator=(AtomicFile&& other) noexcept;
+  ~AtomicFile();
+
+  Status Append(std::string_view bytes);
+
+  /// Makes the file durable and visible. Call once, last.
+  Status Commit();
+
+ private:
+  AtomicFile(std::string path, std::string temporary, int fd);
+  void Discard();
+
+  std::string path_;
+  std::string temporary_;
+  int fd_ = -1;
+};
+
+/// Makes `temporary`, a file that somebody else wrote, durable and renames it to `path` in the same
+/// folder. Errors: kNotFound, kUnavailable, as AtomicFile.
+Status SyncAndRename(const std::string& temporary, const std::string& path);
+
+}  // namespace shiftmap

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "mapstore/sqlite/statement.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A connection to one SQLite file, set up for durability and for distrust of what is in the file:
+/// rollback journal with synchronous=EXTRA, foreign keys on, schema not trusted, triggers and views
+/// off, cell sizes checked, sizes limited.
+///
+/// Errors: as SqliteStatus; every message starts with name(). Threads: one thread per object.
+class Database {
+ public:
+  enum class Mode {
+    kReadOnly,         ///< Works on a read-only mount.
+    kReadWrite,        ///< The file must exist.
+    kReadWriteCreate,  ///< Makes an empty file if there is none.
+  };
+
+  struct Options {
+    Mode mode = Mode::kReadOnly;
+    /// How long a call waits for a lock that another connection holds before kUnavailable.
+    std::chrono::milliseconds busy_timeout{5000};
+  };
+
+  /// Errors also: kNotFound if the file, or the folder to create it in, does not exist;
+  /// kFailedPrecondition if something other than a regular file is there.
+  static StatusOr<Database> Open(const std::string& path, const Options& options);
+
+  Database(Database&&) noexcept;
+  Database& operator=(Database&&) noexcept;
+  ~Database();
+
+  /// Runs SQL without parameters; several statements, separated by semicolons.
+  Status Execute(const std::string& sql);
+
+  /// A statement, compiled at its first use and kept. SQL that does not fit the schema in the file
+  /// is kDataLoss: the file says that it has our schema. The statement must end before the
+  /// database, and before the same SQL is prepared again.
+  StatusOr<Statement> Prepare(std::string_view sql);
+
+  /// The first column of the only row of a query without parameters.
+  StatusOr<std::int64_t> QueryInt64(std::string_view sql);
+
+  std::int64_t LastInsertRowId() const;
+
+  bool writable() const;
+  const std::string& path() const;
+  /// "map store '<path>'".
+  const std::string& name() const;
+  /// For another connection that only reads.
+  const std::string& read_uri() const;
+
+ private:
+  struct State;
+  explicit Database(std::unique_ptr<State> state);
+
+  static StatusOr<Database> OpenUri(const std::string& path,
+                                    const std::string& uri,
+                                    const Options& options);
+  Status SetUp(const Options& options);
+
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/content_rows.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+Status InsertGroups(Database& database, std::int64_t version_id, const MapContent& content) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement group_row,
+      database.Prepare("INSERT INTO landmark_group (version_id, group_index, signature, "
+                       "leave_rate_per_s, absent_probability) VALUES (?1, ?2, ?3, ?4, ?5)"));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement mode_row,
+      database.Prepare("INSERT INTO mode (version_id, group_index, number, x_m, y_m, cov_xx_m2, "
+                       "cov_xy_m2, cov_yy_m2, last_seen_ns, probability) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"));
+  std::int64_t group_index = 0;
+  for (const LandmarkGroup& group : content.groups) {
+    group_row.Bind(version_id,
+                   group_index,
+                   group.signature.text(),
+                   group.chain.leave_rate_per_s(),
+                   group.probabilities(0));
+    SHIFTMAP_RETURN_IF_ERROR(group_row.Execute());
+    Eigen::Index state = 0;
+    for (const Mode& mode : group.modes) {
+      mode_row.Bind(version_id,
+                    group_index,
+                    mode.number.value(),
+                    mode.p_map_landmark.x(),
+                    mode.p_map_landmark.y(),
+                    mode.cov_p_map_landmark(0, 0),
+                    mode.cov_p_map_landmark(0, 1),
+                    mode.cov_p_map_landmark(1, 1),
+                    ToNanoseconds(mode.last_seen),
+                    group.probabilities(++state));
+      SHIFTMAP_RETURN_IF_ERROR(mode_row.Execute());
+    }
+    ++group_index;
+  }
+  return OkStatus();
+}
+
+Status InsertCrossBlocks(Database& database,
+                         std::int64_t version_id,
+                         const JointCovariance& covariance) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO mode_covariance (version_id, row_index, column_index, "
+                       "cov_xx_m2, cov_xy_m2, cov_yx_m2, cov_yy_m2) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)"));
+  for (const JointCovariance::CrossBlock& block : covariance.cross_blocks()) {
+    row.Bind(version_id,
+             block.row,
+             block.column,
+             block.value(0, 0),
+             block.value(0, 1),
+             block.value(1, 0),
+             block.value(1, 1));
+    SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  }
+  return OkStatus();
+}
+
+Status InsertAnonymous(Database& database,
+                       std::int64_t version_id,
+                       const std::vector<Mode>& landmarks) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO anonymous_landmark (version_id, landmark_index, number, x_m, "
+                       "y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, last_seen_ns) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)"));
+  std::int64_t index = 0;
+  for (const Mode& landmark : landmarks) {
+    row.Bind(version_id,
+             index++,
+             landmark.number.value(),
+             landmark.p_map_landmark.x(),
+             landmark.p_map_landmark.y(),
+             landmark.cov_p_map_landmark(0, 0),
+             landmark.cov_p_map_landmark(0, 1),
+             landmark.cov_p_map_landmark(1, 1),
+             ToNanoseconds(landmark.last_seen));
+    SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  }
+  return OkStatus();
+}
+
+// Columns from `first` on: number, x, y, cov xx, xy, yy, last seen.
+Mode ReadMode(const Statement& row, int first) {
+  Mode mode;
+  mode.number = ModeNumber(row.Int64(first));
+  mode.p_map_landmark = {row.Double(first + 1), row.Double(first + 2)};
+  const double cov_xy = row.Double(first + 4);
+  mode.cov_p_map_landmark << row.Double(first + 3), cov_xy, cov_xy, row.Double(first + 5);
+  mode.last_seen = StampFromNanoseconds(row.Int64(first + 6));
+  return mode;
+}
+
+Status ReadGroups(Database& database,
+                  std::int64_t version_id,
+                  std::vector<LandmarkGroup>& groups,
+                  std::vector<double>& leave_rates) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT signature, leave_rate_per_s, absent_probability FROM landmark_group "
+                       "WHERE version_id = ?1 ORDER BY group_index"));
+  rows.Bind(version_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    LandmarkGroup group;
+    group.signature = Signature(rows.Text(0));
+    group.probabilities = Eigen::VectorXd::Constant(1, rows.Double(2));
+    leave_rates.push_back(rows.Double(1));
+    groups.push_back(std::move(group));
+  }
+}
+
+// Adds the modes to their groups; `probabilities` gets theirs in the same order.
+Status ReadModes(Database& database,
+                 std::int64_t version_id,
+                 const std::string& owner,
+                 std::vector<LandmarkGroup>& groups,
+                 std::vector<double>& probabilities) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT group_index, number, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, "
+                       "last_seen_ns, probability FROM mode WHERE version_id = ?1 "
+                       "ORDER BY group_index, number"));
+  rows.Bind(version_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    const std::int64_t group_index = rows.Int64(0);
+    if (group_index < 0 || group_index >= static_cast<std::int64_t>(groups.size())) {
+      return DataLoss("{}: a mode of group {}, there are {}", owner, group_index, groups.size());
+    }
+    groups[static_cast<std::size_t>(group_index)].modes.push_back(ReadMode(rows, 1));
+    probabilities.push_back(rows.Double(8));
+  }
+}
+
+StatusOr<JointCovariance> ReadCovariance(Database& database,
+                                         std::int64_t version_id,
+                                         const std::string& owner,
+                                         std::vector<Eigen::Matrix2d> diagonal) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT row_index, column_index, cov_xx_m2, cov_xy_m2, cov_yx_m2, cov_yy_m2 "
+                       "FROM mode_covariance WHERE version_id = ?1 "
+                       "ORDER BY row_index, column_index"));
+  rows.Bind(version_id);
+  const auto size = static_cast<std::int64_t>(diagonal.size());
+  std::vector<JointCovariance::CrossBlock> blocks;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool more, rows.Step());
+    if (!more) return JointCovariance(std::move(diagonal), std::move(blocks));
+    const std::int64_t row = rows.Int64(0);
+    const std::int64_t column = rows.Int64(1);
+    if (row < 0 || row >= column || column >= size) {
+      return DataLoss("{}: covariance block ({}, {}) of {} modes", owner, row, column, size);
+    }
+    JointCovariance::CrossBlock block{static_cast<int>(row), static_cast<int>(column), {}};
+    block.value << rows.Double(2), rows.Double(3), rows.Double(4), rows.Double(5);
+    blocks.push_back(block);
+  }
+}
+
+Status ReadAnonymous(Database& database, std::int64_t version_id, std::vector<Mode>& landmarks) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT number, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, last_seen_ns "
+                       "FROM anonymous_landmark WHERE version_id = ?1 ORDER BY landmark_index"));
+  rows.Bind(version_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    landmarks.push_back(ReadMode(rows, 0));
+  }
+}
+
+}  // namespace
+
+Status InsertContentRows(Database& database, std::int64_t version_id, const MapContent& content) {
+  SHIFTMAP_RETURN_IF_ERROR(InsertGroups(database, version_id, content));
+  SHIFTMAP_RETURN_IF_ERROR(InsertCrossBlocks(database, version_id, content.covariance));
+  return InsertAnonymous(database, version_id, content.anonymous_landmarks);
+}
+
+Status ReadContentRows(Database& database,
+                       std::int64_t version_id,
+                       const std::string& owner,
+                       MapContent& content) {
+  std::vector<double> leave_rates;
+  std::vector<double> probabilities;
+  SHIFTMAP_RETURN_IF_ERROR(ReadGroups(database, version_id, content.groups, leave_rates));
+  SHIFTMAP_RETURN_IF_ERROR(ReadModes(database, version_id, owner, content.groups, probabilities));
+  std::vector<Eigen::Matrix2d> diagonal;
+  diagonal.reserve(probabilities.size());
+  auto probability = probabilities.cbegin();
+  for (std::size_t i = 0; i < content.groups.size(); ++i) {
+    LandmarkGroup& group = content.groups[i];
+    if (!(leave_rates[i] >= 0.0) || !std::isfinite(leave_rates[i])) {
+      return DataLoss(
+          "{}: group '{}': leave rate {}", owner, group.signature.text(), leave_rates[i]);
+    }
+    group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), leave_rates[i]);
+    group.probabilities.conservativeResize(group.chain.states());
+    for (Eigen::Index state = 1; state < group.chain.states(); ++state) {
+      group.probabilities(state) = *probability++;
+    }
+    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(content.covariance,
+                            ReadCovariance(database, version_id, owner, std::move(diagonal)));
+  return ReadAnonymous(database, version_id, content.anonymous_landmarks);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/provenance_rows.h"
+
+#include <optional>
+#include <utility>
+
+#include "mapstore/store/blob.h"
+
+namespace shiftmap {
+namespace {
+
+StatusOr<std::int64_t> FindOrInsertRun(Database& database, const RunRecord& run) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement insert,
+      database.Prepare("INSERT INTO run (sha256, name, vehicle, begin_ns, end_ns) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5) ON CONFLICT DO NOTHING"));
+  insert.Bind(run.sha256, run.name, run.vehicle, ToNanoseconds(run.begin), ToNanoseconds(run.end));
+  SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement find,
+      database.Prepare("SELECT run_id FROM run WHERE sha256 = ?1 AND name = ?2 AND vehicle = ?3 "
+                       "AND begin_ns = ?4 AND end_ns = ?5"));
+  find.Bind(run.sha256, run.name, run.vehicle, ToNanoseconds(run.begin), ToNanoseconds(run.end));
+  SHIFTMAP_RETURN_IF_ERROR(find.Step().status());
+  return find.Int64(0);
+}
+
+StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
+                                          std::int64_t version_id,
+                                          const std::string& owner) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT name, sha256, vehicle, begin_ns, end_ns, trajectory "
+                       "FROM version_run JOIN run USING (run_id) WHERE version_id = ?1 "
+                       "ORDER BY begin_ns, sha256, name"));
+  query.Bind(version_id);
+  std::vector<RunRecord> runs;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return runs;
+    RunRecord run;
+    run.name = query.Text(0);
+    run.sha256 = query.Text(1);
+    run.vehicle = query.Text(2);
+    run.begin = StampFromNanoseconds(query.Int64(3));
+    run.end = StampFromNanoseconds(query.Int64(4));
+    std::optional<std::vector<TrajectoryPose>> trajectory = UnpackTrajectory(query.Blob(5));
+    if (!trajectory) return DataLoss("{}: run '{}': trajectory is damaged", owner, run.name);
+    run.trajectory = *std::move(trajectory);
+    runs.push_back(std::move(run));
+  }
+}
+
+}  // namespace
+
+Status InsertRuns(Database& database, std::int64_t version_id, const std::vector<RunRecord>& runs) {
+  for (const RunRecord& run : runs) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t run_id, FindOrInsertRun(database, run));
+    // The same run named twice is one run.
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement row,
+        database.Prepare("INSERT INTO version_run (version_id, run_id, trajectory) "
+                         "VALUES (?1, ?2, ?3) ON CONFLICT DO NOTHING"));
+    const std::string trajectory = PackTrajectory(run.trajectory);
+    row.Bind(version_id, run_id, BlobView{trajectory});
+    SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  }
+  return OkStatus();
+}
+
+StatusOr<Provenance> ReadProvenance(Database& database,
+                                    std::int64_t version_id,
+                                    const std::string& owner) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT tool, configuration, seed FROM version WHERE version_id = ?1"));
+  query.Bind(version_id);
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  Provenance provenance;
+  provenance.tool = query.Text(0);
+  provenance.configuration = query.Text(1);
+  provenance.seed = query.Int64(2);
+  SHIFTMAP_ASSIGN_OR_RETURN(provenance.runs, ReadRuns(database, version_id, owner));
+  return provenance;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Names the runs that a version was built from. A run that an earlier version used is kept once.
+Status InsertRuns(Database& database, std::int64_t version_id, const std::vector<RunRecord>& runs);
+
+/// Tool, configuration, seed and runs of a version. `owner` starts the messages.
+StatusOr<Provenance> ReadProvenance(Database& database,
+                                    std::int64_t version_id,
+                                    const std::string& owner);
+
+}  // namespace shiftmap

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/version_rows.h"
+
+#include <chrono>
+#include <utility>
+
+#include "mapstore/store/content_rows.h"
+
+namespace shiftmap {
+namespace {
+
+VersionRow ReadVersionRow(const Statement& row) {
+  VersionRow version;
+  version.version_id = row.Int64(0);
+  version.number = VersionNumber(row.Int64(1));
+  version.content_hash = row.Text(2);
+  version.content_stored = row.Int64(3) != 0;
+  version.stamp = StampFromNanoseconds(row.Int64(4));
+  return version;
+}
+
+Status ReadCalibration(Database& database, std::int64_t version_id, Calibration& calibration) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare(
+          "SELECT odometry_scale_v, odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
+          "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
+          "sensor_sd_bearing_rad, sensor_sd_position_m, sensor_max_range_m, "
+          "sensor_max_bearing_rad, sensor_detection_probability, "
+          "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
+          "sensor_new_landmark_density_per_m2 FROM version WHERE version_id = ?1"));
+  row.Bind(version_id);
+  SHIFTMAP_RETURN_IF_ERROR(row.Step().status());
+  OdometryCalibration& odometry = calibration.odometry;
+  SensorCalibration& sensor = calibration.sensor;
+  int column = 0;
+  for (double* value : {&odometry.scale_v,
+                        &odometry.scale_omega,
+                        &odometry.lag_s,
+                        &odometry.sd_log_scale,
+                        &odometry.noise_v,
+                        &odometry.noise_omega,
+                        &sensor.sd_range_m,
+                        &sensor.sd_bearing_rad,
+                        &sensor.sd_position_m,
+                        &sensor.max_range_m,
+                        &sensor.max_bearing_rad,
+                        &sensor.detection_probability,
+                        &sensor.occluded_visit_probability,
+                        &sensor.clutter_density_per_m2,
+                        &sensor.new_landmark_density_per_m2}) {
+    *value = row.Double(column++);
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+std::int64_t NowNanoseconds() {
+  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+StatusOr<std::optional<AreaRow>> FindArea(Database& database, const std::string& area) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT a.area_id, v.number FROM area a LEFT JOIN version v "
+                       "ON v.version_id = a.published_version_id WHERE a.name = ?1"));
+  query.Bind(area);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return std::optional<AreaRow>();
+  AreaRow row{query.Int64(0), std::nullopt};
+  if (!query.IsNull(1)) row.published = VersionNumber(query.Int64(1));
+  return std::optional<AreaRow>(row);
+}
+
+StatusOr<AreaRow> GetArea(Database& database, const std::string& area) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<AreaRow> row, FindArea(database, area));
+  if (!row) return NotFound("{}: no area '{}'", database.name(), area);
+  return *row;
+}
+
+StatusOr<VersionRow> GetVersion(Database& database,
+                                const std::string& area,
+                                std::int64_t area_id,
+                                VersionNumber number) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT version_id, number, content_hash, content_stored, stamp_ns "
+                       "FROM version WHERE area_id = ?1 AND number = ?2"));
+  query.Bind(area_id, number.value());
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) {
+    return NotFound("{}: area '{}': no version {}", database.name(), area, number.value());
+  }
+  return ReadVersionRow(query);
+}
+
+StatusOr<std::vector<VersionRow>> Lineage(Database& database, std::int64_t version_id) {
+  // UNION drops rows seen before, so that a damaged file with a cycle of parents ends too.
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("WITH RECURSIVE lineage (version_id) AS (VALUES (?1) UNION "
+                       "SELECT v.parent_version_id FROM version v JOIN lineage USING (version_id) "
+                       "WHERE v.parent_version_id IS NOT NULL) "
+                       "SELECT v.version_id, v.number, v.content_hash, v.content_stored, "
+                       "v.stamp_ns FROM lineage JOIN version v USING (version_id) "
+                       "ORDER BY v.number DESC"));
+  query.Bind(version_id);
+  std::vector<VersionRow> lineage;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return lineage;
+    lineage.push_back(ReadVersionRow(query));
+  }
+}
+
+StatusOr<MapContent> ReadContent(Database& database,
+                                 const VersionRow& version,
+                                 const std::string& owner) {
+  if (!version.content_stored) {
+    return NotFound("{}: not in this snapshot, which has only its number", owner);
+  }
+  MapContent content;
+  content.stamp = version.stamp;
+  SHIFTMAP_RETURN_IF_ERROR(ReadCalibration(database, version.version_id, content.calibration));
+  SHIFTMAP_RETURN_IF_ERROR(ReadContentRows(database, version.version_id, owner, content));
+  const std::string hash = ContentHash(content);
+  if (hash != version.content_hash) {
+    return DataLoss("{}: content hash {}, expected {}", owner, hash, version.content_hash);
+  }
+  // A file that was forged may have a hash that fits.
+  const Status valid = ValidateMapContent(content);
+  if (!valid.ok()) return DataLoss("{}: {}", owner, Message(valid));
+  return content;
+}
+
+StatusOr<std::int64_t> InsertVersion(Database& database,
+                                     std::int64_t area_id,
+                                     VersionNumber number,
+                                     std::optional<std::int64_t> parent_version_id,
+                                     const std::string& content_hash,
+                                     const MapContent& content,
+                                     const Provenance& provenance) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare(
+          "INSERT INTO version (area_id, number, parent_version_id, content_hash, content_stored, "
+          "stamp_ns, created_ns, tool, configuration, seed, odometry_scale_v, "
+          "odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
+          "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
+          "sensor_sd_bearing_rad, sensor_sd_position_m, sensor_max_range_m, "
+          "sensor_max_bearing_rad, sensor_detection_probability, "
+          "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
+          "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
+          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24)"));
+  const OdometryCalibration& odometry = content.calibration.odometry;
+  const SensorCalibration& sensor = content.calibration.sensor;
+  row.Bind(area_id,
+           number.value(),
+           parent_version_id,
+           content_hash,
+           ToNanoseconds(content.stamp),
+           NowNanoseconds(),
+           provenance.tool,
+           provenance.configuration,
+           provenance.seed,
+           odometry.scale_v,
+           odometry.scale_omega,
+           odometry.lag_s,
+           odometry.sd_log_scale,
+           odometry.noise_v,
+           odometry.noise_omega,
+           sensor.sd_range_m,
+           sensor.sd_bearing_rad,
+           sensor.sd_position_m,
+           sensor.max_range_m,
+           sensor.max_bearing_rad,
+           sensor.detection_probability,
+           sensor.occluded_visit_probability,
+           sensor.clutter_density_per_m2,
+           sensor.new_landmark_density_per_m2);
+  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  const std::int64_t version_id = database.LastInsertRowId();
+  SHIFTMAP_RETURN_IF_ERROR(InsertContentRows(database, version_id, content));
+  return version_id;
+}
+
+Status InsertAudit(Database& database,
+                   std::int64_t area_id,
+                   const char* action,
+                   const std::string& subject) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO audit (written_ns, area_id, action, subject) "
+                       "VALUES (?1, ?2, ?3, ?4)"));
+  row.Bind(NowNanoseconds(), area_id, action, subject);
+  return row.Execute();
+}
+
+}  // namespace shiftmap

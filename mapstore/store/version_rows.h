@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A row of `area`.
+struct AreaRow {
+  std::int64_t area_id = 0;
+  std::optional<VersionNumber> published;
+};
+
+/// A row of `version` without what only LoadVersion needs.
+struct VersionRow {
+  std::int64_t version_id = 0;
+  VersionNumber number;
+  std::string content_hash;
+  bool content_stored = true;
+  Stamp stamp;
+};
+
+/// The area by name, or nothing.
+StatusOr<std::optional<AreaRow>> FindArea(Database& database, const std::string& area);
+
+/// As FindArea. Errors: kNotFound.
+StatusOr<AreaRow> GetArea(Database& database, const std::string& area);
+
+/// Errors: kNotFound if the area has no such version.
+StatusOr<VersionRow> GetVersion(Database& database,
+                                const std::string& area,
+                                std::int64_t area_id,
+                                VersionNumber number);
+
+/// A version and all its ancestors, itself first.
+StatusOr<std::vector<VersionRow>> Lineage(Database& database, std::int64_t version_id);
+
+/// The version's content, verified against its hash. `owner` starts the messages.
+/// Errors: kDataLoss if it does not verify; kNotFound if the file has only the version's row.
+StatusOr<MapContent> ReadContent(Database& database,
+                                 const VersionRow& version,
+                                 const std::string& owner);
+
+/// Adds a version row and its content. Returns the row's id.
+StatusOr<std::int64_t> InsertVersion(Database& database,
+                                     std::int64_t area_id,
+                                     VersionNumber number,
+                                     std::optional<std::int64_t> parent_version_id,
+                                     const std::string& content_hash,
+                                     const MapContent& content,
+                                     const Provenance& provenance);
+
+/// Adds an entry to the audit log.
+Status InsertAudit(Database& database,
+                   std::int64_t area_id,
+                   const char* action,
+                   const std::string& subject);
+
+/// The clock of this machine. [ns since the epoch]
+std::int64_t NowNanoseconds();
+
+}  // namespace shiftmap

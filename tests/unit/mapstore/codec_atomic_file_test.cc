@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "mapstore/core/atomic_file.h"
+
+namespace shiftmap {
+namespace {
+
+class AtomicFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "shiftmap_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+    path_ = folder_ / "file";
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Content() const {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void Put(const std::string& text) const { std::ofstream(path_) << text; }
+  auto FilesInFolder() const {
+    return std::distance(std::filesystem::directory_iterator(folder_), {});
+  }
+
+  std::filesystem::path folder_;
+  std::filesystem::path path_;
+};
+
+TEST_F(AtomicFileTest, AppearsOnCommitOnly) {
+  auto file = AtomicFile::Create(path_);
+  ASSERT_TRUE(file.ok()) << Message(file.status());
+  ASSERT_TRUE(file->Append("first ").ok());
+  ASSERT_TRUE(file->Append("second").ok());
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  ASSERT_TRUE(file->Commit().ok());
+  EXPECT_EQ(Content(), "first second");
+  EXPECT_EQ(FilesInFolder(), 1);
+}
+
+TEST_F(AtomicFileTest, ReplacesOnCommit) {
+  Put("old");
+  auto file = AtomicFile::Create(path_);
+  ASSERT_TRUE(file.ok() && file->Append("other").ok());
+  EXPECT_EQ(Content(), "old");
+  ASSERT_TRUE(file->Commit().ok());
+  EXPECT_EQ(Content(), "other");
+}
+
+TEST_F(AtomicFileTest, LeavesNothingBehindWithoutCommit) {
+  Put("old");
+  {
+    auto file = AtomicFile::Create(path_);
+    ASSERT_TRUE(file.ok() && file->Append("other").ok());
+    AtomicFile moved = *std::move(file);
+  }
+  EXPECT_EQ(Content(), "old");
+  EXPECT_EQ(FilesInFolder(), 1);
+}
+
+TEST_F(AtomicFileTest, NeedsAFolderAndARegularTarget) {
+  EXPECT_EQ(AtomicFile::Create(folder_ / "none" / "file").status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(AtomicFile::Create(folder_).status().code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(AtomicFile::Create("/dev/null").status().code(), StatusCode::kInvalidArgument);
+}
+
+TEST_F(AtomicFileTest, TwoAtOnceDoNotMeet) {
+  auto first = AtomicFile::Create(path_);
+  auto second = AtomicFile::Create(path_);
+  ASSERT_TRUE(first.ok() && second.ok());
+  ASSERT_TRUE(first->Append("first").ok() && second->Append("second").ok());
+  ASSERT_TRUE(second->Commit().ok());
+  EXPECT_EQ(Content(), "second");
+  ASSERT_TRUE(first->Commit().ok());
+  EXPECT_EQ(Content(), "first");
+}
+
+TEST_F(AtomicFileTest, RenamesWhatSomebodyElseWrote) {
+  const std::filesystem::path temporary = folder_ / "temporary";
+  std::ofstream(temporary) << "theirs";
+  ASSERT_TRUE(SyncAndRename(temporary, path_).ok());
+  EXPECT_EQ(Content(), "theirs");
+  EXPECT_EQ(FilesInFolder(), 1);
+  EXPECT_EQ(SyncAndRename(temporary, path_).code(), StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace shiftmap

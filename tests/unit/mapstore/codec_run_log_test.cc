@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/codec/run_log.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <random>
+#include <thread>
+
+#include "mapstore/codec/run_log_messages.h"
+#include "mapstore/map/sha256.h"
+#include "tests/unit/proto/mcap_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr std::int64_t kBeginNs = 1'248'272'272'841'000'001;
+
+// A run with every kind of observation, at full precision.
+Run MakeRun(int samples) {
+  std::mt19937_64 random(30);
+  std::normal_distribution<double> normal;
+  Run run;
+  run.info = {"truck 7", "simulated é"};
+  for (int i = 0; i < samples; ++i) {
+    const Stamp stamp = StampFromNanoseconds(kBeginNs + 10'000'003LL * i);
+    run.odometry.push_back({stamp, normal(random), normal(random)});
+    if (i % 3 != 0) continue;
+    Scan scan{stamp + Duration(i % 2), {}};
+    for (int k = 0; k < i % 5; ++k) {
+      Observation observation;
+      observation.signature = Signature(k == 3 ? "" : std::to_string(k));
+      observation.kind =
+          k % 2 == 0 ? Observation::Kind::kRangeBearing : Observation::Kind::kCartesian;
+      observation.z = {std::abs(normal(random)) + 0.1, normal(random)};
+      if (k < 2) {
+        const Eigen::Matrix2d root = Eigen::Matrix2d::NullaryExpr([&] { return normal(random); });
+        const Eigen::Matrix2d cov = root * root.transpose() + Eigen::Matrix2d::Identity();
+        observation.cov_z = Eigen::Matrix2d(0.5 * (cov + cov.transpose()));
+      }
+      scan.observations.push_back(observation);
+    }
+    run.scans.push_back(std::move(scan));
+  }
+  return run;
+}
+
+void ExpectEqual(const Scan& got, const Scan& expected) {
+  EXPECT_EQ(got.stamp, expected.stamp);
+  ASSERT_EQ(got.observations.size(), expected.observations.size());
+  for (std::size_t i = 0; i < got.observations.size(); ++i) {
+    const Observation& a = got.observations[i];
+    const Observation& b = expected.observations[i];
+    EXPECT_EQ(a.signature, b.signature);
+    EXPECT_EQ(a.kind, b.kind);
+    EXPECT_EQ(a.z, b.z);
+    EXPECT_EQ(a.cov_z, b.cov_z);
+  }
+}
+
+// `got` is the first items of `expected`.
+void ExpectPrefix(const Run& got, const Run& expected) {
+  ASSERT_LE(got.odometry.size(), expected.odometry.size());
+  for (std::size_t i = 0; i < got.odometry.size(); ++i) {
+    EXPECT_EQ(got.odometry[i].stamp, expected.odometry[i].stamp);
+    EXPECT_EQ(got.odometry[i].v_mps, expected.odometry[i].v_mps);
+    EXPECT_EQ(got.odometry[i].omega_radps, expected.odometry[i].omega_radps);
+  }
+  ASSERT_LE(got.scans.size(), expected.scans.size());
+  for (std::size_t i = 0; i < got.scans.size(); ++i) ExpectEqual(got.scans[i], expected.scans[i]);
+}
+
+void ExpectEqual(const Run& got, const Run& expected) {
+  EXPECT_EQ(got.info.vehicle, expected.info.vehicle);
+  EXPECT_EQ(got.info.source, expected.info.source);
+  EXPECT_EQ(got.odometry.size(), expected.odometry.size());
+  EXPECT_EQ(got.scans.size(), expected.scans.size());
+  ExpectPrefix(got, expected);
+}
+
+class RunLogTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "shiftmap_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+    path_ = (folder_ / "run.mcap").string();
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  static std::string Bytes(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void Put(const std::string& bytes) const { std::ofstream(path_, std::ios::binary) << bytes; }
+
+  // A file with one message on a topic.
+  void PutMessage(std::string_view topic,
+                  std::string_view schema,
+                  std::string_view encoding,
+                  const std::string& data) const {
+    std::string bytes;
+    mcap::Writer writer(
+        [&bytes](std::string_view more) {
+          bytes.append(more);
+          return OkStatus();
+        },
+        {});
+    const std::uint16_t schema_id = writer.AddSchema(schema, "protobuf", "");
+    const std::uint16_t channel = writer.AddChannel(schema_id, topic, encoding);
+    ASSERT_TRUE(writer.Write(channel, 1, data).ok());
+    ASSERT_TRUE(writer.Finish().ok());
+    Put(bytes);
+  }
+
+  void ExpectError(StatusCode code, const std::string& part) const {
+    const Status status = ReadRunLog(path_).status();
+    EXPECT_EQ(status.code(), code) << Message(status);
+    EXPECT_TRUE(Message(status).starts_with("run log '" + path_ + "': ")) << Message(status);
+    EXPECT_NE(Message(status).find(part), std::string::npos) << Message(status);
+  }
+
+  std::filesystem::path folder_;
+  std::string path_;
+};
+
+TEST_F(RunLogTest, RoundTripsBitByBit) {
+  const shiftmap::Run run = MakeRun(500);
+  for (const bool compress : {true, false}) {
+    for (const std::int64_t chunk_bytes :
+         {std::int64_t{1}, std::int64_t{4096}, std::int64_t{1} << 20}) {
+      ASSERT_TRUE(WriteRunLog(run, path_, {compress, chunk_bytes}).ok());
+      const auto log = ReadRunLog(path_);
+      ASSERT_TRUE(log.ok()) << Message(log.status());
+      ExpectEqual(log->run, run);
+      EXPECT_EQ(log->truncation, "");
+      EXPECT_EQ(log->sha256, *HashFile(path_));
+    }
+  }
+}
+
+TEST_F(RunLogTest, TheSameRunGivesTheSameBytes) {
+  const shiftmap::Run run = MakeRun(300);
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const std::string first = Bytes(path_);
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  EXPECT_EQ(Bytes(path_), first);
+}
+
+TEST_F(RunLogTest, KeepsStampsBeforeTheEpochAndNegativeZero) {
+  shiftmap::Run run;
+  run.odometry.push_back({StampFromNanoseconds(-5), -0.0, 1e-310});
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const auto log = ReadRunLog(path_);
+  ASSERT_TRUE(log.ok()) << Message(log.status());
+  EXPECT_EQ(ToNanoseconds(log->run.odometry[0].stamp), -5);
+  EXPECT_TRUE(std::signbit(log->run.odometry[0].v_mps));
+  EXPECT_EQ(log->run.odometry[0].omega_radps, 1e-310);
+}
+
+TEST_F(RunLogTest, StreamsInTheOrderOfTime) {
+  const shiftmap::Run run = MakeRun(200);
+  ASSERT_TRUE(WriteRunLog(run, path_, {true, 2000}).ok());
+  auto stream = RunLogStream::Open(path_);
+  ASSERT_TRUE(stream.ok());
+  const std::vector<RunEvent> expected = MergeEvents(run);
+  for (const RunEvent& event : expected) {
+    const auto got = stream->Next();
+    ASSERT_TRUE(got.ok() && got->has_value());
+    EXPECT_EQ((*got)->index(), event.index());
+    EXPECT_EQ(StampOf(**got), StampOf(event));
+    EXPECT_EQ(stream->info().vehicle, "truck 7");
+  }
+  const auto end = stream->Next();
+  ASSERT_TRUE(end.ok());
+  EXPECT_FALSE(end->has_value());
+}
+
+TEST_F(RunLogTest, StreamsFromAPipe) {
+  const shiftmap::Run run = MakeRun(2000);
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const std::string bytes = Bytes(path_);
+  const std::string pipe = (folder_ / "pipe").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  std::thread feeder([&] { std::ofstream(pipe, std::ios::binary) << bytes; });
+  auto stream = RunLogStream::Open(pipe);
+  ASSERT_TRUE(stream.ok());
+  std::size_t count = 0;
+  for (;; ++count) {
+    const auto event = stream->Next();
+    ASSERT_TRUE(event.ok()) << Message(event.status());
+    if (!event->has_value()) break;
+  }
+  feeder.join();
+  EXPECT_EQ(count, run.odometry.size() + run.scans.size());
+}
+
+// Every seventh byte; mcap_damage_test.cc tries every one.
+TEST_F(RunLogTest, TruncationGivesAPrefix) {
+  const shiftmap::Run run = MakeRun(20);
+  ASSERT_TRUE(WriteRunLog(run, path_, {true, 300}).ok());
+  const std::string bytes = Bytes(path_);
+  for (std::size_t length = 0; length < bytes.size(); length += 7) {
+    Put(bytes.substr(0, length));
+    const auto log = ReadRunLog(path_);
+    if (!log.ok()) {  // Nothing of the run is whole.
+      EXPECT_EQ(log.status().code(), StatusCode::kInvalidArgument) << length;
+      EXPECT_LT(length, bytes.size() / 2);
+      continue;
+    }
+    EXPECT_NE(log->truncation.find("at byte " + std::to_string(length)), std::string::npos);
+    ExpectPrefix(log->run, run);
+  }
+}
+
+TEST_F(RunLogTest, ADamagedChunkIsDataLoss) {
+  ASSERT_TRUE(WriteRunLog(MakeRun(100), path_, {false, 1000}).ok());
+  std::string bytes = Bytes(path_);
+  bytes[bytes.size() / 3] = static_cast<char>(bytes[bytes.size() / 3] ^ 4);
+  Put(bytes);
+  ExpectError(StatusCode::kDataLoss, "byte ");
+}
+
+TEST_F(RunLogTest, NamesWhatIsWrongWithTheFile) {
+  ExpectError(StatusCode::kNotFound, "does not exist");
+  Put("");
+  ExpectError(StatusCode::kInvalidArgument, "not an mcap file");
+  Put("a text of some length");
+  ExpectError(StatusCode::kInvalidArgument, "not an mcap file");
+  path_ = folder_.string();
+  ExpectError(StatusCode::kInvalidArgument, "folder");
+}
+
+TEST_F(RunLogTest, NamesWhatIsWrongWithAMessage) {
+  const std::string nan = EncodeOdometry({StampFromNanoseconds(1), std::nan(""), 0.0});
+  PutMessage("/odometry", "shiftmap.proto.Odometry", "protobuf", nan);
+  ExpectError(StatusCode::kInvalidArgument, "expected finite numbers");
+  PutMessage("/odometry", "shiftmap.proto.Odometry", "protobuf", "\xff\xff\xff");
+  ExpectError(StatusCode::kInvalidArgument, "shiftmap.proto.Odometry");
+  PutMessage("/odometry", "nav_msgs/Odometry", "ros1", nan);
+  ExpectError(StatusCode::kInvalidArgument, "'nav_msgs/Odometry'");
+  // A scan with one observation (field 2) that holds nothing.
+  PutMessage("/landmarks", "shiftmap.proto.LandmarkScan", "protobuf", std::string("\x12\x00", 2));
+  ExpectError(StatusCode::kInvalidArgument, "neither range_bearing nor position_in_vehicle");
+}
+
+TEST_F(RunLogTest, SkipsOtherTopics) {
+  PutMessage("/camera", "foxglove.CompressedImage", "protobuf", "whatever");
+  ExpectError(StatusCode::kInvalidArgument, "no odometry");
+}
+
+TEST_F(RunLogTest, DoesNotWriteWhatItWouldNotRead) {
+  shiftmap::Run backwards = MakeRun(5);
+  std::swap(backwards.odometry[1], backwards.odometry[2]);
+  shiftmap::Run not_utf8 = MakeRun(5);
+  not_utf8.scans[1].observations.resize(1);
+  not_utf8.scans[1].observations[0].signature = Signature("\xff");
+  not_utf8.scans[1].observations[0].z = {1.0, 0.0};
+  for (const shiftmap::Run& run : {shiftmap::Run(), backwards, not_utf8}) {
+    const Status status = WriteRunLog(run, path_);
+    EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+    EXPECT_TRUE(Message(status).starts_with("run log '" + path_ + "': ")) << Message(status);
+  }
+  EXPECT_EQ(WriteRunLog(MakeRun(5), path_, {true, 0}).code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(std::filesystem::is_empty(folder_));
+  EXPECT_EQ(WriteRunLog(MakeRun(5), (folder_ / "none" / "run.mcap").string()).code(),
+            StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace shiftmap

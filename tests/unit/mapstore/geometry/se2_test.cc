@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/geometry/se2.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/support/geometry_matchers.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+TEST(Se2Test, QuarterTurnByHand) {
+  const Se2 T_map_vehicle(1.0, 2.0, kPi / 2.0);
+  const Eigen::Vector2d p_map = T_map_vehicle * Eigen::Vector2d(3.0, 1.0);
+  EXPECT_NEAR(p_map.x(), 0.0, 1e-15);
+  EXPECT_NEAR(p_map.y(), 5.0, 1e-15);
+  EXPECT_THAT(T_map_vehicle * Se2(1.0, 0.0, kPi / 2.0), IsNearPose(Se2(1.0, 3.0, kPi), 1e-15));
+  EXPECT_THAT(T_map_vehicle.Inverse(), IsNearPose(Se2(-2.0, 1.0, -kPi / 2.0), 1e-15));
+}
+
+TEST(Se2Test, YawIsWrapped) {
+  EXPECT_NEAR(Se2(0.0, 0.0, 3.0 * kPi / 2.0).yaw(), -kPi / 2.0, 1e-15);
+}
+
+TEST(Se2Test, ExpOfAConstantTwistIsAnArc) {
+  // Half a circle of radius 2.
+  EXPECT_THAT(Se2::Exp({2.0 * kPi, 0.0, kPi}), IsNearPose(Se2(0.0, 4.0, kPi), 1e-14));
+  EXPECT_THAT(Se2::Exp({3.0, -1.0, 0.0}), IsNearPose(Se2(3.0, -1.0, 0.0), 0.0));
+}
+
+TEST(Se2Test, ExpIsSmoothAtTheBoundOfItsSeries) {
+  for (const double yaw : {1e-4 * (1.0 - 1e-9), 1e-4 * (1.0 + 1e-9)}) {
+    const Se2 T = Se2::Exp({5.0, 2.0, yaw});
+    const double sinc = 1.0 - yaw * yaw / 6.0;
+    const double cosc = yaw / 2.0 - yaw * yaw * yaw / 24.0;
+    EXPECT_NEAR(T.x(), 5.0 * sinc - 2.0 * cosc, 1e-14);
+    EXPECT_NEAR(T.y(), 2.0 * sinc + 5.0 * cosc, 1e-14);
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/map/mode_filter.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/random_map.h"
+
+namespace shiftmap::testing {
+namespace {
+
+Stamp At(double seconds) { return StampFromSeconds(seconds); }
+
+// The posterior of the state at the last visit by summing over all sequences of states, one per
+// visit; visits must not overlap.
+Eigen::VectorXd BruteForce(const LandmarkGroup& group,
+                           Stamp stamp,
+                           const std::vector<EvidenceRow>& rows) {
+  const int states = group.chain.states();
+  Eigen::VectorXd posterior = Eigen::VectorXd::Zero(states);
+  const auto sequences = static_cast<int>(std::pow(states, rows.size() + 1));
+  for (int sequence = 0; sequence < sequences; ++sequence) {
+    int digits = sequence;
+    int state = digits % states;
+    double weight = group.probabilities(state);
+    Stamp time = stamp;
+    for (const EvidenceRow& row : rows) {
+      digits /= states;
+      const int next = digits % states;
+      weight *= group.chain.Transition(row.evidence.begin - time)(state, next);
+      weight *= std::exp(row.evidence.modes[static_cast<std::size_t>(next)].log_likelihood);
+      time = row.evidence.end;
+      state = next;
+    }
+    posterior(state) += weight;
+  }
+  return posterior / posterior.sum();
+}
+
+TEST(ModeFilterTest, EqualsTheSumOverAllModeSequences) {
+  std::mt19937_64 random(TestSeed(11));
+  for (int round = 0; round < 50; ++round) {
+    const int modes = 1 + round % 3;
+    LandmarkGroup group = RandomGroup(random, "A", modes);
+    group.chain = ModeChain::Uniform(modes, 1e-3);
+    std::vector<EvidenceRow> rows;
+    double time = 0.0;
+    for (int i = 0; i < 4; ++i) {
+      const double begin = time + std::uniform_real_distribution<double>(0.0, 500.0)(random);
+      time = begin + 30.0;
+      rows.push_back({std::to_string(i), RandomEvidence(random, group, At(begin), At(time))});
+    }
+    const ModeState state = FilterModes(group, At(0.0), rows);
+    EXPECT_EQ(state.stamp, At(time));
+    EXPECT_THAT(state.probabilities, IsNearMatrix(BruteForce(group, At(0.0), rows), 1e-12));
+  }
+}
+
+TEST(ModeFilterTest, WithoutRowsThePriorStays) {
+  std::mt19937_64 random(TestSeed(12));
+  const LandmarkGroup group = RandomGroup(random, "A", 3);
+  const ModeState state = FilterModes(group, At(5.0), {});
+  EXPECT_EQ(state.probabilities, group.probabilities);
+  EXPECT_EQ(state.stamp, At(5.0));
+}
+
+TEST(ModeFilterTest, UnknownModesAreIgnoredAndUnnamedOnesGetTheValueForAbsent) {
+  std::mt19937_64 random(TestSeed(13));
+  const LandmarkGroup group = RandomGroup(random, "A", 2);
+  VisitEvidence evidence = RandomEvidence(random, group, At(0.0), At(1.0));
+  evidence.modes = {{kAbsent, -1.0}, {ModeNumber(2), 0.5}, {ModeNumber(9), 50.0}};
+  Eigen::VectorXd expected = group.probabilities;
+  expected(0) *= std::exp(-1.0);
+  expected(1) *= std::exp(-1.0);
+  expected(2) *= std::exp(0.5);
+  expected /= expected.sum();
+  EXPECT_THAT(FilterModes(group, At(0.0), {{"u", evidence}}).probabilities,
+              IsNearMatrix(expected, 1e-14));
+}
+
+TEST(ModeFilterTest, NoTimePassesInsideOverlappingVisits) {
+  std::mt19937_64 random(TestSeed(14));
+  const LandmarkGroup group = RandomGroup(random, "A", 2);
+  const VisitEvidence outer = RandomEvidence(random, group, At(0.0), At(1e6));
+  const VisitEvidence inner = RandomEvidence(random, group, At(10.0), At(20.0));
+  const ModeState state = FilterModes(group, At(0.0), {{"u", outer}, {"v", inner}});
+  Eigen::VectorXd expected = group.probabilities;
+  for (Eigen::Index i = 0; i < expected.size(); ++i) {
+    const auto mode = static_cast<std::size_t>(i);
+    expected(i) *= std::exp(outer.modes[mode].log_likelihood + inner.modes[mode].log_likelihood);
+  }
+  EXPECT_THAT(state.probabilities, IsNearMatrix(expected / expected.sum(), 1e-13));
+  EXPECT_EQ(state.stamp, At(1e6));
+}
+
+TEST(ModeFilterTest, ExtremeEvidenceOfOverlappingVisitsCancels) {
+  std::mt19937_64 random(TestSeed(15));
+  const LandmarkGroup group = RandomGroup(random, "A", 1);
+  VisitEvidence against = RandomEvidence(random, group, At(0.0), At(9.0));
+  against.modes = {{kAbsent, 0.0}, {ModeNumber(1), -1e5}};
+  VisitEvidence in_favour = against;
+  in_favour.modes = {{kAbsent, -1e5}, {ModeNumber(1), 0.0}};
+  const ModeState state = FilterModes(group, At(0.0), {{"u", against}, {"v", in_favour}});
+  EXPECT_THAT(state.probabilities, IsNearMatrix(group.probabilities, 1e-9));
+}
+
+TEST(ModeFilterTest, ImpossibleStateStaysImpossibleWithoutJumps) {
+  std::mt19937_64 random(TestSeed(16));
+  LandmarkGroup group = RandomGroup(random, "A", 1);
+  group.chain = ModeChain::Uniform(1, 0.0);
+  group.probabilities = Eigen::Vector2d(1.0, 0.0);
+  VisitEvidence evidence = RandomEvidence(random, group, At(10.0), At(20.0));
+  evidence.modes = {{kAbsent, -1e5}, {ModeNumber(1), 0.0}};
+  EXPECT_EQ(FilterModes(group, At(0.0), {{"u", evidence}}).probabilities, group.probabilities);
+}
+
+TEST(ModeFilterTest, PropagationGoesForwardOnly) {
+  std::mt19937_64 random(TestSeed(17));
+  const LandmarkGroup group = RandomGroup(random, "A", 2);
+  const ModeState state{group.probabilities, At(100.0)};
+  EXPECT_EQ(PropagateModes(group, state, At(50.0)), group.probabilities);
+  const Eigen::VectorXd expected =
+      group.chain.Transition(FromSeconds(900.0)).transpose() * group.probabilities;
+  EXPECT_THAT(PropagateModes(group, state, At(1000.0)), IsNearMatrix(expected, 1e-14));
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/run/run.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+
+namespace shiftmap::testing {
+namespace {
+
+Stamp At(double seconds) { return StampFromSeconds(seconds); }
+
+Observation RangeBearing(double range_m, double bearing_rad) {
+  Observation observation;
+  observation.signature = Signature("18");
+  observation.z = {range_m, bearing_rad};
+  return observation;
+}
+
+TEST(ObservationTest, PositionInVehicle) {
+  const Eigen::Vector2d p = RangeBearing(2.0, std::numbers::pi / 2.0).PositionInVehicle();
+  EXPECT_NEAR(p.x(), 0.0, 1e-15);
+  EXPECT_NEAR(p.y(), 2.0, 1e-15);
+  Observation cartesian = RangeBearing(-1.0, 7.0);
+  cartesian.kind = Observation::Kind::kCartesian;
+  EXPECT_EQ(cartesian.PositionInVehicle(), Eigen::Vector2d(-1.0, 7.0));
+}
+
+TEST(ValidateRunTest, NamesTheFirstWrongItem) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  shiftmap::Run run;
+  EXPECT_THAT(ValidateRun(run), StatusIs(StatusCode::kInvalidArgument, "no odometry"));
+  run.odometry = {{At(1.0), 1.0, 0.1}, {At(1.0), 1.0, 0.1}, {At(2.0), 1.0, 0.1}};
+  run.scans = {{At(1.0), {RangeBearing(3.0, 0.1)}}, {At(2.0), {}}};
+  EXPECT_THAT(ValidateRun(run), IsOk());
+
+  shiftmap::Run wrong = run;
+  wrong.odometry[1].omega_radps = kNan;
+  EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "1.000000 s"));
+  wrong = run;
+  wrong.odometry[2].stamp = At(0.5);
+  EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "odometry goes back"));
+  wrong = run;
+  wrong.scans[1].stamp = At(0.5);
+  EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "scans goes back"));
+  wrong = run;
+  wrong.scans[0].observations[0].z.x() = 0.0;
+  EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "positive range"));
+  wrong.scans[0].observations[0].kind = Observation::Kind::kCartesian;
+  EXPECT_THAT(ValidateRun(wrong), IsOk());
+  wrong.scans[0].observations[0].cov_z = -Eigen::Matrix2d::Identity();
+  EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "positive definite"));
+}
+
+TEST(MergeEventsTest, KeepsEverythingInOrderOfTimeOdometryFirst) {
+  std::mt19937_64 random(TestSeed(51));
+  for (int round = 0; round < 20; ++round) {
+    shiftmap::Run run;
+    for (int t = 0; t < 30; ++t) {
+      for (auto n = random() % 3; n > 0; --n) run.odometry.push_back({At(t), double(n), 0.0});
+      for (auto n = random() % 3; n > 0; --n) run.scans.push_back({At(t), {}});
+    }
+    const std::vector<RunEvent> events = MergeEvents(run);
+    ASSERT_EQ(events.size(), run.odometry.size() + run.scans.size());
+    for (std::size_t i = 1; i < events.size(); ++i) {
+      EXPECT_LE(StampOf(events[i - 1]), StampOf(events[i]));
+      if (StampOf(events[i - 1]) == StampOf(events[i])) {
+        EXPECT_LE(events[i - 1].index(), events[i].index());
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

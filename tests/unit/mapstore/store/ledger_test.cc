@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Shift reports, and the probabilities that the ledger implies.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "mapstore/map_store.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tests/unit/mapstore/store/store_test_util.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using ::testing::SizeIs;
+
+constexpr double kRate = 1e-3;
+
+// P(mode 1) of the chain with one mode: relaxes to 1/2 at rate 2 λ.
+double Relaxed(double probability, double elapsed_s) {
+  return 0.5 + (probability - 0.5) * std::exp(-2.0 * kRate * elapsed_s);
+}
+
+// Bayes with a log-likelihood ratio of mode 1 over absent.
+double Updated(double probability, double log_ratio) {
+  return probability * std::exp(log_ratio) /
+         (probability * std::exp(log_ratio) + 1.0 - probability);
+}
+
+class LedgerTest : public ::testing::Test {
+ protected:
+  TempDir dir_;
+  MapStore store_ = OpenStore(dir_.File("a.db"));
+  CommitResult version_ = *store_.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {});
+
+  ReturnResult MustReturn(const ShiftReport& report) {
+    const StatusOr<ReturnResult> result = store_.Return(report);
+    EXPECT_THAT(result, IsOk());
+    return *result;
+  }
+
+  // P(mode 1) at a time.
+  double ProbabilityAt(std::optional<Stamp> at,
+                       std::optional<VersionNumber> version = std::nullopt) {
+    const StatusOr<MapSnapshot> snapshot = store_.LoadAt("a", version, at);
+    EXPECT_THAT(snapshot, IsOk());
+    return snapshot->groups()[0].probabilities(1);
+  }
+};
+
+TEST_F(LedgerTest, WithoutReportsTheChainRelaxes) {
+  EXPECT_DOUBLE_EQ(ProbabilityAt(std::nullopt), 0.7);
+  EXPECT_EQ(store_.LoadAt("a")->stamp(), At(0.0));
+  EXPECT_DOUBLE_EQ(ProbabilityAt(At(-100.0)), 0.7);
+  EXPECT_EQ(store_.LoadAt("a", std::nullopt, At(-100.0))->stamp(), At(0.0));
+  EXPECT_NEAR(ProbabilityAt(At(500.0)), Relaxed(0.7, 500.0), 1e-12);
+  EXPECT_EQ(store_.LoadAt("a", std::nullopt, At(500.0))->stamp(), At(500.0));
+}
+
+TEST_F(LedgerTest, ProbabilitiesFollowTheTwoStateChainByHand) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(100.0), At(150.0), 0.0, -1.5),
+                     TwoStateEvidence(At(400.0), At(420.0), -2.0, 0.25)};
+  EXPECT_EQ(MustReturn(report).evidence_rows, 2);
+
+  const double first = Updated(Relaxed(0.7, 100.0), -1.5);
+  const double second = Updated(Relaxed(first, 250.0), 2.25);
+  EXPECT_NEAR(ProbabilityAt(At(50.0)), Relaxed(0.7, 50.0), 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(150.0)), first, 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(300.0)), Relaxed(first, 150.0), 1e-12);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), second, 1e-12);
+  EXPECT_EQ(store_.LoadAt("a")->stamp(), At(420.0));
+  EXPECT_NEAR(ProbabilityAt(At(1000.0)), Relaxed(second, 580.0), 1e-12);
+  // The committed version stays as it was.
+  EXPECT_DOUBLE_EQ(store_.LoadVersion("a", version_.version)->groups()[0].probabilities(1), 0.7);
+}
+
+TEST_F(LedgerTest, EvidenceBeforeTheStampStartsFromTheVersionsOwnProbabilities) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(-900.0), At(-800.0), 0.0, 1.0)};
+  MustReturn(report);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(0.7, 1.0), 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(10.0)), Relaxed(Updated(0.7, 1.0), 10.0), 1e-12);
+}
+
+TEST_F(LedgerTest, ArrivalOrderDoesNotMatter) {
+  std::mt19937_64 random(TestSeed(7));
+  std::uniform_real_distribution<double> value(-3.0, 3.0);
+  std::vector<ShiftReport> reports;
+  for (int i = 0; i < 6; ++i) {
+    reports.push_back(EmptyReport(version_, "a", i));
+    // Visits of different vehicles overlap, and two share their times.
+    const double begin = 40.0 * (i / 2);
+    reports.back().evidence = {
+        TwoStateEvidence(At(begin), At(begin + 60.0), value(random), value(random))};
+  }
+  std::vector<double> results;
+  for (int round = 0; round < 4; ++round) {
+    std::shuffle(reports.begin(), reports.end(), random);
+    MapStore store = OpenStore(dir_.File("round" + std::to_string(round)));
+    ASSERT_THAT(store.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+    for (const ShiftReport& report : reports) ASSERT_THAT(store.Return(report), IsOk());
+    results.push_back(store.LoadAt("a")->groups()[0].probabilities(1));
+    EXPECT_EQ(results.back(), results.front());
+  }
+}
+
+TEST_F(LedgerTest, ReportCountsOnce) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.uuid = "0000000a-0000-4000-8000-000000000001";
+  report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 3.0)};
+  report.sightings.resize(1);
+  EXPECT_FALSE(MustReturn(report).duplicate);
+  const double once = ProbabilityAt(std::nullopt);
+  report.uuid = "0000000A-0000-4000-8000-000000000001";
+  const ReturnResult again = MustReturn(report);
+  EXPECT_TRUE(again.duplicate);
+  EXPECT_EQ(again.evidence_rows, 0);
+  EXPECT_EQ(ProbabilityAt(std::nullopt), once);
+  EXPECT_THAT(*store_.Sightings("a"), SizeIs(1));
+}
+
+TEST_F(LedgerTest, ReportMustFitAVersion) {
+  ShiftReport report = EmptyReport(version_, "nowhere", 1);
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kNotFound, "'nowhere'"));
+  report = EmptyReport(version_, "a", 1);
+  report.version = VersionNumber(9);
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kNotFound, "no version 9"));
+  report = EmptyReport(version_, "a", 1);
+  report.content_hash = "beef";
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "beef"));
+}
+
+TEST_F(LedgerTest, MalformedReportIsRefusedWhole) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 1.0),
+                     TwoStateEvidence(At(5.0), At(4.0), 0.0, 1.0)};
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "ends before"));
+  report.evidence[1] = TwoStateEvidence(At(4.0), At(5.0), 0.0, std::nan(""));
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "finite"));
+  report.evidence[1] = report.evidence[0];
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "two visits"));
+  report.evidence[1].modes.erase(report.evidence[1].modes.begin());
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "absent first"));
+  EXPECT_EQ(ProbabilityAt(At(100.0)), Relaxed(0.7, 100.0));
+}
+
+TEST_F(LedgerTest, RowsWithUnknownModesAreCountedAndKeptForTheRest) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0)};
+  report.evidence[0].modes.push_back({ModeNumber(7), 100.0});
+  VisitEvidence stranger = TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0);
+  stranger.signature = Signature("B");
+  report.evidence.push_back(stranger);
+  const ReturnResult result = MustReturn(report);
+  EXPECT_EQ(result.evidence_rows, 2);
+  EXPECT_EQ(result.rows_set_aside, 2);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(0.7, 1.0), 1e-12);
+}
+
+TEST_F(LedgerTest, ModesThatTheVehicleDidNotKnowGetItsValueForAbsent) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(0.0), At(0.0), 2.0, 0.0)};
+  report.evidence[0].modes.pop_back();
+  MustReturn(report);
+  EXPECT_NEAR(ProbabilityAt(At(0.0)), 0.7, 1e-12);
+}
+
+TEST_F(LedgerTest, AncestorsReportsCountAfterTheVersionsStamp) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(100.0), At(110.0), 0.0, 5.0),
+                     TwoStateEvidence(At(1100.0), At(1100.0), 0.0, -2.0)};
+  MustReturn(report);
+  const MapContent next = TwoStateContent(kRate, 0.6, At(1000.0));
+  const CommitResult child = *store_.Commit("a", next, {}, {version_.version, true});
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.6, 100.0), -2.0), 1e-12);
+  // A child's report does not count for its parent, and nobody's for a stranger.
+  ShiftReport on_child = EmptyReport(child, "a", 2);
+  on_child.evidence = {TwoStateEvidence(At(1500.0), At(1500.0), 0.0, 1.0)};
+  MustReturn(on_child);
+  EXPECT_EQ(store_.LoadAt("a", version_.version)->stamp(), At(1100.0));
+  EXPECT_EQ(store_.LoadAt("a", child.version)->stamp(), At(1500.0));
+  const CommitResult stranger = *store_.Commit("a", next, {}, {std::nullopt, true});
+  EXPECT_NEAR(ProbabilityAt(std::nullopt, stranger.version), 0.6, 1e-12);
+}
+
+TEST_F(LedgerTest, SightingsAreNewestFirst) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  for (int i = 0; i < 3; ++i) {
+    UnmappedSighting sighting;
+    sighting.signature = Signature(std::string(static_cast<std::size_t>(i), 'x'));
+    sighting.p_map_landmark = {1.0 * i, -2.0 * i};
+    sighting.cov_p_map_landmark << 0.5, 0.1, 0.1, 0.7;
+    sighting.count = 3 + i;
+    sighting.first = At(i);
+    sighting.last = At(10.0 * i);
+    report.sightings.push_back(sighting);
+  }
+  report.decisions = {{Signature("A"), ModeNumber(1), At(3.0), 18.5}};
+  MustReturn(report);
+  const StatusOr<std::vector<UnmappedSighting>> sightings = store_.Sightings("a");
+  ASSERT_THAT(sightings, IsOk());
+  ASSERT_THAT(*sightings, SizeIs(3));
+  EXPECT_EQ((*sightings)[0].count, 5);
+  EXPECT_EQ((*sightings)[0].signature, Signature("xx"));
+  EXPECT_EQ((*sightings)[0].p_map_landmark, Eigen::Vector2d(2.0, -4.0));
+  EXPECT_THAT((*sightings)[0].cov_p_map_landmark,
+              IsNearMatrix(report.sightings[2].cov_p_map_landmark, 0.0));
+  EXPECT_EQ((*sightings)[2].last, At(0.0));
+  EXPECT_EQ((*sightings)[1].first, At(1.0));
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

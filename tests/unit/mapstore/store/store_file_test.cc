@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What Open and the first reads say about files that are not, or no longer, a good map store.
+#include "mapstore/schema/store_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/transaction.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tests/unit/mapstore/store/store_test_util.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using Access = MapStore::Access;
+
+class StoreFileTest : public ::testing::Test {
+ protected:
+  TempDir dir_;
+  std::string path_ = dir_.File("a.db");
+
+  // A store with one area 'a' of one version.
+  void MakeStore(int groups = 20) {
+    std::mt19937_64 random(TestSeed(3));
+    RandomMapOptions options;
+    options.groups = groups;
+    MapStore store = OpenStore(path_);
+    ASSERT_THAT(store.Commit("a", RandomContent(random, options), {}, {}), IsOk());
+  }
+
+  void ExecuteRaw(const std::string& sql) {
+    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database, IsOk());
+    ASSERT_THAT(database->Execute(sql), IsOk());
+  }
+};
+
+TEST_F(StoreFileTest, MissingFileIsNotFoundUnlessCreated) {
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
+              StatusIs(StatusCode::kNotFound, "map store '" + path_ + "': does not exist"));
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadWrite),
+              StatusIs(StatusCode::kNotFound, "does not exist"));
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadWriteCreate), IsOk());
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly), IsOk());
+  EXPECT_THAT(MapStore::Open(dir_.File("no/a.db"), Access::kReadWriteCreate),
+              StatusIs(StatusCode::kNotFound, "folder"));
+}
+
+TEST_F(StoreFileTest, OtherFilesAreNotMapStores) {
+  WriteFile(path_, std::string(5000, 'x') + "\nthis is a text file\n");
+  for (const Access access : {Access::kReadOnly, Access::kReadWrite, Access::kReadWriteCreate}) {
+    EXPECT_THAT(MapStore::Open(path_, access),
+                StatusIs(StatusCode::kFailedPrecondition, "not a map store"));
+  }
+  EXPECT_THAT(MapStore::Open(dir_.path(), Access::kReadOnly),
+              StatusIs(StatusCode::kFailedPrecondition, "not a map store"));
+}
+
+TEST_F(StoreFileTest, EmptyFileBecomesAStoreOnlyIfAsked) {
+  WriteFile(path_, "");
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
+              StatusIs(StatusCode::kFailedPrecondition, "not a map store"));
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadWrite),
+              StatusIs(StatusCode::kFailedPrecondition, "not a map store"));
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadWriteCreate), IsOk());
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly), IsOk());
+}
+
+TEST_F(StoreFileTest, OtherDatabasesAreNotMapStores) {
+  WriteFile(path_, "");
+  ExecuteRaw("CREATE TABLE t (a)");
+  for (const Access access : {Access::kReadOnly, Access::kReadWrite, Access::kReadWriteCreate}) {
+    EXPECT_THAT(MapStore::Open(path_, access),
+                StatusIs(StatusCode::kFailedPrecondition, "application id 0x00000000"));
+  }
+}
+
+TEST_F(StoreFileTest, NewerSchemaIsNamed) {
+  MakeStore();
+  ExecuteRaw("PRAGMA user_version = 7");
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
+              StatusIs(StatusCode::kFailedPrecondition,
+                       "map store '" + path_ + "': schema version 7, this build reads 1..1"));
+}
+
+TEST_F(StoreFileTest, MissingTableIsDamage) {
+  MakeStore();
+  ExecuteRaw("PRAGMA foreign_keys=OFF; DROP TABLE mode");
+  MapStore store = OpenStore(path_);
+  EXPECT_THAT(store.LoadAt("a"), StatusIs(StatusCode::kDataLoss, "no such table"));
+}
+
+TEST_F(StoreFileTest, TruncatedStoreIsDamage) {
+  MakeStore(500);
+  const std::string bytes = ReadFile(path_);
+  for (const double share : {0.9, 0.5, 0.1}) {
+    WriteFile(path_, bytes.substr(0, static_cast<std::size_t>(share * double(bytes.size()))));
+    StatusOr<MapStore> store = MapStore::Open(path_, Access::kReadOnly);
+    const Status status = store.ok() ? store->LoadAt("a").status() : store.status();
+    EXPECT_THAT(status, StatusIs(StatusCode::kDataLoss, "damaged"));
+  }
+}
+
+TEST_F(StoreFileTest, AnyFlippedNumberIsDamage) {
+  MakeStore();
+  for (const char* sql : {"UPDATE mode SET x_m = x_m + 1e-9 WHERE group_index = 3",
+                          "UPDATE version SET sensor_max_range_m = 11",
+                          "DELETE FROM anonymous_landmark WHERE landmark_index = 1",
+                          "UPDATE landmark_group SET leave_rate_per_s = -1",
+                          "UPDATE mode_covariance SET row_index = 1000000, column_index = 1000001 "
+                          "WHERE row_index = (SELECT min(row_index) FROM mode_covariance)"}) {
+    SCOPED_TRACE(sql);
+    const std::string bytes = ReadFile(path_);
+    ExecuteRaw(sql);
+    MapStore store = OpenStore(path_);
+    EXPECT_THAT(store.LoadVersion("a", VersionNumber(1)),
+                StatusIs(StatusCode::kDataLoss, "area 'a': version 1"));
+    WriteFile(path_, bytes);
+  }
+}
+
+TEST_F(StoreFileTest, DamagedEvidenceIsDamage) {
+  MapStore store = OpenStore(path_);
+  const CommitResult version = *store.Commit("a", TwoStateContent(1e-3, 0.5, At(0.0)), {}, {});
+  ShiftReport report = EmptyReport(version, "a", 1);
+  report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 1.0)};
+  ASSERT_THAT(store.Return(report), IsOk());
+  ExecuteRaw("UPDATE visit_evidence SET log_likelihoods = x'00'");
+  EXPECT_THAT(store.LoadAt("a"), StatusIs(StatusCode::kDataLoss, "evidence of 'A'"));
+}
+
+TEST_F(StoreFileTest, ReadOnlyFolderAndFileAreReadButNotWritten) {
+  MakeStore();
+  ASSERT_EQ(chmod(path_.c_str(), 0444), 0);
+  ASSERT_EQ(chmod(dir_.path().c_str(), 0555), 0);
+  {
+    const WithoutPrivilege unprivileged;
+    StatusOr<MapStore> store = MapStore::Open(path_, Access::kReadOnly);
+    ASSERT_THAT(store, IsOk());
+    EXPECT_THAT(store->LoadAt("a"), IsOk());
+    EXPECT_THAT(store->Commit("a", MapContent{}, {}, {}),
+                StatusIs(StatusCode::kFailedPrecondition, "read-only"));
+    EXPECT_THAT(MapStore::Open(path_, Access::kReadWrite),
+                StatusIs(StatusCode::kUnavailable, "cannot be written"));
+  }
+  ASSERT_EQ(chmod(dir_.path().c_str(), 0755), 0);
+}
+
+TEST_F(StoreFileTest, ReadingLeavesTheFileAsItIs) {
+  MakeStore();
+  const std::string before = ReadFile(path_);
+  {
+    StatusOr<MapStore> store = MapStore::Open(path_, Access::kReadOnly);
+    ASSERT_THAT(store->LoadAt("a"), IsOk());
+    ASSERT_THAT(store->ExportSnapshot("a", dir_.File("s.db")), IsOk());
+  }
+  EXPECT_EQ(ReadFile(path_), before);
+}
+
+TEST_F(StoreFileTest, LockedStoreIsUnavailable) {
+  MakeStore();
+  Database::Options options{Database::Mode::kReadWrite, std::chrono::milliseconds(20)};
+  StatusOr<Database> holder = OpenStoreFile(path_, options);
+  StatusOr<Database> other = OpenStoreFile(path_, options);
+  ASSERT_THAT(holder, IsOk());
+  ASSERT_THAT(other, IsOk());
+  {
+    StatusOr<Transaction> write = Transaction::Begin(*holder, Transaction::Kind::kWrite);
+    ASSERT_THAT(write, IsOk());
+    EXPECT_THAT(Transaction::Begin(*other, Transaction::Kind::kWrite),
+                StatusIs(StatusCode::kUnavailable, "locked by another process"));
+    // Readers are not kept out before the writer commits.
+    EXPECT_THAT(other->QueryInt64("SELECT count(*) FROM area"), IsOk());
+  }
+  EXPECT_THAT(Transaction::Begin(*other, Transaction::Kind::kWrite), IsOk());
+}
+
+TEST_F(StoreFileTest, WritersOfSeveralThreadsWaitForEachOther) {
+  constexpr int kWriters = 4;
+  constexpr int kCommits = 5;
+  std::vector<std::thread> writers;
+  for (int i = 0; i < kWriters; ++i) {
+    writers.emplace_back([this] {
+      MapStore store = OpenStore(path_);
+      for (int j = 0; j < kCommits; ++j) {
+        EXPECT_THAT(store.Commit("a", TwoStateContent(1e-3, 0.5, At(j)), {}, {}), IsOk());
+      }
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  MapStore store = OpenStore(path_);
+  EXPECT_EQ(store.Versions("a")->size(), std::size_t{kWriters * kCommits});
+  EXPECT_EQ(*store.PublishedVersion("a"), VersionNumber(kWriters * kCommits));
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+include_guard()
+
+# shiftmap_proto_library(<name> FILES <path from the project root>.proto ...)
+# Makes shiftmap_<name> with the alias shiftmap::<name> from Protobuf sources. Their headers are
+# included as "proto/<file>.pb.h", are system headers (our warnings do not apply to generated code),
+# and are not installed: link the target privately.
+function(shiftmap_proto_library name)
+  cmake_parse_arguments(ARG "" "" "FILES" ${ARGN})
+  set(target shiftmap_${name})
+  set(out_dir "${PROJECT_BINARY_DIR}/generated")
+  file(MAKE_DIRECTORY "${out_dir}")
+  set(generated "")
+  foreach(file IN LISTS ARG_FILES)
+    string(REGEX REPLACE "\\.proto$" ".pb" stem "${file}")
+    add_custom_command(
+      OUTPUT "${out_dir}/${stem}.cc" "${out_dir}/${stem}.h"
+      COMMAND protobuf::protoc "--proto_path=${PROJECT_SOURCE_DIR}" "--cpp_out=${out_dir}" "${file}"
+      DEPENDS "${PROJECT_SOURCE_DIR}/${file}"
+      WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}"
+      COMMENT "protoc ${file}"
+      VERBATIM)
+    list(APPEND generated "${out_dir}/${stem}.cc" "${out_dir}/${stem}.h")
+  endforeach()
+  add_library(${target} STATIC ${generated})
+  add_library(shiftmap::${name} ALIAS ${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} CXX_CLANG_TIDY "")
+  target_include_directories(${target} SYSTEM PUBLIC $<BUILD_INTERFACE:${out_dir}>)
+  target_link_libraries(${target} PUBLIC protobuf::libprotobuf)
+  if(SHIFTMAP_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE})
+    target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
+  endif()
+  install(TARGETS ${target} EXPORT shiftmapTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/convert/convert_commands.h"
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "mapstore/codec/run_log.h"
+#include "mapstore/run/trajectory.h"
+#include "tools/convert/utias.h"
+
+namespace shiftmap {
+namespace {
+
+struct UtiasArguments {
+  UtiasOptions options;
+  std::string output;
+  std::optional<std::string> truth;
+};
+
+// The poses of the run's stretch: what lies outside has nothing to be compared with.
+StatusOr<std::vector<StampedPose>> ReadTruth(const UtiasOptions& options, const Run& run) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto all,
+                            ReadUtiasGroundtruth(options.dataset_dir, options.robot));
+  std::vector<StampedPose> truth;
+  for (const TrajectoryPose& pose : all) {
+    if (pose.stamp < run.odometry.front().stamp || pose.stamp > run.odometry.back().stamp) continue;
+    truth.push_back({pose.stamp, pose.T_map_vehicle});
+  }
+  return truth;
+}
+
+Status RunUtias(const UtiasArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const UtiasRun utias, ReadUtias(arguments.options));
+  const Run& run = utias.run;
+  std::vector<StampedPose> truth;
+  if (arguments.truth) {
+    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments.options, run));
+  }
+  if (!context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
+    if (arguments.truth) SHIFTMAP_RETURN_IF_ERROR(WriteTum(truth, *arguments.truth));
+  }
+  std::size_t observations = 0;
+  for (const Scan& scan : run.scans) observations += scan.observations.size();
+  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
+  Json document = {{"output", arguments.output},
+                   {"source", run.info.source},
+                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
+                   {"duration_s", duration_s},
+                   {"odometry", run.odometry.size()},
+                   {"scans", run.scans.size()},
+                   {"observations", observations},
+                   {"dropped_robot_measurements", utias.robot_measurements},
+                   {"dropped_unlisted_measurements", utias.unlisted_measurements}};
+  if (arguments.truth) document["truth_poses"] = truth.size();
+  context.Report(document,
+                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
+                             arguments.output,
+                             duration_s,
+                             run.odometry.size(),
+                             run.scans.size(),
+                             observations));
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddConvertCommands(Application* application) {
+  auto arguments = std::make_shared<UtiasArguments>();
+  application
+      ->AddCommand("utias",
+                   "Convert a robot's log of the UTIAS MRCLAM data set",
+                   [arguments](Context& context) { return RunUtias(*arguments, context); })
+      .Writes()
+      .Option("DATASET_DIR", &arguments->options.dataset_dir, "Folder with the .dat files")
+      .Required()
+      .Option("--robot", &arguments->options.robot, "Number of the robot")
+      .Required()
+      .InRange(1, 5)
+      .Option("--output", &arguments->output, "Run log to write")
+      .Required()
+      .Option("--start-s", &arguments->options.start_s, "Where to start, from the first sample on")
+      .Option("--duration-s", &arguments->options.duration_s, "How long (default: to the end)")
+      .Option("--truth", &arguments->truth, "Write the true trajectory of the stretch here too");
+}
+
+}  // namespace shiftmap
