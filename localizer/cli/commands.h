@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "mapstore/cli/application.h"
+
+namespace shiftmap {
+
+/// `run`: localizes a run log, or a live stream of one, on a map.
+void AddRunCommand(Application* application);
+
+/// `return`: hands shift reports back to the map store.
+void AddReturnCommand(Application* application);
+
+}  // namespace shiftmap

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "localizer/cli/commands.h"
+#include "mapstore/codec/shift_report.h"
+#include "mapstore/map_store.h"
+
+namespace shiftmap {
+namespace {
+
+struct ReturnOptions {
+  std::string store;
+  std::vector<std::string> reports;
+};
+
+Status ReturnReports(const ReturnOptions& options, Context& context) {
+  // All are read before the first is returned: a bad file changes nothing.
+  std::vector<ShiftReport> reports;
+  for (const std::string& path : options.reports) {
+    SHIFTMAP_ASSIGN_OR_RETURN(ShiftReport report, ReadShiftReport(path));
+    reports.push_back(std::move(report));
+  }
+  const auto access =
+      context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(options.store, access));
+  Json results = Json::array();
+  std::string text;
+  bool all_known = true;
+  for (std::size_t i = 0; i < reports.size() && !context.dry_run(); ++i) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const ReturnResult result, store.Return(reports[i]));
+    all_known = all_known && result.duplicate;
+    results.push_back({{"report", options.reports[i]},
+                       {"uuid", reports[i].uuid},
+                       {"duplicate", result.duplicate},
+                       {"evidence_rows", result.evidence_rows},
+                       {"rows_set_aside", result.rows_set_aside}});
+    text += fmt::format("{}: {}\n",
+                        options.reports[i],
+                        result.duplicate ? std::string("known already")
+                                         : fmt::format("{} evidence rows", result.evidence_rows));
+  }
+  context.Report({{"reports", results}}, text);
+  if (all_known && !context.dry_run()) {
+    return MakeStatus(StatusCode::kAlreadyExists, "every report is known already");
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddReturnCommand(Application* application) {
+  auto options = std::make_shared<ReturnOptions>();
+  application
+      ->AddCommand("return",
+                   "Hand shift reports back to the map store",
+                   [options](Context& context) { return ReturnReports(*options, context); })
+      .Option("--store", &options->store, "Map store to return to")
+      .Required()
+      .Option("REPORT", &options->reports, "Shift reports")
+      .Required()
+      .Writes();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "localizer/cli/commands.h"
+#include "localizer/cli/run_json.h"
+#include "localizer/localizer.h"
+#include "mapstore/cli/version.h"
+#include "mapstore/codec/run_log.h"
+#include "mapstore/codec/shift_report.h"
+#include "mapstore/map_store.h"
+#include "mapstore/run/trajectory.h"
+
+namespace shiftmap {
+namespace {
+
+struct RunOptions {
+  std::optional<std::string> store;
+  std::optional<std::string> snapshot;
+  std::string area;
+  std::string initial_pose = "auto";
+  std::optional<std::string> trajectory;
+  std::optional<std::string> report;
+  bool return_report = false;
+  double alpha = HypothesisOptions().alpha;
+  int max_leaves = HypothesisOptions().max_leaves;
+  std::string run;
+};
+
+// `X,Y,YAW` with the uncertainty of a pose that somebody typed.
+StatusOr<std::optional<PoseWithCovariance>> ParseInitialPose(const std::string& text) {
+  if (text == "auto") return std::optional<PoseWithCovariance>();
+  double x = 0.0;
+  double y = 0.0;
+  double yaw = 0.0;
+  int length = 0;
+  const int fields = std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &x, &y, &yaw, &length);
+  const bool whole = fields == 3 && static_cast<std::size_t>(length) == text.size();
+  if (!whole || !std::isfinite(x) || !std::isfinite(y) || !std::isfinite(yaw)) {
+    return InvalidArgument("--initial-pose '{}', expected X,Y,YAW or auto", text);
+  }
+  PoseWithCovariance pose;
+  pose.T_map_vehicle = Se2(x, y, yaw);
+  pose.cov_T_map_vehicle = Eigen::Vector3d(0.25, 0.25, 0.04).asDiagonal();
+  return std::optional<PoseWithCovariance>(pose);
+}
+
+StatusOr<MapSnapshot> LoadMap(const RunOptions& options) {
+  if (options.store.has_value() == options.snapshot.has_value()) {
+    return InvalidArgument("give either --store or --snapshot");
+  }
+  const std::string& path = options.store ? *options.store : *options.snapshot;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, MapStore::Access::kReadOnly));
+  return store.LoadAt(options.area);
+}
+
+// One shift: a localizer and what is recorded around it.
+class Shift {
+ public:
+  Shift(MapSnapshot snapshot, const LocalizerOptions& options)
+      : localizer_(std::move(snapshot), options) {}
+
+  Status Process(const RunEvent& event) {
+    const auto begin = std::chrono::steady_clock::now();
+    SHIFTMAP_RETURN_IF_ERROR(localizer_.Process(event));
+    const std::chrono::duration<double, std::milli> elapsed =
+        std::chrono::steady_clock::now() - begin;
+    if (std::holds_alternative<Scan>(event)) {
+      summary_.latencies_ms.push_back(elapsed.count());
+    } else {
+      has_odometry_ = true;
+    }
+    for (const PoseEstimate& estimate : localizer_.new_estimates()) {
+      trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
+    }
+    return OkStatus();
+  }
+
+  // A file is read whole, because the report names its hash.
+  Status ProcessFile(const std::string& path) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path));
+    for (const RunEvent& event : MergeEvents(log.run)) SHIFTMAP_RETURN_IF_ERROR(Process(event));
+    run_hash_ = log.sha256;
+    vehicle_ = log.run.info.vehicle;
+    summary_.truncation = log.truncation;
+    return OkStatus();
+  }
+
+  Status ProcessStream(const std::string& path) {
+    SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
+    while (true) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
+      if (!event) break;
+      SHIFTMAP_RETURN_IF_ERROR(Process(*event));
+    }
+    if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
+    vehicle_ = stream.info().vehicle;
+    summary_.truncation = stream.truncation();
+    return OkStatus();
+  }
+
+  ShiftReport Finish() {
+    localizer_.Finish();
+    ShiftReport report = localizer_.Report();
+    report.uuid = RandomUuid();
+    report.vehicle = vehicle_;
+    report.run_hash = run_hash_;
+    report.software = "shiftmap-localizer " + SoftwareVersion();
+    summary_.report_uuid = report.uuid;
+    return report;
+  }
+
+  const Localizer& localizer() const { return localizer_; }
+  const RunSummary& summary() const { return summary_; }
+  const std::vector<StampedPose>& trajectory() const { return trajectory_; }
+
+ private:
+  Localizer localizer_;
+  RunSummary summary_;
+  std::vector<StampedPose> trajectory_;
+  bool has_odometry_ = false;
+  std::string vehicle_;
+  std::string run_hash_;
+};
+
+Status WriteResults(const RunOptions& options, const Shift& shift, const ShiftReport& report) {
+  if (options.trajectory) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift.trajectory(), *options.trajectory));
+  }
+  if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
+  if (options.return_report) {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                              MapStore::Open(*options.store, MapStore::Access::kReadWrite));
+    const auto result = store.Return(report);
+    if (!result.ok()) return result.status();
+  }
+  return OkStatus();
+}
+
+Status RunShift(const RunOptions& options, Context& context) {
+  if (options.return_report && !options.store) return InvalidArgument("--return needs --store");
+  LocalizerOptions localizer_options;
+  localizer_options.hypotheses.alpha = options.alpha;
+  localizer_options.hypotheses.max_leaves = options.max_leaves;
+  SHIFTMAP_ASSIGN_OR_RETURN(localizer_options.initial_pose, ParseInitialPose(options.initial_pose));
+  SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot snapshot, LoadMap(options));
+
+  Shift shift(std::move(snapshot), localizer_options);
+  SHIFTMAP_RETURN_IF_ERROR(options.run == "-" ? shift.ProcessStream(options.run)
+                                              : shift.ProcessFile(options.run));
+  const ShiftReport report = shift.Finish();
+  const RunSummary& summary = shift.summary();
+  if (!summary.truncation.empty() && !context.quiet()) {
+    fmt::print(stderr, "warning: run log '{}': {}\n", options.run, summary.truncation);
+  }
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report));
+  context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddRunCommand(Application* application) {
+  auto options = std::make_shared<RunOptions>();
+  application
+      ->AddCommand("run",
+                   "Localize a run log on a map and decide which modes hold",
+                   [options](Context& context) { return RunShift(*options, context); })
+      .Option("--store", &options->store, "Map store to take the published version from")
+      .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
+      .Option("--area", &options->area, "Area to localize in")
+      .Required()
+      .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
+      .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
+      .Option("--report", &options->report, "Write the shift report here")
+      .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
+      .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
+      .InRange(1e-12, 0.49)
+      .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
+      .InRange(1, 1024)
+      .Option("RUN", &options->run, "Run log, or - for standard input")
+      .Required()
+      .Writes();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/cli/run_json.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace shiftmap {
+namespace {
+
+// The smallest value that `share` of all values do not exceed; 0 for none.
+double Quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  const auto index = std::min(values.size() - 1,
+                              static_cast<std::size_t>(share * static_cast<double>(values.size())));
+  std::nth_element(
+      values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
+  return values[index];
+}
+
+Json StatesJson(const LocalizerStatistics& statistics) {
+  Json states = Json::object();
+  for (std::size_t i = 0; i < kLocalizerStates; ++i) {
+    states[ToString(static_cast<LocalizerState>(i))] = statistics.seconds_in_state[i];
+  }
+  return states;
+}
+
+Json DecisionsJson(const Localizer& localizer) {
+  Json decisions = Json::array();
+  for (const Decision& decision : localizer.decisions()) {
+    decisions.push_back({{"signature", decision.signature.text()},
+                         {"mode", decision.mode.value()},
+                         {"stamp_s", ToSecondsSinceEpoch(decision.stamp)},
+                         {"log_odds", decision.log_odds}});
+  }
+  return decisions;
+}
+
+Json ProbabilitiesJson(const Localizer& localizer) {
+  Json groups = Json::array();
+  const std::vector<LandmarkGroup>& all = localizer.snapshot().groups();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Eigen::VectorXd p = localizer.Probabilities(static_cast<int>(i));
+    Json probabilities = Json::object();
+    for (int state = 0; state < p.size(); ++state) {
+      probabilities[std::to_string(all[i].NumberOf(state).value())] = p[state];
+    }
+    groups.push_back({{"signature", all[i].signature.text()}, {"probabilities", probabilities}});
+  }
+  return groups;
+}
+
+Json SightingsJson(const Localizer& localizer) {
+  Json sightings = Json::array();
+  for (const UnmappedSighting& sighting : localizer.Sightings()) {
+    sightings.push_back({{"signature", sighting.signature.text()},
+                         {"x_m", sighting.p_map_landmark.x()},
+                         {"y_m", sighting.p_map_landmark.y()},
+                         {"count", sighting.count}});
+  }
+  return sightings;
+}
+
+double MeanNis(const LocalizerStatistics& statistics) {
+  if (statistics.updates == 0) return 0.0;
+  return statistics.nis_sum / static_cast<double>(statistics.updates);
+}
+
+}  // namespace
+
+Json RunJson(const Localizer& localizer, const RunSummary& summary) {
+  const LocalizerStatistics statistics = localizer.Statistics();
+  const auto estimate = localizer.Estimate();
+  Json document;
+  document["area"] = localizer.snapshot().area();
+  document["version"] = localizer.snapshot().version().value();
+  document["frames"] = statistics.scans;
+  document["state"] = ToString(localizer.state());
+  document["states"] = StatesJson(statistics);
+  document["starts"] = statistics.starts;
+  document["decisions"] = DecisionsJson(localizer);
+  document["mode_probabilities"] = ProbabilitiesJson(localizer);
+  document["sightings"] = SightingsJson(localizer);
+  document["latency_ms"] = {{"p50", Quantile(summary.latencies_ms, 0.5)},
+                            {"p99", Quantile(summary.latencies_ms, 0.99)},
+                            {"max", Quantile(summary.latencies_ms, 1.0)}};
+  document["nis"] = {{"mean", MeanNis(statistics)}, {"dof", 2}, {"count", statistics.updates}};
+  document["leaves_max"] = statistics.leaves_max;
+  document["dropped_mass_max"] = statistics.dropped_mass_max;
+  document["not_counted"] = {{"duplicate_signature", statistics.duplicate_signatures},
+                             {"unknown_signature", statistics.unknown_signatures},
+                             {"anonymous", statistics.anonymous},
+                             {"ungated", statistics.ungated}};
+  document["truncated"] = !summary.truncation.empty();
+  if (estimate) {
+    const Se2& T_map_vehicle = estimate->pose.T_map_vehicle;
+    document["T_map_vehicle"] = {T_map_vehicle.x(), T_map_vehicle.y(), T_map_vehicle.yaw()};
+  }
+  if (!summary.report_uuid.empty()) document["report_uuid"] = summary.report_uuid;
+  return document;
+}
+
+std::string RunText(const Localizer& localizer, const RunSummary& summary) {
+  const LocalizerStatistics statistics = localizer.Statistics();
+  std::string text = fmt::format("area '{}' version {}: {} scans, {} decisions, {} sightings\n",
+                                 localizer.snapshot().area(),
+                                 localizer.snapshot().version().value(),
+                                 statistics.scans,
+                                 localizer.decisions().size(),
+                                 localizer.Sightings().size());
+  for (std::size_t i = 0; i < kLocalizerStates; ++i) {
+    if (statistics.seconds_in_state[i] == 0.0) continue;
+    text += fmt::format("  {:<15} {:10.1f} s\n",
+                        ToString(static_cast<LocalizerState>(i)),
+                        statistics.seconds_in_state[i]);
+  }
+  text += fmt::format("NIS {:.2f} (2 expected), latency p99 {:.2f} ms, at most {} leaves\n",
+                      MeanNis(statistics),
+                      Quantile(summary.latencies_ms, 0.99),
+                      statistics.leaves_max);
+  return text;
+}
+
+}  // namespace shiftmap

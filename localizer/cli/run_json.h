@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "localizer/localizer.h"
+#include "mapstore/cli/context.h"
+
+namespace shiftmap {
+
+/// What `run` says about a shift beside what the localizer knows.
+struct RunSummary {
+  std::vector<double> latencies_ms;  ///< Of each scan.
+  std::string truncation;            ///< As RunLog::truncation.
+  std::string report_uuid;
+};
+
+/// The document of `run --json`; its keys are fixed, see README.md.
+Json RunJson(const Localizer& localizer, const RunSummary& summary);
+
+/// The same for people.
+std::string RunText(const Localizer& localizer, const RunSummary& summary);
+
+}  // namespace shiftmap

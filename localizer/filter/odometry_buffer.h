@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+
+#include "localizer/models/motion_model.h"
+
+namespace shiftmap {
+
+/// Turns a live stream of odometry into the motion between scans.
+///
+/// The velocity that holds at time t is that of the newest sample at or before t - lag. A sample
+/// holds for a second at most: in a longer gap the vehicle counts as anywhere that it could have
+/// got to (zero velocity, with noise as large as its speed may be).
+///
+/// Memory: samples younger than the lag, and a bounded number of others.
+class OdometryBuffer {
+ public:
+  explicit OdometryBuffer(const OdometryCalibration& calibration) : calibration_(calibration) {}
+
+  /// @param sample  Not older than the one before.
+  void Add(const OdometrySample& sample);
+
+  /// The motion since the last call, or nothing (identity) on the first one. What is still to come
+  /// of odometry must not be older than `end`.
+  /// @param end  Not before that of the last call.
+  struct Motion {
+    MotionIncrement increment;
+    double elapsed_s = 0.0;
+  };
+  Motion Take(Stamp end);
+
+ private:
+  // Integrates pending_ up to `end` and lets go of samples that nothing needs any more.
+  void AdvanceTo(Stamp end);
+
+  OdometryCalibration calibration_;
+  std::deque<OdometrySample> samples_;
+  bool started_ = false;
+  Stamp now_;  // Up to where pending_ reaches.
+  Motion pending_;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "localizer/hypothesis/leaf.h"
+#include "localizer/hypothesis/visit.h"
+#include "localizer/models/mode_grid.h"
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/run/run.h"
+
+namespace shiftmap {
+
+struct HypothesisOptions {
+  /// Accepted probability of a wrong decision, in (0, 0.5). Larger decides earlier. [-]
+  double alpha = 1e-4;
+  /// Leaves kept at most, >= 1. More cost time in proportion and drop less probability. [-]
+  int max_leaves = 16;
+  /// An observation gates with a mode if its innovation is inside this share of its distribution,
+  /// in (0, 1). [-]
+  double gate_probability = 0.999;
+  /// P_FOV above which a group enters the field of view, γ1 of T-IV VIII-A. [-]
+  double fov_enter = 0.5;
+  /// P_FOV below which it leaves, γ2 < γ1. [-]
+  double fov_leave = 0.1;
+  /// A visit ends when its group was out of view and unseen for this long, > 0. [s]
+  double visit_gap_s = 5.0;
+};
+
+/// What became of one observation of a known signature in the heaviest leaf.
+struct ObservationOutcome {
+  std::size_t index = 0;   ///< Into Scan::observations.
+  int group = 0;           ///< Index into MapSnapshot::groups().
+  bool gated = false;      ///< With a mode that the leaf holds possible.
+  bool gated_any = false;  ///< With any mode of the group.
+  double nis = 0.0;        ///< Of the mode it gated with (the likeliest one), 2 dof.
+};
+
+/// What a scan led to, beside the leaves themselves.
+struct BankEvents {
+  std::vector<ObservationOutcome> outcomes;
+  std::vector<VisitEvidence> evidence;  ///< Of visits that ended.
+  std::vector<Decision> decisions;
+  std::vector<bool> surprising;  ///< Per decision: another mode than the map's favourite.
+};
+
+/// The hypotheses about where the vehicle is and which mode of every group holds, Algorithm 1 of
+/// T-IV on a known map.
+///
+/// A leaf forks only when an observation tells modes apart (Rao-Blackwellized: unresolved groups
+/// share the leaf's filter). Cost per scan: leaves × groups near the vehicle, whatever the size of
+/// the map. Equations and the life of a visit: localizer/README.md.
+///
+/// Threads: none. Determinism: the same calls give the same bits.
+class HypothesisBank {
+ public:
+  /// @param start    Pose at `stamp`.
+  HypothesisBank(MapSnapshot snapshot,
+                 const HypothesisOptions& options,
+                 const PoseWithCovariance& start,
+                 Stamp stamp);
+
+  /// Starts again at another pose: leaves and open visits go, what ended visits decided stays.
+  void Restart(const PoseWithCovariance& start, Stamp stamp);
+
+  /// Moves all leaves on.
+  void Predict(const MotionIncrement& increment, double elapsed_s);
+
+  /// Takes a scan in. Observations of signatures that the map does not know are skipped.
+  /// @param scan  At the time that the leaves were moved to; every signature at most once.
+  BankEvents Correct(const Scan& scan);
+
+  /// Ends all visits, as at the end of a shift.
+  std::vector<VisitEvidence> EndVisits();
+
+  const Leaf& best() const { return leaves_.front(); }
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+  const std::vector<Visit>& visits() const { return visits_; }
+
+  /// Probability of each state of a group now; size n + 1, never exactly 0 or 1.
+  Eigen::VectorXd Probabilities(int group) const;
+
+  /// Largest probability mass that the bound on the leaves cost in one scan.
+  double dropped_mass_max() const { return dropped_mass_max_; }
+  int leaves_max() const { return leaves_max_; }
+
+ private:
+  struct GroupPosterior {
+    Eigen::VectorXd probabilities;
+    Stamp stamp;
+  };
+  struct GatedMode {
+    int state = 0;
+    double log_likelihood = 0.0;  // log P_D + log N.
+    KnownMapFilter::Prediction prediction;
+  };
+
+  const LandmarkGroup& GroupAt(int group) const {
+    return snapshot_.groups()[static_cast<std::size_t>(group)];
+  }
+  Visit* FindVisit(int group);
+  std::size_t BeliefIndex(int group) const;  // Into Leaf::beliefs; size() if there is none.
+  bool InView(int group, double threshold) const;
+  double LogMiss(const Leaf& leaf, int group, int state) const;
+  double LogDetection(const Leaf& leaf, ModeRef mode) const;
+  double LogUngated(const Leaf& leaf,
+                    const Observation& observation,
+                    const Eigen::Matrix2d& cov_z,
+                    ModeRef mode,
+                    GroupBelief* belief) const;
+  std::optional<GatedMode> Gate(const Leaf& leaf,
+                                const Observation& observation,
+                                const Eigen::Matrix2d& cov_z,
+                                ModeRef mode) const;
+
+  void OpenVisitsInView(const Scan& scan);
+  void OpenVisit(int group);
+  VisitEvidence CloseVisit(std::size_t visit_index);
+  void CloseStaleVisits(std::vector<VisitEvidence>* evidence);
+  void ReleaseAgreedBeliefs();
+
+  ObservationOutcome Judge(const Observation& observation, int group) const;
+  double ViewWeight(Visit* visit) const;
+  void Observe(const Observation& observation, int group, double weight);
+  void Branch(const Leaf& leaf,
+              const Observation& observation,
+              double weight,
+              std::size_t belief_index,
+              std::vector<Leaf>* next) const;
+  void Miss(int group);
+  void AddMiss(int state, double log_miss, GroupBelief* belief, double* log_likelihood) const;
+  void Test(BankEvents* events);
+  void Reduce();
+
+  MapSnapshot snapshot_;
+  HypothesisOptions options_;
+  ModeGrid grid_;
+  double gate_ = 0.0;       // Chi-square quantile.
+  double threshold_ = 0.0;  // Of the sequential test.
+  Stamp stamp_;
+  std::vector<Leaf> leaves_;                // By descending weight.
+  std::vector<Visit> visits_;               // Open ones, by group.
+  std::vector<GroupPosterior> posteriors_;  // Per group, for those without a belief.
+  std::vector<Stamp> held_since_;           // Per group: end of the visit whose belief leaves hold.
+  std::vector<int> nearby_;                 // Scratch.
+  double dropped_mass_max_ = 0.0;
+  int leaves_max_ = 1;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/evidence.h"
+#include "mapstore/map/landmark_group.h"
+
+namespace shiftmap {
+
+/// One visit of a group in progress: what all leaves have in common about it.
+struct Visit {
+  int group = 0;  ///< Index into MapSnapshot::groups().
+  Stamp begin;
+  Stamp end;                      ///< The last scan in which the group was seen or in view.
+  std::int64_t observations = 0;  ///< Scans in which it was seen.
+  bool seen = false;              ///< In the present scan.
+
+  /// Where the vehicle was at the last observation that was a view of its own, not a repetition.
+  std::optional<Se2> T_map_viewpoint;
+
+  Eigen::VectorXd log_prior;  ///< Per state, over all leaves, at `begin`.
+
+  /// Log-probability of each state when the sequential test gave it up; nothing while it is alive.
+  std::vector<std::optional<double>> given_up;
+
+  std::optional<int> decided;  ///< State.
+  int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
+};
+
+/// Log-probability per state over all leaves and the states given up; sums to 1.
+/// @param log_alive  Log-probability of the states that are alive.
+Eigen::VectorXd LogPosterior(const Visit& visit, const Eigen::VectorXd& log_alive);
+
+/// What the visit says about the group, prior excluded: log posterior - log prior, shifted so that
+/// the largest entry is 0, none below -50. A state that was given up counts with its value of then.
+/// @param log_posterior  Of LogPosterior.
+VisitEvidence EvidenceOf(const Visit& visit,
+                         const Eigen::VectorXd& log_posterior,
+                         const LandmarkGroup& group);
+
+}  // namespace shiftmap

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "localizer/filter/odometry_buffer.h"
+#include "localizer/hypothesis/hypothesis_bank.h"
+#include "localizer/localizer_options.h"
+#include "localizer/localizer_state.h"
+#include "localizer/monitor/health_monitor.h"
+#include "localizer/monitor/sighting_collector.h"
+
+namespace shiftmap {
+
+/// The pose right after a scan.
+struct PoseEstimate {
+  Stamp stamp;
+  PoseWithCovariance pose;
+};
+
+/// What happened so far.
+struct LocalizerStatistics {
+  std::int64_t scans = 0;
+  std::array<double, kLocalizerStates> seconds_in_state = {};  ///< By LocalizerState. [s]
+  std::int64_t updates = 0;  ///< Observations that corrected the heaviest leaf; 2 dof each.
+  double nis_sum = 0.0;      ///< Of their νᵀ S⁻¹ ν.
+  std::int64_t starts = 0;   ///< Poses found or given; more than one: it was lost in between.
+  int leaves_max = 0;
+  double dropped_mass_max = 0.0;
+
+  // Observations that did not count, by reason.
+  std::int64_t duplicate_signatures = 0;  ///< Alarms: one signature at two places in one scan.
+  std::int64_t unknown_signatures = 0;    ///< The map has no such landmark.
+  std::int64_t anonymous = 0;             ///< No signature.
+  std::int64_t ungated = 0;               ///< At no place that the heaviest leaf holds possible.
+};
+
+/// Localizes one vehicle on one map version, decides which mode of each landmark holds, and keeps
+/// the evidence for the fleet. Method: T-IV III-VIII on a known map; localizer/README.md.
+///
+/// Threads: none. Determinism: the same events give the same bits. No I/O; memory is bounded but
+/// for the evidence, decisions and sightings that Report() returns.
+class Localizer {
+ public:
+  /// @param options  Valid by Validate().
+  Localizer(MapSnapshot snapshot, const LocalizerOptions& options);
+
+  /// Takes in the next item of the log or of the live stream.
+  /// Errors: kInvalidArgument for what ValidateEvent rejects and for a stamp older than the last
+  /// one; the localizer is then as before.
+  Status Process(const RunEvent& event);
+
+  /// The pose after the last scan, by the heaviest leaf; nothing while INITIALIZING.
+  std::optional<PoseEstimate> Estimate() const;
+
+  /// The poses that the last Process() made: none, one, or, when a start was just found, one for
+  /// every scan that was kept for it.
+  const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
+
+  LocalizerState state() const { return state_; }
+  LocalizerStatistics Statistics() const;
+
+  /// Probability of each state of a group now; size n + 1.
+  Eigen::VectorXd Probabilities(int group) const;
+
+  const std::vector<Decision>& decisions() const { return decisions_; }
+  std::vector<UnmappedSighting> Sightings() const { return sightings_.Sightings(); }
+  const MapSnapshot& snapshot() const { return snapshot_; }
+
+  /// Ends the shift: closes all visits. Process() may not be called after it.
+  void Finish();
+
+  /// What the fleet is told. uuid, vehicle, run_hash and software are the caller's to fill in.
+  ShiftReport Report() const;
+
+ private:
+  void ProcessScan(const Scan& scan);
+  Scan UsableObservations(const Scan& scan);
+  void Step(const WindowScan& step);
+  void TryGlobalStart();
+  void StartAt(const PoseWithCovariance& pose, std::size_t first);
+  void CollectSightings(const Scan& scan, const BankEvents& events);
+  void AccountTime(Stamp stamp);
+  LocalizerState JudgeState() const;
+
+  MapSnapshot snapshot_;
+  LocalizerOptions options_;
+  OdometryBuffer odometry_;
+  std::optional<HypothesisBank> bank_;
+  std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
+  HealthMonitor health_;
+  SightingCollector sightings_;
+  LocalizerState state_ = LocalizerState::kInitializing;
+  LocalizerStatistics statistics_;
+  std::vector<VisitEvidence> evidence_;
+  std::vector<Decision> decisions_;
+  std::vector<PoseEstimate> new_estimates_;
+  std::optional<Stamp> begin_;  // Of the first event.
+  Stamp now_;                   // Of the last event.
+  Stamp scan_stamp_;            // Of the last scan.
+  std::optional<Stamp> mode_changed_;
+  std::optional<Stamp> unknown_change_;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/localizer_options.h"
+
+#include <cmath>
+
+namespace shiftmap {
+namespace {
+
+Status CheckRange(const char* name, double value, double above, double below) {
+  if (value > above && value < below) return OkStatus();
+  return InvalidArgument("option {}: {}, expected in ({}, {})", name, value, above, below);
+}
+
+Status CheckAtLeast(const char* name, int value, int least) {
+  if (value >= least) return OkStatus();
+  return InvalidArgument("option {}: {}, expected {} or more", name, value, least);
+}
+
+}  // namespace
+
+Status LocalizerOptions::Validate() const {
+  constexpr double kDay = 86400.0;
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("alpha", hypotheses.alpha, 0.0, 0.5));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_leaves", hypotheses.max_leaves, 1));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("gate_probability", hypotheses.gate_probability, 0.0, 1.0));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("fov_enter", hypotheses.fov_enter, 0.0, 1.0));
+  SHIFTMAP_RETURN_IF_ERROR(
+      CheckRange("fov_leave", hypotheses.fov_leave, 0.0, hypotheses.fov_enter));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("visit_gap_s", hypotheses.visit_gap_s, 0.0, kDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_signatures", global_start.min_signatures, 3));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_margin", global_start.min_margin, 1));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
+  if (initial_pose && (!initial_pose->T_map_vehicle.translation().allFinite() ||
+                       !std::isfinite(initial_pose->T_map_vehicle.yaw()) ||
+                       !IsSymmetricPositiveDefinite(initial_pose->cov_T_map_vehicle))) {
+    return InvalidArgument("option initial_pose: not finite, or covariance not positive definite");
+  }
+  return OkStatus();
+}
+
+}  // namespace shiftmap

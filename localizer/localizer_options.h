@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "localizer/hypothesis/hypothesis_bank.h"
+#include "localizer/initialization/global_start.h"
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+struct LocalizerOptions {
+  HypothesisOptions hypotheses;
+  GlobalStartOptions global_start;
+
+  /// Pose at the first scan; nothing: found from the signatures seen.
+  std::optional<PoseWithCovariance> initial_pose;
+
+  /// How long MODE_CHANGED and UNKNOWN_CHANGE stay up after their cause was last seen, > 0. [s]
+  double state_hold_s = 5.0;
+
+  /// Sightings of a known signature at one unknown place that raise UNKNOWN_CHANGE, >= 1. [-]
+  int min_sightings = 3;
+
+  /// Errors: kInvalidArgument, naming the first option out of range.
+  Status Validate() const;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/models/detection_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "mapstore/geometry/angle.h"
+
+namespace shiftmap {
+namespace {
+
+// P(X < limit) for X ~ N(mean, variance).
+double ProbabilityBelow(double limit, double mean, double variance) {
+  constexpr double kMinVariance = 1e-12;
+  const double sd = std::sqrt(std::max(variance, kMinVariance));
+  return 0.5 * std::erfc((mean - limit) / (sd * std::numbers::sqrt2));
+}
+
+}  // namespace
+
+double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
+                         const Eigen::Matrix2d& cov,
+                         const SensorCalibration& sensor) {
+  const double bearing = WrapAngle(range_bearing.y());
+  const double in_range = ProbabilityBelow(sensor.max_range_m, range_bearing.x(), cov(0, 0));
+  const double in_sector = ProbabilityBelow(sensor.max_bearing_rad, bearing, cov(1, 1)) -
+                           ProbabilityBelow(-sensor.max_bearing_rad, bearing, cov(1, 1));
+  return in_range * std::clamp(in_sector, 0.0, 1.0);
+}
+
+double LogMissedRun(double log_missed, double occluded) {
+  return std::log((1.0 - occluded) * std::exp(log_missed) + occluded);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "mapstore/map/calibration.h"
+
+namespace shiftmap {
+
+/// P_FOV of a landmark under the sector model, IJRR 7.2: P(r < γ_r) · P(|b| < γ_b) for independent
+/// Gaussian r and b.
+/// @param range_bearing  Expected (range, bearing). [m, rad]
+/// @param cov            Under the joint uncertainty of pose and landmark. [m², m rad, rad²]
+double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
+                         const Eigen::Matrix2d& cov,
+                         const SensorCalibration& sensor);
+
+/// The log-likelihood of missing a landmark in every scan of a run of scans, when with probability
+/// ε it is occluded for the whole run: log((1 - ε) Π(1 - P_D) + ε) >= log ε.
+///
+/// Occlusions last (a parked truck, another robot), so misses are not independent and silence
+/// alone must not decide; without ε a hundred scans past an occluded landmark would prove it gone.
+/// @param log_missed  Σ log(1 - P_D) over the run, <= 0.
+/// @param occluded    ε in (0, 1).
+double LogMissedRun(double log_missed, double occluded);
+
+}  // namespace shiftmap

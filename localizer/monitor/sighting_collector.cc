@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/monitor/sighting_collector.h"
+
+#include <algorithm>
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr std::size_t kMaxPlaces = 32;
+
+// Chi-square quantile of 0.999 with 2 degrees of freedom.
+constexpr double kSamePlace = 13.8;
+
+constexpr double kApart = 0.5;  // [m]
+
+}  // namespace
+
+std::int64_t SightingCollector::Add(const Signature& signature,
+                                    const Eigen::Vector2d& p_map,
+                                    const Eigen::Matrix2d& cov,
+                                    const Eigen::Vector2d& p_map_vehicle,
+                                    Stamp stamp) {
+  std::vector<Place>& places = places_[signature];
+  for (Place& place : places) {
+    UnmappedSighting& sighting = place.sighting;
+    const Eigen::Vector2d d = p_map - sighting.p_map_landmark;
+    if (SquaredMahalanobis(d, sighting.cov_p_map_landmark + cov) > kSamePlace) continue;
+    ++sighting.count;
+    const double share = 1.0 / static_cast<double>(sighting.count);
+    sighting.p_map_landmark += share * d;
+    // Sightings of one pass share the pose's error, so the mean is as uncertain as each of them.
+    sighting.cov_p_map_landmark += share * (cov - sighting.cov_p_map_landmark);
+    sighting.last = stamp;
+    place.from_apart |= (p_map_vehicle - place.p_map_first_vehicle).norm() > kApart;
+    return place.from_apart ? sighting.count : 1;
+  }
+  if (places.size() == kMaxPlaces) {
+    places.erase(std::min_element(places.begin(), places.end(), [](const Place& a, const Place& b) {
+      return a.sighting.count < b.sighting.count;
+    }));
+  }
+  places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false});
+  return 1;
+}
+
+std::vector<UnmappedSighting> SightingCollector::Sightings() const {
+  std::vector<UnmappedSighting> all;
+  for (const auto& [signature, places] : places_) {
+    for (const Place& place : places) all.push_back(place.sighting);
+  }
+  return all;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/cli/application.h"
+
+#include <algorithm>
+#include <iostream>
+#include <new>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "mapstore/cli/config_file.h"
+#include "mapstore/cli/internal/command_state.h"
+#include "mapstore/cli/internal/logging.h"
+#include "mapstore/cli/version.h"
+
+namespace shiftmap {
+namespace {
+
+// Thrown while arguments are parsed, beside what the parser itself throws.
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+std::string OneLine(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
+  parser->set_help_flag("-h,--help", "Print this help and exit");
+  parser->set_version_flag("--version", parser->get_name() + " " + SoftwareVersion());
+  parser->add_flag("--json", common->json, "Print one JSON document on standard output");
+  parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
+  parser->add_option("--log-level", common->log_level, "Least level that is logged")
+      ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "off"}));
+  parser->add_option("--config", common->config, "Read options from this TOML file");
+}
+
+bool IsGiven(const CLI::Option& option, std::span<const std::string> arguments) {
+  return std::any_of(arguments.begin(), arguments.end(), [&](const std::string& argument) {
+    const std::string name = argument.substr(0, argument.find('='));
+    return name.starts_with("--") && option.check_name(name);
+  });
+}
+
+std::string ConfigPath(std::span<const std::string> arguments) {
+  constexpr std::string_view kName = "--config";
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    if (arguments[i] == kName && i + 1 < arguments.size()) return arguments[i + 1];
+    if (arguments[i].starts_with("--config=")) return arguments[i].substr(kName.size() + 1);
+  }
+  return "";
+}
+
+}  // namespace
+
+struct Application::State {
+  explicit State(std::string program_name, std::string description)
+      : program(std::move(program_name)), parser(std::move(description), program) {
+    AddCommonOptions(&parser, &common);
+  }
+
+  // The command that the arguments name, the nameless one, or null.
+  Command* Select(std::span<const std::string> arguments) const;
+  // Options of the configuration file for `command` that the command line does not have.
+  std::vector<std::string> ConfigArguments(const Command& command,
+                                           std::span<const std::string> arguments) const;
+  void Parse(std::vector<std::string> arguments, const Command* command);
+  ExitCode Usage(const std::string& message, const Command* command, std::ostream* err) const;
+  ExitCode Execute(const Command& command, std::ostream* out, std::ostream* err);
+
+  std::string program;
+  CommonOptions common;
+  CLI::App parser;
+  std::vector<std::unique_ptr<Command>> commands;
+};
+
+Command* Application::State::Select(std::span<const std::string> arguments) const {
+  for (const std::string& argument : arguments) {
+    for (const auto& command : commands) {
+      if (command->state_->parser != &parser && command->state_->parser->get_name() == argument) {
+        return command.get();
+      }
+    }
+  }
+  const bool nameless = commands.size() == 1 && commands.front()->state_->parser == &parser;
+  return nameless ? commands.front().get() : nullptr;
+}
+
+std::vector<std::string> Application::State::ConfigArguments(
+    const Command& command, std::span<const std::string> arguments) const {
+  const std::string path = ConfigPath(arguments);
+  if (path.empty()) return {};
+  StatusOr<std::vector<ConfigEntry>> entries = ReadConfigFile(path);
+  if (!entries.ok()) throw UsageError(Message(entries.status()));
+  std::vector<std::string> added;
+  for (const ConfigEntry& entry : *entries) {
+    const std::string name = "--" + entry.key;
+    const auto knows = [&](const auto& candidate) {
+      const CLI::App& section = *candidate->state_->parser;
+      return (entry.section.empty() || section.get_name() == entry.section) &&
+             section.get_option_no_throw(name) != nullptr;
+    };
+    if (entry.key == "config" || std::none_of(commands.begin(), commands.end(), knows)) {
+      throw UsageError(fmt::format("config '{}': unknown key '{}{}{}'",
+                                   path,
+                                   entry.section,
+                                   entry.section.empty() ? "" : ".",
+                                   entry.key));
+    }
+    const CLI::App& target = *command.state_->parser;
+    const CLI::Option* option = target.get_option_no_throw(name);
+    const bool applies = entry.section.empty() || entry.section == target.get_name();
+    if (option == nullptr || !applies || IsGiven(*option, arguments)) continue;
+    for (const std::string& value : entry.values) added.push_back(name + "=" + value);
+  }
+  return added;
+}
+
+void Application::State::Parse(std::vector<std::string> arguments, const Command* command) {
+  if (command != nullptr) {
+    const std::vector<std::string> added = ConfigArguments(*command, arguments);
+    const auto name =
+        std::find(arguments.begin(), arguments.end(), command->state_->parser->get_name());
+    arguments.insert(
+        name == arguments.end() ? arguments.begin() : std::next(name), added.begin(), added.end());
+  }
+  std::reverse(arguments.begin(), arguments.end());  // The order that the parser pops them in.
+  parser.parse(std::move(arguments));
+}
+
+ExitCode Application::State::Usage(const std::string& message,
+                                   const Command* command,
+                                   std::ostream* err) const {
+  const std::string name = command != nullptr && command->state_->parser != &parser
+                               ? " " + command->state_->parser->get_name()
+                               : "";
+  *err << fmt::format("{}: {}; try '{}{} --help'\n", program, OneLine(message), program, name);
+  return ExitCode::kUsage;
+}
+
+ExitCode Application::State::Execute(const Command& command, std::ostream* out, std::ostream* err) {
+  const ScopedLogging logging(program, common, err);
+  Context context(common, err);
+  Status status = OkStatus();
+  try {
+    status = command.state_->body(context);
+  } catch (const std::bad_alloc&) {
+    status = Internal("out of memory");
+  } catch (const std::exception& error) {
+    status = Internal("unexpected error: {}", error.what());
+  }
+  const ExitCode code = ExitCodeFor(status);
+  if (!status.ok()) *err << program << ": " << OneLine(Message(status)) << '\n';
+  if (context.reported()) {
+    *out << context.output();
+  } else if (common.json) {
+    const int number = static_cast<int>(code);
+    *out << JsonText(status.ok() ? Json::object()
+                                 : Json{{"error", Message(status)}, {"exit_code", number}});
+  }
+  if (!out->flush()) {
+    *err << program << ": standard output: cannot be written\n";
+    return ExitCode::kTemporary;
+  }
+  return code;
+}
+
+Application::Application(std::string program, std::string description)
+    : state_(std::make_unique<State>(std::move(program), std::move(description))) {}
+
+Application::~Application() = default;
+
+Command& Application::AddCommand(const std::string& name,
+                                 const std::string& description,
+                                 Command::Body body) {
+  auto command_state = std::make_unique<Command::State>();
+  command_state->parser = &state_->parser;
+  if (!name.empty()) {
+    command_state->parser = state_->parser.add_subcommand(name, description);
+    AddCommonOptions(command_state->parser, &state_->common);
+    state_->parser.require_subcommand(1);
+  }
+  command_state->common = &state_->common;
+  command_state->body = std::move(body);
+  state_->commands.push_back(std::unique_ptr<Command>(new Command(std::move(command_state))));
+  return *state_->commands.back();
+}
+
+ExitCode Application::Run(const std::vector<std::string>& arguments,
+                          std::ostream* out,
+                          std::ostream* err) {
+  const Command* command = state_->Select(arguments);
+  try {
+    state_->Parse(arguments, command);
+  } catch (const CLI::CallForHelp&) {
+    *out << (command != nullptr ? command->state_->parser : &state_->parser)->help();
+    return ExitCode::kDone;
+  } catch (const CLI::CallForVersion&) {
+    *out << state_->program << ' ' << SoftwareVersion() << '\n';
+    return ExitCode::kDone;
+  } catch (const std::bad_alloc&) {
+    *err << state_->program << ": out of memory\n";
+    return ExitCode::kInternal;
+  } catch (const std::exception& error) {
+    return state_->Usage(error.what(), command, err);
+  }
+  if (command == nullptr) return state_->Usage("a command is required", command, err);
+  for (const auto& check : command->state_->checks) {
+    if (const std::string message = check(); !message.empty()) {
+      return state_->Usage(message, command, err);
+    }
+  }
+  return state_->Execute(*command, out, err);
+}
+
+int Application::Main(int argc, const char* const* argv) {
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  return static_cast<int>(Run(arguments, &std::cout, &std::cerr));
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/cli/command.h"
+
+#include <utility>
+
+#include "mapstore/cli/internal/command_state.h"
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+bool IsPositional(const std::string& name) { return name.empty() || name.front() != '-'; }
+
+template <typename T>
+CLI::Option* AddOption(CLI::App* parser,
+                       const std::string& name,
+                       T* value,
+                       const std::string& help) {
+  // A command whose --version names a map version leaves the program's own to the program.
+  if (name == "--version") parser->set_version_flag();
+  return parser->add_option(name, *value, help);
+}
+
+}  // namespace
+
+Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Command::~Command() = default;
+
+Command& Command::Option(const std::string& name, std::string* value, const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  if (!IsPositional(name)) state_->last->capture_default_str();
+  return *this;
+}
+
+Command& Command::Option(const std::string& name, double* value, const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  if (!IsPositional(name)) state_->last->capture_default_str();
+  return *this;
+}
+
+Command& Command::Option(const std::string& name, int* value, const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  if (!IsPositional(name)) state_->last->capture_default_str();
+  return *this;
+}
+
+Command& Command::Option(const std::string& name, std::int64_t* value, const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  if (!IsPositional(name)) state_->last->capture_default_str();
+  return *this;
+}
+
+Command& Command::Option(const std::string& name, std::uint64_t* value, const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  if (!IsPositional(name)) state_->last->capture_default_str();
+  return *this;
+}
+
+Command& Command::Option(const std::string& name,
+                         std::optional<std::string>* value,
+                         const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  return *this;
+}
+
+Command& Command::Option(const std::string& name,
+                         std::optional<double>* value,
+                         const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  return *this;
+}
+
+Command& Command::Option(const std::string& name,
+                         std::optional<std::int64_t>* value,
+                         const std::string& help) {
+  state_->last = AddOption(state_->parser, name, value, help);
+  return *this;
+}
+
+Command& Command::Option(const std::string& name,
+                         std::vector<std::string>* values,
+                         const std::string& help) {
+  state_->last = state_->parser->add_option(name, *values, help);
+  // One value per occurrence: an option must not swallow the positional arguments behind it.
+  if (!IsPositional(name)) state_->last->expected(1)->take_all();
+  return *this;
+}
+
+Command& Command::Flag(const std::string& name, bool* value, const std::string& help) {
+  state_->last = state_->parser->add_flag(name, *value, help);
+  return *this;
+}
+
+Command& Command::Required() {
+  SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
+  state_->last->required();
+  return *this;
+}
+
+Command& Command::OneOf(const std::vector<std::string>& allowed) {
+  SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
+  state_->last->check(CLI::IsMember(allowed));
+  return *this;
+}
+
+Command& Command::InRange(double min, double max) {
+  SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
+  state_->last->check(CLI::Range(min, max));
+  return *this;
+}
+
+Command& Command::Check(std::function<std::string()> check) {
+  state_->checks.push_back(std::move(check));
+  return *this;
+}
+
+Command& Command::Writes() {
+  state_->parser->add_flag(
+      "--dry-run", state_->common->dry_run, "Check and say what would be done; write nothing");
+  return *this;
+}
+
+}  // namespace shiftmap

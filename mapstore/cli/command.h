@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/cli/context.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// One command of a program: its options and its body.
+///
+/// A name with dashes (`--store`) is an option, a name without (`RUN`) a positional argument. The
+/// variable behind an option holds its default, is set when the option is given, and must outlive
+/// the run. Names of options are unique within a command.
+class Command {
+ public:
+  using Body = std::function<Status(Context&)>;
+
+  ~Command();
+  Command(const Command&) = delete;
+  Command& operator=(const Command&) = delete;
+
+  Command& Option(const std::string& name, std::string* value, const std::string& help);
+  Command& Option(const std::string& name, double* value, const std::string& help);
+  Command& Option(const std::string& name, int* value, const std::string& help);
+  Command& Option(const std::string& name, std::int64_t* value, const std::string& help);
+  Command& Option(const std::string& name, std::uint64_t* value, const std::string& help);
+  Command& Option(const std::string& name,
+                  std::optional<std::string>* value,
+                  const std::string& help);
+  Command& Option(const std::string& name, std::optional<double>* value, const std::string& help);
+  Command& Option(const std::string& name,
+                  std::optional<std::int64_t>* value,
+                  const std::string& help);
+
+  /// An option given several times, or a positional argument that takes all that are left.
+  Command& Option(const std::string& name,
+                  std::vector<std::string>* values,
+                  const std::string& help);
+
+  /// Set by being there.
+  Command& Flag(const std::string& name, bool* value, const std::string& help);
+
+  // These say more of the option added last.
+  Command& Required();
+  Command& OneOf(const std::vector<std::string>& allowed);
+  Command& InRange(double min, double max);
+
+  /// A check of the options as a whole, once they are read: the message of a usage error, or
+  /// nothing.
+  Command& Check(std::function<std::string()> check);
+
+  /// The command writes something that outlives it: it has --dry-run.
+  Command& Writes();
+
+ private:
+  friend class Application;
+  struct State;
+  explicit Command(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/cli/config_file.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+
+namespace shiftmap {
+namespace {
+
+std::optional<std::string> ScalarText(const toml::node& node) {
+  if (const auto text = node.value_exact<std::string>()) return *text;
+  if (const auto flag = node.value_exact<bool>()) return *flag ? "true" : "false";
+  if (const auto integer = node.value_exact<std::int64_t>()) return fmt::format("{}", *integer);
+  if (const auto number = node.value_exact<double>()) return fmt::format("{}", *number);
+  return std::nullopt;
+}
+
+Status AppendEntry(const std::string& path,
+                   const std::string& section,
+                   std::string_view key,
+                   const toml::node& node,
+                   std::vector<ConfigEntry>* entries) {
+  ConfigEntry entry{section, std::string(key), {}};
+  std::replace(entry.key.begin(), entry.key.end(), '_', '-');
+  bool readable = true;
+  const auto append = [&](const toml::node& item) {
+    const std::optional<std::string> text = ScalarText(item);
+    readable = readable && text.has_value();
+    entry.values.push_back(text.value_or(""));
+  };
+  if (const toml::array* array = node.as_array()) {
+    for (const toml::node& item : *array) append(item);
+  } else {
+    append(node);
+  }
+  if (!readable) {
+    return InvalidArgument(
+        "config '{}:{}': key '{}': expected a string, number, boolean or an array of them",
+        path,
+        node.source().begin.line,
+        std::string(key));
+  }
+  entries->push_back(std::move(entry));
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<std::vector<ConfigEntry>> ReadConfigFile(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return NotFound("config '{}': cannot be opened", path);
+  toml::table root;
+  try {
+    root = toml::parse(file, path);
+  } catch (const toml::parse_error& error) {
+    return InvalidArgument(
+        "config '{}:{}': {}", path, error.source().begin.line, std::string(error.description()));
+  }
+  std::vector<ConfigEntry> entries;
+  for (const auto& [key, node] : root) {
+    if (const toml::table* section = node.as_table()) {
+      for (const auto& [inner_key, inner_node] : *section) {
+        SHIFTMAP_RETURN_IF_ERROR(
+            AppendEntry(path, std::string(key.str()), inner_key.str(), inner_node, &entries));
+      }
+    } else {
+      SHIFTMAP_RETURN_IF_ERROR(AppendEntry(path, "", key.str(), node, &entries));
+    }
+  }
+  return entries;
+}
+
+}  // namespace shiftmap

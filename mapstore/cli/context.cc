@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/cli/context.h"
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "proto/core/check.h"
+
+namespace shiftmap {
+
+Context::Context(const CommonOptions& options, std::ostream* err) : options_(options), err_(err) {}
+
+void Context::Report(const Json& document, const std::string& text) {
+  SHIFTMAP_CHECK(!reported_, "a command reports once");
+  reported_ = true;
+  output_ = json() ? JsonText(document) : text;
+}
+
+std::unique_ptr<Progress> Context::MakeProgress() const {
+  const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();
+  return std::make_unique<Progress>(visible ? err_ : nullptr);
+}
+
+std::string JsonText(const Json& document) {
+  // Names come from logs and may be any bytes; a document is UTF-8.
+  return document.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+}  // namespace shiftmap

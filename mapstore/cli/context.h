@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <ostream>
+#include <string>
+
+#include "mapstore/cli/progress.h"
+
+namespace shiftmap {
+
+/// A JSON document whose keys stay in the order they were written.
+using Json = nlohmann::ordered_json;
+
+/// What the options that every command has were set to.
+struct CommonOptions {
+  bool json = false;
+  bool quiet = false;
+  bool dry_run = false;
+  std::string log_level = "info";
+  std::string config;
+};
+
+/// What a command's body gets from the application around it.
+class Context {
+ public:
+  /// @param err  Where progress and errors go; must outlive this.
+  Context(const CommonOptions& options, std::ostream* err);
+
+  bool json() const { return options_.json; }
+  bool quiet() const { return options_.quiet; }
+
+  /// Check and say what would be done, but write nothing.
+  bool dry_run() const { return options_.dry_run; }
+
+  /// The result of the command, once per run: the document goes to standard output with --json,
+  /// the text without.
+  void Report(const Json& document, const std::string& text);
+
+  /// A progress line on standard error, silent with --quiet or if that is no terminal.
+  std::unique_ptr<Progress> MakeProgress() const;
+
+  /// True once Report() was called, and what it left for standard output.
+  bool reported() const { return reported_; }
+  const std::string& output() const { return output_; }
+
+ private:
+  CommonOptions options_;
+  std::ostream* err_;
+  bool reported_ = false;
+  std::string output_;
+};
+
+/// The document as text: indented, UTF-8, numbers that survive a round trip, a newline at the end.
+std::string JsonText(const Json& document);
+
+}  // namespace shiftmap

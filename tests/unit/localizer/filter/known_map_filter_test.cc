@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/filter/known_map_filter.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+
+#include "localizer/filter/odometry_buffer.h"
+#include "tests/unit/localizer/simulated_run.h"
+
+namespace shiftmap {
+namespace {
+
+// Correlated map: a common shift of all modes, and an error of each.
+JointCovariance CorrelatedCovariance(int modes, double sd_common, double sd_own) {
+  const Eigen::Index n = 2 * modes;
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Identity(n, n) * (sd_own * sd_own);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = i % 2; j < n; j += 2) dense(i, j) += sd_common * sd_common;
+  }
+  return JointCovariance::FromDense(dense);
+}
+
+MapContent CorrelatedMap(double sd_common, double sd_own) {
+  MapContent content = MakeTwoModeMap(8, 12.0, 5);
+  const int modes = content.covariance.size();
+  content.covariance = CorrelatedCovariance(modes, sd_common, sd_own);
+  int index = 0;
+  for (LandmarkGroup& group : content.groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = content.covariance.Block(index, index);
+      ++index;
+    }
+  }
+  return content;
+}
+
+PoseWithCovariance Start(const Se2& T_map_vehicle) {
+  return {T_map_vehicle, Eigen::Vector3d(0.01, 0.01, 0.0025).asDiagonal()};
+}
+
+// The same estimator, written as one dense Schmidt-Kalman filter over pose, scales, sensor bias and
+// the whole map, with a gain for the first five states only.
+class DenseFilter {
+ public:
+  DenseFilter(const PoseWithCovariance& start, const MapSnapshot& snapshot)
+      : snapshot_(snapshot), T_(start.T_map_vehicle) {
+    const Calibration& calibration = snapshot.calibration();
+    const Eigen::Index n = 7 + 2 * snapshot.covariance().size();
+    P_ = Eigen::MatrixXd::Zero(n, n);
+    P_.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
+    const double sd_scale = calibration.odometry.sd_log_scale;
+    P_(3, 3) = P_(4, 4) = sd_scale * sd_scale;
+    P_(5, 5) = std::pow(KnownMapFilter::kBiasShare * calibration.sensor.sd_range_m, 2);
+    P_(6, 6) = std::pow(KnownMapFilter::kBiasShare * calibration.sensor.sd_bearing_rad, 2);
+    P_.bottomRightCorner(n - 7, n - 7) = snapshot.covariance().Dense();
+  }
+
+  void Predict(const MotionIncrement& increment, double elapsed_s) {
+    const Eigen::Matrix<double, 3, 2> J = increment.J_calibration.leftCols<2>();
+    const Se2 step = increment.T_begin_end * Se2::Exp(J * scale_);
+    T_ = T_ * step;
+    Eigen::MatrixXd F = Eigen::MatrixXd::Identity(P_.rows(), P_.cols());
+    F.topLeftCorner<3, 3>() = step.Inverse().Adjoint();
+    F.block<3, 2>(0, 3) = J;
+    P_ = F * P_ * F.transpose();
+    P_.topLeftCorner<3, 3>() += increment.cov;
+    P_(3, 3) += 2.5e-7 * elapsed_s;
+    P_(4, 4) += 2.5e-7 * elapsed_s;
+  }
+
+  void Update(const Observation& observation, ModeRef mode) {
+    const Eigen::Index n = P_.rows();
+    const LandmarkGroup& group = snapshot_.groups()[static_cast<std::size_t>(mode.group)];
+    const Mode& landmark = group.modes[static_cast<std::size_t>(mode.state) - 1];
+    const Innovation innovation = Linearize(observation, T_, landmark.p_map_landmark);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, n);
+    H.leftCols<3>() = innovation.H_pose;
+    H.block<2, 2>(0, 5).setIdentity();
+    H.block<2, 2>(0, 7 + 2 * snapshot_.ModeIndex(mode.group, mode.state)) = innovation.H_landmark;
+    const Eigen::Matrix2d R = ObservationNoise(observation, snapshot_.calibration().sensor);
+    const Eigen::Matrix2d S = H * P_ * H.transpose() + R;
+    Eigen::MatrixXd K = P_ * H.transpose() * S.inverse();
+    K.bottomRows(n - 5).setZero();
+    const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(n, n) - K * H;
+    P_ = I_KH * P_ * I_KH.transpose() + K * R * K.transpose();
+    const Eigen::VectorXd correction = K * innovation.nu;
+    T_ = T_ * Se2::Exp(correction.head<3>());
+    scale_ += correction.segment<2>(3);
+  }
+
+  const Se2& T_map_vehicle() const { return T_; }
+  Eigen::MatrixXd StateCovariance() const { return P_.topLeftCorner(5, 5); }
+
+ private:
+  const MapSnapshot& snapshot_;
+  Se2 T_;
+  Eigen::Vector2d scale_ = Eigen::Vector2d::Zero();
+  Eigen::MatrixXd P_;
+};
+
+TEST(KnownMapFilter, EqualsADenseSchmidtKalmanFilter) {
+  const MapContent content = CorrelatedMap(0.1, 0.05);
+  const MapSnapshot snapshot = Snapshot(content);
+  SimulationOptions options;
+  options.duration_s = 20.0;
+  const std::vector<int> states(content.groups.size(), 1);
+  const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), options);
+
+  KnownMapFilter filter(Start(options.T_map_start), content.calibration);
+  DenseFilter dense(Start(options.T_map_start), snapshot);
+  OdometryBuffer odometry(content.calibration.odometry);
+  for (const OdometrySample& sample : simulated.run.odometry) odometry.Add(sample);
+  int updates = 0;
+  for (const Scan& scan : simulated.run.scans) {
+    const OdometryBuffer::Motion motion = odometry.Take(scan.stamp);
+    filter.Predict(motion.increment, motion.elapsed_s);
+    dense.Predict(motion.increment, motion.elapsed_s);
+    for (const Observation& observation : scan.observations) {
+      const ModeRef mode{snapshot.GroupIndex(observation.signature), 1};
+      const Eigen::Matrix2d R = ObservationNoise(observation, content.calibration.sensor);
+      filter.Update(filter.PredictObservation(observation, R, mode, snapshot), mode, snapshot);
+      dense.Update(observation, mode);
+      ++updates;
+    }
+  }
+  ASSERT_GT(updates, 30);
+  const Se2 difference = dense.T_map_vehicle().Inverse() * filter.T_map_vehicle();
+  EXPECT_LT(difference.Log().norm(), 1e-9);
+  EXPECT_LT((dense.StateCovariance() - filter.covariance()).norm(), 1e-9);
+}
+
+// Mean NEES of the final pose over runs in which map, scales, bias and noise are drawn from what
+// the filter assumes, or assumes less of.
+double MeanNees(int runs, double assumed_map_share) {
+  double sum = 0.0;
+  for (int seed = 0; seed < runs; ++seed) {
+    const MapContent content = CorrelatedMap(0.10, 0.03);
+    MapContent assumed = content;
+    const int modes = content.covariance.size();
+    assumed.covariance =
+        CorrelatedCovariance(modes, 0.10 * assumed_map_share, 0.03 * assumed_map_share);
+    int index = 0;
+    for (LandmarkGroup& group : assumed.groups) {
+      for (Mode& mode : group.modes) {
+        mode.cov_p_map_landmark = assumed.covariance.Block(index, index);
+        ++index;
+      }
+    }
+    const MapSnapshot snapshot = Snapshot(assumed);
+
+    std::mt19937_64 random(1000 + static_cast<std::uint64_t>(seed));
+    std::normal_distribution<double> normal;
+    const std::vector<int> states(content.groups.size(), 1);
+    std::vector<Eigen::Vector2d> truth = PositionsOf(content, states);
+    const Eigen::Vector2d shift(0.10 * normal(random), 0.10 * normal(random));
+    for (Eigen::Vector2d& p : truth) {
+      p += shift + 0.03 * Eigen::Vector2d(normal(random), normal(random));
+    }
+    SimulationOptions options;
+    options.seed = 77 + static_cast<std::uint64_t>(seed);
+    options.duration_s = 40.0;
+    const SimulatedRun simulated = Simulate(content, truth, options);
+    const Eigen::Vector3d error(0.1 * normal(random), 0.1 * normal(random), 0.05 * normal(random));
+    KnownMapFilter filter(Start(Se2::Exp(error)), content.calibration);
+    OdometryBuffer odometry(content.calibration.odometry);
+    for (const OdometrySample& sample : simulated.run.odometry) odometry.Add(sample);
+    for (const Scan& scan : simulated.run.scans) {
+      const OdometryBuffer::Motion motion = odometry.Take(scan.stamp);
+      filter.Predict(motion.increment, motion.elapsed_s);
+      for (const Observation& observation : scan.observations) {
+        const ModeRef mode{snapshot.GroupIndex(observation.signature), 1};
+        const Eigen::Matrix2d R = ObservationNoise(observation, content.calibration.sensor);
+        filter.Update(filter.PredictObservation(observation, R, mode, snapshot), mode, snapshot);
+      }
+    }
+    const PoseWithCovariance pose = filter.Pose();
+    const Eigen::Vector3d xi =
+        (pose.T_map_vehicle.Inverse() * simulated.T_map_vehicle.back()).Log();
+    sum += xi.dot(pose.cov_T_map_vehicle.inverse() * xi);
+  }
+  return sum / runs;
+}
+
+TEST(KnownMapFilter, IsConsistentOnAnUncertainMap) {
+  constexpr int kRuns = 100;
+  const double nees = MeanNees(kRuns, 1.0);
+  EXPECT_GT(kRuns * nees, ChiSquareQuantile(0.025, 3 * kRuns)) << nees;
+  EXPECT_LT(kRuns * nees, ChiSquareQuantile(0.975, 3 * kRuns)) << nees;
+}
+
+TEST(KnownMapFilter, WouldBeOverconfidentIfTheMapWereExact) {
+  constexpr int kRuns = 50;
+  EXPECT_GT(kRuns * MeanNees(kRuns, 0.01), ChiSquareQuantile(0.999, 3 * kRuns));
+}
+
+TEST(KnownMapFilter, LearnsTheScaleOfTheOdometry) {
+  MapContent content = CorrelatedMap(0.01, 0.01);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions options;
+  options.duration_s = 120.0;
+  MapContent truth = content;
+  truth.calibration.odometry.sd_log_scale = 1e-6;
+  truth.calibration.odometry.scale_omega = 0.9;
+  const SimulatedRun simulated = Simulate(truth, PositionsOf(content, states), options);
+  const MapSnapshot snapshot = Snapshot(content);
+  KnownMapFilter filter(Start(Se2()), content.calibration);
+  OdometryBuffer odometry(content.calibration.odometry);
+  for (const OdometrySample& sample : simulated.run.odometry) odometry.Add(sample);
+  for (const Scan& scan : simulated.run.scans) {
+    const OdometryBuffer::Motion motion = odometry.Take(scan.stamp);
+    filter.Predict(motion.increment, motion.elapsed_s);
+    for (const Observation& observation : scan.observations) {
+      const ModeRef mode{snapshot.GroupIndex(observation.signature), 1};
+      const Eigen::Matrix2d R = ObservationNoise(observation, content.calibration.sensor);
+      filter.Update(filter.PredictObservation(observation, R, mode, snapshot), mode, snapshot);
+    }
+  }
+  EXPECT_NEAR(filter.log_scale().y(), std::log(0.9), 0.04);
+}
+
+TEST(OdometryBuffer, IntegratesLikeTheBatchModel) {
+  OdometryCalibration calibration;
+  calibration.lag_s = 0.13;
+  calibration.scale_v = 0.9;
+  std::vector<OdometrySample> samples;
+  const Stamp begin = StampFromSeconds(50.0);
+  for (int i = 0; i < 400; ++i) {
+    samples.push_back({begin + FromSeconds(0.03 * i), 0.3 + 0.1 * (i % 7), 0.05 * (i % 11)});
+  }
+  OdometryBuffer buffer(calibration);
+  std::size_t next = 0;
+  std::size_t hint = 0;
+  Stamp last = begin + FromSeconds(1.0);
+  for (const double at_s : {1.0, 1.37, 2.0, 2.01, 7.5, 11.0}) {
+    const Stamp stamp = begin + FromSeconds(at_s);
+    for (; next < samples.size() && samples[next].stamp <= stamp; ++next) {
+      buffer.Add(samples[next]);
+    }
+    const OdometryBuffer::Motion motion = buffer.Take(stamp);
+    const MotionIncrement batch = IntegrateMotion(samples, last, stamp, calibration, &hint);
+    EXPECT_NEAR(motion.elapsed_s, ToSeconds(stamp - last), 1e-12);
+    EXPECT_LT((batch.T_begin_end.Inverse() * motion.increment.T_begin_end).Log().norm(), 1e-9);
+    EXPECT_LT((batch.cov - motion.increment.cov).norm(), 1e-9);
+    last = stamp;
+  }
+}
+
+TEST(OdometryBuffer, DoesNotTrustSilence) {
+  OdometryBuffer buffer(OdometryCalibration{});
+  const Stamp begin = StampFromSeconds(50.0);
+  buffer.Take(begin);
+  buffer.Add({begin, 1.0, 0.0});
+  const OdometryBuffer::Motion motion = buffer.Take(begin + FromSeconds(5.0));
+  EXPECT_NEAR(motion.increment.T_begin_end.x(), 1.0, 1e-9);  // Held for a second, then unknown.
+  EXPECT_GT(motion.increment.cov(0, 0), 0.9);
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/hypothesis/hypothesis_bank.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "localizer/models/detection_model.h"
+#include "localizer/models/mode_grid.h"
+#include "tests/unit/localizer/simulated_run.h"
+
+namespace shiftmap {
+namespace {
+
+// One landmark with two modes in front of a vehicle at the origin.
+MapContent OneGroup(const Eigen::Vector2d& p1, const Eigen::Vector2d& p2) {
+  MapContent content = MakeTwoModeMap(1, 10.0, 1);
+  content.groups[0].modes[0].p_map_landmark = p1;
+  content.groups[0].modes[1].p_map_landmark = p2;
+  return content;
+}
+
+PoseWithCovariance AtOrigin(double sd_m) {
+  return {Se2(), Eigen::Vector3d(sd_m * sd_m, sd_m * sd_m, 0.0004).asDiagonal()};
+}
+
+Scan ScanOf(const MapContent& content, double at_s, const Eigen::Vector2d& z) {
+  Scan scan;
+  scan.stamp = StampFromSeconds(1000.0 + at_s);
+  Observation observation;
+  observation.signature = content.groups[0].signature;
+  observation.z = z;
+  scan.observations.push_back(observation);
+  return scan;
+}
+
+TEST(HypothesisBank, DecidesForTheModeThatIsSeen) {
+  const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  std::vector<Decision> decisions;
+  std::vector<bool> surprising;
+  for (int i = 0; i < 20; ++i) {
+    const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, {4.72, 0.559}));
+    decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
+    surprising.insert(surprising.end(), events.surprising.begin(), events.surprising.end());
+  }
+  ASSERT_EQ(decisions.size(), 1u);  // Once per visit.
+  EXPECT_EQ(decisions[0].mode, ModeNumber(2));
+  EXPECT_GT(decisions[0].log_odds, 9.2);
+  EXPECT_TRUE(surprising[0]);
+  const Eigen::VectorXd p = bank.Probabilities(0);
+  EXPECT_GT(p[2], 0.999);
+  EXPECT_LT(p[2], 1.0);
+  EXPECT_GT(p[1], 0.0);
+  const std::vector<VisitEvidence> evidence = bank.EndVisits();
+  ASSERT_EQ(evidence.size(), 1u);
+  EXPECT_EQ(evidence[0].observations, 20);
+  EXPECT_EQ(evidence[0].modes[2].log_likelihood, 0.0);
+  EXPECT_LT(evidence[0].modes[1].log_likelihood, -9.0);
+}
+
+TEST(HypothesisBank, AVisitEndsAndTheChainRunsOn) {
+  MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
+  content.groups[0].chain = ModeChain::Uniform(2, 1e-3);
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  for (int i = 0; i < 5; ++i) bank.Correct(ScanOf(content, 0.3 * i, {4.0, 0.0}));
+  const double decided = bank.Probabilities(0)[1];
+  Scan empty;
+  empty.stamp = StampFromSeconds(1300.0);
+  const BankEvents events = bank.Correct(empty);
+  EXPECT_EQ(events.evidence.size(), 1u);
+  EXPECT_LT(bank.Probabilities(0)[1], decided - 0.1);
+}
+
+TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
+  const MapContent content = OneGroup({4.0, 0.0}, {40.0, 40.0});
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  Scan empty;
+  for (int i = 0; i < 2000; ++i) {
+    empty.stamp = StampFromSeconds(1000.0 + 0.3 * i);
+    EXPECT_TRUE(bank.Correct(empty).decisions.empty());
+  }
+  const std::vector<VisitEvidence> evidence = bank.EndVisits();
+  ASSERT_EQ(evidence.size(), 1u);
+  const double occluded = content.calibration.sensor.occluded_visit_probability;
+  EXPECT_NEAR(evidence[0].modes[1].log_likelihood, std::log(occluded), 1e-6);
+  EXPECT_NEAR(evidence[0].modes[0].log_likelihood, 0.0, 1e-6);
+}
+
+TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
+  const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  std::vector<Decision> decisions;
+  MotionIncrement ahead;
+  ahead.T_begin_end = Se2(0.05, 0.0, 0.0);
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Vector2d q(4.0 - 0.05 * i, -3.9);
+    bank.Predict(ahead, 0.3);
+    const BankEvents events =
+        bank.Correct(ScanOf(content, 0.3 * i, {q.norm(), std::atan2(q.y(), q.x())}));
+    EXPECT_FALSE(events.outcomes[0].gated_any);
+    decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
+  }
+  ASSERT_FALSE(decisions.empty());
+  EXPECT_EQ(decisions[0].mode, kAbsent);
+}
+
+// One visit: a landmark drawn from the prior, seen from a moving vehicle until the test decides.
+// Returns the decided state, or -1.
+int DecideOneVisit(const MapContent& content, double alpha, int truth, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const SensorCalibration& sensor = content.calibration.sensor;
+  const PoseWithCovariance start = AtOrigin(0.15);
+  Se2 T_map_vehicle = Se2(0.15 * normal(random), 0.15 * normal(random), 0.02 * normal(random));
+  const Eigen::Vector2d bias(0.5 * sensor.sd_range_m * normal(random),
+                             0.5 * sensor.sd_bearing_rad * normal(random));
+  const Mode& mode = content.groups[0].modes[static_cast<std::size_t>(truth) - 1];
+  const Eigen::Vector2d p =
+      mode.p_map_landmark + 0.05 * Eigen::Vector2d(normal(random), normal(random));
+  HypothesisOptions options;
+  options.alpha = alpha;
+  HypothesisBank bank(Snapshot(content), options, start, StampFromSeconds(1000.0));
+  MotionIncrement ahead;
+  ahead.T_begin_end = Se2(0.12, 0.0, 0.0);
+  for (int i = 0; i < 12; ++i) {
+    T_map_vehicle = T_map_vehicle * ahead.T_begin_end;
+    bank.Predict(ahead, 0.3);
+    const Eigen::Vector2d q = T_map_vehicle.Inverse() * p;
+    const Eigen::Vector2d z =
+        Eigen::Vector2d(q.norm(), std::atan2(q.y(), q.x())) + bias +
+        Eigen::Vector2d(sensor.sd_range_m * normal(random), sensor.sd_bearing_rad * normal(random));
+    const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, z));
+    if (!events.decisions.empty()) {
+      return static_cast<int>(events.decisions[0].mode.value());
+    }
+  }
+  return -1;
+}
+
+TEST(HypothesisBank, WrongDecisionsAreAsRareAsPromised) {
+  constexpr double kAlpha = 0.05;
+  constexpr int kVisits = 2000;
+  // Modes so near each other that a single observation rarely tells them apart.
+  MapContent content = OneGroup({5.0, 0.0}, {5.0, 0.6});
+  content.groups[0].probabilities = Eigen::Vector3d(0.001, 0.6, 0.399);
+  std::mt19937_64 random(3);
+  std::bernoulli_distribution first(0.6);
+  int decided = 0;
+  int wrong = 0;
+  for (int i = 0; i < kVisits; ++i) {
+    const int truth = first(random) ? 1 : 2;
+    const int decision = DecideOneVisit(content, kAlpha, truth, 100 + static_cast<unsigned>(i));
+    if (decision < 0) continue;
+    ++decided;
+    wrong += decision != truth;
+  }
+  EXPECT_GT(decided, kVisits * 3 / 4);
+  EXPECT_LE(wrong, kAlpha * decided);
+  EXPECT_GT(wrong, 0);  // Nor does it wait for certainty.
+}
+
+TEST(HypothesisBank, LeavesStayBounded) {
+  MapContent content = MakeTwoModeMap(30, 8.0, 9);
+  content.calibration.sensor.max_bearing_rad = 3.1;
+  HypothesisOptions options;
+  options.max_leaves = 8;
+  options.alpha = 1e-9;
+  HypothesisBank bank(Snapshot(content), options, AtOrigin(0.6), StampFromSeconds(1000.0));
+  Scan scan;
+  scan.stamp = StampFromSeconds(1000.0);
+  for (const LandmarkGroup& group : content.groups) {
+    Observation observation;
+    observation.signature = group.signature;
+    const Eigen::Vector2d& q = group.modes[1].p_map_landmark;
+    observation.z = {q.norm(), std::atan2(q.y(), q.x())};
+    scan.observations.push_back(observation);
+  }
+  for (int i = 0; i < 5; ++i) {
+    scan.stamp += FromSeconds(0.3);
+    bank.Correct(scan);
+    EXPECT_LE(bank.leaves().size(), 8u);
+  }
+  EXPECT_LE(bank.leaves_max(), 8);
+  for (int group = 0; group < 30; ++group) EXPECT_GT(bank.Probabilities(group)[2], 0.9);
+}
+
+TEST(DetectionModel, SectorHasSharpEdgesForACertainPose) {
+  SensorCalibration sensor;
+  sensor.max_range_m = 5.0;
+  sensor.max_bearing_rad = 0.5;
+  const Eigen::Matrix2d certain = Eigen::Matrix2d::Identity() * 1e-8;
+  EXPECT_NEAR(SectorFieldOfView({4.9, 0.4}, certain, sensor), 1.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({5.1, 0.4}, certain, sensor), 0.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({4.9, -0.6}, certain, sensor), 0.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({5.0, 0.0}, certain, sensor), 0.5, 1e-9);
+}
+
+TEST(ModeGrid, FindsWhatABruteForceSearchFinds) {
+  const MapContent content = MakeTwoModeMap(60, 50.0, 4);
+  const ModeGrid grid(Snapshot(content), 3.0);
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> place(-30.0, 30.0);
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::Vector2d p(place(random), place(random));
+    std::vector<int> expected;
+    for (std::size_t g = 0; g < content.groups.size(); ++g) {
+      for (const Mode& mode : content.groups[g].modes) {
+        if ((mode.p_map_landmark - p).norm() > 7.0) continue;
+        expected.push_back(static_cast<int>(g));
+        break;
+      }
+    }
+    std::vector<int> found;
+    grid.GroupsNear(p, 7.0, &found);
+    EXPECT_EQ(found, expected);
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/hypothesis/sequential_test.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "localizer/hypothesis/leaf_reduction.h"
+#include "localizer/hypothesis/visit.h"
+
+namespace shiftmap {
+namespace {
+
+using ::testing::ElementsAre;
+
+TEST(SequentialTest, ThresholdIsALogarithm) { EXPECT_NEAR(DecisionThreshold(1e-8), 18.42, 0.01); }
+
+TEST(SequentialTest, DecidesOnlyAgainstEveryOther) {
+  const double threshold = DecisionThreshold(0.01);
+  const TestOutcome open = TestStates(Eigen::Vector3d(0.0, -1.0, -10.0), threshold);
+  EXPECT_FALSE(open.decided);
+  EXPECT_THAT(open.hopeless, ElementsAre(2));
+  const TestOutcome closed = TestStates(Eigen::Vector3d(-9.0, 0.0, -10.0), threshold);
+  EXPECT_EQ(closed.decided, 1);
+  EXPECT_NEAR(closed.log_odds, 9.0, 1e-12);
+}
+
+TEST(SequentialTest, TwoEquallyHopelessStatesDoNotKeepEachOther) {
+  const TestOutcome outcome =
+      TestStates(Eigen::Vector3d(0.0, -20.0, -20.0), DecisionThreshold(1e-4));
+  EXPECT_THAT(outcome.hopeless, ElementsAre(1, 2));
+}
+
+Leaf MakeLeaf(double weight, int resolved, const Eigen::Vector3d& p) {
+  Leaf leaf{KnownMapFilter(PoseWithCovariance{Se2(), Eigen::Matrix3d::Identity()}, {}),
+            std::log(weight),
+            {}};
+  GroupBelief belief;
+  belief.resolved = resolved;
+  belief.log_p = p.array().log();
+  belief.log_missed = Eigen::Vector3d::Zero();
+  leaf.beliefs.push_back(belief);
+  return leaf;
+}
+
+TEST(LeafReduction, MergingKeepsTheMarginal) {
+  const Eigen::Vector3d p(0.5, 0.25, 0.25);
+  std::vector<Leaf> leaves = {MakeLeaf(0.2, 1, p),
+                              MakeLeaf(0.3, GroupBelief::kUnresolved, p),
+                              MakeLeaf(0.4, 1, p),
+                              MakeLeaf(0.1, GroupBelief::kUnresolved, {0.1, 0.1, 0.8})};
+  const Eigen::VectorXd before = MarginalLogProbability(leaves, 0);
+  MergeLeaves([](int) { return true; }, &leaves);
+  ASSERT_EQ(leaves.size(), 2u);
+  EXPECT_NEAR(std::exp(leaves[0].log_weight), 0.6, 1e-12);
+  EXPECT_LT((MarginalLogProbability(leaves, 0) - before).norm(), 1e-12);
+}
+
+TEST(LeafReduction, ConditioningIsBayes) {
+  std::vector<Leaf> leaves = {MakeLeaf(0.6, 1, {0.5, 0.25, 0.25}),
+                              MakeLeaf(0.4, GroupBelief::kUnresolved, {0.5, 0.3, 0.2})};
+  std::vector<Leaf> excluded = leaves;
+  ConditionOn(0, 2, &leaves);
+  ASSERT_EQ(leaves.size(), 1u);
+  EXPECT_NEAR(NormalizeWeights(&leaves), std::log(0.4 * 0.2), 1e-12);
+  Exclude(0, 1, &excluded);
+  ASSERT_EQ(excluded.size(), 1u);
+  EXPECT_NEAR(NormalizeWeights(&excluded), std::log(0.4 * 0.7), 1e-12);
+  EXPECT_NEAR(excluded[0].beliefs[0].log_p[0], std::log(0.5 / 0.7), 1e-12);
+}
+
+TEST(LeafReduction, ReportsWhatTheBoundDropped) {
+  std::vector<Leaf> leaves = {MakeLeaf(0.2, 0, {0.5, 0.3, 0.2}),
+                              MakeLeaf(0.7, 1, {0.5, 0.3, 0.2}),
+                              MakeLeaf(0.1, 2, {0.5, 0.3, 0.2})};
+  EXPECT_NEAR(KeepHeaviest(2, 1e-6, &leaves), 0.1, 1e-12);
+  ASSERT_EQ(leaves.size(), 2u);
+  EXPECT_EQ(leaves[0].beliefs[0].resolved, 1);
+}
+
+TEST(Visit, EvidenceLeavesThePriorOut) {
+  LandmarkGroup group;
+  group.modes.resize(2);
+  group.modes[0].number = ModeNumber(3);
+  group.modes[1].number = ModeNumber(7);
+  const Eigen::Vector3d log_likelihood(-4.0, -1.0, -80.0);
+  for (const Eigen::Vector3d& prior :
+       {Eigen::Vector3d(0.1, 0.6, 0.3), Eigen::Vector3d(0.8, 0.1, 0.1)}) {
+    Visit visit;
+    visit.given_up.resize(3);
+    visit.log_prior = prior.array().log();
+    const VisitEvidence evidence =
+        EvidenceOf(visit, LogPosterior(visit, visit.log_prior + log_likelihood), group);
+    ASSERT_EQ(evidence.modes.size(), 3u);
+    EXPECT_EQ(evidence.modes[0].mode, kAbsent);
+    EXPECT_EQ(evidence.modes[2].mode, ModeNumber(7));
+    EXPECT_NEAR(evidence.modes[0].log_likelihood, -3.0, 1e-9);
+    EXPECT_NEAR(evidence.modes[1].log_likelihood, 0.0, 1e-9);
+    EXPECT_EQ(evidence.modes[2].log_likelihood, -50.0);
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

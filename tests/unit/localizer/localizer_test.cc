@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/localizer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/localizer/simulated_run.h"
+
+namespace shiftmap {
+namespace {
+
+struct Outcome {
+  std::vector<PoseEstimate> poses;
+  ShiftReport report;
+  LocalizerStatistics statistics;
+  double rmse_m = 0.0;
+};
+
+Outcome Localize(const MapContent& content,
+                 const SimulatedRun& simulated,
+                 const LocalizerOptions& options) {
+  Localizer localizer(Snapshot(content), options);
+  Outcome outcome;
+  for (const RunEvent& event : MergeEvents(simulated.run)) {
+    const Status status = localizer.Process(event);
+    EXPECT_TRUE(status.ok()) << Message(status);
+    outcome.poses.insert(
+        outcome.poses.end(), localizer.new_estimates().begin(), localizer.new_estimates().end());
+  }
+  localizer.Finish();
+  outcome.report = localizer.Report();
+  outcome.statistics = localizer.Statistics();
+  double squares = 0.0;
+  const std::size_t skipped = simulated.run.scans.size() - outcome.poses.size();
+  for (std::size_t i = 0; i < outcome.poses.size(); ++i) {
+    squares += (simulated.T_map_vehicle[i + skipped].translation() -
+                outcome.poses[i].pose.T_map_vehicle.translation())
+                   .squaredNorm();
+  }
+  outcome.rmse_m = std::sqrt(squares / static_cast<double>(outcome.poses.size()));
+  return outcome;
+}
+
+TEST(Localizer, StartsByItselfWhenMostLandmarksChangedTheirMode) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  std::vector<int> states(content.groups.size(), 2);
+  for (std::size_t i = 0; i < states.size(); i += 5) states[i] = 1;  // 80 % are elsewhere.
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SimulationOptions simulation;
+    simulation.seed = seed;
+    simulation.duration_s = 120.0;
+    simulation.clutter_share = 0.03;
+    simulation.T_map_start =
+        Se2(0.1 * static_cast<double>(seed), -1.0, 0.6 * static_cast<double>(seed));
+    const Outcome outcome =
+        Localize(content, Simulate(content, PositionsOf(content, states), simulation), {});
+    ASSERT_FALSE(outcome.poses.empty()) << seed;
+    EXPECT_LT(outcome.rmse_m, 0.25) << seed;
+    EXPECT_EQ(outcome.statistics.starts, 1) << seed;
+    ASSERT_FALSE(outcome.report.decisions.empty()) << seed;
+    const MapSnapshot snapshot = Snapshot(content);
+    for (const Decision& decision : outcome.report.decisions) {
+      const int group = snapshot.GroupIndex(decision.signature);
+      EXPECT_EQ(decision.mode.value(), states[static_cast<std::size_t>(group)])
+          << seed << " " << decision.signature.text();
+    }
+  }
+}
+
+TEST(Localizer, RepeatsItselfBitByBit) {
+  const MapContent content = MakeTwoModeMap(12, 12.0, 2);
+  const std::vector<int> states(content.groups.size(), 2);
+  const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), {});
+  const Outcome first = Localize(content, simulated, {});
+  const Outcome second = Localize(content, simulated, {});
+  ASSERT_EQ(first.poses.size(), second.poses.size());
+  for (std::size_t i = 0; i < first.poses.size(); ++i) {
+    EXPECT_EQ(first.poses[i].pose.T_map_vehicle.translation(),
+              second.poses[i].pose.T_map_vehicle.translation());
+    EXPECT_EQ(first.poses[i].pose.cov_T_map_vehicle, second.poses[i].pose.cov_T_map_vehicle);
+  }
+  ASSERT_EQ(first.report.evidence.size(), second.report.evidence.size());
+  for (std::size_t i = 0; i < first.report.evidence.size(); ++i) {
+    for (std::size_t k = 0; k < first.report.evidence[i].modes.size(); ++k) {
+      EXPECT_EQ(first.report.evidence[i].modes[k].log_likelihood,
+                second.report.evidence[i].modes[k].log_likelihood);
+    }
+  }
+}
+
+TEST(Localizer, MovesWithTheWorld) {
+  const MapContent content = MakeTwoModeMap(12, 12.0, 2);
+  const std::vector<int> states(content.groups.size(), 2);
+  const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), {});
+  const Eigen::Vector2d shift(1000.0, -500.0);
+  MapContent moved = content;
+  for (LandmarkGroup& group : moved.groups) {
+    for (Mode& mode : group.modes) mode.p_map_landmark += shift;
+  }
+  const Outcome here = Localize(content, simulated, {});
+  const Outcome there = Localize(moved, simulated, {});
+  ASSERT_EQ(here.poses.size(), there.poses.size());
+  EXPECT_LT((here.poses.back().pose.T_map_vehicle.translation() + shift -
+             there.poses.back().pose.T_map_vehicle.translation())
+                .norm(),
+            1e-6);
+}
+
+LocalizerOptions AtPose(const Se2& T_map_vehicle) {
+  LocalizerOptions options;
+  options.initial_pose =
+      PoseWithCovariance{T_map_vehicle, Eigen::Vector3d(0.25, 0.25, 0.04).asDiagonal()};
+  return options;
+}
+
+TEST(Localizer, OneSignatureAtTwoPlacesIsAnAlarmAndCountsForNothing) {
+  const MapContent content = MakeTwoModeMap(3, 12.0, 2);
+  Localizer localizer(Snapshot(content), AtPose(Se2()));
+  Scan scan;
+  scan.stamp = StampFromSeconds(1000.0);
+  Observation observation;
+  observation.signature = content.groups[0].signature;
+  observation.z = {3.0, 0.2};
+  scan.observations.push_back(observation);
+  observation.z = {6.0, -0.4};
+  scan.observations.push_back(observation);
+  ASSERT_TRUE(localizer.Process(scan).ok());
+  EXPECT_EQ(localizer.Statistics().duplicate_signatures, 1);
+  EXPECT_EQ(localizer.Statistics().updates + localizer.Statistics().ungated, 0);
+}
+
+TEST(Localizer, WhatTheMapDoesNotKnowBecomesASighting) {
+  const MapContent content = MakeTwoModeMap(3, 12.0, 2);
+  Localizer localizer(Snapshot(content), AtPose(Se2(1.0, 2.0, 0.0)));
+  Scan scan;
+  Observation observation;
+  observation.signature = Signature("stranger");
+  observation.z = {3.0, 0.0};
+  scan.observations.push_back(observation);
+  for (int i = 0; i < 4; ++i) {
+    scan.stamp = StampFromSeconds(1000.0 + 0.2 * i);
+    ASSERT_TRUE(localizer.Process(OdometrySample{scan.stamp, 0.0, 0.0}).ok());
+    ASSERT_TRUE(localizer.Process(scan).ok());
+  }
+  const std::vector<UnmappedSighting> sightings = localizer.Sightings();
+  ASSERT_EQ(sightings.size(), 1u);
+  EXPECT_EQ(sightings[0].signature.text(), "stranger");
+  EXPECT_EQ(sightings[0].count, 4);
+  EXPECT_LT((sightings[0].p_map_landmark - Eigen::Vector2d(4.0, 2.0)).norm(), 1e-6);
+}
+
+TEST(Localizer, RejectsWhatCannotBe) {
+  const MapContent content = MakeTwoModeMap(3, 12.0, 2);
+  Localizer localizer(Snapshot(content), {});
+  ASSERT_TRUE(localizer.Process(OdometrySample{StampFromSeconds(1000.0), 0.1, 0.0}).ok());
+  EXPECT_EQ(localizer.Process(OdometrySample{StampFromSeconds(999.0), 0.1, 0.0}).code(),
+            StatusCode::kInvalidArgument);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(localizer.Process(OdometrySample{StampFromSeconds(1001.0), nan, 0.0}).code(),
+            StatusCode::kInvalidArgument);
+  EXPECT_TRUE(localizer.Process(OdometrySample{StampFromSeconds(1000.0), 0.1, 0.0}).ok());
+  EXPECT_EQ(localizer.state(), LocalizerState::kInitializing);
+}
+
+TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.duration_s = 120.0;
+  simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+  const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), simulation);
+  // Told a wrong place: far from the truth for its covariance.
+  const Outcome outcome = Localize(content, simulated, AtPose(Se2(3.5, -3.0, 2.5)));
+  const auto lost = static_cast<std::size_t>(LocalizerState::kLost);
+  EXPECT_GT(outcome.statistics.seconds_in_state[lost], 0.0);
+  EXPECT_GE(outcome.statistics.starts, 2);
+  const Eigen::Vector2d error = outcome.poses.back().pose.T_map_vehicle.translation() -
+                                simulated.T_map_vehicle.back().translation();
+  EXPECT_LT(error.norm(), 0.5);
+}
+
+TEST(LocalizerOptions, NamesWhatIsOutOfRange) {
+  LocalizerOptions options;
+  EXPECT_TRUE(options.Validate().ok());
+  options.hypotheses.alpha = 0.5;
+  EXPECT_NE(Message(options.Validate()).find("alpha"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace shiftmap

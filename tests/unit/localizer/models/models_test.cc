@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapstore/geometry/angle.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kStep = 1e-6;
+
+Eigen::Vector2d Difference(Observation::Kind kind, Eigen::Vector2d a, const Eigen::Vector2d& b) {
+  a -= b;
+  if (kind == Observation::Kind::kRangeBearing) a.y() = WrapAngle(a.y());
+  return a;
+}
+
+TEST(ObservationModel, JacobiansAgreeWithDifferences) {
+  const Se2 T_map_vehicle(1.0, -2.0, 2.5);
+  const Eigen::Vector2d p(-3.0, 0.7);
+  for (const auto kind : {Observation::Kind::kRangeBearing, Observation::Kind::kCartesian}) {
+    Observation observation;
+    observation.kind = kind;
+    observation.z = {4.0, 0.3};
+    const Innovation at = Linearize(observation, T_map_vehicle, p);
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d xi = kStep * Eigen::Vector3d::Unit(i);
+      const Innovation moved = Linearize(observation, T_map_vehicle * Se2::Exp(xi), p);
+      const Eigen::Vector2d column = Difference(kind, at.nu, moved.nu) / kStep;
+      EXPECT_LT((column - at.H_pose.col(i)).norm(), 1e-5);
+    }
+    for (int i = 0; i < 2; ++i) {
+      const Innovation moved =
+          Linearize(observation, T_map_vehicle, p + kStep * Eigen::Vector2d::Unit(i));
+      const Eigen::Vector2d column = Difference(kind, at.nu, moved.nu) / kStep;
+      EXPECT_LT((column - at.H_landmark.col(i)).norm(), 1e-5);
+    }
+  }
+}
+
+TEST(ObservationModel, APerfectObservationHasNoInnovation) {
+  const Se2 T_map_vehicle(3.0, 4.0, -1.0);
+  Observation observation;
+  observation.z = {2.5, -0.4};
+  const Eigen::Vector2d p = LandmarkPosition(observation, T_map_vehicle);
+  EXPECT_LT(Linearize(observation, T_map_vehicle, p).nu.norm(), 1e-12);
+}
+
+TEST(MotionModel, CalibrationJacobianAgreesWithDifferences) {
+  std::vector<OdometrySample> odometry;
+  for (int i = 0; i < 60; ++i) {
+    odometry.push_back(
+        {StampFromSeconds(10.0 + 0.1 * i), 0.4 + 0.1 * (i % 3), 0.2 - 0.05 * (i % 4)});
+  }
+  const Stamp begin = StampFromSeconds(11.03);
+  const Stamp end = StampFromSeconds(14.07);
+  const auto integrate = [&](const Eigen::Vector2d& log_scale) {
+    OdometryCalibration calibration;
+    calibration.scale_v = std::exp(log_scale.x());
+    calibration.scale_omega = std::exp(log_scale.y());
+    std::size_t hint = 0;
+    return IntegrateMotion(odometry, begin, end, calibration, &hint);
+  };
+  const MotionIncrement at = integrate(Eigen::Vector2d::Zero());
+  for (int i = 0; i < 2; ++i) {
+    const MotionIncrement moved = integrate(kStep * Eigen::Vector2d::Unit(i));
+    const Eigen::Vector3d column = (at.T_begin_end.Inverse() * moved.T_begin_end).Log() / kStep;
+    EXPECT_LT((column - at.J_calibration.col(i)).norm(), 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap
