@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "mapstore/geometry/se2.h"
+
+namespace shiftmap {
+
+/// A mode in one of two frames that are to be aligned.
+struct AlignmentPoint {
+  int group = 0;  ///< The same number for the same signature in both frames.
+  Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< [m]
+  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();       ///< Marginal. [m²]
+};
+
+struct AlignmentOptions {
+  /// Fewer agreeing signatures than this are no alignment: two may agree by accident.
+  int min_signatures = 3;
+
+  /// Error of a mode's position that its covariance does not know of, in either frame. [m]
+  double position_floor_m = 0.015;
+
+  /// Sensors disagree about lengths by up to this share; no rigid transform would make their maps
+  /// agree, so agreement is judged with a scale within these bounds. [-]
+  double max_scale_error = 0.05;
+
+  /// Chi-square probability at which two positions agree.
+  double gate_probability = 0.999;
+
+  /// Pairs of correspondences tried at most; beyond, pairs are drawn (seeded).
+  int max_pairs = 200000;
+};
+
+struct Alignment {
+  Se2 T_reference_other;
+  std::vector<int> signatures;  ///< Groups that agree, ascending.
+  int runner_up = 0;            ///< Agreeing signatures of the best clearly different alignment.
+  double rms_m = 0.0;           ///< Of the agreeing positions.
+
+  /// Where the agreeing positions lie in the reference frame, and how well they hold the alignment.
+  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();  ///< [m]
+  double variance_m2 = 0.0;                            ///< Of the centroid, per axis.
+  double variance_rad2 = 0.0;                          ///< Of the rotation about it.
+
+  /// Variance per axis, due to the alignment, of a position in the reference frame. [m²]
+  double PositionVariance(const Eigen::Vector2d& position) const {
+    return variance_m2 + variance_rad2 * (position - centroid).squaredNorm();
+  }
+};
+
+/// Finds the rigid transform under which the most signatures agree: in each frame every mode of a
+/// group may be the one that matches, so it works when most landmarks stand elsewhere by now.
+///
+/// Every pair of correspondences (same group in both frames) whose distances agree proposes a
+/// transform, and least squares over its supporters refines it. The most likely one wins: a
+/// supporter at squared distance d² (in variances σ²) is worth log(A / 2πσ²) - d²/2 against a
+/// landmark that stands anywhere in the area A. One more supporter is therefore not worth any price
+/// in the fit of the others.
+///
+/// Nothing is returned if fewer than min_signatures agree, or if a clearly different transform has
+/// as many supporters or more likelihood. Deterministic.
+std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
+                                          const std::vector<AlignmentPoint>& other,
+                                          const AlignmentOptions& options);
+
+}  // namespace shiftmap

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "mapper/cli/commands.h"
+#include "mapper/cli/survey_file.h"
+#include "mapper/mapper_options.h"
+#include "mapstore/cli/version.h"
+#include "mapstore/map/sha256.h"
+#include "mapstore/map_store.h"
+
+namespace shiftmap {
+namespace {
+
+struct ImportOptions {
+  std::string store;
+  std::string area;
+  std::string survey;
+  std::optional<double> stamp_s;
+  double leave_rate_per_s = ModeOptions().leave_rate_per_s;
+  bool no_publish = false;
+};
+
+Status Import(const ImportOptions& options, Context& context) {
+  const Stamp stamp =
+      options.stamp_s ? StampFromSeconds(*options.stamp_s)
+                      : std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content,
+                            ReadSurvey(options.survey, stamp, options.leave_rate_per_s));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string survey_hash, HashFile(options.survey));
+  std::size_t modes = 0;
+  for (const LandmarkGroup& group : content.groups) modes += group.modes.size();
+
+  Json document = {{"area", options.area}};
+  std::string text = fmt::format("{} landmarks, {} modes", content.groups.size(), modes);
+  if (!context.dry_run()) {
+    Provenance provenance;
+    provenance.tool = "shiftmap-mapper " + SoftwareVersion();
+    provenance.configuration =
+        Json{{"survey_sha256", survey_hash}, {"leave_rate_per_s", options.leave_rate_per_s}}.dump();
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                              MapStore::Open(options.store, MapStore::Access::kReadWriteCreate));
+    CommitOptions commit;
+    commit.publish = !options.no_publish;
+    SHIFTMAP_ASSIGN_OR_RETURN(const CommitResult result,
+                              store.Commit(options.area, content, provenance, commit));
+    document["version"] = result.version.value();
+    document["content_hash"] = result.content_hash;
+    text = fmt::format("version {} of area '{}': {}", result.version.value(), options.area, text);
+  }
+  document["groups"] = content.groups.size();
+  document["modes"] = modes;
+  context.Report(document, text + "\n");
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddImportCommand(Application* application) {
+  auto options = std::make_shared<ImportOptions>();
+  application
+      ->AddCommand("import",
+                   "Make a map version of surveyed landmarks",
+                   [options](Context& context) { return Import(*options, context); })
+      .Option("--store", &options->store, "Map store; made if there is none")
+      .Required()
+      .Option("--area", &options->area, "Area to make a version of")
+      .Required()
+      .Option("--stamp-s",
+              &options->stamp_s,
+              "When the probabilities hold, seconds since the epoch; default now")
+      .Option(
+          "--leave-rate-per-s", &options->leave_rate_per_s, "Rate at which landmarks leave a mode")
+      .InRange(0.0, 1e3)
+      .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
+      .Option("LANDMARKS.csv", &options->survey, "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability")
+      .Required()
+      .Writes();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/cli/survey_file.h"
+
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string_view>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+constexpr std::string_view kHeader = "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability";
+constexpr double kProbabilitySlack = 1e-9;
+
+struct SurveyRow {
+  Signature signature;
+  Mode mode;
+  double probability = 0.0;
+};
+
+// Modes by number with their probabilities; mode 0 is `absent`.
+using SurveyGroup = std::map<ModeNumber, SurveyRow>;
+
+std::vector<std::string_view> Split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  while (true) {
+    const std::size_t comma = line.find(',');
+    fields.push_back(line.substr(0, comma));
+    if (comma == std::string_view::npos) return fields;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+template <typename Number>
+bool Parse(std::string_view field, Number* value) {
+  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), *value);
+  return error == std::errc() && end == field.data() + field.size();
+}
+
+StatusOr<SurveyRow> ParseRow(std::string_view line) {
+  const std::vector<std::string_view> fields = Split(line);
+  if (fields.size() != 7) return InvalidArgument("{} fields, expected 7", fields.size());
+  SurveyRow row;
+  row.signature = Signature(std::string(fields[0]));
+  if (row.signature.anonymous()) return InvalidArgument("empty signature");
+  ModeNumber::Value number = 0;
+  if (!Parse(fields[1], &number) || number < 0)
+    return InvalidArgument("mode '{}', expected 0 or more", fields[1]);
+  row.mode.number = ModeNumber(number);
+  if (!Parse(fields[6], &row.probability) || !(row.probability >= 0.0 && row.probability <= 1.0)) {
+    return InvalidArgument("probability '{}', expected 0 to 1", fields[6]);
+  }
+  if (row.mode.number == kAbsent) return row;
+  Eigen::Vector2d sd;
+  if (!Parse(fields[2], &row.mode.p_map_landmark.x()) ||
+      !Parse(fields[3], &row.mode.p_map_landmark.y()) || !row.mode.p_map_landmark.allFinite()) {
+    return InvalidArgument("position '{},{}', expected two numbers", fields[2], fields[3]);
+  }
+  if (!Parse(fields[4], &sd.x()) || !Parse(fields[5], &sd.y()) || !sd.allFinite() ||
+      sd.minCoeff() <= 0.0) {
+    return InvalidArgument(
+        "standard deviation '{},{}', expected two positive numbers", fields[4], fields[5]);
+  }
+  row.mode.cov_p_map_landmark = sd.cwiseAbs2().asDiagonal();
+  return row;
+}
+
+StatusOr<LandmarkGroup> MakeGroup(const Signature& signature,
+                                  const SurveyGroup& rows,
+                                  double leave_rate_per_s) {
+  LandmarkGroup group;
+  group.signature = signature;
+  std::vector<double> probabilities{0.0};
+  double sum = 0.0;
+  for (const auto& [number, row] : rows) {
+    sum += row.probability;
+    if (number == kAbsent) continue;
+    group.modes.push_back(row.mode);
+    probabilities.push_back(row.probability);
+  }
+  if (group.modes.empty())
+    return InvalidArgument("landmark '{}': no mode with a position", signature.text());
+  if (sum > 1.0 + kProbabilitySlack) {
+    return InvalidArgument(
+        "landmark '{}': probabilities sum to {}, expected 1 at most", signature.text(), sum);
+  }
+  const auto absent = rows.find(kAbsent);
+  probabilities[0] =
+      (absent == rows.end() ? 0.0 : absent->second.probability) + std::max(0.0, 1.0 - sum);
+  group.probabilities = Eigen::Map<const Eigen::VectorXd>(
+      probabilities.data(), static_cast<Eigen::Index>(probabilities.size()));
+  group.probabilities /= group.probabilities.sum();
+  group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), leave_rate_per_s);
+  return group;
+}
+
+}  // namespace
+
+StatusOr<MapContent> ReadSurvey(const std::string& path, Stamp stamp, double leave_rate_per_s) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return NotFound("survey '{}': does not exist", path);
+  std::ifstream file(path);
+  std::map<Signature, SurveyGroup> groups;
+  std::string line;
+  for (int number = 1; std::getline(file, line); ++number) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (number == 1) {
+      if (line != kHeader) return InvalidArgument("{}:1: expected the header '{}'", path, kHeader);
+      continue;
+    }
+    if (line.empty() || line.front() == '#') continue;
+    StatusOr<SurveyRow> row = ParseRow(line);
+    if (!row.ok()) return InvalidArgument("{}:{}: {}", path, number, Message(row.status()));
+    const bool added = groups[row->signature].emplace(row->mode.number, *row).second;
+    if (!added) {
+      return InvalidArgument("{}:{}: landmark '{}': mode {} is given twice",
+                             path,
+                             number,
+                             row->signature.text(),
+                             row->mode.number.value());
+    }
+  }
+  if (!file.eof()) return Unavailable("survey '{}': cannot be read", path);
+  if (groups.empty()) return InvalidArgument("survey '{}': no landmarks", path);
+
+  MapContent content;
+  content.stamp = stamp;
+  std::vector<Eigen::Matrix2d> diagonal;
+  for (const auto& [signature, rows] : groups) {
+    StatusOr<LandmarkGroup> group = MakeGroup(signature, rows, leave_rate_per_s);
+    if (!group.ok()) return InvalidArgument("survey '{}': {}", path, Message(group.status()));
+    for (const Mode& mode : group->modes) diagonal.push_back(mode.cov_p_map_landmark);
+    content.groups.push_back(*std::move(group));
+  }
+  content.covariance = JointCovariance(std::move(diagonal), {});
+  SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(content));
+  return content;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/datum.h"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+namespace shiftmap {
+namespace {
+
+constexpr double kFloorSd = 1e-3;  // [m]
+constexpr double kDatumSd = 1e-4;  // How firmly a prior holds the frame. [m]
+
+Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& position : positions) {
+    centroid += position / static_cast<double>(positions.size());
+  }
+  return centroid;
+}
+
+}  // namespace
+
+Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
+  const auto count = static_cast<Eigen::Index>(positions.size());
+  const Eigen::Vector2d centroid = Centroid(positions);
+  Eigen::MatrixXd G(2 * count, 3);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Vector2d offset = positions[static_cast<std::size_t>(i)] - centroid;
+    G.row(2 * i) << 1.0, 0.0, -offset.y();
+    G.row(2 * i + 1) << 0.0, 1.0, offset.x();
+  }
+  // The columns are orthogonal because the rotation is about the centroid. If all positions are
+  // one, no rotation moves them, and its column is zero.
+  for (Eigen::Index column = 0; column < 3; ++column) {
+    const double norm = G.col(column).norm();
+    if (norm > 0.0) G.col(column) /= norm;
+  }
+  return G;
+}
+
+Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
+                                 const Eigen::MatrixXd& cov) {
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
+  Eigen::MatrixXd result = projector * cov * projector;
+  result = (0.5 * (result + result.transpose())).eval();
+  result.diagonal().array() += kFloorSd * kFloorSd;
+  return result;
+}
+
+Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,
+                                    double sd_scale,
+                                    const Eigen::MatrixXd& cov) {
+  const Eigen::Vector2d centroid = Centroid(positions);
+  Eigen::VectorXd q(static_cast<Eigen::Index>(2 * positions.size()));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    q.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i] - centroid;
+  }
+  return cov + sd_scale * sd_scale * q * q.transpose();
+}
+
+GraphPrior MakeGraphPrior(const std::vector<int>& modes,
+                          const std::vector<Eigen::Vector2d>& positions,
+                          const Eigen::MatrixXd& cov) {
+  GraphPrior prior;
+  prior.modes = modes;
+  prior.mean.resize(static_cast<Eigen::Index>(2 * positions.size()));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    prior.mean.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i];
+  }
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(cov);
+  const Eigen::VectorXd sqrt_information =
+      solver.eigenvalues().cwiseMax(kFloorSd * kFloorSd * 0.1).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd whitening =
+      sqrt_information.asDiagonal() * solver.eigenvectors().transpose() * projector;
+  prior.sqrt_information.resize(whitening.rows() + 3, whitening.cols());
+  prior.sqrt_information << whitening, G.transpose() / kDatumSd;
+  return prior;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "mapper/graph/graph.h"
+
+namespace shiftmap {
+
+/// The three directions in which all positions move together, orthonormal columns (2n x 3):
+/// translation in x and y, rotation about the centroid. Observations between vehicle and landmarks
+/// say nothing of them; they are the datum of the map. Precondition: at least one position.
+Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions);
+
+/// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
+/// with G the datum directions: the inner-constraint solution of surveying. It does not depend on
+/// which pose or landmark held the frame in the solve, and has the smallest trace of all choices. A
+/// floor of 1 mm per axis keeps it positive definite.
+Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
+                                 const Eigen::MatrixXd& cov);
+
+/// Adds what no run tells: the scale of the map, which the sensors' own scale sets. All positions
+/// move together along their offsets q from the centroid: P' = P + sd² q qᵀ.
+/// @param sd_scale  Standard deviation of the scale. [-]
+Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,
+                                    double sd_scale,
+                                    const Eigen::MatrixXd& cov);
+
+/// The prior of a map version as a graph takes it: information P⁻¹ outside the datum directions,
+/// and the datum held where it is.
+/// @param modes  Flat indices of the positions in the graph that will use it.
+GraphPrior MakeGraphPrior(const std::vector<int>& modes,
+                          const std::vector<Eigen::Vector2d>& positions,
+                          const Eigen::MatrixXd& cov);
+
+}  // namespace shiftmap

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapper/frontend/mapping_run.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/calibration.h"
+
+namespace shiftmap {
+
+/// Poses of a run's key frames in the frame of its first one, for a start of the graph: dead
+/// reckoning drifts into wrong minima, a filter that closes loops does not.
+///
+/// EKF-SLAM over the pose, (log scale_v, log scale_omega) of the odometry and one position per
+/// landmark: what moved, or was misread, does not gate and is skipped. Quadratic in the number of
+/// landmarks.
+/// @return One pose per key frame, T_start_vehicle.
+std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibration& calibration);
+
+}  // namespace shiftmap

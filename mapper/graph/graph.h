@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "localizer/models/motion_model.h"
+#include "mapper/graph/sensor_bias.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/run/run.h"
+
+namespace shiftmap {
+
+/// One run's chain of poses in the graph.
+struct GraphRun {
+  std::vector<Se2> poses;  ///< T_map_vehicle at every key frame. In: the start. Out: the solution.
+  std::vector<MotionIncrement> motions;  ///< motions[i] leads from poses[i] to poses[i + 1].
+
+  /// Correction to the calibration the motions were integrated with: (log scale_v, log scale_omega,
+  /// lag_s), with a Gaussian prior.
+  Eigen::Vector3d correction = Eigen::Vector3d::Zero();
+  Eigen::Vector3d correction_prior_mean = Eigen::Vector3d::Zero();
+  Eigen::Vector3d correction_prior_sd = Eigen::Vector3d::Ones();
+
+  /// Systematic errors of this vehicle's sensor, with a zero-mean Gaussian prior.
+  SensorBias sensor_bias = SensorBias::Zero();
+  SensorBias sensor_bias_sd = SensorBias::Ones();
+};
+
+/// An observation, switched to the mode that the selector names.
+struct GraphObservation {
+  int run = 0;
+  int frame = 0;
+  int mode = 0;  ///< Index in Graph::modes.
+  Observation observation;
+  Eigen::Matrix2d cov_z = Eigen::Matrix2d::Identity();
+  double mean_squared_bearing = 0.0;  ///< b̄² of the run. [rad²]
+};
+
+/// What is known of some modes beforehand: the joint Gaussian of a previous map version.
+struct GraphPrior {
+  std::vector<int> modes;            ///< Indices in Graph::modes.
+  Eigen::VectorXd mean;              ///< Stacked (x, y). [m]
+  Eigen::MatrixXd sqrt_information;  ///< Rows: whitened residuals. [1/m]
+};
+
+/// The continuous part of the mapping problem, IJRR (21): poses and mode positions that minimize
+///
+///   Σ ‖Log((T_i Δ_i(c))⁻¹ T_{i+1})‖²_Σi  +  Σ ρ(‖z - h(T_f, p_m, b)‖²_R)  +  priors
+///
+/// with ρ the Cauchy loss: a misread signature must not bend the map.
+struct Graph {
+  std::vector<GraphRun> runs;
+  std::vector<Eigen::Vector2d> modes;  ///< p_map_landmark. [m]
+  std::vector<GraphObservation> observations;
+  GraphPrior prior;
+
+  /// Without a prior the frame is fixed by holding the first pose of this run.
+  int anchor_run = 0;
+
+  /// Residual, in standard deviations, at which the loss turns from square to logarithm.
+  double loss_scale = 2.5;
+};
+
+struct GraphSummary {
+  double initial_cost = 0.0;
+  double final_cost = 0.0;
+  int iterations = 0;
+  bool converged = false;
+};
+
+/// Minimizes the graph in place with Ceres on one thread. Same input, same bits.
+GraphSummary SolveGraph(int max_iterations, Graph* graph);
+
+/// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
+/// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told.
+struct ResidualStatistics {
+  enum Kind { kTranslation, kYaw, kRange, kBearing, kPosition, kKinds };
+  Eigen::Array<double, kKinds, 1> sum_of_squares = Eigen::Array<double, kKinds, 1>::Zero();
+  Eigen::Array<double, kKinds, 1> redundancy = Eigen::Array<double, kKinds, 1>::Zero();
+};
+
+/// The Gaussian around the solution.
+struct GraphPosterior {
+  /// Joint covariance of all modes, order of Graph::modes, (x, y) each. [m²]
+  Eigen::MatrixXd mode_covariance;
+  ResidualStatistics statistics;
+};
+
+/// Linearizes the graph at its present values. The poses are eliminated first (sparse), which
+/// leaves a dense problem over modes and calibrations. The redundancy of each kind of residual is
+/// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` draws of the posterior (seeded).
+/// Precondition: every mode is observed or in the prior.
+GraphPosterior ComputeGraphPosterior(const Graph& graph, int samples, std::uint64_t seed);
+
+/// Squared standardized residual of one observation at the graph's present values.
+double SquaredResidual(const Graph& graph, const GraphObservation& observation);
+
+}  // namespace shiftmap

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/map_problem.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+
+namespace shiftmap {
+namespace {
+
+// Prior knowledge of a run's odometry relative to where it is linearized. The lag's is wide: logs
+// differ in what they call now.
+constexpr double kLagSd = 0.2;  // [s]
+
+// What sensors read too much, before their runs tell. [m], [rad]
+constexpr double kBearingOffsetSd = 0.05;  // [rad]
+constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
+
+// A noise estimate may not leave its predecessor by more than this factor in one step.
+constexpr double kMaxNoiseFactor = 4.0;
+
+GraphRun MakeGraphRun(const BuildRun& run, const OdometryCalibration& fleet, bool calibrate) {
+  GraphRun result;
+  result.poses = run.poses;
+  std::size_t hint = 0;
+  const std::vector<KeyFrame>& frames = run.data->frames;
+  for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
+    result.motions.push_back(IntegrateMotion(
+        run.data->odometry, frames[i].stamp, frames[i + 1].stamp, run.odometry, &hint));
+  }
+  const double sd_scale = calibrate ? fleet.sd_log_scale : 1e-9;
+  result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : 1e-9};
+  result.correction_prior_mean = {std::log(fleet.scale_v / run.odometry.scale_v),
+                                  std::log(fleet.scale_omega / run.odometry.scale_omega),
+                                  fleet.lag_s - run.odometry.lag_s};
+  result.sensor_bias = run.sensor_bias;
+  result.sensor_bias_sd =
+      calibrate ? SensorBias(kBearingOffsetSd, kRangeCurvatureSd) : SensorBias::Constant(1e-9);
+  return result;
+}
+
+Graph MakeGraph(const MapperOptions& options, const MapProblem& problem) {
+  Graph graph;
+  const FlatModes flat(problem);
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
+  }
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    const BuildRun& run = problem.runs[r];
+    graph.runs.push_back(MakeGraphRun(run, options.calibration.odometry, options.calibrate));
+    for (const Sighting& sighting : run.data->sightings) {
+      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+      if (mode == kNoMode) continue;
+      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
+      graph.observations.push_back({static_cast<int>(r),
+                                    sighting.frame,
+                                    flat.Index(group, mode),
+                                    sighting.observation,
+                                    ObservationNoise(sighting.observation, problem.sensor),
+                                    run.data->mean_squared_bearing});
+    }
+  }
+  graph.prior = problem.prior;
+  return graph;
+}
+
+void CopyBack(const Graph& graph, MapProblem* problem) {
+  std::size_t flat = 0;
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    run.poses = graph.runs[r].poses;
+    const Eigen::Vector3d& correction = graph.runs[r].correction;
+    run.odometry.scale_v *= std::exp(correction.x());
+    run.odometry.scale_omega *= std::exp(correction.y());
+    run.odometry.lag_s += correction.z();
+    run.sensor_bias = graph.runs[r].sensor_bias;
+  }
+}
+
+}  // namespace
+
+FlatModes::FlatModes(const MapProblem& problem) {
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    first.push_back(count);
+    count += static_cast<int>(group.size());
+  }
+}
+
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
+  // The motions are linear in the calibration only nearby: integrate again until it stays.
+  constexpr int kMaxIntegrations = 4;
+  constexpr double kSettled = 2e-3;
+  Graph graph;
+  for (int i = 0; i < kMaxIntegrations; ++i) {
+    graph = MakeGraph(options, *problem);
+    SolveGraph(options.max_solver_iterations, &graph);
+    CopyBack(graph, problem);
+    const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
+      return run.correction.cwiseAbs().maxCoeff() < kSettled;
+    });
+    if (settled) break;
+  }
+  return graph;
+}
+
+void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
+  constexpr double kMinRedundancy = 20.0;
+  const auto factor = [&](ResidualStatistics::Kind kind) {
+    if (statistics.redundancy[kind] < kMinRedundancy) return 1.0;
+    const double ratio = std::sqrt(statistics.sum_of_squares[kind] / statistics.redundancy[kind]);
+    return std::clamp(ratio, 1.0 / kMaxNoiseFactor, kMaxNoiseFactor);
+  };
+  SensorCalibration& sensor = problem->sensor;
+  sensor.sd_range_m = std::max(1e-3, sensor.sd_range_m * factor(ResidualStatistics::kRange));
+  sensor.sd_bearing_rad =
+      std::max(1e-4, sensor.sd_bearing_rad * factor(ResidualStatistics::kBearing));
+  sensor.sd_position_m =
+      std::max(1e-3, sensor.sd_position_m * factor(ResidualStatistics::kPosition));
+  for (BuildRun& run : problem->runs) {
+    run.odometry.noise_v =
+        std::max(1e-4, run.odometry.noise_v * factor(ResidualStatistics::kTranslation));
+    run.odometry.noise_omega =
+        std::max(1e-4, run.odometry.noise_omega * factor(ResidualStatistics::kYaw));
+  }
+}
+
+SightingCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m) {
+  // More than this adds nothing but quadratic time.
+  constexpr std::size_t kMaxCentres = 200;
+  SightingCluster best;
+  const std::size_t step = positions.size() / kMaxCentres + 1;
+  for (std::size_t i = 0; i < positions.size(); i += step) {
+    SightingCluster cluster;
+    for (const Eigen::Vector2d& position : positions) {
+      if ((position - positions[i]).norm() > radius_m) continue;
+      cluster.centre += position;
+      ++cluster.count;
+    }
+    if (cluster.count > best.count) {
+      cluster.centre /= cluster.count;
+      best = cluster;
+    }
+  }
+  return best;
+}
+
+Innovation SightingInnovation(const BuildRun& run,
+                              const Sighting& sighting,
+                              const Eigen::Vector2d& p_map_landmark) {
+  return LinearizeBiased(sighting.observation,
+                         run.poses[static_cast<std::size_t>(sighting.frame)],
+                         p_map_landmark,
+                         run.sensor_bias,
+                         run.data->mean_squared_bearing);
+}
+
+std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const int index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+    positions.push_back(LandmarkPosition(sighting.observation,
+                                         run.poses[static_cast<std::size_t>(sighting.frame)]));
+  }
+  return positions;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "localizer/models/observation_model.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/graph/graph.h"
+#include "mapper/mapper_options.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/map/calibration.h"
+
+namespace shiftmap {
+
+/// A mode while the map is built.
+struct BuildMode {
+  Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
+  ModeNumber number;  ///< That of the prior map; 0 for a mode that is not in it.
+};
+
+/// One run in the problem: its data, and what is estimated of it.
+struct BuildRun {
+  const MappingRun* data = nullptr;
+  std::vector<Se2> poses;        ///< T_map_vehicle at every key frame.
+  OdometryCalibration odometry;  ///< As estimated for this run.
+  SensorBias sensor_bias = SensorBias::Zero();
+
+  /// Per visit the index of its mode in the group, or kNoMode: the visit's sightings are clutter,
+  /// or of a landmark at no known position.
+  std::vector<int> assignment;
+};
+
+inline constexpr int kNoMode = -1;
+
+/// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
+/// and discrete part (which mode held at which visit).
+struct MapProblem {
+  std::vector<Signature> signatures;          ///< Ascending; a group index points into it.
+  std::vector<BuildRun> runs;                 ///< By begin.
+  std::vector<std::vector<BuildMode>> modes;  ///< Per group.
+  SensorCalibration sensor;
+
+  /// Joint Gaussian of the prior map's modes; `modes` of it are flat indices, see FlatModes.
+  GraphPrior prior;
+
+  int modes_created = 0;
+  int modes_merged = 0;
+};
+
+/// The position of every mode in one list: groups in order, modes in order.
+struct FlatModes {
+  explicit FlatModes(const MapProblem& problem);
+  int Index(int group, int mode) const { return first[static_cast<std::size_t>(group)] + mode; }
+
+  std::vector<int> first;  ///< Per group.
+  int count = 0;
+};
+
+/// Solves the continuous part for the present assignment, integrating the odometry anew at the
+/// calibration found. Returns the graph at the solution.
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
+
+/// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
+/// is multiplied by what its residuals have too much or too little (variance components).
+void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
+
+/// Where most sightings of a list agree: the mean of those around the sighting with most
+/// neighbours.
+struct SightingCluster {
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< [m]
+  int count = 0;
+};
+SightingCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m);
+
+/// Innovation of a sighting against a position, the run's sensor bias taken off.
+Innovation SightingInnovation(const BuildRun& run,
+                              const Sighting& sighting,
+                              const Eigen::Vector2d& p_map_landmark);
+
+/// Positions of a visit's sightings as seen from the present poses. [m]
+std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit);
+
+}  // namespace shiftmap

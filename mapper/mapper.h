@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapper/graph/graph.h"
+#include "mapper/mapper_options.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/run/run.h"
+#include "mapstore/run/trajectory.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A run as the mapper takes it.
+struct MapperInput {
+  std::string name;    ///< For messages and files: the log's stem.
+  std::string sha256;  ///< Of the log file; orders runs that begin at the same time.
+  Run run;
+};
+
+/// What became of one run.
+struct MappedRun {
+  std::string name;
+  std::string sha256;
+  std::string vehicle;
+  Stamp begin;
+  Stamp end;
+  int poses = 0;
+  int observations = 0;  ///< Of identified landmarks, used or not.
+  int outliers = 0;      ///< Of those, not explained by the mode of their visit.
+  double chi2 = 0.0;     ///< Sum of squared standardized residuals of the explained observations.
+  Se2 T_map_start;       ///< Pose at the first odometry sample.
+  OdometryCalibration odometry;
+  SensorBias sensor_bias = SensorBias::Zero();
+  std::vector<StampedPose> trajectory;  ///< At the key frames.
+};
+
+/// A run that could not be used, and why.
+struct RejectedRun {
+  std::string name;
+  std::string reason;
+};
+
+struct MapperResult {
+  MapContent content;
+  std::vector<MappedRun> runs;  ///< By begin, then hash.
+  std::vector<RejectedRun> rejected;
+  int modes_created = 0;  ///< Modes that the prior map does not have.
+  int modes_merged = 0;
+  int outer_iterations = 0;
+};
+
+/// Called as a build goes on, with what it does now and how much of it is done in [0, 1].
+using MapperProgress = std::function<void(const std::string& phase, double done)>;
+
+/// Builds a map of one area from runs of any vehicles and days, IJRR 3-7 as a graph:
+///
+/// 1. Each run by itself: odometry calibration from pairs of sightings, a trajectory by EKF-SLAM,
+/// one
+///    robust position per landmark, then selection and graph in turn.
+/// 2. Runs are placed in one frame by the largest set of signatures that agree, which works when
+/// most
+///    landmarks have moved in between.
+/// 3. All runs in one graph, where positions of one landmark that differ are its modes: selection
+/// by
+///    Viterbi over visits, mode creation and merging, continuous solve, until nothing changes.
+/// 4. Noise, field of view and detection rate are estimated; joint covariance, mode probabilities.
+///
+/// Without a prior the map frame is the start pose of the earliest run, and covariances are
+/// relative to the landmarks as a whole (inner constraints), not to that pose. With a prior the map
+/// frame is its frame, and its modes enter as a joint Gaussian; their numbers stay.
+///
+/// The result does not depend on the order of `inputs`. One thread; same input and options, same
+/// bits. Errors: kInvalidArgument if no run can be used, or options are out of range.
+StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
+                                const std::optional<MapContent>& prior,
+                                const MapperOptions& options,
+                                const MapperProgress& progress = {});
+
+}  // namespace shiftmap

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapstore/map/calibration.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+struct ModeOptions {
+  /// A new mode needs as many sightings in one visit: one misread signature makes none.
+  int min_sightings = 3;
+
+  /// Sightings of a visit within this distance of its centre belong together. [m]
+  double cluster_radius_m = 0.5;
+
+  /// Positions of one landmark are one mode unless they are told apart: by their joint uncertainty
+  /// with this added to either position for what the models leave out. [m]
+  double position_floor_m = 0.07;
+
+  /// Probability at which two positions are told apart.
+  double merge_probability = 0.99;
+
+  /// Rate at which a landmark is taken to leave a mode before there is evidence to learn it from.
+  /// [1/s]
+  double leave_rate_per_s = 1e-5;
+
+  /// Uncertainty of a pose when a visit is scored against a mode, added to the observation noise:
+  /// the scans of a visit share the error of the trajectory. [m]
+  double score_position_sd_m = 0.10;
+};
+
+struct MapperOptions {
+  FrontEndOptions front_end;
+  AlignmentOptions alignment;
+  ModeOptions modes;
+
+  /// Where calibration starts, and what is used as it is when `calibrate` is off.
+  Calibration calibration;
+  bool calibrate = true;
+
+  /// How well the fleet's sensors know lengths; goes into the map's covariance. [-]
+  double sd_range_scale = 0.02;
+
+  /// Alternations of mode selection and solving at most.
+  int max_outer_iterations = 20;
+  int max_solver_iterations = 50;
+
+  std::uint64_t seed = 1;
+
+  /// Errors: kInvalidArgument naming the first member out of range.
+  Status Validate() const;
+};
+
+}  // namespace shiftmap

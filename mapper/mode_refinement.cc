@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/mode_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "localizer/models/observation_model.h"
+#include "mapper/selection/viterbi.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/map/mode_chain.h"
+
+namespace shiftmap {
+namespace {
+
+double LogSum(double a, double b) {
+  const double high = std::max(a, b);
+  return high + std::log1p(std::exp(std::min(a, b) - high));
+}
+
+const MappingVisit& VisitOf(const MapProblem& problem, const VisitRef& ref) {
+  return problem.runs[static_cast<std::size_t>(ref.run)]
+      .data->visits[static_cast<std::size_t>(ref.visit)];
+}
+
+int& AssignmentOf(MapProblem* problem, const VisitRef& ref) {
+  return problem->runs[static_cast<std::size_t>(ref.run)]
+      .assignment[static_cast<std::size_t>(ref.visit)];
+}
+
+// The chain of one group as Viterbi takes it; states are absent and the group's modes.
+ModeSequenceProblem MakeSequence(const MapProblem& problem,
+                                 const std::vector<VisitRef>& visits,
+                                 std::size_t group,
+                                 const ModeOptions& options) {
+  const auto modes = static_cast<int>(problem.modes[group].size());
+  const ModeChain chain = ModeChain::Uniform(modes, options.leave_rate_per_s);
+  ModeSequenceProblem sequence;
+  sequence.log_initial = Eigen::VectorXd::Constant(modes + 1, -std::log(modes + 1.0));
+  sequence.log_likelihood.resize(static_cast<Eigen::Index>(visits.size()), modes + 1);
+  for (std::size_t t = 0; t < visits.size(); ++t) {
+    sequence.log_likelihood.row(static_cast<Eigen::Index>(t)) =
+        VisitLogLikelihood(problem, visits[t], options).transpose();
+    if (t == 0) continue;
+    const Duration gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
+    sequence.log_transition.push_back(
+        chain.Transition(gap).array().max(std::numeric_limits<double>::min()).log().matrix());
+  }
+  return sequence;
+}
+
+// Everything discrete of a problem, to notice that it comes around again.
+std::vector<int> DiscreteState(const MapProblem& problem) {
+  std::vector<int> state;
+  for (const std::vector<BuildMode>& group : problem.modes)
+    state.push_back(static_cast<int>(group.size()));
+  for (const BuildRun& run : problem.runs)
+    state.insert(state.end(), run.assignment.begin(), run.assignment.end());
+  return state;
+}
+
+// Moves every assignment of a group from one mode to another.
+void Reassign(const std::vector<VisitRef>& visits, int from, int to, MapProblem* problem) {
+  for (const VisitRef& ref : visits) {
+    int& assignment = AssignmentOf(problem, ref);
+    if (assignment == from) assignment = to;
+  }
+}
+
+// Removes a mode; later modes of the group and of the prior's flat list move up.
+void EraseMode(const std::vector<VisitRef>& visits,
+               std::size_t group,
+               int mode,
+               MapProblem* problem) {
+  const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
+  for (int& index : problem->prior.modes) index -= index > flat ? 1 : 0;
+  problem->modes[group].erase(problem->modes[group].begin() + mode);
+  for (const VisitRef& ref : visits) {
+    int& assignment = AssignmentOf(problem, ref);
+    if (assignment > mode) --assignment;
+  }
+}
+
+bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
+
+}  // namespace
+
+std::vector<std::vector<VisitRef>> VisitsByGroup(const MapProblem& problem) {
+  std::vector<std::vector<VisitRef>> by_group(problem.signatures.size());
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    const std::vector<MappingVisit>& visits = problem.runs[r].data->visits;
+    for (std::size_t v = 0; v < visits.size(); ++v) {
+      by_group[static_cast<std::size_t>(visits[v].group)].push_back(
+          {static_cast<int>(r), static_cast<int>(v)});
+    }
+  }
+  for (std::vector<VisitRef>& visits : by_group) {
+    std::stable_sort(visits.begin(), visits.end(), [&](const VisitRef& a, const VisitRef& b) {
+      return VisitOf(problem, a).begin < VisitOf(problem, b).begin;
+    });
+  }
+  return by_group;
+}
+
+Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
+                                   const VisitRef& ref,
+                                   const ModeOptions& options) {
+  const MappingVisit& visit = VisitOf(problem, ref);
+  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<BuildMode>& modes = problem.modes[static_cast<std::size_t>(visit.group)];
+  const SensorCalibration& sensor = problem.sensor;
+  const Eigen::Matrix2d pose_noise =
+      Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
+
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(modes.size()) + 1);
+  for (const int index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+    const Observation& observation = sighting.observation;
+    const double area = SquareMetresPerUnit(observation);
+    const double log_clutter = std::log(sensor.clutter_density_per_m2 * area);
+    result[0] +=
+        std::log((sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2) * area);
+    for (std::size_t k = 0; k < modes.size(); ++k) {
+      const Innovation innovation = SightingInnovation(run, sighting, modes[k].p_map_landmark);
+      const Eigen::Matrix2d S =
+          ObservationNoise(observation, sensor) +
+          innovation.H_landmark * pose_noise * innovation.H_landmark.transpose();
+      const double log_detection =
+          std::log(sensor.detection_probability) + LogGaussian(innovation.nu, S);
+      result[static_cast<Eigen::Index>(k) + 1] += LogSum(log_detection, log_clutter);
+    }
+  }
+  return result;
+}
+
+int SelectModes(const ModeOptions& options, MapProblem* problem) {
+  int changed = 0;
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  for (std::size_t group = 0; group < by_group.size(); ++group) {
+    const std::vector<VisitRef>& visits = by_group[group];
+    if (visits.empty()) continue;
+    const std::vector<int> states = MostLikelyModes(MakeSequence(*problem, visits, group, options));
+    for (std::size_t t = 0; t < visits.size(); ++t) {
+      int& assignment = AssignmentOf(problem, visits[t]);
+      changed += assignment != states[t] - 1;
+      assignment = states[t] - 1;  // State 0, absent, is kNoMode.
+    }
+  }
+  return changed;
+}
+
+int CreateModes(const ModeOptions& options, MapProblem* problem) {
+  int created = 0;
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  for (std::size_t group = 0; group < by_group.size(); ++group) {
+    std::vector<BuildMode>& modes = problem->modes[group];
+    const std::size_t known = modes.size();
+    for (const VisitRef& ref : by_group[group]) {
+      if (AssignmentOf(problem, ref) != kNoMode) continue;
+      const SightingCluster cluster = DensestCluster(
+          VisitPositions(problem->runs[static_cast<std::size_t>(ref.run)], VisitOf(*problem, ref)),
+          options.cluster_radius_m);
+      if (cluster.count < options.min_sightings) continue;
+      // An earlier visit may just have made a mode of this place.
+      int mode = kNoMode;
+      for (std::size_t k = known; k < modes.size() && mode == kNoMode; ++k) {
+        const double distance = (modes[k].p_map_landmark - cluster.centre).norm();
+        if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
+      }
+      if (mode == kNoMode) {
+        mode = static_cast<int>(modes.size());
+        modes.push_back({cluster.centre, kAbsent});
+        ++created;
+        // Flat indices behind the new mode move down.
+        const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
+        for (int& index : problem->prior.modes) index += index >= flat ? 1 : 0;
+      }
+      AssignmentOf(problem, ref) = mode;
+    }
+  }
+  problem->modes_created += created;
+  return created;
+}
+
+int MergeModes(const ModeOptions& options,
+               const Eigen::MatrixXd& mode_covariance,
+               MapProblem* problem) {
+  const double gate = ChiSquareQuantile(options.merge_probability, 2);
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  const FlatModes flat(*problem);
+  int merged = 0;
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    const std::vector<BuildMode>& modes = problem->modes[group];
+    std::set<std::size_t> gone;
+    for (std::size_t a = 0; a < modes.size(); ++a) {
+      for (std::size_t b = a + 1; b < modes.size(); ++b) {
+        if (gone.contains(a) || gone.contains(b) || InPrior(modes[b])) continue;
+        const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
+        const int i = 2 * flat.Index(static_cast<int>(group), static_cast<int>(a));
+        const int j = 2 * flat.Index(static_cast<int>(group), static_cast<int>(b));
+        const Eigen::Matrix2d cov =
+            mode_covariance.block<2, 2>(i, i) + mode_covariance.block<2, 2>(j, j) -
+            mode_covariance.block<2, 2>(i, j) - mode_covariance.block<2, 2>(j, i) +
+            Eigen::Matrix2d::Identity() *
+                (2.0 * options.position_floor_m * options.position_floor_m);
+        if (SquaredMahalanobis(difference, cov) > gate) continue;
+        Reassign(by_group[group], static_cast<int>(b), static_cast<int>(a), problem);
+        gone.insert(b);
+      }
+    }
+    merged += static_cast<int>(gone.size());
+  }
+  DropUnusedModes(problem);
+  problem->modes_merged += merged;
+  return merged;
+}
+
+void DropUnusedModes(MapProblem* problem) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+      const bool used =
+          std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
+            return AssignmentOf(problem, ref) == mode;
+          });
+      if (used || InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) continue;
+      EraseMode(by_group[group], group, mode, problem);
+    }
+  }
+}
+
+int RefineModes(const MapperOptions& options, MapProblem* problem) {
+  std::set<std::vector<int>> seen;
+  for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
+    SelectModes(options.modes, problem);
+    CreateModes(options.modes, problem);
+    DropUnusedModes(problem);
+    // A state that comes again is the end, be it a fixed point or a cycle.
+    const bool recurs = !seen.insert(DiscreteState(*problem)).second;
+    const Graph graph = SolveContinuous(options, problem);
+    const Eigen::MatrixXd mode_covariance =
+        ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
+    if (MergeModes(options.modes, mode_covariance, problem) == 0 && recurs) return iteration;
+  }
+  return options.max_outer_iterations;
+}
+
+}  // namespace shiftmap

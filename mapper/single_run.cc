@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/single_run.h"
+
+#include "mapper/datum.h"
+#include "mapper/frontend/ekf_slam.h"
+#include "mapper/frontend/odometry_calibration.h"
+#include "mapper/mode_refinement.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kNoiseSamples = 6;
+constexpr int kNoiseRounds = 3;
+
+// One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
+void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapProblem* problem) {
+  BuildRun& run = problem->runs.front();
+  problem->modes.assign(signatures.size(), {});
+  std::vector<std::vector<Eigen::Vector2d>> positions(signatures.size());
+  for (const MappingVisit& visit : run.data->visits) {
+    const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
+    std::vector<Eigen::Vector2d>& all = positions[static_cast<std::size_t>(visit.group)];
+    all.insert(all.end(), seen.begin(), seen.end());
+  }
+  for (std::size_t group = 0; group < positions.size(); ++group) {
+    if (positions[group].empty()) continue;
+    problem->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
+  }
+  run.assignment.assign(run.data->visits.size(), 0);
+}
+
+}  // namespace
+
+MapProblem MapSingleRun(const MappingRun& run,
+                        const std::vector<Signature>& signatures,
+                        const MapperOptions& options) {
+  MapProblem problem;
+  problem.signatures = signatures;
+  problem.sensor = options.calibration.sensor;
+  BuildRun build;
+  build.data = &run;
+  build.odometry = options.calibration.odometry;
+  if (options.calibrate) {
+    build.odometry = EstimateOdometryFromPairs(run, problem.sensor, build.odometry);
+  }
+  build.poses = EstimateTrajectoryByEkf(run, {build.odometry, problem.sensor});
+  problem.runs.push_back(std::move(build));
+  PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
+  if (options.calibrate) {
+    for (int round = 0; round < kNoiseRounds; ++round) {
+      const Graph graph = SolveContinuous(options, &problem);
+      UpdateNoise(ComputeGraphPosterior(graph, kNoiseSamples, options.seed).statistics, &problem);
+    }
+  }
+  RefineModes(options, &problem);
+  return problem;
+}
+
+std::vector<AlignmentPoint> AlignmentPoints(const MapperOptions& options, MapProblem* problem) {
+  const Graph graph = SolveContinuous(options, problem);
+  const Eigen::MatrixXd cov =
+      ReferToPositions(graph.modes, ComputeGraphPosterior(graph, 0, options.seed).mode_covariance);
+  std::vector<AlignmentPoint> points;
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    for (const BuildMode& mode : problem->modes[group]) {
+      const auto at = static_cast<Eigen::Index>(2 * points.size());
+      points.push_back({static_cast<int>(group), mode.p_map_landmark, cov.block<2, 2>(at, at)});
+    }
+  }
+  return points;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/map_problem.h"
+#include "mapper/mapper_options.h"
+
+namespace shiftmap {
+
+/// Maps one run by itself, in the frame of its first key frame.
+/// Precondition: the run has a sighting.
+MapProblem MapSingleRun(const MappingRun& run,
+                        const std::vector<Signature>& signatures,
+                        const MapperOptions& options);
+
+/// The modes of a problem for alignment, covariances relative to the modes as a whole.
+std::vector<AlignmentPoint> AlignmentPoints(const MapperOptions& options, MapProblem* problem);
+
+}  // namespace shiftmap
