@@ -129,7 +129,11 @@ void Localizer::Step(const WindowScan& step) {
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
   decisions_.insert(decisions_.end(), events.decisions.begin(), events.decisions.end());
   CollectSightings(step.scan, events);
-  new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose()});
+  // A restart replays scans that have had their estimate.
+  if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
+    newest_estimate_ = step.scan.stamp;
+    new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose()});
+  }
 }
 
 void Localizer::CollectSightings(const Scan& scan, const BankEvents& events) {
@@ -180,18 +184,23 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   const Stamp stamp = window_[first].scan.stamp;
   if (bank_) {
     bank_->Restart(pose, stamp);
+    ForgetSince(stamp);
   } else {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   ++statistics_.starts;
   health_.Reset();
-  new_estimates_.clear();
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   for (std::size_t i = first; i < replayed.size(); ++i) {
     WindowScan step = replayed[i];
     if (i == first) step.motion = {};
     Step(step);
   }
+}
+
+void Localizer::ForgetSince(Stamp stamp) {
+  std::erase_if(evidence_, [&](const VisitEvidence& evidence) { return evidence.end >= stamp; });
+  std::erase_if(decisions_, [&](const Decision& decision) { return decision.stamp >= stamp; });
 }
 
 std::optional<PoseEstimate> Localizer::Estimate() const {

@@ -58,8 +58,8 @@ class Localizer {
   /// The pose after the last scan, by the heaviest leaf; nothing while INITIALIZING.
   std::optional<PoseEstimate> Estimate() const;
 
-  /// The poses that the last Process() made: none, one, or, when a start was just found, one for
-  /// every scan that was kept for it.
+  /// The poses that the last Process() made: none, one, or, when the first start was just found,
+  /// one for every scan that was kept for it. Their stamps ascend over all calls.
   const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
 
   LocalizerState state() const { return state_; }
@@ -84,6 +84,11 @@ class Localizer {
   void Step(const WindowScan& step);
   void TryGlobalStart();
   void StartAt(const PoseWithCovariance& pose, std::size_t first);
+
+  // Takes back what was concluded from scans that are about to be replayed with another pose: they
+  // must not count twice, and what a lost vehicle saw is no evidence.
+  void ForgetSince(Stamp stamp);
+
   void CollectSightings(const Scan& scan, const BankEvents& events);
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
@@ -100,6 +105,7 @@ class Localizer {
   std::vector<VisitEvidence> evidence_;
   std::vector<Decision> decisions_;
   std::vector<PoseEstimate> new_estimates_;
+  std::optional<Stamp> newest_estimate_;
   std::optional<Stamp> begin_;  // Of the first event.
   Stamp now_;                   // Of the last event.
   Stamp scan_stamp_;            // Of the last scan.

@@ -16,6 +16,11 @@ constexpr double kInlierProbability = 0.999;
 constexpr double kFieldOfViewQuantile = 0.99;
 constexpr double kMinProbability = 1e-6;
 
+// How much the systematic errors of a sensor that no run has calibrated yet differ from the
+// fleet's.
+constexpr double kRangeSpread = 0.03;     // [m]
+constexpr double kBearingSpread = 0.015;  // [rad]
+
 double Quantile(std::vector<double> values, double quantile) {
   const auto at = static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
@@ -65,12 +70,12 @@ void SetRawNoise(const MapProblem& problem, SensorCalibration* sensor) {
       }
     }
   }
-  const auto raise = [](const std::vector<double>& squares, double* sd) {
-    if (!squares.empty()) *sd = std::max(*sd, RobustSd(squares));
+  const auto raise = [](const std::vector<double>& squares, double spread, double* sd) {
+    if (!squares.empty()) *sd = std::hypot(std::max(*sd, RobustSd(squares)), spread);
   };
-  raise(range, &sensor->sd_range_m);
-  raise(bearing, &sensor->sd_bearing_rad);
-  raise(position, &sensor->sd_position_m);
+  raise(range, kRangeSpread, &sensor->sd_range_m);
+  raise(bearing, kBearingSpread, &sensor->sd_bearing_rad);
+  raise(position, kRangeSpread, &sensor->sd_position_m);
 }
 
 // The mode of every group at a key frame of a run: that of the visit going on, or of the one
@@ -218,6 +223,32 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
   return sensor;
 }
 
+// Random walk of a run's odometry over spans of this length: its errors are correlated over
+// seconds, and from one key frame to the next they look smaller than what a gap between landmarks
+// will cost.
+constexpr double kNoiseSpanSeconds = 10.0;
+
+Eigen::Vector2d LongTermNoise(const BuildRun& run) {
+  std::vector<double> x_squares;
+  std::vector<double> yaw_squares;
+  std::size_t hint = 0;
+  std::size_t first = 0;
+  const std::vector<KeyFrame>& frames = run.data->frames;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
+    if (seconds < kNoiseSpanSeconds) continue;
+    const MotionIncrement motion = IntegrateMotion(
+        run.data->odometry, frames[first].stamp, frames[i].stamp, run.odometry, &hint);
+    const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
+    const Eigen::Vector3d error = (motion.T_begin_end.Inverse() * T_first_i).Log();
+    x_squares.push_back(error.x() * error.x() / seconds);
+    yaw_squares.push_back(error.z() * error.z() / seconds);
+    first = i;
+  }
+  if (x_squares.empty()) return Eigen::Vector2d::Zero();
+  return {RobustSd(x_squares), RobustSd(yaw_squares)};
+}
+
 OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
                                   const OdometryCalibration& fallback) {
   const auto count = static_cast<double>(runs.size());
@@ -228,7 +259,8 @@ OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
     mean +=
         Eigen::Vector2d(std::log(run.odometry.scale_v), std::log(run.odometry.scale_omega)) / count;
     lag += run.odometry.lag_s / count;
-    variance += Eigen::Vector2d(run.odometry.noise_v, run.odometry.noise_omega).cwiseAbs2() / count;
+    const Eigen::Vector2d short_term(run.odometry.noise_v, run.odometry.noise_omega);
+    variance += short_term.cwiseMax(LongTermNoise(run)).cwiseAbs2() / count;
   }
   OdometryCalibration fleet = fallback;
   fleet.scale_v = std::exp(mean.x());
