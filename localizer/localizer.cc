@@ -101,7 +101,7 @@ Scan Localizer::UsableObservations(const Scan& scan) {
     if (two_places) {
       ++statistics_.duplicate_signatures;
     } else {
-      usable.observations.push_back(observation);
+      usable.observations.push_back(Corrected(observation, snapshot_.calibration().sensor));
     }
   }
   return usable;

@@ -27,53 +27,71 @@ double Quantile(std::vector<double> values, double quantile) {
   return values[static_cast<std::size_t>(at)];
 }
 
+// Position of the mode that a sighting's visit is assigned to. Precondition: it is assigned to one.
+const Eigen::Vector2d& AssignedPosition(const MapProblem& problem,
+                                        const BuildRun& run,
+                                        const Sighting& sighting) {
+  const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
+  const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+  return problem.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
+      .p_map_landmark;
+}
+
 bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& sighting) {
   static const double gate = ChiSquareQuantile(kInlierProbability, 2);
-  const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
-  if (mode == kNoMode) return false;
-  const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
-  const Eigen::Vector2d& position =
-      problem.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)].p_map_landmark;
-  const Innovation innovation = SightingInnovation(run, sighting, position);
+  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kNoMode) return false;
+  const Innovation innovation =
+      SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
   return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor)) <
          gate;
 }
 
-// Spread of raw innovations about zero, from the median of their squares, which a few outliers do
-// not move. The mapper takes each run's systematic errors off; a localizer on another vehicle
-// cannot, and to it they are noise.
+// Spread of innovations about zero, from the median of their squares, which a few outliers do not
+// move.
 double RobustSd(const std::vector<double>& squares) {
   constexpr double kSdOverMedianDeviation = 1.4826;
   return kSdOverMedianDeviation * std::sqrt(Quantile(squares, 0.5));
 }
 
-void SetRawNoise(const MapProblem& problem, SensorCalibration* sensor) {
+// The mapper takes each run's systematic errors off. What of them the fleet has in common goes into
+// the sensor's calibration; what is each vehicle's own is noise to a localizer on a vehicle that no
+// run has calibrated.
+void SetFleetSensor(const MapProblem& problem, double sd_range_scale, SensorCalibration* sensor) {
+  const auto runs = static_cast<double>(problem.runs.size());
+  for (const BuildRun& run : problem.runs) {
+    sensor->range_curvature_per_rad2 += run.sensor_bias[1] / runs;
+    sensor->mean_squared_bearing_rad2 += run.data->mean_squared_bearing / runs;
+  }
+  const SensorBias common(0.0, sensor->range_curvature_per_rad2);
   std::vector<double> range;
   std::vector<double> bearing;
   std::vector<double> position;
+  double squared_ranges = 0.0;
   for (const BuildRun& run : problem.runs) {
     for (const Sighting& sighting : run.data->sightings) {
       if (!IsInlier(problem, run, sighting)) continue;
-      const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
-      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
-      const Innovation innovation = Linearize(
-          sighting.observation,
-          run.poses[static_cast<std::size_t>(sighting.frame)],
-          problem.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
-              .p_map_landmark);
-      const Eigen::Vector2d squares = innovation.nu.cwiseAbs2();
+      const Eigen::Vector2d squares =
+          LinearizeBiased(sighting.observation,
+                          run.poses[static_cast<std::size_t>(sighting.frame)],
+                          AssignedPosition(problem, run, sighting),
+                          common,
+                          sensor->mean_squared_bearing_rad2)
+              .nu.cwiseAbs2();
       if (sighting.observation.kind == Observation::Kind::kCartesian) {
         position.insert(position.end(), {squares.x(), squares.y()});
       } else {
         range.push_back(squares.x());
         bearing.push_back(squares.y());
+        squared_ranges += sighting.observation.z.x() * sighting.observation.z.x();
       }
     }
   }
   const auto raise = [](const std::vector<double>& squares, double spread, double* sd) {
     if (!squares.empty()) *sd = std::hypot(std::max(*sd, RobustSd(squares)), spread);
   };
-  raise(range, kRangeSpread, &sensor->sd_range_m);
+  const double rms_range =
+      range.empty() ? 0.0 : std::sqrt(squared_ranges / static_cast<double>(range.size()));
+  raise(range, std::hypot(kRangeSpread, sd_range_scale * rms_range), &sensor->sd_range_m);
   raise(bearing, kBearingSpread, &sensor->sd_bearing_rad);
   raise(position, kRangeSpread, &sensor->sd_position_m);
 }
@@ -279,7 +297,9 @@ MapContent MakeMapContent(const MapProblem& problem,
   content.stamp = prior ? prior->stamp : Stamp();
   for (const BuildRun& run : problem.runs) content.stamp = std::max(content.stamp, run.data->end());
   content.calibration = {FleetOdometry(problem.runs, options.calibration.odometry), problem.sensor};
-  if (options.calibrate) SetRawNoise(problem, &content.calibration.sensor);
+  if (options.calibrate) {
+    SetFleetSensor(problem, options.sd_range_scale, &content.calibration.sensor);
+  }
   if (prior) content.anonymous_landmarks = prior->anonymous_landmarks;
 
   const FlatModes flat(problem);
@@ -376,12 +396,8 @@ MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
       ++mapped.outliers;
       continue;
     }
-    const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
-    const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
-    const Eigen::Vector2d& position =
-        problem.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
-            .p_map_landmark;
-    const Innovation innovation = SightingInnovation(run, sighting, position);
+    const Innovation innovation =
+        SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
     mapped.chi2 +=
         SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor));
   }

@@ -41,6 +41,17 @@ Innovation Linearize(const Observation& observation,
   return innovation;
 }
 
+Observation Corrected(const Observation& observation, const SensorCalibration& sensor) {
+  Observation corrected = observation;
+  if (observation.kind == Observation::Kind::kCartesian) return corrected;
+  const double bearing = observation.z.y();
+  const double gain = 1.0 + sensor.range_curvature_per_rad2 *
+                                (bearing * bearing - sensor.mean_squared_bearing_rad2);
+  // Far outside the field of view that it was estimated in, the parabola means nothing.
+  corrected.z.x() /= std::clamp(gain, 0.5, 2.0);
+  return corrected;
+}
+
 Eigen::Matrix2d ObservationNoise(const Observation& observation, const SensorCalibration& sensor) {
   if (observation.cov_z) return *observation.cov_z;
   if (observation.kind == Observation::Kind::kCartesian) {

@@ -27,6 +27,10 @@ Innovation Linearize(const Observation& observation,
                      const Se2& T_map_vehicle,
                      const Eigen::Vector2d& p_map_landmark);
 
+/// The observation without the systematic error that the sensor's calibration knows of; Cartesian
+/// ones are as they were.
+Observation Corrected(const Observation& observation, const SensorCalibration& sensor);
+
 /// Covariance of z: the observation's own, or the sensor's.
 Eigen::Matrix2d ObservationNoise(const Observation& observation, const SensorCalibration& sensor);
 

@@ -120,6 +120,12 @@ std::vector<std::string> Application::State::ConfigArguments(
 }
 
 void Application::State::Parse(std::vector<std::string> arguments, const Command* command) {
+  if (command == nullptr) {
+    if (arguments.empty()) throw UsageError("a command is required");
+    if (!arguments.front().starts_with('-')) {
+      throw UsageError(fmt::format("unknown command '{}'", arguments.front()));
+    }
+  }
   if (command != nullptr) {
     const std::vector<std::string> added = ConfigArguments(*command, arguments);
     const auto name =
@@ -196,7 +202,8 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
   try {
     state_->Parse(arguments, command);
   } catch (const CLI::CallForHelp&) {
-    *out << (command != nullptr ? command->state_->parser : &state_->parser)->help();
+    const bool nested = command != nullptr && command->state_->parser != &state_->parser;
+    *out << (nested ? command->state_->parser->help(state_->program) : state_->parser.help());
     return ExitCode::kDone;
   } catch (const CLI::CallForVersion&) {
     *out << state_->program << ' ' << SoftwareVersion() << '\n';

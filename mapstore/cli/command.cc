@@ -82,7 +82,7 @@ Command& Command::Option(const std::string& name,
                          const std::string& help) {
   state_->last = state_->parser->add_option(name, *values, help);
   // One value per occurrence: an option must not swallow the positional arguments behind it.
-  if (!IsPositional(name)) state_->last->expected(1)->take_all();
+  if (!IsPositional(name)) state_->last->expected(1)->allow_extra_args(false)->take_all();
   return *this;
 }
 

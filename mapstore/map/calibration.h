@@ -26,6 +26,11 @@ struct SensorCalibration {
   double sd_bearing_rad = 0.03;  ///< Standard deviation of a bearing. [rad]
   double sd_position_m = 0.15;   ///< Of each coordinate of a Cartesian observation. [m]
 
+  /// Systematic error of a range: r is read as r (1 + κ (b² - b̄²)) at bearing b. Cameras that infer
+  /// range from apparent size read the depth r cos b: κ ≈ -1/2.
+  double range_curvature_per_rad2 = 0.0;   ///< κ. [1/rad²]
+  double mean_squared_bearing_rad2 = 0.0;  ///< b̄²: where ranges are right. [rad²]
+
   /// Sector field of view: γ_r and γ_b of IJRR 7.2.
   double max_range_m = 10.0;
   double max_bearing_rad = 1.0;

@@ -85,6 +85,8 @@ std::string ContentHash(const MapContent& content) {
   for (const double value : {sensor.sd_range_m,
                              sensor.sd_bearing_rad,
                              sensor.sd_position_m,
+                             sensor.range_curvature_per_rad2,
+                             sensor.mean_squared_bearing_rad2,
                              sensor.max_range_m,
                              sensor.max_bearing_rad,
                              sensor.detection_probability,

@@ -90,7 +90,8 @@ Status ValidateCalibration(const Calibration& calibration) {
     return InvalidArgument("odometry calibration out of range");
   }
   if (!positive(sensor.sd_range_m) || !positive(sensor.sd_bearing_rad) ||
-      !positive(sensor.sd_position_m) || !positive(sensor.max_range_m) ||
+      !positive(sensor.sd_position_m) || !std::isfinite(sensor.range_curvature_per_rad2) ||
+      !(sensor.mean_squared_bearing_rad2 >= 0.0) || !positive(sensor.max_range_m) ||
       !positive(sensor.max_bearing_rad) || !probability(sensor.detection_probability) ||
       !probability(sensor.occluded_visit_probability) || !positive(sensor.clutter_density_per_m2) ||
       !positive(sensor.new_landmark_density_per_m2)) {

@@ -40,6 +40,8 @@ CREATE TABLE version (
   sensor_sd_range_m                  REAL NOT NULL,
   sensor_sd_bearing_rad              REAL NOT NULL,
   sensor_sd_position_m               REAL NOT NULL,  -- of each coordinate of a Cartesian observation
+  sensor_range_curvature_per_rad2    REAL NOT NULL,  -- r is read as r (1 + curvature (b² - mean squared bearing))
+  sensor_mean_squared_bearing_rad2   REAL NOT NULL,
   sensor_max_range_m                 REAL NOT NULL,  -- sector field of view
   sensor_max_bearing_rad             REAL NOT NULL,
   sensor_detection_probability       REAL NOT NULL,  -- of a landmark in the field of view

@@ -25,7 +25,8 @@ Status ReadCalibration(Database& database, std::int64_t version_id, Calibration&
       database.Prepare(
           "SELECT odometry_scale_v, odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
           "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
-          "sensor_sd_bearing_rad, sensor_sd_position_m, sensor_max_range_m, "
+          "sensor_sd_bearing_rad, sensor_sd_position_m, "
+          "sensor_range_curvature_per_rad2, sensor_mean_squared_bearing_rad2, sensor_max_range_m, "
           "sensor_max_bearing_rad, sensor_detection_probability, "
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
           "sensor_new_landmark_density_per_m2 FROM version WHERE version_id = ?1"));
@@ -43,6 +44,8 @@ Status ReadCalibration(Database& database, std::int64_t version_id, Calibration&
                         &sensor.sd_range_m,
                         &sensor.sd_bearing_rad,
                         &sensor.sd_position_m,
+                        &sensor.range_curvature_per_rad2,
+                        &sensor.mean_squared_bearing_rad2,
                         &sensor.max_range_m,
                         &sensor.max_bearing_rad,
                         &sensor.detection_probability,
@@ -149,11 +152,12 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
           "stamp_ns, created_ns, tool, configuration, seed, odometry_scale_v, "
           "odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
           "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
-          "sensor_sd_bearing_rad, sensor_sd_position_m, sensor_max_range_m, "
+          "sensor_sd_bearing_rad, sensor_sd_position_m, "
+          "sensor_range_curvature_per_rad2, sensor_mean_squared_bearing_rad2, sensor_max_range_m, "
           "sensor_max_bearing_rad, sensor_detection_probability, "
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
           "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
-          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24)"));
+          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26)"));
   const OdometryCalibration& odometry = content.calibration.odometry;
   const SensorCalibration& sensor = content.calibration.sensor;
   row.Bind(area_id,
@@ -174,6 +178,8 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
            sensor.sd_range_m,
            sensor.sd_bearing_rad,
            sensor.sd_position_m,
+           sensor.range_curvature_per_rad2,
+           sensor.mean_squared_bearing_rad2,
            sensor.max_range_m,
            sensor.max_bearing_rad,
            sensor.detection_probability,

@@ -22,9 +22,9 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const UtiasOptions& options, const 
   SHIFTMAP_ASSIGN_OR_RETURN(const auto all,
                             ReadUtiasGroundtruth(options.dataset_dir, options.robot));
   std::vector<StampedPose> truth;
-  for (const TrajectoryPose& pose : all) {
+  for (const StampedPose& pose : all) {
     if (pose.stamp < run.odometry.front().stamp || pose.stamp > run.odometry.back().stamp) continue;
-    truth.push_back({pose.stamp, pose.T_map_vehicle});
+    truth.push_back(pose);
   }
   return truth;
 }

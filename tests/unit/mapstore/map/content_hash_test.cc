@@ -95,6 +95,8 @@ TEST(ContentHashTest, EveryFieldChangesIt) {
   for (double SensorCalibration::*field : {&SensorCalibration::sd_range_m,
                                            &SensorCalibration::sd_bearing_rad,
                                            &SensorCalibration::sd_position_m,
+                                           &SensorCalibration::range_curvature_per_rad2,
+                                           &SensorCalibration::mean_squared_bearing_rad2,
                                            &SensorCalibration::max_range_m,
                                            &SensorCalibration::max_bearing_rad,
                                            &SensorCalibration::detection_probability,

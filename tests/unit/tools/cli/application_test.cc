@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/cli/application.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <new>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <stdexcept>
+
+#include "mapstore/cli/version.h"
+#include "tests/support/temp_dir.h"
+
+namespace shiftmap {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+// What a run left behind.
+struct Outcome {
+  int code;
+  std::string out;
+  std::string err;
+};
+
+// A program with a command `measure` that has options of several kinds, and one that writes.
+struct Program {
+  Program() : application("shiftmap-test", "A program for tests") {
+    application
+        .AddCommand("measure",
+                    "Measure something",
+                    [this](Context& context) {
+                      ++calls;
+                      quiet = context.quiet();
+                      return body ? body(context) : OkStatus();
+                    })
+        .Option("FILE", &file, "A file")
+        .Required()
+        .Option("--max-range-m", &max_range_m, "A number")
+        .InRange(0.0, 100.0)
+        .Option("--count", &count, "An optional integer")
+        .Option("--tag", &tags, "A list")
+        .Option("--kind", &kind, "A choice")
+        .OneOf({"small", "large"})
+        .Flag("--deep", &deep, "A flag")
+        .Check([this] { return kind == "large" && deep ? "--deep is for --kind small" : ""; });
+    application
+        .AddCommand("store",
+                    "Write something",
+                    [this](Context& context) {
+                      dry_run = context.dry_run();
+                      return OkStatus();
+                    })
+        .Writes();
+  }
+
+  Outcome Run(const std::vector<std::string>& arguments) {
+    std::ostringstream out;
+    std::ostringstream err;
+    const ExitCode code = application.Run(arguments, &out, &err);
+    return {static_cast<int>(code), out.str(), err.str()};
+  }
+
+  Application application;
+  Command::Body body;
+  int calls = 0;
+  bool quiet = false;
+  bool dry_run = false;
+  std::string file;
+  double max_range_m = 10.0;
+  std::optional<std::int64_t> count;
+  std::vector<std::string> tags;
+  std::string kind = "small";
+  bool deep = false;
+};
+
+void ExpectUsageError(const Outcome& outcome, const std::string& text) {
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_THAT(outcome.err, StartsWith("shiftmap-test: "));
+  EXPECT_THAT(outcome.err, HasSubstr(text));
+  EXPECT_THAT(outcome.err, HasSubstr("--help'\n"));
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+}
+
+TEST(Application, SetsOptionsAndRunsTheBody) {
+  Program program;
+  const Outcome outcome = program.Run({"measure",
+                                       "a.mcap",
+                                       "--max-range-m",
+                                       "2.5",
+                                       "--count=-7",
+                                       "--tag",
+                                       "x",
+                                       "--tag",
+                                       "y",
+                                       "--deep",
+                                       "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(program.calls, 1);
+  EXPECT_EQ(program.file, "a.mcap");
+  EXPECT_EQ(program.max_range_m, 2.5);
+  EXPECT_EQ(program.count, -7);
+  EXPECT_THAT(program.tags, ::testing::ElementsAre("x", "y"));
+  EXPECT_TRUE(program.deep);
+  EXPECT_TRUE(program.quiet);
+}
+
+TEST(Application, AListOptionLeavesThePositionalArgumentsAlone) {
+  Program program;
+  EXPECT_EQ(program.Run({"measure", "--tag", "x", "a.mcap"}).code, 0);
+  EXPECT_EQ(program.file, "a.mcap");
+}
+
+TEST(Application, EveryCommandHasHelpAndVersion) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"--help"}, {"measure", "--help"}, {"store", "-h"}}) {
+    Program program;
+    const Outcome outcome = program.Run(arguments);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_THAT(outcome.out, HasSubstr("Usage: shiftmap-test"));
+    EXPECT_THAT(outcome.out, HasSubstr("--log-level"));
+    EXPECT_THAT(outcome.out, HasSubstr("--config"));
+    EXPECT_EQ(outcome.err, "");
+  }
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"--version"}, {"measure", "--version"}}) {
+    Program program;
+    const Outcome outcome = program.Run(arguments);
+    EXPECT_EQ(outcome.code, 0);
+    EXPECT_EQ(outcome.out, "shiftmap-test " + SoftwareVersion() + "\n");
+  }
+}
+
+TEST(Application, UsageErrorsAreOneLineWithAHint) {
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{}, "required"},
+      {{"fly"}, "unknown command 'fly'"},
+      {{"measure"}, "FILE is required"},
+      {{"measure", "a", "--nonsense"}, "--nonsense"},
+      {{"measure", "a", "--max-range-m", "far"}, "--max-range-m"},
+      {{"measure", "a", "--max-range-m", "101"}, "--max-range-m"},
+      {{"measure", "a", "--kind", "huge"}, "--kind"},
+      {{"measure", "a", "--kind", "large", "--deep"}, "--deep is for --kind small"},
+      {{"measure", "a", "--log-level", "loud"}, "--log-level"},
+      {{"measure", "a", "--dry-run"}, "--dry-run"},
+  };
+  for (const auto& [arguments, text] : cases) {
+    Program program;
+    ExpectUsageError(program.Run(arguments), text);
+    EXPECT_EQ(program.calls, 0);
+  }
+}
+
+TEST(Application, OnlyACommandThatWritesHasDryRun) {
+  Program program;
+  EXPECT_EQ(program.Run({"store", "--dry-run"}).code, 0);
+  EXPECT_TRUE(program.dry_run);
+}
+
+TEST(Application, AnErrorIsOneLineAndItsExitCode) {
+  Program program;
+  program.body = [](Context&) { return NotFound("map store 'a.db': no\nsuch file"); };
+  const Outcome outcome = program.Run({"measure", "a"});
+  EXPECT_EQ(outcome.code, 6);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(outcome.err, "shiftmap-test: map store 'a.db': no such file\n");
+}
+
+TEST(Application, AnErrorWithJsonIsADocument) {
+  Program program;
+  program.body = [](Context&) { return DataLoss("broken"); };
+  const Outcome outcome = program.Run({"measure", "a", "--json"});
+  EXPECT_EQ(outcome.code, 3);
+  EXPECT_EQ(Json::parse(outcome.out), Json({{"error", "broken"}, {"exit_code", 3}}));
+}
+
+TEST(Application, ReportsTextOrOneDocument) {
+  const auto body = [](Context& context) {
+    context.Report({{"answer", 42}}, "the answer is 42\n");
+    return OkStatus();
+  };
+  Program text;
+  text.body = body;
+  EXPECT_EQ(text.Run({"measure", "a"}).out, "the answer is 42\n");
+  Program json;
+  json.body = body;
+  EXPECT_EQ(Json::parse(json.Run({"measure", "a", "--json"}).out), Json({{"answer", 42}}));
+  Program before;
+  before.body = body;
+  EXPECT_EQ(Json::parse(before.Run({"--json", "measure", "a"}).out), Json({{"answer", 42}}));
+}
+
+TEST(Application, ABodyMayReportAndStillSayThatThereWasNothingToDo) {
+  Program program;
+  program.body = [](Context& context) {
+    context.Report({{"duplicate", true}}, "");
+    return Status(StatusCode::kAlreadyExists, "nothing to do");
+  };
+  const Outcome outcome = program.Run({"measure", "a", "--json"});
+  EXPECT_EQ(outcome.code, 5);
+  EXPECT_EQ(Json::parse(outcome.out), Json({{"duplicate", true}}));
+}
+
+TEST(Application, ExceptionsBecomeInternalErrors) {
+  Program thrown;
+  thrown.body = [](Context&) -> Status { throw std::runtime_error("oops"); };
+  const Outcome outcome = thrown.Run({"measure", "a"});
+  EXPECT_EQ(outcome.code, 70);
+  EXPECT_THAT(outcome.err, HasSubstr("oops"));
+  Program memory;
+  memory.body = [](Context&) -> Status { throw std::bad_alloc(); };
+  EXPECT_EQ(memory.Run({"measure", "a"}).code, 70);
+}
+
+TEST(Application, AFullStandardOutputIsAnError) {
+  Program program;
+  program.body = [](Context& context) {
+    context.Report({}, "text");
+    return OkStatus();
+  };
+  std::ostringstream out;
+  out.setstate(std::ios::badbit);
+  std::ostringstream err;
+  EXPECT_EQ(program.application.Run({"measure", "a"}, &out, &err), ExitCode::kTemporary);
+}
+
+TEST(Application, AProgramMayDoOneThing) {
+  Application application("shiftmap-one", "One thing");
+  std::string store;
+  application.AddCommand("", "", [](Context&) { return OkStatus(); })
+      .Option("--store", &store, "A store")
+      .Required();
+  std::ostringstream out;
+  std::ostringstream err;
+  EXPECT_EQ(application.Run({"--store", "a.db"}, &out, &err), ExitCode::kDone) << err.str();
+  EXPECT_EQ(store, "a.db");
+}
+
+class ApplicationConfig : public ::testing::Test {
+ protected:
+  Outcome Run(Program* program, const std::string& toml, std::vector<std::string> arguments) {
+    const std::string path = dir_.File("options.toml");
+    testing::WriteFile(path, toml);
+    arguments.insert(arguments.end(), {"--config", path});
+    return program->Run(arguments);
+  }
+
+  testing::TempDir dir_;
+};
+
+TEST_F(ApplicationConfig, SetsOptions) {
+  Program program;
+  const Outcome outcome = Run(&program,
+                              "max_range_m = 7.5\n[measure]\ncount = 3\ntag = ['a', 'b']\n"
+                              "deep = true\n",
+                              {"measure", "x"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(program.max_range_m, 7.5);
+  EXPECT_EQ(program.count, 3);
+  EXPECT_THAT(program.tags, ::testing::ElementsAre("a", "b"));
+  EXPECT_TRUE(program.deep);
+}
+
+TEST_F(ApplicationConfig, TheCommandLineWins) {
+  Program program;
+  EXPECT_EQ(Run(&program, "max-range-m = 7.5\n", {"measure", "x", "--max-range-m", "5"}).code, 0);
+  EXPECT_EQ(program.max_range_m, 5.0);
+}
+
+TEST_F(ApplicationConfig, AnUnknownKeyIsAUsageErrorThatNamesIt) {
+  Program top;
+  ExpectUsageError(Run(&top, "max_rnage_m = 7.5\n", {"measure", "x"}), "max-rnage-m");
+  Program section;
+  ExpectUsageError(Run(&section, "[measure]\nsize = 1\n", {"measure", "x"}), "measure.size");
+  Program table;
+  ExpectUsageError(Run(&table, "[other]\ncount = 1\n", {"measure", "x"}), "other.count");
+}
+
+TEST_F(ApplicationConfig, AFileThatIsNotTomlIsAUsageError) {
+  Program broken;
+  ExpectUsageError(Run(&broken, "count = = 1\n", {"measure", "x"}), "options.toml:1");
+  Program nested;
+  ExpectUsageError(Run(&nested, "[measure]\ncount = {a = 1}\n", {"measure", "x"}), "count");
+  Program missing;
+  ExpectUsageError(missing.Run({"measure", "x", "--config", dir_.File("none.toml")}),
+                   "cannot be opened");
+}
+
+TEST(JsonText, NumbersSurviveARoundTrip) {
+  for (const double value : {0.1,
+                             1.0 / 3.0,
+                             1e-300,
+                             1767600000.123456,
+                             -0.0,
+                             std::numeric_limits<double>::denorm_min()}) {
+    const Json document = {{"value", value}};
+    EXPECT_EQ(Json::parse(JsonText(document))["value"].get<double>(), value);
+  }
+}
+
+TEST(JsonText, BytesThatAreNotUtf8AreReplaced) {
+  EXPECT_NO_THROW(Json::parse(JsonText({{"name", "\xff\xfe"}})));
+}
+
+}  // namespace
+}  // namespace shiftmap

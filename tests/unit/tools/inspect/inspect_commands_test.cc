@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/inspect/inspect_commands.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+
+#include "mapstore/map_store.h"
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tools/eval/eval_commands.h"
+#include "tools/inspect/map_export.h"
+
+namespace shiftmap {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::IsOk;
+using ::testing::StartsWith;
+
+struct Outcome {
+  int code;
+  std::string out;
+  std::string err;
+
+  Json json() const { return Json::parse(out); }
+};
+
+// A store with two versions of one area, made from random content.
+class InspectCommands : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::mt19937_64 random(testing::TestSeed(11));
+    content_ = testing::RandomContent(random, {.groups = 6});
+    auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
+    ASSERT_THAT(store, IsOk());
+    Provenance provenance;
+    provenance.tool = "shiftmap-test 1";
+    RunRecord run;
+    run.name = "run_000";
+    run.sha256 = std::string(64, 'a');
+    run.vehicle = "vehicle-1";
+    run.begin = content_.stamp - FromSeconds(60.0);
+    run.end = content_.stamp;
+    run.trajectory = {{run.begin, Se2()}, {run.end, Se2(3.0, 4.0, 0.5)}};
+    provenance.runs.push_back(run);
+    const auto first = store->Commit("hall", content_, provenance, {});
+    ASSERT_THAT(first, IsOk());
+    const auto second =
+        store->Commit("hall", content_, provenance, {.parent = first->version, .publish = true});
+    ASSERT_THAT(second, IsOk());
+    content_hash_ = second->content_hash;
+  }
+
+  Outcome Run(std::vector<std::string> arguments, bool with_area = true) {
+    arguments.insert(arguments.end(), {"--store", store_});
+    if (with_area) arguments.insert(arguments.end(), {"--area", "hall"});
+    Application application("shiftmap-inspect", "");
+    AddInspectCommands(&application);
+    std::ostringstream out;
+    std::ostringstream err;
+    const ExitCode code = application.Run(arguments, &out, &err);
+    return {static_cast<int>(code), out.str(), err.str()};
+  }
+
+  testing::TempDir dir_;
+  std::string store_ = dir_.File("maps.db");
+  MapContent content_;
+  std::string content_hash_;
+};
+
+TEST_F(InspectCommands, ListsAreasAndVersions) {
+  const Outcome areas = Run({"areas", "--json"}, false);
+  ASSERT_EQ(areas.code, 0) << areas.err;
+  EXPECT_EQ(areas.json()["areas"],
+            Json::parse(R"([{"area": "hall", "published": 2, "versions": 2}])"));
+  const Outcome versions = Run({"versions", "--json"});
+  ASSERT_EQ(versions.code, 0) << versions.err;
+  const Json list = versions.json()["versions"];
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[0]["parent"], nullptr);
+  EXPECT_EQ(list[0]["published"], false);
+  EXPECT_EQ(list[1]["version"], 2);
+  EXPECT_EQ(list[1]["parent"], 1);
+  EXPECT_EQ(list[1]["published"], true);
+  EXPECT_EQ(list[1]["content_hash"], content_hash_);
+  EXPECT_GT(list[1]["created_s"].get<double>(), 1.6e9);
+}
+
+TEST_F(InspectCommands, ShowsAMapBitByBit) {
+  const Outcome outcome = Run({"show", "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json map = outcome.json();
+  EXPECT_EQ(map["area"], "hall");
+  EXPECT_EQ(map["version"], 2);
+  EXPECT_EQ(map["parent"], 1);
+  EXPECT_EQ(map["content_hash"], content_hash_);
+  EXPECT_EQ(map["anonymous_landmarks"], content_.anonymous_landmarks.size());
+  ASSERT_EQ(map["groups"].size(), content_.groups.size());
+  for (std::size_t g = 0; g < content_.groups.size(); ++g) {
+    const LandmarkGroup& group = content_.groups[g];
+    const Json& shown = map["groups"][g];
+    EXPECT_EQ(shown["signature"], group.signature.text());
+    ASSERT_EQ(shown["modes"].size(), group.modes.size() + 1);
+    EXPECT_EQ(shown["modes"][0]["mode"], 0);
+    EXPECT_FALSE(shown["modes"][0].contains("x_m"));
+    for (std::size_t i = 0; i < group.modes.size(); ++i) {
+      const Json& mode = shown["modes"][i + 1];
+      EXPECT_EQ(mode["mode"], group.modes[i].number.value());
+      EXPECT_EQ(mode["x_m"].get<double>(), group.modes[i].p_map_landmark.x());
+      EXPECT_EQ(mode["cov_m2"][1].get<double>(), group.modes[i].cov_p_map_landmark(0, 1));
+      EXPECT_NEAR(mode["probability"].get<double>(),
+                  group.probabilities(static_cast<Eigen::Index>(i + 1)),
+                  1e-12);
+    }
+  }
+}
+
+TEST_F(InspectCommands, AtATimeTheChainsAreRunToIt) {
+  const double later = ToSecondsSinceEpoch(content_.stamp) + 1e9;
+  const Outcome outcome =
+      Run({"show", "--json", "--version", "1", "--at", fmt::format("{}", later)});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.json()["version"], 1);
+  const Json modes = outcome.json()["groups"][0]["modes"];
+  const LandmarkGroup& group = content_.groups[0];
+  const Eigen::VectorXd expected = group.chain.Propagate(group.probabilities, FromSeconds(1e9));
+  for (Eigen::Index i = 0; i < expected.size(); ++i) {
+    EXPECT_NEAR(modes[static_cast<std::size_t>(i)]["probability"].get<double>(), expected(i), 1e-9);
+  }
+}
+
+TEST_F(InspectCommands, TextHasALinePerMode) {
+  const Outcome outcome = Run({"modes"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  std::size_t modes = 0;
+  for (const LandmarkGroup& group : content_.groups) modes += group.modes.size();
+  const auto lines = std::count(outcome.out.begin(), outcome.out.end(), '\n');
+  EXPECT_EQ(static_cast<std::size_t>(lines), 1 + modes);
+  EXPECT_EQ(Run({"show"}).code, 0);
+  EXPECT_EQ(Run({"sightings"}).code, 0);
+  EXPECT_EQ(Run({"runs", "--json"}).json()["runs"][0]["run"], "run_000");
+}
+
+TEST_F(InspectCommands, HistoryOfALandmark) {
+  const std::string signature = content_.groups[2].signature.text();
+  const Outcome outcome = Run({"history", signature, "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json history = outcome.json()["history"];
+  ASSERT_GE(history.size(), 1U);
+  EXPECT_NEAR(
+      history[0]["probabilities"]["0"].get<double>(), content_.groups[2].probabilities(0), 1e-12);
+  EXPECT_EQ(Run({"history", "no such landmark"}).code, 6);
+}
+
+TEST_F(InspectCommands, ExportsGeoJsonAndCsv) {
+  const std::string output = dir_.File("map.out");
+  ASSERT_EQ(Run({"export", "--geojson", "--output", output}).code, 0);
+  const Json collection = Json::parse(testing::ReadFile(output));
+  EXPECT_EQ(collection["type"], "FeatureCollection");
+  std::size_t modes = 0;
+  for (const LandmarkGroup& group : content_.groups) modes += group.modes.size();
+  EXPECT_EQ(collection["features"].size(), modes + content_.anonymous_landmarks.size());
+  EXPECT_EQ(collection["features"][0]["geometry"]["coordinates"][0].get<double>(),
+            content_.groups[0].modes[0].p_map_landmark.x());
+  ASSERT_EQ(Run({"export", "--csv", "--output", output}).code, 0);
+  EXPECT_THAT(testing::ReadFile(output),
+              StartsWith("signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\n"));
+}
+
+TEST_F(InspectCommands, AnExportedSnapshotIsAStoreOfItsOwn) {
+  const std::string output = dir_.File("snapshot.db");
+  ASSERT_EQ(Run({"export", "--snapshot", "--output", output}).code, 0);
+  store_ = output;
+  EXPECT_EQ(Run({"show", "--json"}).json()["content_hash"], content_hash_);
+}
+
+TEST_F(InspectCommands, ADryRunWritesNothing) {
+  const std::string output = dir_.File("map.svg");
+  EXPECT_EQ(Run({"plot", "map", "--dry-run", "--output", output}).code, 0);
+  EXPECT_FALSE(std::filesystem::exists(output));
+  EXPECT_EQ(Run({"plot", "--output", output}).code, 0);
+  EXPECT_THAT(testing::ReadFile(output), HasSubstr("run_000"));
+}
+
+TEST_F(InspectCommands, ErrorsHaveTheirExitCodes) {
+  EXPECT_EQ(Run({"show", "--version", "9"}).code, 6);
+  EXPECT_EQ(Run({"export", "--output", dir_.File("a")}).code, 2);
+  EXPECT_EQ(Run({"export", "--csv", "--geojson", "--output", dir_.File("a")}).code, 2);
+  EXPECT_EQ(Run({"plot", "nothing", "--output", dir_.File("a")}).code, 2);
+  store_ = dir_.File("none.db");
+  EXPECT_EQ(Run({"show"}).code, 6);
+  testing::WriteFile(store_, "this is not a database, whatever its name says\n");
+  EXPECT_EQ(Run({"show"}).code, 3);
+}
+
+TEST_F(InspectCommands, EvaluatesAMapAgainstItsOwnExport) {
+  const std::string truth = dir_.File("truth.csv");
+  ASSERT_EQ(Run({"export", "--csv", "--output", truth}).code, 0);
+  Application application("shiftmap-eval", "");
+  AddEvalCommands(&application);
+  std::ostringstream out;
+  std::ostringstream err;
+  const ExitCode code = application.Run(
+      {"map", "--store", store_, "--area", "hall", truth, "--no-align", "--json"}, &out, &err);
+  ASSERT_EQ(code, ExitCode::kDone) << err.str();
+  EXPECT_EQ(Json::parse(out.str())["max_m"].get<double>(), 0.0);
+}
+
+TEST(MapCsv, QuotesWhatWouldBreakARow) {
+  MapContent content;
+  LandmarkGroup group;
+  group.signature = Signature("a,\"b\"");
+  group.modes.push_back({ModeNumber(1), {1.0, 2.0}, Eigen::Matrix2d::Identity(), Stamp()});
+  group.probabilities = Eigen::Vector2d(0.25, 0.75);
+  group.chain = ModeChain::Uniform(1, 0.0);
+  content.groups.push_back(group);
+  content.covariance = JointCovariance({Eigen::Matrix2d::Identity()}, {});
+  const MapSnapshot map("hall", VersionNumber(1), "hash", content);
+  EXPECT_THAT(MapCsv(map), HasSubstr("\n\"a,\"\"b\"\"\",1,1,2,1,1,0.75\n"));
+}
+
+}  // namespace
+}  // namespace shiftmap

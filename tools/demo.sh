@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The whole loop on simulated shifts: vehicles drive, the mapper builds a map at night, a vehicle
+# localizes on it the next day and returns what it learned, and a picture shows the result.
+# Usage: tools/demo.sh [OUTPUT_DIR]
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+out=${1:-build/demo}
+
+tools/setup.sh
+cmake --preset release >/dev/null
+cmake --build --preset release
+bin=$PWD/build/release/bin
+
+rm -rf "$out"
+mkdir -p "$out/trajectories"
+
+echo
+echo "== Five shifts on a floor where one landmark in four moves between shifts"
+"$bin/shiftmap-sim" open "$out/world" --shifts 5 --groups 20 --modes 2 --size-m 30 \
+  --mode-change-probability 0.25 --odometry-scale-v 0.95 --odometry-lag-s 0.1 --seed 7
+
+echo
+echo "== The mapper builds a map of the first four"
+"$bin/shiftmap-mapper" build --store "$out/maps.db" --area floor \
+  --trajectories "$out/trajectories" "$out"/world/run_00[0-3].mcap
+
+echo
+echo "== On the fifth, a vehicle localizes on that map and returns what it learned"
+"$bin/shiftmap-localizer" run --store "$out/maps.db" --area floor --initial-pose auto \
+  --trajectory "$out/run_004.tum" --report "$out/run_004.report" --return \
+  "$out/world/run_004.mcap"
+
+echo
+echo "== The map, with the probabilities that follow"
+"$bin/shiftmap-inspect" show --store "$out/maps.db" --area floor | head -n 20
+
+echo
+echo "== How far that is from the truth: the trajectory, and where the landmarks stood on that shift"
+"$bin/shiftmap-eval" trajectory "$out/run_004.tum" "$out/world/run_004.truth.tum" --align
+"$bin/shiftmap-eval" map --store "$out/maps.db" --area floor "$out/world/run_004.places.csv" | tail -n 1
+
+echo
+echo "== The picture"
+"$bin/shiftmap-inspect" plot map --store "$out/maps.db" --area floor --output "$out/map.svg"
+if command -v rsvg-convert >/dev/null; then
+  rsvg-convert --zoom 2 --output "$out/map.png" "$out/map.svg"
+  echo "$out/map.png"
+fi

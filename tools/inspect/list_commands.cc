@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "mapstore/cli/aligned_table.h"
+#include "tools/inspect/inspect_commands.h"
+#include "tools/inspect/store_arguments.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr std::size_t kShortHash = 12;
+
+Json VersionJson(const std::optional<VersionNumber>& version) {
+  return version ? Json(version->value()) : Json(nullptr);
+}
+
+std::string VersionText(const std::optional<VersionNumber>& version) {
+  return version ? fmt::format("{}", version->value()) : "-";
+}
+
+Status RunAreas(const StoreArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  Json list = Json::array();
+  AlignedTable table({"area", "published", "versions"});
+  for (const AreaSummary& area : areas) {
+    list.push_back({{"area", area.area},
+                    {"published", VersionJson(area.published)},
+                    {"versions", area.versions}});
+    table.AddRow({area.area, VersionText(area.published), fmt::format("{}", area.versions)});
+  }
+  context.Report({{"areas", list}}, table.ToString());
+  return OkStatus();
+}
+
+Status RunVersions(const StoreArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(arguments.area));
+  Json list = Json::array();
+  AlignedTable table({"version", "parent", "published", "created", "content", "tool"});
+  for (const VersionSummary& version : versions) {
+    list.push_back({{"version", version.version.value()},
+                    {"parent", VersionJson(version.parent)},
+                    {"content_hash", version.content_hash},
+                    {"published", version.published},
+                    {"created_s", ToSecondsSinceEpoch(version.created)},
+                    {"tool", version.tool}});
+    table.AddRow({VersionText(version.version),
+                  VersionText(version.parent),
+                  version.published ? "yes" : "",
+                  FormatUtc(version.created),
+                  version.content_hash.substr(0, kShortHash),
+                  version.tool});
+  }
+  context.Report({{"versions", list}}, table.ToString());
+  return OkStatus();
+}
+
+Status RunRuns(const StoreArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                            store.LoadProvenance(arguments.area, version));
+  Json list = Json::array();
+  AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256"});
+  for (const RunRecord& run : provenance.runs) {
+    list.push_back({{"run", run.name},
+                    {"vehicle", run.vehicle},
+                    {"sha256", run.sha256},
+                    {"begin_s", ToSecondsSinceEpoch(run.begin)},
+                    {"end_s", ToSecondsSinceEpoch(run.end)}});
+    table.AddRow({run.name,
+                  run.vehicle,
+                  FormatUtc(run.begin),
+                  fmt::format("{:.1f}", ToSeconds(run.end - run.begin)),
+                  run.sha256.substr(0, kShortHash)});
+  }
+  const Json document = {{"area", arguments.area},
+                         {"version", version.value()},
+                         {"tool", provenance.tool},
+                         {"seed", provenance.seed},
+                         {"runs", list}};
+  context.Report(document, table.ToString());
+  return OkStatus();
+}
+
+Status RunSightings(const StoreArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto sightings, store.Sightings(arguments.area));
+  Json list = Json::array();
+  AlignedTable table({"signature", "x_m", "y_m", "count", "first", "last"});
+  for (const UnmappedSighting& sighting : sightings) {
+    const Eigen::Matrix2d& cov = sighting.cov_p_map_landmark;
+    list.push_back({{"signature", sighting.signature.text()},
+                    {"x_m", sighting.p_map_landmark.x()},
+                    {"y_m", sighting.p_map_landmark.y()},
+                    {"cov_m2", {cov(0, 0), cov(0, 1), cov(1, 1)}},
+                    {"count", sighting.count},
+                    {"first_s", ToSecondsSinceEpoch(sighting.first)},
+                    {"last_s", ToSecondsSinceEpoch(sighting.last)}});
+    table.AddRow({sighting.signature.text(),
+                  fmt::format("{:.2f}", sighting.p_map_landmark.x()),
+                  fmt::format("{:.2f}", sighting.p_map_landmark.y()),
+                  fmt::format("{}", sighting.count),
+                  FormatUtc(sighting.first),
+                  FormatUtc(sighting.last)});
+  }
+  context.Report({{"area", arguments.area}, {"sightings", list}}, table.ToString());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddListCommands(Application* application) {
+  auto areas = std::make_shared<StoreArguments>();
+  application
+      ->AddCommand("areas",
+                   "List the areas of a store",
+                   [areas](Context& context) { return RunAreas(*areas, context); })
+      .Option("--store", &areas->store, "Map store")
+      .Required();
+
+  auto versions = std::make_shared<StoreArguments>();
+  AddStoreOptions(versions.get(),
+                  &application->AddCommand(
+                      "versions", "List the map versions of an area", [versions](Context& context) {
+                        return RunVersions(*versions, context);
+                      }));
+
+  auto runs = std::make_shared<StoreArguments>();
+  Command& runs_command = application->AddCommand(
+      "runs", "List the runs that a map version was built from", [runs](Context& context) {
+        return RunRuns(*runs, context);
+      });
+  AddStoreOptions(runs.get(), &runs_command);
+  runs_command.Option("--version", &runs->version, "Map version (default: the published one)");
+
+  auto sightings = std::make_shared<StoreArguments>();
+  AddStoreOptions(sightings.get(),
+                  &application->AddCommand(
+                      "sightings",
+                      "List what shifts saw where the map has no mode",
+                      [sightings](Context& context) { return RunSightings(*sightings, context); }));
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/inspect/map_export.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace shiftmap {
+namespace {
+
+Json CovarianceJson(const Mode& mode) {
+  const Eigen::Matrix2d& cov = mode.cov_p_map_landmark;
+  return Json::array({cov(0, 0), cov(0, 1), cov(1, 1)});
+}
+
+Json PointJson(const Mode& mode, Json properties) {
+  const Eigen::Vector2d& p = mode.p_map_landmark;
+  properties["cov_m2"] = CovarianceJson(mode);
+  properties["last_seen_s"] = ToSecondsSinceEpoch(mode.last_seen);
+  return {{"type", "Feature"},
+          {"geometry", {{"type", "Point"}, {"coordinates", Json::array({p.x(), p.y()})}}},
+          {"properties", std::move(properties)}};
+}
+
+// Quoted only where the text would break a row.
+std::string CsvCell(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + '"';
+}
+
+// Visits each mode with its group and probability.
+template <typename Visit>
+void ForEachMode(const MapSnapshot& snapshot, const Visit& visit) {
+  for (const LandmarkGroup& group : snapshot.groups()) {
+    for (std::size_t i = 0; i < group.modes.size(); ++i) {
+      visit(group, group.modes[i], group.probabilities(static_cast<Eigen::Index>(i + 1)));
+    }
+  }
+}
+
+}  // namespace
+
+Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& parent) {
+  Json groups = Json::array();
+  for (const LandmarkGroup& group : snapshot.groups()) {
+    Json modes = Json::array();
+    modes.push_back({{"mode", kAbsent.value()}, {"probability", group.probabilities(0)}});
+    for (std::size_t i = 0; i < group.modes.size(); ++i) {
+      const Mode& mode = group.modes[i];
+      modes.push_back({{"mode", mode.number.value()},
+                       {"x_m", mode.p_map_landmark.x()},
+                       {"y_m", mode.p_map_landmark.y()},
+                       {"cov_m2", CovarianceJson(mode)},
+                       {"probability", group.probabilities(static_cast<Eigen::Index>(i + 1))},
+                       {"last_seen_s", ToSecondsSinceEpoch(mode.last_seen)}});
+    }
+    groups.push_back({{"signature", group.signature.text()},
+                      {"leave_rate_per_s", group.chain.leave_rate_per_s()},
+                      {"modes", modes}});
+  }
+  return {{"area", snapshot.area()},
+          {"version", snapshot.version().value()},
+          {"content_hash", snapshot.content_hash()},
+          {"parent", parent ? Json(parent->value()) : Json(nullptr)},
+          {"stamp_s", ToSecondsSinceEpoch(snapshot.stamp())},
+          {"groups", groups},
+          {"anonymous_landmarks", snapshot.anonymous_landmarks().size()}};
+}
+
+std::string MapGeoJson(const MapSnapshot& snapshot) {
+  Json features = Json::array();
+  ForEachMode(snapshot, [&](const LandmarkGroup& group, const Mode& mode, double probability) {
+    features.push_back(PointJson(mode,
+                                 {{"signature", group.signature.text()},
+                                  {"mode", mode.number.value()},
+                                  {"probability", probability}}));
+  });
+  for (const Mode& mode : snapshot.anonymous_landmarks()) {
+    features.push_back(PointJson(mode, Json::object()));
+  }
+  return JsonText({{"type", "FeatureCollection"},
+                   {"area", snapshot.area()},
+                   {"version", snapshot.version().value()},
+                   {"content_hash", snapshot.content_hash()},
+                   {"coordinates", "metres in the map frame"},
+                   {"features", features}});
+}
+
+std::string MapCsv(const MapSnapshot& snapshot) {
+  std::string text = "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\n";
+  ForEachMode(snapshot, [&](const LandmarkGroup& group, const Mode& mode, double probability) {
+    text += fmt::format("{},{},{},{},{},{},{}\n",
+                        CsvCell(group.signature.text()),
+                        mode.number.value(),
+                        mode.p_map_landmark.x(),
+                        mode.p_map_landmark.y(),
+                        std::sqrt(mode.cov_p_map_landmark(0, 0)),
+                        std::sqrt(mode.cov_p_map_landmark(1, 1)),
+                        probability);
+  });
+  return text;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/inspect/store_arguments.h"
+
+#include <fmt/chrono.h>
+
+#include <chrono>
+
+namespace shiftmap {
+
+void AddStoreOptions(StoreArguments* arguments, Command* command) {
+  command->Option("--store", &arguments->store, "Map store, or a snapshot of one area").Required();
+  command->Option("--area", &arguments->area, "Area").Required();
+}
+
+void AddMapOptions(StoreArguments* arguments, Command* command) {
+  AddStoreOptions(arguments, command);
+  command->Option("--version", &arguments->version, "Map version (default: the published one)");
+  command
+      ->Option("--at",
+               &arguments->at_s,
+               "Time of the probabilities, seconds since the epoch (default: newest evidence)")
+      .InRange(0.0, 9.2e9);
+}
+
+StatusOr<MapStore> OpenStore(const StoreArguments& arguments) {
+  return MapStore::Open(arguments.store, MapStore::Access::kReadOnly);
+}
+
+StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store) {
+  if (arguments.version) return VersionNumber(*arguments.version);
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(arguments.area));
+  if (!published) {
+    return NotFound(
+        "map store '{}': area '{}' has no published version", arguments.store, arguments.area);
+  }
+  return *published;
+}
+
+StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) {
+  std::optional<VersionNumber> version;
+  if (arguments.version) version = VersionNumber(*arguments.version);
+  std::optional<Stamp> at;
+  if (arguments.at_s) at = StampFromSeconds(*arguments.at_s);
+  return store->LoadAt(arguments.area, version, at);
+}
+
+std::string FormatUtc(Stamp stamp) {
+  if (stamp == Stamp()) return "-";
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(stamp);
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}",
+                     fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)));
+}
+
+}  // namespace shiftmap

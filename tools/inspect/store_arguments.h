@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "mapstore/cli/command.h"
+#include "mapstore/map_store.h"
+
+namespace shiftmap {
+
+/// Which store, and which map in it, a command looks at.
+struct StoreArguments {
+  std::string store;
+  std::string area;
+  std::optional<std::int64_t> version;
+  std::optional<double> at_s;
+};
+
+/// Adds --store and --area; the arguments must outlive the run.
+void AddStoreOptions(StoreArguments* arguments, Command* command);
+
+/// Adds --version and --at too.
+void AddMapOptions(StoreArguments* arguments, Command* command);
+
+/// Opens the store for reading.
+StatusOr<MapStore> OpenStore(const StoreArguments& arguments);
+
+/// The version that the arguments name, or the published one.
+/// Errors: kNotFound if the area has no published version.
+StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store);
+
+/// The map that the arguments name, at the time they name.
+StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
+
+/// A time for people: `2026-01-05 08:00:00` in UTC; a dash for the epoch, which stands for never.
+std::string FormatUtc(Stamp stamp);
+
+}  // namespace shiftmap

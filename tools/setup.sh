@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what shiftmap is built, tested and demonstrated with, on Debian 12. Does nothing, and
+# needs no network, where everything is there.
+set -euo pipefail
+
+packages=(
+  # Build
+  cmake g++ git ninja-build pkg-config protobuf-compiler
+  # Libraries
+  libabsl-dev libceres-dev libcli11-dev libeigen3-dev libfmt-dev libprotobuf-dev libspdlog-dev
+  libboost-dev libsqlite3-dev libssl-dev libtomlplusplus-dev libzstd-dev nlohmann-json3-dev
+  uuid-dev zlib1g-dev
+  # Tests and checks
+  clang-format libbenchmark-dev libgmock-dev libgtest-dev python3
+  # Pictures
+  librsvg2-bin
+)
+
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query --show --showformat='${Status}' "$package" 2>/dev/null || true)
+  [[ $status == "install ok installed" ]] || missing+=("$package")
+done
+
+# The packages of Node.js that others than Debian make bring npm along and exclude Debian's.
+command -v npm >/dev/null || missing+=(nodejs npm)
+
+if ((${#missing[@]} == 0)); then
+  echo "setup: everything is installed"
+  exit 0
+fi
+
+as_root=()
+((EUID == 0)) || as_root=(sudo)
+echo "setup: installing ${missing[*]}"
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get install -y -qq --no-install-recommends "${missing[@]}"

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <random>
+
+#include "mapstore/geometry/se2.h"
+
+namespace shiftmap {
+
+/// Velocity of a vehicle in its own frame.
+struct Velocity {
+  double v_mps = 0.0;        ///< Forward. [m/s]
+  double omega_radps = 0.0;  ///< Counter-clockwise. [rad/s]
+};
+
+struct WaypointDriverOptions {
+  double size_m = 40.0;     ///< Waypoints lie in [0, size]². [m]
+  double speed_mps = 1.5;   ///< Top speed. [m/s]
+  double turn_radps = 0.8;  ///< Top yaw rate. [rad/s]
+  double acceleration_mps2 = 1.0;
+  double turn_acceleration_radps2 = 2.0;
+};
+
+/// Drives smoothly from one random waypoint to the next.
+class WaypointDriver {
+ public:
+  /// @param random  Source of the waypoints; must outlive this.
+  WaypointDriver(const WaypointDriverOptions& options, std::mt19937_64* random);
+
+  /// A pose to start from: at rest, towards the first waypoint.
+  Se2 Start();
+
+  /// The velocity for the next `seconds`, for a vehicle at T_map_vehicle.
+  Velocity Drive(const Se2& T_map_vehicle, double seconds);
+
+ private:
+  Eigen::Vector2d NextWaypoint(const Eigen::Vector2d& p_map_vehicle);
+
+  WaypointDriverOptions options_;
+  std::mt19937_64* random_;
+  Eigen::Vector2d waypoint_ = Eigen::Vector2d::Zero();
+  Velocity velocity_;
+};
+
+}  // namespace shiftmap
