@@ -39,21 +39,27 @@ Status ApplyLedger(Database& database,
     group_index.emplace(group.signature, states.size());
     states.push_back({group.probabilities, content.stamp});
   }
-  Stamp newest = content.stamp;
+  std::optional<Stamp> newest;
   SHIFTMAP_RETURN_IF_ERROR(
       ForEachLandmark(database,
                       area_id,
                       lineage,
                       at,
                       [&](const Signature& signature, std::vector<EvidenceRow> rows) {
-                        for (const EvidenceRow& row : rows)
-                          newest = std::max(newest, row.evidence.end);
+                        Stamp oldest = content.stamp;
+                        for (const EvidenceRow& row : rows) {
+                          oldest = std::min(oldest, row.evidence.begin);
+                          newest = std::max(newest.value_or(row.evidence.end), row.evidence.end);
+                        }
                         const auto found = group_index.find(signature);
                         if (found == group_index.end()) return;
                         const LandmarkGroup& group = content.groups[found->second];
-                        states[found->second] = FilterModes(group, content.stamp, std::move(rows));
+                        // Evidence older than the map meets the map's distribution as it is; from
+                        // there on time passes.
+                        states[found->second] = FilterModes(group, oldest, std::move(rows));
                       }));
-  content.stamp = std::max(content.stamp, at.value_or(newest));
+  content.stamp =
+      newest ? at.value_or(*newest) : std::max(content.stamp, at.value_or(content.stamp));
   for (std::size_t i = 0; i < states.size(); ++i) {
     LandmarkGroup& group = content.groups[i];
     group.probabilities = PropagateModes(group, states[i], content.stamp);

@@ -123,8 +123,10 @@ class MapStore {
   /// reported against this version, or against an ancestor for a visit after this version's stamp.
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
-  ///                 there is none. Visits that begin after `at` do not count. A time before the
-  ///                 version's stamp gives the probabilities at the stamp, and says so by stamp().
+  ///                 there is none. Visits that begin after `at` do not count. The version's own
+  ///                 distribution comes before all evidence, also before evidence that is older than
+  ///                 the version's stamp: a late report is filtered in its own order of time.
+  ///                 Without evidence, a time before the stamp gives the distribution at the stamp.
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);

@@ -28,6 +28,10 @@ std::string OneLine(std::string text) {
   return text;
 }
 
+std::string ErrorJson(const std::string& message, ExitCode code) {
+  return JsonText(Json{{"error", message}, {"exit_code", static_cast<int>(code)}});
+}
+
 void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->set_help_flag("-h,--help", "Print this help and exit");
   parser->set_version_flag("--version", parser->get_name() + " " + SoftwareVersion());
@@ -68,7 +72,11 @@ struct Application::State {
   std::vector<std::string> ConfigArguments(const Command& command,
                                            std::span<const std::string> arguments) const;
   void Parse(std::vector<std::string> arguments, const Command* command);
-  ExitCode Usage(const std::string& message, const Command* command, std::ostream* err) const;
+  ExitCode Usage(const std::string& message,
+                 const Command* command,
+                 std::span<const std::string> arguments,
+                 std::ostream* out,
+                 std::ostream* err) const;
   ExitCode Execute(const Command& command, std::ostream* out, std::ostream* err);
 
   std::string program;
@@ -139,11 +147,16 @@ void Application::State::Parse(std::vector<std::string> arguments, const Command
 
 ExitCode Application::State::Usage(const std::string& message,
                                    const Command* command,
+                                   std::span<const std::string> arguments,
+                                   std::ostream* out,
                                    std::ostream* err) const {
   const std::string name = command != nullptr && command->state_->parser != &parser
                                ? " " + command->state_->parser->get_name()
                                : "";
   *err << fmt::format("{}: {}; try '{}{} --help'\n", program, OneLine(message), program, name);
+  // The arguments may not have been parsed up to --json.
+  const bool json = std::find(arguments.begin(), arguments.end(), "--json") != arguments.end();
+  if (json) *out << ErrorJson(OneLine(message), ExitCode::kUsage);
   return ExitCode::kUsage;
 }
 
@@ -163,9 +176,7 @@ ExitCode Application::State::Execute(const Command& command, std::ostream* out, 
   if (context.reported()) {
     *out << context.output();
   } else if (common.json) {
-    const int number = static_cast<int>(code);
-    *out << JsonText(status.ok() ? Json::object()
-                                 : Json{{"error", Message(status)}, {"exit_code", number}});
+    *out << (status.ok() ? JsonText(Json::object()) : ErrorJson(Message(status), code));
   }
   if (!out->flush()) {
     *err << program << ": standard output: cannot be written\n";
@@ -212,12 +223,14 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
     *err << state_->program << ": out of memory\n";
     return ExitCode::kInternal;
   } catch (const std::exception& error) {
-    return state_->Usage(error.what(), command, err);
+    return state_->Usage(error.what(), command, arguments, out, err);
   }
-  if (command == nullptr) return state_->Usage("a command is required", command, err);
+  if (command == nullptr) {
+    return state_->Usage("a command is required", command, arguments, out, err);
+  }
   for (const auto& check : command->state_->checks) {
     if (const std::string message = check(); !message.empty()) {
-      return state_->Usage(message, command, err);
+      return state_->Usage(message, command, arguments, out, err);
     }
   }
   return state_->Execute(*command, out, err);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/cli/context.h"
 
+#include <spdlog/spdlog.h>
+
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -15,6 +17,8 @@ void Context::Report(const Json& document, const std::string& text) {
   reported_ = true;
   output_ = json() ? JsonText(document) : text;
 }
+
+void Context::Warn(const std::string& message) const { spdlog::warn("{}", message); }
 
 std::unique_ptr<Progress> Context::MakeProgress() const {
   const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();

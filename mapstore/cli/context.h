@@ -38,6 +38,10 @@ class Context {
   /// the text without.
   void Report(const Json& document, const std::string& text);
 
+  /// One line on standard error, `<program>: warning: <message>`, unless --quiet or --log-level
+  /// says otherwise.
+  void Warn(const std::string& message) const;
+
   /// A progress line on standard error, silent with --quiet or if that is no terminal.
   std::unique_ptr<Progress> MakeProgress() const;
 

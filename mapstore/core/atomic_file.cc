@@ -105,6 +105,17 @@ Status AtomicFile::Commit() {
   return OkStatus();
 }
 
+Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
+  const auto write = [&]() -> Status {
+    SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+    SHIFTMAP_RETURN_IF_ERROR(file.Append(bytes));
+    return file.Commit();
+  };
+  const Status status = write();
+  if (status.ok()) return status;
+  return MakeStatus(status.code(), "file '{}': {}", path, Message(status));
+}
+
 Status SyncAndRename(const std::string& temporary, const std::string& path) {
   const int fd = open(temporary.c_str(), O_RDWR | O_CLOEXEC);
   if (fd < 0) return ErrnoStatus("open the temporary file");

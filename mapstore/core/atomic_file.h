@@ -37,6 +37,9 @@ class AtomicFile {
   int fd_ = -1;
 };
 
+/// Writes a whole file this way. Errors: as AtomicFile; messages start with `file '<path>': `.
+Status WriteFileAtomically(const std::string& path, std::string_view bytes);
+
 /// Makes `temporary`, a file that somebody else wrote, durable and renames it to `path` in the same
 /// folder. Errors: kNotFound, kUnavailable, as AtomicFile.
 Status SyncAndRename(const std::string& temporary, const std::string& path);

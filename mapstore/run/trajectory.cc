@@ -65,6 +65,24 @@ StatusOr<StampedPose> ParsePose(std::string_view line) {
   return StampedPose{StampFromTum(t), Se2(x, y, 2.0 * std::atan2(qz, qw))};
 }
 
+Status WriteLines(std::span<const StampedPose> trajectory, const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  for (const StampedPose& pose : trajectory) {
+    const auto stamp_us = std::chrono::round<std::chrono::microseconds>(pose.stamp);
+    const std::int64_t us = stamp_us.time_since_epoch().count();
+    const double half_yaw = 0.5 * pose.T_map_vehicle.yaw();
+    SHIFTMAP_RETURN_IF_ERROR(file.Append(fmt::format("{}{}.{:06} {} {} 0 0 0 {} {}\n",
+                                                     us < 0 ? "-" : "",
+                                                     std::abs(us) / 1'000'000,
+                                                     std::abs(us) % 1'000'000,
+                                                     pose.T_map_vehicle.x(),
+                                                     pose.T_map_vehicle.y(),
+                                                     std::sin(half_yaw),
+                                                     std::cos(half_yaw))));
+  }
+  return file.Commit();
+}
+
 }  // namespace
 
 StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path) {
@@ -88,21 +106,9 @@ StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path) {
 }
 
 Status WriteTum(std::span<const StampedPose> trajectory, const std::string& path) {
-  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  for (const StampedPose& pose : trajectory) {
-    const auto stamp_us = std::chrono::round<std::chrono::microseconds>(pose.stamp);
-    const std::int64_t us = stamp_us.time_since_epoch().count();
-    const double half_yaw = 0.5 * pose.T_map_vehicle.yaw();
-    SHIFTMAP_RETURN_IF_ERROR(file.Append(fmt::format("{}{}.{:06} {} {} 0 0 0 {} {}\n",
-                                                     us < 0 ? "-" : "",
-                                                     std::abs(us) / 1'000'000,
-                                                     std::abs(us) % 1'000'000,
-                                                     pose.T_map_vehicle.x(),
-                                                     pose.T_map_vehicle.y(),
-                                                     std::sin(half_yaw),
-                                                     std::cos(half_yaw))));
-  }
-  return file.Commit();
+  const Status status = WriteLines(trajectory, path);
+  if (status.ok()) return status;
+  return MakeStatus(status.code(), "trajectory '{}': {}", path, Message(status));
 }
 
 std::optional<Se2> Interpolate(std::span<const StampedPose> trajectory,

@@ -83,7 +83,13 @@ TEST_F(LedgerTest, EvidenceBeforeTheStampStartsFromTheVersionsOwnProbabilities) 
   report.evidence = {TwoStateEvidence(At(-900.0), At(-800.0), 0.0, 1.0)};
   MustReturn(report);
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(0.7, 1.0), 1e-12);
-  EXPECT_NEAR(ProbabilityAt(At(10.0)), Relaxed(Updated(0.7, 1.0), 10.0), 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(10.0)), Relaxed(Updated(0.7, 1.0), 810.0), 1e-12);
+
+  // Time passes between old visits as between others.
+  ShiftReport second = EmptyReport(version_, "a", 2);
+  second.evidence = {TwoStateEvidence(At(-500.0), At(-400.0), 2.0, 0.0)};
+  MustReturn(second);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(Updated(0.7, 1.0), 300.0), -2.0), 1e-12);
 }
 
 TEST_F(LedgerTest, ArrivalOrderDoesNotMatter) {
