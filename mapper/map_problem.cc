@@ -6,6 +6,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
@@ -157,6 +158,24 @@ Innovation SightingInnovation(const BuildRun& run,
                          p_map_landmark,
                          run.sensor_bias,
                          run.data->mean_squared_bearing);
+}
+
+const Eigen::Vector2d& AssignedPosition(const MapProblem& problem,
+                                        const BuildRun& run,
+                                        const Sighting& sighting) {
+  const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
+  const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+  return problem.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
+      .p_map_landmark;
+}
+
+bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& sighting) {
+  static const double gate = ChiSquareQuantile(0.999, 2);
+  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kNoMode) return false;
+  const Innovation innovation =
+      SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
+  return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor)) <
+         gate;
 }
 
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {

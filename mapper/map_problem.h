@@ -78,6 +78,16 @@ Innovation SightingInnovation(const BuildRun& run,
                               const Sighting& sighting,
                               const Eigen::Vector2d& p_map_landmark);
 
+/// Position of the mode that a sighting's visit is assigned to. [m]
+/// Precondition: it is assigned to one.
+const Eigen::Vector2d& AssignedPosition(const MapProblem& problem,
+                                        const BuildRun& run,
+                                        const Sighting& sighting);
+
+/// True if a sighting is explained by the mode of its visit: its squared standardized residual is
+/// below the 99.9 % quantile.
+bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& sighting);
+
 /// Positions of a visit's sightings as seen from the present poses. [m]
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit);
 

@@ -8,6 +8,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/datum.h"
+#include "mapper/fleet_calibration.h"
 #include "mapper/map_output.h"
 #include "mapper/map_problem.h"
 #include "mapper/mode_refinement.h"
@@ -185,12 +186,12 @@ SensorCalibration MeanSensor(const std::vector<Submap>& submaps,
   return mean;
 }
 
-std::vector<MappingRun> PrepareRuns(std::vector<MapperInput> inputs,
+std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
                                     const std::vector<Signature>& signatures,
                                     const MapperOptions& options,
                                     std::vector<RejectedRun>* rejected) {
   std::vector<MappingRun> runs;
-  for (MapperInput& input : inputs) {
+  for (const MapperInput& input : inputs) {
     MappingRun run = MakeMappingRun(input.run, signatures, options.front_end);
     run.name = input.name;
     run.sha256 = input.sha256;
@@ -260,8 +261,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   std::vector<const Run*> all_runs;
   for (const MapperInput& input : inputs) all_runs.push_back(&input.run);
   const std::vector<Signature> signatures = CollectSignatures(all_runs, known);
-  const std::vector<MappingRun> runs =
-      PrepareRuns(std::move(inputs), signatures, options, &result.rejected);
+  const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 
   std::vector<Submap> submaps;

@@ -151,14 +151,14 @@ OdometryCalibration EstimateOdometryFromPairs(const MappingRun& run,
   };
 
   constexpr double kLagStep = 0.1;
-  constexpr int kLagSteps = 6;  // -0.6 s .. 0.6 s
-  std::array<double, 2 * kLagSteps + 1> cost{};
-  for (int i = -kLagSteps; i <= kLagSteps; ++i) {
-    cost[static_cast<std::size_t>(i + kLagSteps)] = fit_at(kLagStep * i).cost;
+  constexpr double kMinLag = -0.6;
+  std::array<double, 13> cost{};
+  for (std::size_t i = 0; i < cost.size(); ++i) {
+    cost[i] = fit_at(kMinLag + kLagStep * static_cast<double>(i)).cost;
   }
   const auto best =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());
-  double lag_s = kLagStep * (static_cast<int>(best) - kLagSteps);
+  double lag_s = kMinLag + kLagStep * static_cast<double>(best);
   if (best > 0 && best + 1 < cost.size()) {
     const double curvature = cost[best - 1] - 2.0 * cost[best] + cost[best + 1];
     if (curvature > 0.0) lag_s += 0.5 * kLagStep * (cost[best - 1] - cost[best + 1]) / curvature;

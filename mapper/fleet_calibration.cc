@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/fleet_calibration.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kFieldOfViewQuantile = 0.99;
+
+// How much the systematic errors of a sensor that no run has calibrated yet differ from the
+// fleet's.
+constexpr double kRangeSpread = 0.03;     // [m]
+constexpr double kBearingSpread = 0.015;  // [rad]
+
+double Quantile(std::vector<double> values, double quantile) {
+  const auto at = static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+// Spread of innovations about zero, from the median of their squares, which a few outliers do not
+// move.
+double RobustSd(const std::vector<double>& squares) {
+  constexpr double kSdOverMedianDeviation = 1.4826;
+  return kSdOverMedianDeviation * std::sqrt(Quantile(squares, 0.5));
+}
+
+// The mode of every group at a key frame of a run: that of the visit going on, or of the one
+// before, or of the first to come.
+class ActiveModes {
+ public:
+  ActiveModes(const MapProblem& problem, const BuildRun& run)
+      : run_(run), visits_(problem.signatures.size()) {
+    for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
+      visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
+    }
+  }
+
+  int At(std::size_t group, Stamp stamp) const {
+    int mode = kNoMode;
+    for (const std::size_t visit : visits_[group]) {
+      if (mode != kNoMode && run_.data->visits[visit].begin > stamp) break;
+      if (run_.assignment[visit] != kNoMode) mode = run_.assignment[visit];
+    }
+    return mode;
+  }
+
+ private:
+  const BuildRun& run_;
+  std::vector<std::vector<std::size_t>> visits_;
+};
+
+// Random walk of a run's odometry over spans of this length: its errors are correlated over
+// seconds, and from one key frame to the next they look smaller than what a gap between landmarks
+// will cost.
+constexpr double kNoiseSpanSeconds = 10.0;
+
+Eigen::Vector2d LongTermNoise(const BuildRun& run) {
+  std::vector<double> x_squares;
+  std::vector<double> yaw_squares;
+  std::size_t hint = 0;
+  std::size_t first = 0;
+  const std::vector<KeyFrame>& frames = run.data->frames;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
+    if (seconds < kNoiseSpanSeconds) continue;
+    const MotionIncrement motion = IntegrateMotion(
+        run.data->odometry, frames[first].stamp, frames[i].stamp, run.odometry, &hint);
+    const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
+    const Eigen::Vector3d error = (motion.T_begin_end.Inverse() * T_first_i).Log();
+    x_squares.push_back(error.x() * error.x() / seconds);
+    yaw_squares.push_back(error.z() * error.z() / seconds);
+    first = i;
+  }
+  if (x_squares.empty()) return Eigen::Vector2d::Zero();
+  return {RobustSd(x_squares), RobustSd(yaw_squares)};
+}
+
+}  // namespace
+
+SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
+  SensorCalibration sensor = problem.sensor;
+  std::vector<double> ranges;
+  std::vector<double> bearings;
+  int outliers = 0;
+  for (const BuildRun& run : problem.runs) {
+    for (const Sighting& sighting : run.data->sightings) {
+      if (!IsInlier(problem, run, sighting)) {
+        ++outliers;
+        continue;
+      }
+      const Eigen::Vector2d q = sighting.observation.PositionInVehicle();
+      ranges.push_back(q.norm());
+      bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
+    }
+  }
+  if (static_cast<int>(ranges.size()) < options.min_sightings) return sensor;
+  sensor.max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
+  sensor.max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+
+  double expected = 0.0;
+  double detected = 0.0;
+  double frames = 0.0;
+  for (const BuildRun& run : problem.runs) {
+    const ActiveModes active(problem, run);
+    frames += static_cast<double>(run.data->frames.size());
+    for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
+      const KeyFrame& frame = run.data->frames[f];
+      const Se2 T_vehicle_map = run.poses[f].Inverse();
+      std::vector<bool> seen(problem.signatures.size());
+      for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+        const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+        if (!IsInlier(problem, run, sighting)) continue;
+        seen[static_cast<std::size_t>(
+            run.data->visits[static_cast<std::size_t>(sighting.visit)].group)] = true;
+      }
+      for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+        const int mode = active.At(group, frame.stamp);
+        if (mode == kNoMode) continue;
+        const Eigen::Vector2d q =
+            T_vehicle_map * problem.modes[group][static_cast<std::size_t>(mode)].p_map_landmark;
+        if (q.norm() > sensor.max_range_m ||
+            std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad)
+          continue;
+        expected += 1.0;
+        detected += seen[group] ? 1.0 : 0.0;
+      }
+    }
+  }
+  // Beta(1, 1) prior, and never so certain that one scan decides.
+  sensor.detection_probability = std::clamp((detected + 1.0) / (expected + 2.0), 0.05, 0.95);
+  const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
+  sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
+  return sensor;
+}
+
+SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale) {
+  SensorCalibration sensor = problem.sensor;
+  const auto runs = static_cast<double>(problem.runs.size());
+  for (const BuildRun& run : problem.runs) {
+    sensor.range_curvature_per_rad2 += run.sensor_bias[1] / runs;
+    sensor.mean_squared_bearing_rad2 += run.data->mean_squared_bearing / runs;
+  }
+  const SensorBias common(0.0, sensor.range_curvature_per_rad2);
+  std::vector<double> range;
+  std::vector<double> bearing;
+  std::vector<double> position;
+  double squared_ranges = 0.0;
+  for (const BuildRun& run : problem.runs) {
+    for (const Sighting& sighting : run.data->sightings) {
+      if (!IsInlier(problem, run, sighting)) continue;
+      const Eigen::Vector2d squares =
+          LinearizeBiased(sighting.observation,
+                          run.poses[static_cast<std::size_t>(sighting.frame)],
+                          AssignedPosition(problem, run, sighting),
+                          common,
+                          sensor.mean_squared_bearing_rad2)
+              .nu.cwiseAbs2();
+      if (sighting.observation.kind == Observation::Kind::kCartesian) {
+        position.insert(position.end(), {squares.x(), squares.y()});
+      } else {
+        range.push_back(squares.x());
+        bearing.push_back(squares.y());
+        squared_ranges += sighting.observation.z.x() * sighting.observation.z.x();
+      }
+    }
+  }
+  const auto raise = [](const std::vector<double>& squares, double spread, double* sd) {
+    if (!squares.empty()) *sd = std::hypot(std::max(*sd, RobustSd(squares)), spread);
+  };
+  const double rms_range =
+      range.empty() ? 0.0 : std::sqrt(squared_ranges / static_cast<double>(range.size()));
+  raise(range, std::hypot(kRangeSpread, sd_range_scale * rms_range), &sensor.sd_range_m);
+  raise(bearing, kBearingSpread, &sensor.sd_bearing_rad);
+  raise(position, kRangeSpread, &sensor.sd_position_m);
+  return sensor;
+}
+
+OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
+                                  const OdometryCalibration& fallback) {
+  const auto count = static_cast<double>(runs.size());
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  double lag = 0.0;
+  Eigen::Vector2d variance = Eigen::Vector2d::Zero();
+  for (const BuildRun& run : runs) {
+    mean +=
+        Eigen::Vector2d(std::log(run.odometry.scale_v), std::log(run.odometry.scale_omega)) / count;
+    lag += run.odometry.lag_s / count;
+    const Eigen::Vector2d short_term(run.odometry.noise_v, run.odometry.noise_omega);
+    variance += short_term.cwiseMax(LongTermNoise(run)).cwiseAbs2() / count;
+  }
+  OdometryCalibration fleet = fallback;
+  fleet.scale_v = std::exp(mean.x());
+  fleet.scale_omega = std::exp(mean.y());
+  fleet.lag_s = lag;
+  fleet.noise_v = std::sqrt(variance.x());
+  fleet.noise_omega = std::sqrt(variance.y());
+  return fleet;
+}
+
+}  // namespace shiftmap
