@@ -46,7 +46,8 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
   }
   context.Report({{"reports", results}}, text);
   if (all_known && !context.dry_run()) {
-    return MakeStatus(StatusCode::kAlreadyExists, "every report is known already");
+    return MakeStatus(
+        StatusCode::kAlreadyExists, "map store '{}': every report is known already", options.store);
   }
   return OkStatus();
 }

@@ -36,28 +36,34 @@ struct RunOptions {
   std::string run;
 };
 
-// `X,Y,YAW` with the uncertainty of a pose that somebody typed.
-StatusOr<std::optional<PoseWithCovariance>> ParseInitialPose(const std::string& text) {
-  if (text == "auto") return std::optional<PoseWithCovariance>();
+// `X,Y,YAW` with the uncertainty of a pose that somebody typed; nothing if it is something else.
+std::optional<PoseWithCovariance> ParseInitialPose(const std::string& text) {
   double x = 0.0;
   double y = 0.0;
   double yaw = 0.0;
   int length = 0;
   const int fields = std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &x, &y, &yaw, &length);
   const bool whole = fields == 3 && static_cast<std::size_t>(length) == text.size();
-  if (!whole || !std::isfinite(x) || !std::isfinite(y) || !std::isfinite(yaw)) {
-    return InvalidArgument("--initial-pose '{}', expected X,Y,YAW or auto", text);
-  }
+  if (!whole || !std::isfinite(x) || !std::isfinite(y) || !std::isfinite(yaw)) return std::nullopt;
   PoseWithCovariance pose;
   pose.T_map_vehicle = Se2(x, y, yaw);
   pose.cov_T_map_vehicle = Eigen::Vector3d(0.25, 0.25, 0.04).asDiagonal();
-  return std::optional<PoseWithCovariance>(pose);
+  return pose;
+}
+
+// What is wrong with the options as a whole; empty if nothing is.
+std::string CheckOptions(const RunOptions& options) {
+  if (options.store.has_value() == options.snapshot.has_value()) {
+    return "give either --store or --snapshot";
+  }
+  if (options.return_report && !options.store) return "--return needs --store";
+  if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
+    return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
+  }
+  return "";
 }
 
 StatusOr<MapSnapshot> LoadMap(const RunOptions& options) {
-  if (options.store.has_value() == options.snapshot.has_value()) {
-    return InvalidArgument("give either --store or --snapshot");
-  }
   const std::string& path = options.store ? *options.store : *options.snapshot;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, MapStore::Access::kReadOnly));
   return store.LoadAt(options.area);
@@ -100,7 +106,9 @@ class Shift {
     while (true) {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
       if (!event) break;
-      SHIFTMAP_RETURN_IF_ERROR(Process(*event));
+      if (const Status status = Process(*event); !status.ok()) {
+        return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
+      }
     }
     if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
     vehicle_ = stream.info().vehicle;
@@ -147,11 +155,10 @@ Status WriteResults(const RunOptions& options, const Shift& shift, const ShiftRe
 }
 
 Status RunShift(const RunOptions& options, Context& context) {
-  if (options.return_report && !options.store) return InvalidArgument("--return needs --store");
   LocalizerOptions localizer_options;
   localizer_options.hypotheses.alpha = options.alpha;
   localizer_options.hypotheses.max_leaves = options.max_leaves;
-  SHIFTMAP_ASSIGN_OR_RETURN(localizer_options.initial_pose, ParseInitialPose(options.initial_pose));
+  localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot snapshot, LoadMap(options));
 
@@ -160,8 +167,8 @@ Status RunShift(const RunOptions& options, Context& context) {
                                               : shift.ProcessFile(options.run));
   const ShiftReport report = shift.Finish();
   const RunSummary& summary = shift.summary();
-  if (!summary.truncation.empty() && !context.quiet()) {
-    fmt::print(stderr, "warning: run log '{}': {}\n", options.run, summary.truncation);
+  if (!summary.truncation.empty()) {
+    context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
@@ -190,6 +197,7 @@ void AddRunCommand(Application* application) {
       .InRange(1, 1024)
       .Option("RUN", &options->run, "Run log, or - for standard input")
       .Required()
+      .Check([options] { return CheckOptions(*options); })
       .Writes();
 }
 

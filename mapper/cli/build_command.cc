@@ -74,12 +74,14 @@ StatusOr<std::set<std::string>> RunHashes(MapStore& store,
 
 StatusOr<PriorMap> LoadPrior(const BuildOptions& options) {
   PriorMap prior;
-  if (options.prior == "none") return prior;
   std::error_code error;
   const bool exists = std::filesystem::exists(options.store, error);
-  if (!exists && options.prior == "published") return prior;
+  const bool needed = options.prior != "none" && options.prior != "published";
+  if (!exists && !needed) return prior;
+  // Opened even without a prior: what is no store is better known before the work than after it.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             MapStore::Open(options.store, MapStore::Access::kReadOnly));
+  if (options.prior == "none") return prior;
   if (options.prior == "published") {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.version, store.PublishedVersion(options.area));
     if (!prior.version) return prior;
@@ -97,13 +99,15 @@ struct LoadedRuns {
   std::vector<RejectedRun> rejected;
 };
 
-StatusOr<LoadedRuns> LoadRuns(const std::vector<std::string>& paths, const PriorMap& prior) {
+StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
+                              const PriorMap& prior,
+                              const Context& context) {
   LoadedRuns runs;
   std::set<std::string> seen = prior.run_hashes;
-  for (const std::string& path : paths) {
+  for (const std::string& path : options.logs) {
     SHIFTMAP_ASSIGN_OR_RETURN(RunLog log, ReadRunLog(path));
     if (!log.truncation.empty()) {
-      fmt::print(stderr, "shiftmap-mapper: warning: run log '{}': {}\n", path, log.truncation);
+      context.Warn(fmt::format("run log '{}': {}", path, log.truncation));
     }
     const std::string name = std::filesystem::path(path).stem().string();
     if (!seen.insert(log.sha256).second) {
@@ -113,7 +117,8 @@ StatusOr<LoadedRuns> LoadRuns(const std::vector<std::string>& paths, const Prior
     runs.inputs.push_back({name, log.sha256, std::move(log.run)});
   }
   if (runs.inputs.empty()) {
-    return MakeStatus(StatusCode::kAlreadyExists, "every run is already in the map");
+    return MakeStatus(
+        StatusCode::kAlreadyExists, "area '{}': every run is already in the map", options.area);
   }
   return runs;
 }
@@ -230,7 +235,7 @@ Status WriteTrajectories(const std::string& folder, const MapperResult& result) 
 Status Build(const BuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
   SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options));
-  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options.logs, prior));
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
 
   MapperOptions mapper_options;
   mapper_options.seed = options.seed;
@@ -245,8 +250,7 @@ Status Build(const BuildOptions& options, Context& context) {
                [&](const std::string& phase, double done) { progress->Update(phase, done); }));
   result.rejected.insert(result.rejected.end(), runs.rejected.begin(), runs.rejected.end());
   for (const RejectedRun& run : result.rejected) {
-    fmt::print(
-        stderr, "shiftmap-mapper: warning: run '{}' is left out: {}\n", run.name, run.reason);
+    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
   }
 
   std::optional<CommitResult> commit;

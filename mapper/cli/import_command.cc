@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -35,6 +36,12 @@ Status Import(const ImportOptions& options, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string survey_hash, HashFile(options.survey));
   std::size_t modes = 0;
   for (const LandmarkGroup& group : content.groups) modes += group.modes.size();
+
+  // Also in a dry run: what is there must be a store.
+  std::error_code error;
+  if (std::filesystem::exists(options.store, error)) {
+    SHIFTMAP_RETURN_IF_ERROR(MapStore::Open(options.store, MapStore::Access::kReadOnly).status());
+  }
 
   Json document = {{"area", options.area}};
   std::string text = fmt::format("{} landmarks, {} modes", content.groups.size(), modes);

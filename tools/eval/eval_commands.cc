@@ -31,8 +31,15 @@ Json PoseJson(const Se2& pose) { return Json::array({pose.x(), pose.y(), pose.ya
 Status RunTrajectory(const TrajectoryArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto estimate, ReadTum(arguments.estimate));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto truth, ReadTum(arguments.truth));
-  SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError error,
-                            EvaluateTrajectory(estimate, truth, arguments.options));
+  const StatusOr<TrajectoryError> evaluated =
+      EvaluateTrajectory(estimate, truth, arguments.options);
+  if (!evaluated.ok()) {
+    return MakeStatus(evaluated.status().code(),
+                      "trajectory '{}': {}",
+                      arguments.estimate,
+                      Message(evaluated.status()));
+  }
+  const TrajectoryError& error = *evaluated;
   const Json document = {{"matched", error.matched},
                          {"unmatched", error.unmatched},
                          {"aligned", arguments.options.align},
@@ -66,8 +73,12 @@ Status RunMap(const MapArguments& arguments, Context& context) {
   std::optional<VersionNumber> version;
   if (arguments.version) version = VersionNumber(*arguments.version);
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store.LoadAt(arguments.area, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapError error,
-                            EvaluateMap(map.groups(), truth, !arguments.no_align));
+  const StatusOr<MapError> evaluated = EvaluateMap(map.groups(), truth, !arguments.no_align);
+  if (!evaluated.ok()) {
+    return MakeStatus(
+        evaluated.status().code(), "truth '{}': {}", arguments.truth, Message(evaluated.status()));
+  }
+  const MapError& error = *evaluated;
   Json places = Json::array();
   AlignedTable table({"signature", "mode", "distance_m"});
   for (const PlaceMatch& match : error.matches) {

@@ -26,18 +26,12 @@ struct PlotArguments : OutputArguments {
   std::string what = "map";
 };
 
-Status WriteText(const std::string& path, const std::string& text) {
-  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  SHIFTMAP_RETURN_IF_ERROR(file.Append(text));
-  return file.Commit();
-}
-
 // Writes the text, unless nothing may be written, and reports.
 Status Finish(const MapSnapshot& map,
               const std::string& path,
               const std::string& text,
               Context& context) {
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteText(path, text));
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(path, text));
   context.Report({{"area", map.area()},
                   {"version", map.version().value()},
                   {"output", path},

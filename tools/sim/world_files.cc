@@ -10,12 +10,6 @@
 namespace shiftmap {
 namespace {
 
-Status WriteText(const std::string& path, const std::string& text) {
-  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  SHIFTMAP_RETURN_IF_ERROR(file.Append(text));
-  return file.Commit();
-}
-
 constexpr const char* kPlacesHeader = "signature,mode,x_m,y_m\n";
 
 std::string PlaceRow(const SimulatedGroup& group, ModeNumber mode) {
@@ -29,14 +23,14 @@ StatusOr<std::vector<std::string>> WriteWorld(const SimulatedWorld& world,
                                               const std::string& directory) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
-  if (error) return InvalidArgument("folder '{}': cannot be made: {}", directory, error.message());
+  if (error) return Unavailable("folder '{}': cannot be made: {}", directory, error.message());
   std::string truth = kPlacesHeader;
   for (const SimulatedGroup& group : world.groups) {
     for (std::size_t i = 0; i < group.modes.size(); ++i) {
       truth += PlaceRow(group, ModeNumber(static_cast<std::int64_t>(i + 1)));
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(WriteText(directory + "/truth.csv", truth));
+  SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(directory + "/truth.csv", truth));
   std::string modes = "run,signature,mode\n";
   std::vector<std::string> paths;
   for (std::size_t r = 0; r < world.runs.size(); ++r) {
@@ -47,13 +41,14 @@ StatusOr<std::vector<std::string>> WriteWorld(const SimulatedWorld& world,
       modes += fmt::format("{},{},{}\n", stem, world.groups[g].signature.text(), mode.value());
       if (mode != kAbsent) places += PlaceRow(world.groups[g], mode);
     }
-    SHIFTMAP_RETURN_IF_ERROR(WriteText(fmt::format("{}/{}.places.csv", directory, stem), places));
+    SHIFTMAP_RETURN_IF_ERROR(
+        WriteFileAtomically(fmt::format("{}/{}.places.csv", directory, stem), places));
     paths.push_back(fmt::format("{}/{}.mcap", directory, stem));
     SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(world.runs[r].run, paths.back()));
     SHIFTMAP_RETURN_IF_ERROR(
         WriteTum(world.runs[r].truth, fmt::format("{}/{}.truth.tum", directory, stem)));
   }
-  SHIFTMAP_RETURN_IF_ERROR(WriteText(directory + "/modes.csv", modes));
+  SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(directory + "/modes.csv", modes));
   return paths;
 }
 

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Shift reports on their way into the store.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "mapstore/codec/shift_report.h"
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kBadInput = 3;
+constexpr int kNothingToDo = 5;
+constexpr int kNotFound = 6;
+
+class ReturnTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    world_ = new World({"--shifts", "2", "--duration-s", "60", "--groups", "10", "--size-m", "20"});
+    RunForJson("shiftmap-mapper",
+               {"build", "--store", world_->File("good.db"), "--area", "floor", world_->Log(0)});
+    RunForJson("shiftmap-localizer",
+               {"run",
+                "--store",
+                world_->File("good.db"),
+                "--area",
+                "floor",
+                "--report",
+                world_->File("good.report"),
+                world_->Log(1)});
+  }
+  static void TearDownTestSuite() {
+    delete world_;
+    world_ = nullptr;
+  }
+
+  ReturnTest()
+      : store_(folder_.File("maps.db")),
+        report_(world_->File("good.report")),
+        bad_(folder_.File("bad.report")) {
+    std::filesystem::copy_file(world_->File("good.db"), store_);
+  }
+
+  Arguments Return(const std::vector<std::string>& reports) const {
+    Arguments words = {"return", "--store", store_};
+    words.insert(words.end(), reports.begin(), reports.end());
+    return words;
+  }
+
+  static ShiftReport Good() {
+    const StatusOr<ShiftReport> report = ReadShiftReport(world_->File("good.report"));
+    EXPECT_TRUE(report.ok()) << Message(report.status());
+    return *report;
+  }
+
+  // `bad_` is not taken, and the store stays as it is.
+  void ExpectRefused(int exit_code, const std::string& why) const {
+    const std::string before = ReadFile(store_);
+    ExpectError("shiftmap-localizer", Return({bad_}), exit_code, why);
+    EXPECT_TRUE(ReadFile(store_) == before);
+  }
+
+  static World* world_;
+  TempDir folder_;
+  std::string store_;
+  std::string report_;
+  std::string bad_;
+};
+
+World* ReturnTest::world_ = nullptr;
+
+TEST_F(ReturnTest, ChangesTheProbabilities) {
+  const Arguments show = {"show", "--store", store_, "--area", "floor"};
+  const Json before = RunForJson("shiftmap-inspect", show);
+  const Json result = RunForJson("shiftmap-localizer", Return({report_}));
+  ASSERT_EQ(result["reports"].size(), 1u);
+  EXPECT_EQ(result["reports"][0]["uuid"], Good().uuid);
+  EXPECT_EQ(result["reports"][0]["duplicate"], false);
+  EXPECT_EQ(result["reports"][0]["evidence_rows"], Good().evidence.size());
+  EXPECT_NE(RunForJson("shiftmap-inspect", show)["groups"], before["groups"]);
+}
+
+TEST_F(ReturnTest, SecondTimeIsNothingToDo) {
+  RunForJson("shiftmap-localizer", Return({report_}));
+  const std::string before = ReadFile(store_);
+  const CommandResult again = RunCommand("shiftmap-localizer", Return({report_}));
+  EXPECT_EQ(again.exit_code, kNothingToDo);
+  EXPECT_EQ(CountLines(again.err), 1) << again.err;
+  EXPECT_TRUE(again.err.starts_with("shiftmap-localizer: map store '" + store_ + "'")) << again.err;
+
+  Arguments words = Return({report_, report_});
+  words.emplace_back("--json");
+  const CommandResult json = RunCommand("shiftmap-localizer", words);
+  EXPECT_EQ(json.exit_code, kNothingToDo);
+  for (const Json& result : Json::parse(json.out)["reports"]) EXPECT_EQ(result["duplicate"], true);
+  EXPECT_TRUE(ReadFile(store_) == before);
+}
+
+TEST_F(ReturnTest, ReturnedByTheRunAndAgainByFile) {
+  const std::string report = folder_.File("shift.report");
+  RunForJson("shiftmap-localizer",
+             {"run",
+              "--store",
+              store_,
+              "--area",
+              "floor",
+              "--return",
+              "--report",
+              report,
+              world_->Log(1)});
+  EXPECT_EQ(RunCommand("shiftmap-localizer", Return({report})).exit_code, kNothingToDo);
+}
+
+TEST_F(ReturnTest, KnownAndUnknownTogetherIsDone) {
+  RunForJson("shiftmap-localizer", Return({report_}));
+  ShiftReport other = Good();
+  other.uuid = RandomUuid();
+  ASSERT_TRUE(WriteShiftReport(other, bad_).ok());
+  const Json result = RunForJson("shiftmap-localizer", Return({report_, bad_}));
+  EXPECT_EQ(result["reports"][0]["duplicate"], true);
+  EXPECT_EQ(result["reports"][1]["duplicate"], false);
+}
+
+TEST_F(ReturnTest, MissingFiles) {
+  ExpectRefused(kNotFound, "shift report '" + bad_ + "': does not exist");
+  ExpectError("shiftmap-localizer",
+              {"return", "--store", folder_.File("no.db"), report_},
+              kNotFound,
+              "map store '" + folder_.File("no.db") + "'");
+}
+
+TEST_F(ReturnTest, DamagedReports) {
+  const std::string bytes = ReadFile(report_);
+  const std::vector<std::string> damaged = {
+      "",
+      "The shift went well.\n",
+      bytes.substr(0, bytes.size() / 2),
+      bytes.substr(1),
+      std::string(bytes.size(), '\0'),
+      std::string(bytes.size(), '\xff'),
+  };
+  for (const std::string& text : damaged) {
+    WriteFile(bad_, text);
+    ExpectRefused(kBadInput, "shift report '" + bad_ + "'");
+  }
+}
+
+// A file that one byte was changed in is refused or taken, but nothing else.
+TEST_F(ReturnTest, FlippedBytes) {
+  const std::string bytes = ReadFile(report_);
+  const std::size_t step = bytes.size() / 40 + 1;
+  for (std::size_t i = 0; i < bytes.size(); i += step) {
+    std::string flipped = bytes;
+    flipped[i] = static_cast<char>(flipped[i] ^ 0x55);
+    WriteFile(bad_, flipped);
+    Arguments words = Return({bad_});
+    const CommandResult result = RunCommand("shiftmap-localizer", words);
+    EXPECT_TRUE(result.exit_code == 0 || result.exit_code == kBadInput ||
+                result.exit_code == kNotFound || result.exit_code == kNothingToDo)
+        << "byte " << i << ": exit code " << result.exit_code << ": " << result.err;
+    EXPECT_EQ(CountLines(result.err), result.exit_code == 0 ? 0 : 1) << result.err;
+  }
+}
+
+TEST_F(ReturnTest, ReportOfAnotherMap) {
+  ShiftReport report = Good();
+  report.content_hash.back() = report.content_hash.back() == '0' ? '1' : '0';
+  ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
+  ExpectRefused(kBadInput, "content hash");
+
+  report = Good();
+  report.area = "cellar";
+  ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
+  ExpectRefused(kNotFound, "'cellar'");
+
+  report = Good();
+  report.version = VersionNumber(17);
+  ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
+  ExpectRefused(kNotFound, "version 17");
+}
+
+TEST_F(ReturnTest, OneDamagedReportHoldsUpAll) {
+  WriteFile(bad_, "no report");
+  const std::string before = ReadFile(store_);
+  ExpectError("shiftmap-localizer", Return({report_, bad_}), kBadInput, bad_);
+  EXPECT_TRUE(ReadFile(store_) == before);
+}
+
+TEST_F(ReturnTest, EmptyFileAsStore) {
+  WriteFile(bad_, "");
+  ExpectError(
+      "shiftmap-localizer", {"return", "--store", bad_, report_}, kBadInput, "not a map store");
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

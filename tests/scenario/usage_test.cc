@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What every program does with its command line, its output, and the disk.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kUsage = 2;
+constexpr int kTemporary = 75;
+
+// Names and bytes of all files in a folder.
+std::vector<std::pair<std::string, std::string>> Contents(const std::string& folder) {
+  std::vector<std::pair<std::string, std::string>> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    files.emplace_back(entry.path().string(),
+                       entry.is_regular_file() ? ReadFile(entry.path().string()) : "");
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+struct Program {
+  std::string name;
+  std::vector<std::string> commands;
+};
+
+const std::vector<Program>& Programs() {
+  static const auto* const programs = new std::vector<Program>{
+      {"shiftmap-convert", {"utias"}},
+      {"shiftmap-eval", {"trajectory", "map"}},
+      {"shiftmap-inspect",
+       {"areas", "versions", "show", "modes", "history", "sightings", "runs", "export", "plot"}},
+      {"shiftmap-localizer", {"run", "return"}},
+      {"shiftmap-mapper", {"build", "import"}},
+      {"shiftmap-sim", {"open"}},
+  };
+  return *programs;
+}
+
+TEST(UsageTest, NoArguments) {
+  for (const Program& program : Programs()) ExpectError(program.name, {}, kUsage, "required");
+}
+
+TEST(UsageTest, UnknownCommand) {
+  for (const Program& program : Programs()) {
+    ExpectError(program.name, {"frobnicate"}, kUsage, "'frobnicate'");
+  }
+}
+
+TEST(UsageTest, UnknownOption) {
+  const Arguments map = {"--store", "s", "--area", "a", "--frobnicate"};
+  const auto expect = [&](const std::string& program, Arguments words) {
+    words.insert(words.end(), map.begin(), map.end());
+    ExpectError(program, words, kUsage, "--frobnicate");
+  };
+  for (const char* command : {"versions", "show", "modes", "sightings", "runs"}) {
+    expect("shiftmap-inspect", {command});
+  }
+  expect("shiftmap-mapper", {"build", "x.mcap"});
+  expect("shiftmap-mapper", {"import", "x.csv"});
+  expect("shiftmap-localizer", {"run", "x.mcap"});
+  expect("shiftmap-eval", {"map", "x.csv"});
+  ExpectError("shiftmap-sim", {"open", "d", "--frobnicate"}, kUsage, "--frobnicate");
+}
+
+TEST(UsageTest, MissingRequiredOption) {
+  for (const Program& program : Programs()) {
+    for (const std::string& command : program.commands) {
+      ExpectError(program.name, {command}, kUsage, "required");
+    }
+  }
+}
+
+TEST(UsageTest, OptionWithoutItsValue) {
+  const CommandResult result =
+      RunCommand("shiftmap-inspect", {"--json", "show", "--area", "a", "--store"});
+  EXPECT_EQ(result.exit_code, kUsage);
+  EXPECT_EQ(CountLines(result.err), 1) << result.err;
+  EXPECT_NE(result.err.find("--store"), std::string::npos) << result.err;
+  EXPECT_EQ(Json::parse(result.out)["exit_code"], kUsage);
+}
+
+TEST(UsageTest, ValuesThatDoNotFit) {
+  const Arguments map = {"--store", "s", "--area", "a"};
+  const auto expect = [&](const std::string& program, Arguments words, const std::string& option) {
+    words.insert(words.end(), map.begin(), map.end());
+    ExpectError(program, words, kUsage, option);
+  };
+  expect("shiftmap-mapper", {"build", "--prior", "yesterday", "x.mcap"}, "--prior");
+  expect("shiftmap-mapper", {"build", "--seed", "-x", "x.mcap"}, "--seed");
+  expect("shiftmap-mapper", {"build", "--selector", "luck", "x.mcap"}, "--selector");
+  expect("shiftmap-localizer", {"run", "--initial-pose", "1,2", "x.mcap"}, "--initial-pose");
+  expect("shiftmap-localizer", {"run", "--initial-pose", "1,2,nan", "x.mcap"}, "--initial-pose");
+  expect("shiftmap-localizer", {"run", "--snapshot", "s", "x.mcap"}, "--snapshot");
+  expect("shiftmap-localizer", {"run", "--alpha", "2", "x.mcap"}, "--alpha");
+  expect("shiftmap-inspect", {"show", "--at", "noon"}, "--at");
+  expect("shiftmap-inspect", {"export", "--output", "x"}, "--geojson");
+  expect("shiftmap-inspect", {"plot", "weather", "--output", "x"}, "weather");
+  ExpectError("shiftmap-localizer", {"run", "--area", "a", "x.mcap"}, kUsage, "--store");
+  ExpectError("shiftmap-localizer",
+              {"run", "--area", "a", "--snapshot", "s", "--return", "x.mcap"},
+              kUsage,
+              "--return needs --store");
+  ExpectError(
+      "shiftmap-convert", {"utias", "d", "--robot", "9", "--output", "x"}, kUsage, "--robot");
+}
+
+TEST(UsageTest, HelpAndVersionGoToStandardOutput) {
+  for (const Program& program : Programs()) {
+    std::vector<Arguments> questions = {{"--help"}, {"--version"}};
+    for (const std::string& command : program.commands) questions.push_back({command, "--help"});
+    for (const Arguments& question : questions) {
+      const CommandResult result = RunCommand(program.name, question);
+      EXPECT_EQ(result.exit_code, 0) << program.name << " " << question.front();
+      EXPECT_EQ(result.err, "");
+      EXPECT_NE(result.out.find(program.name), std::string::npos) << result.out;
+    }
+  }
+}
+
+class OutputTest : public ::testing::Test {
+ protected:
+  OutputTest()
+      : world_({"--shifts", "2", "--duration-s", "60", "--groups", "10", "--size-m", "20"}),
+        store_(folder_.File("maps.db")) {
+    RunForJson("shiftmap-mapper", {"build", "--store", store_, "--area", "floor", world_.Log(0)});
+    WriteFile(folder_.File("survey.csv"),
+              "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\nA,1,1,2,0.1,0.1,1\n");
+  }
+
+  // The words with the store and area added.
+  Arguments OfMap(Arguments words) const {
+    words.insert(words.end(), {"--store", store_, "--area", "floor"});
+    return words;
+  }
+
+  TempDir folder_;
+  World world_;
+  std::string store_;
+};
+
+TEST_F(OutputTest, DryRunWritesNothing) {
+  const std::string report = folder_.File("shift.report");
+  RunForJson("shiftmap-localizer", OfMap({"run", "--report", report, world_.Log(1)}));
+  const auto before = Contents(folder_.path());
+  const std::string out = folder_.File("out");
+  const std::vector<std::pair<std::string, Arguments>> commands = {
+      {"shiftmap-mapper", OfMap({"build", "--trajectories", out, world_.Log(1)})},
+      {"shiftmap-mapper", OfMap({"import", folder_.File("survey.csv")})},
+      {"shiftmap-mapper", {"import", "--store", out, "--area", "yard", folder_.File("survey.csv")}},
+      {"shiftmap-localizer",
+       OfMap({"run", "--return", "--report", out, "--trajectory", out, world_.Log(1)})},
+      {"shiftmap-localizer", {"return", "--store", store_, report}},
+      {"shiftmap-inspect", OfMap({"plot", "--output", out})},
+      {"shiftmap-inspect", OfMap({"export", "--csv", "--output", out})},
+      {"shiftmap-inspect", OfMap({"export", "--snapshot", "--output", out})},
+      {"shiftmap-sim", {"open", out, "--duration-s", "20"}},
+  };
+  for (const auto& [program, words] : commands) {
+    Arguments dry = words;
+    dry.emplace_back("--dry-run");
+    RunForJson(program, dry);
+    EXPECT_TRUE(Contents(folder_.path()) == before) << program << " " << words.front();
+  }
+}
+
+TEST_F(OutputTest, ReadingLeavesTheStoreAsItIs) {
+  const auto before = Contents(folder_.path());
+  for (const char* list : {"versions", "show", "modes", "sightings", "runs"}) {
+    RunForJson("shiftmap-inspect", OfMap({list}));
+  }
+  RunForJson("shiftmap-inspect", {"areas", "--store", store_});
+  RunForJson("shiftmap-inspect", OfMap({"history", "L01"}));
+  RunForJson("shiftmap-eval", OfMap({"map", world_.Places()}));
+  RunForJson("shiftmap-localizer", OfMap({"run", world_.Log(1)}));
+  EXPECT_TRUE(Contents(folder_.path()) == before);
+}
+
+TEST_F(OutputTest, FolderThatCannotBeWrittenToIsTemporary) {
+  const std::string report = folder_.File("shift.report");
+  RunForJson("shiftmap-localizer", OfMap({"run", "--report", report, world_.Log(1)}));
+  const auto before = Contents(folder_.path());
+  const CommandOptions nobody{.unprivileged = true};
+  if (RunCommand("shiftmap-inspect", OfMap({"show"}), nobody).exit_code != 0) {
+    GTEST_SKIP() << "another user cannot run the programs from here";
+  }
+  const std::string out = folder_.File("out");
+  const auto expect = [&](const std::string& program, const Arguments& words, const auto& object) {
+    ExpectError(program, words, kTemporary, object, nobody);
+  };
+  expect("shiftmap-mapper", OfMap({"build", world_.Log(1)}), store_);
+  expect("shiftmap-mapper", OfMap({"build", "--trajectories", out, world_.Log(1)}), out);
+  expect("shiftmap-mapper", OfMap({"import", folder_.File("survey.csv")}), store_);
+  expect("shiftmap-mapper",
+         {"import", "--store", out, "--area", "yard", folder_.File("survey.csv")},
+         out);
+  expect("shiftmap-localizer", OfMap({"run", "--trajectory", out, world_.Log(1)}), out);
+  expect("shiftmap-localizer", OfMap({"run", "--report", out, world_.Log(1)}), out);
+  expect("shiftmap-localizer", OfMap({"run", "--return", world_.Log(1)}), store_);
+  expect("shiftmap-localizer", {"return", "--store", store_, report}, store_);
+  expect("shiftmap-inspect", OfMap({"plot", "--output", out}), out);
+  expect("shiftmap-inspect", OfMap({"export", "--csv", "--output", out}), out);
+  expect("shiftmap-inspect", OfMap({"export", "--snapshot", "--output", out}), out);
+  expect("shiftmap-sim", {"open", out, "--duration-s", "20"}, out);
+  EXPECT_TRUE(Contents(folder_.path()) == before);
+}
+
+TEST_F(OutputTest, FolderThatDoesNotExistIsNotFound) {
+  constexpr int kNotFound = 6;
+  const std::string out = folder_.File("no/such/file");
+  ExpectError(
+      "shiftmap-localizer", OfMap({"run", "--trajectory", out, world_.Log(1)}), kNotFound, out);
+  ExpectError("shiftmap-localizer", OfMap({"run", "--report", out, world_.Log(1)}), kNotFound, out);
+  ExpectError("shiftmap-inspect", OfMap({"plot", "--output", out}), kNotFound, out);
+  ExpectError("shiftmap-inspect", OfMap({"export", "--snapshot", "--output", out}), kNotFound, out);
+  ExpectError("shiftmap-mapper",
+              {"build", "--store", out, "--area", "floor", world_.Log(1)},
+              kNotFound,
+              out);
+}
+
+// What a vehicle has learned must not be lost to a full disk that nobody noticed.
+TEST_F(OutputTest, FullDisk) {
+  const CommandResult result =
+      RunCommand("shiftmap-inspect", OfMap({"plot", "--output", "/dev/full"}));
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_EQ(CountLines(result.err), 1) << result.err;
+}
+
+TEST_F(OutputTest, TextAndJsonSayTheSame) {
+  const CommandResult text = RunCommand("shiftmap-inspect", OfMap({"versions"}));
+  const Json document = RunForJson("shiftmap-inspect", OfMap({"versions"}));
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_EQ(text.err, "");
+  const auto hash = document["versions"][0]["content_hash"].get<std::string>();
+  EXPECT_NE(text.out.find(hash.substr(0, 12)), std::string::npos) << text.out;
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

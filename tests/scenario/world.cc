@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/scenario/world.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+namespace shiftmap::testing {
+
+World::World(const Arguments& options) {
+  Arguments arguments = {"open", folder_.path()};
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  RunForJson("shiftmap-sim", arguments);
+}
+
+std::string World::Name(int run) const { return folder_.File(fmt::format("run_{:03}", run)); }
+
+std::vector<World::TrueMode> World::Modes(int run) const {
+  const std::string name = fmt::format("run_{:03}", run);
+  std::vector<TrueMode> modes;
+  for (const std::vector<std::string>& row : ReadCsv(folder_.File("modes.csv"))) {
+    if (row.at(0) == name) modes.push_back({row.at(1), std::stoi(row.at(2))});
+  }
+  return modes;
+}
+
+std::vector<std::vector<std::string>> ReadCsv(const std::string& path) {
+  std::istringstream text(ReadFile(path));
+  std::vector<std::vector<std::string>> rows;
+  std::string line;
+  std::getline(text, line);
+  while (std::getline(text, line)) {
+    std::vector<std::string>& row = rows.emplace_back();
+    std::istringstream cells(line);
+    for (std::string cell; std::getline(cells, cell, ',');) row.push_back(cell);
+  }
+  return rows;
+}
+
+}  // namespace shiftmap::testing
