@@ -61,7 +61,7 @@ struct Alignment {
 /// in the fit of the others.
 ///
 /// Nothing is returned if fewer than min_signatures agree, or if a clearly different transform has
-/// as many supporters or more likelihood. Deterministic.
+/// more supporters. Deterministic.
 std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
                                           const std::vector<AlignmentPoint>& other,
                                           const AlignmentOptions& options);

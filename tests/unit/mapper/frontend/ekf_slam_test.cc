@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/frontend/ekf_slam.h"
+
+#include <gtest/gtest.h>
+
+#include "localizer/models/motion_model.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry) {
+  std::vector<Se2> poses = {Se2()};
+  std::size_t hint = 0;
+  for (std::size_t i = 1; i < run.frames.size(); ++i) {
+    poses.push_back(
+        poses.back() *
+        IntegrateMotion(run.odometry, run.frames[i - 1].stamp, run.frames[i].stamp, odometry, &hint)
+            .T_begin_end);
+  }
+  return poses;
+}
+
+TEST(EkfSlam, FollowsTheTruthWhereDeadReckoningDrifts) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.runs = 1;
+    options.duration_s = 240.0;
+    options.odometry.scale_v = 1.04;
+    options.odometry.scale_omega = 0.97;
+    options.odometry.noise_omega = 0.03;
+    const SimulatedWorld world = testing::Simulate(options);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const Calibration calibration{{.noise_v = 0.01, .noise_omega = 0.03}, options.sensor};
+    const std::vector<Se2> poses = EstimateTrajectoryByEkf(run, calibration);
+    ASSERT_EQ(poses.size(), run.frames.size());
+    EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());
+    const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
+    const double error = testing::AlignedRmse(poses, truth);
+    const double drift = testing::AlignedRmse(DeadReckon(run, calibration.odometry), truth);
+    EXPECT_LT(error, 0.25) << seed;
+    EXPECT_LT(error, 0.5 * drift) << seed;
+  }
+}
+
+TEST(EkfSlam, MisreadSignaturesDoNotPullItAway) {
+  OpenWorldOptions options = testing::SmallWorld(6);
+  options.runs = 1;
+  options.clutter_per_scan = 0.1;
+  const SimulatedWorld world = testing::Simulate(options);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  const Calibration calibration{{.noise_v = 0.01, .noise_omega = 0.01}, options.sensor};
+  const double error = testing::AlignedRmse(EstimateTrajectoryByEkf(run, calibration),
+                                            testing::TruePoses(world.runs[0], run));
+  EXPECT_LT(error, 0.25);
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/frontend/odometry_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+TEST(OdometryCalibrationFromPairs, RecoversScalesAndLag) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.runs = 1;
+    options.duration_s = 200.0;
+    options.scan_rate_hz = 5.0;
+    options.odometry.scale_v = 1.06;
+    options.odometry.scale_omega = 0.95;
+    options.odometry.lag_s = 0.2;
+    options.sensor.sd_range_m = 0.05;
+    options.sensor.sd_bearing_rad = 0.01;
+    const SimulatedWorld world = testing::Simulate(options);
+    const OdometryCalibration found = EstimateOdometryFromPairs(
+        testing::Arrange(world, world.runs[0].run), options.sensor, OdometryCalibration());
+    EXPECT_NEAR(found.scale_v, 1.06, 0.015) << seed;
+    EXPECT_NEAR(found.scale_omega, 0.95, 0.015) << seed;
+    EXPECT_NEAR(found.lag_s, 0.2, 0.05) << seed;
+    EXPECT_EQ(found.noise_v, OdometryCalibration().noise_v);
+  }
+}
+
+TEST(OdometryCalibrationFromPairs, ALandmarkThatMovedDoesNoHarm) {
+  OpenWorldOptions options = testing::SmallWorld(3);
+  options.runs = 1;
+  options.odometry.scale_v = 1.05;
+  SimulatedWorld world = testing::Simulate(options);
+  // Half of all observations are read as one landmark's: it stands somewhere else at every visit.
+  std::vector<Scan>& scans = world.runs[0].run.scans;
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    if (i / 40 % 2 == 0) continue;
+    for (Observation& observation : scans[i].observations) {
+      observation.signature = world.groups[0].signature;
+    }
+  }
+  const OdometryCalibration found = EstimateOdometryFromPairs(
+      testing::Arrange(world, world.runs[0].run), options.sensor, OdometryCalibration());
+  EXPECT_NEAR(found.scale_v, 1.05, 0.03);
+  EXPECT_NEAR(found.scale_omega, 1.0, 0.03);
+}
+
+TEST(OdometryCalibrationFromPairs, TooFewPairsLeaveTheFallback) {
+  OpenWorldOptions options = testing::SmallWorld(1);
+  options.runs = 1;
+  options.duration_s = 4.0;
+  const SimulatedWorld world = testing::Simulate(options);
+  OdometryCalibration fallback;
+  fallback.scale_v = 1.23;
+  fallback.lag_s = 0.34;
+  const OdometryCalibration found = EstimateOdometryFromPairs(
+      testing::Arrange(world, world.runs[0].run), options.sensor, fallback);
+  EXPECT_EQ(found.scale_v, 1.23);
+  EXPECT_EQ(found.lag_s, 0.34);
+}
+
+}  // namespace
+}  // namespace shiftmap

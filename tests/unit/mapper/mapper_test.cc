@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/mapper.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/check.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/status_matchers.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+using testing::IsNearPose;
+using testing::IsOk;
+using testing::MatchedMode;
+using testing::MatchModes;
+using testing::Simulate;
+using testing::SmallWorld;
+using testing::StatusIs;
+
+MapperResult Build(std::vector<MapperInput> inputs,
+                   const std::optional<MapContent>& prior = std::nullopt) {
+  StatusOr<MapperResult> result = BuildMap(std::move(inputs), prior, MapperOptions());
+  SHIFTMAP_CHECK(result.ok(), "{}", Message(result.status()));
+  return *std::move(result);
+}
+
+// The true modes that a map has, by signature, ascending; one that it has twice is listed twice.
+std::map<Signature, std::vector<ModeNumber>> MappedModes(const MapContent& content,
+                                                         const SimulatedWorld& world) {
+  std::map<Signature, std::vector<ModeNumber>> modes;
+  for (const MatchedMode& match : MatchModes(content, world)) {
+    modes[content.groups[match.group].signature].push_back(match.truth);
+  }
+  for (auto& [signature, numbers] : modes) std::sort(numbers.begin(), numbers.end());
+  return modes;
+}
+
+TEST(BuildMap, HasTheModesThatHeldWhereTheyWere) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const SimulatedWorld world = Simulate(SmallWorld(seed));
+    const MapperResult result = Build(testing::Inputs(world));
+    ASSERT_TRUE(result.rejected.empty()) << seed;
+    EXPECT_THAT(ValidateMapContent(result.content), IsOk());
+
+    // A mode needs a visit of three sightings; one that was seen less may or may not be there.
+    const auto mapped = MappedModes(result.content, world);
+    const auto sure = testing::VisitedModes(world, 6);
+    const auto possible = testing::VisitedModes(world, 1);
+    for (std::size_t g = 0; g < world.groups.size(); ++g) {
+      const auto found = mapped.find(world.groups[g].signature);
+      const std::vector<ModeNumber> modes =
+          found == mapped.end() ? std::vector<ModeNumber>() : found->second;
+      EXPECT_TRUE(std::includes(modes.begin(), modes.end(), sure[g].begin(), sure[g].end()))
+          << seed << " " << world.groups[g].signature.text();
+      EXPECT_TRUE(std::includes(possible[g].begin(), possible[g].end(), modes.begin(), modes.end()))
+          << seed << " " << world.groups[g].signature.text();
+    }
+    for (const MatchedMode& match : MatchModes(result.content, world)) {
+      const Mode& mode = result.content.groups[match.group].modes[match.mode];
+      const double sd = std::sqrt(0.5 * mode.cov_p_map_landmark.trace());
+      EXPECT_LT(match.error.norm(), std::max(0.15, 4.0 * sd)) << seed;
+    }
+  }
+}
+
+TEST(BuildMap, FavoursTheModesThatHeldLast) {
+  const SimulatedWorld world = Simulate(SmallWorld(2));
+  const MapperResult result = Build(testing::Inputs(world));
+  const MappingRun last = testing::Arrange(world, world.runs.back().run);
+  std::vector<std::size_t> sightings(world.groups.size());
+  for (const MappingVisit& visit : last.visits) {
+    sightings[static_cast<std::size_t>(visit.group)] += visit.sightings.size();
+  }
+  int checked = 0;
+  for (const MatchedMode& match : MatchModes(result.content, world)) {
+    const LandmarkGroup& group = result.content.groups[match.group];
+    for (std::size_t g = 0; g < world.groups.size(); ++g) {
+      if (world.groups[g].signature != group.signature || sightings[g] < 10) continue;
+      if (world.runs.back().active_mode[g] != match.truth) continue;
+      ++checked;
+      EXPECT_GT(group.probabilities[static_cast<Eigen::Index>(match.mode) + 1], 0.9);
+    }
+  }
+  EXPECT_GE(checked, 6);
+}
+
+TEST(BuildMap, TheFrameIsTheStartOfTheEarliestRun) {
+  const SimulatedWorld world = Simulate(SmallWorld(1));
+  const MapperResult result = Build(testing::Inputs(world));
+  ASSERT_EQ(result.runs.size(), 3u);
+  EXPECT_EQ(result.runs[0].name, "run-0");
+  EXPECT_THAT(result.runs[0].T_map_start, IsNearPose(Se2(), 0.01));
+  for (std::size_t r = 0; r < result.runs.size(); ++r) {
+    const MappingRun run = testing::Arrange(world, world.runs[r].run);
+    std::vector<Se2> poses;
+    for (const StampedPose& pose : result.runs[r].trajectory) poses.push_back(pose.T_map_vehicle);
+    EXPECT_LT(testing::AlignedRmse(poses, testing::TruePoses(world.runs[r], run)), 0.15) << r;
+    EXPECT_EQ(result.runs[r].observations, static_cast<int>(run.sightings.size()));
+    EXPECT_LT(result.runs[r].outliers, result.runs[r].observations / 20);
+  }
+}
+
+TEST(BuildMap, TheOrderOfTheRunsDoesNotMatterAndEveryBuildIsTheSame) {
+  const SimulatedWorld world = Simulate(SmallWorld(3));
+  const std::vector<MapperInput> inputs = testing::Inputs(world);
+  const std::string expected = ContentHash(Build(inputs).content);
+  EXPECT_EQ(ContentHash(Build(inputs).content), expected);
+  EXPECT_EQ(ContentHash(Build({inputs[2], inputs[0], inputs[1]}).content), expected);
+}
+
+TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
+  OpenWorldOptions options = SmallWorld(1);
+  options.runs = 2;
+  const SimulatedWorld world = Simulate(options);
+  options.seed = 99;  // The same signatures on another floor.
+  options.runs = 1;
+  options.start += FromSeconds(1e6);
+  std::vector<MapperInput> inputs = testing::Inputs(world);
+  const std::string expected = ContentHash(Build(inputs).content);
+  inputs.push_back({"stranger", std::string(64, 'f'), Simulate(options).runs[0].run});
+  const MapperResult result = Build(inputs);
+  ASSERT_EQ(result.rejected.size(), 1u);
+  EXPECT_EQ(result.rejected[0].name, "stranger");
+  EXPECT_NE(result.rejected[0].reason.find("no consistent alignment"), std::string::npos);
+  ASSERT_EQ(result.runs.size(), 2u);
+  EXPECT_EQ(result.runs[0].name, "run-0");
+}
+
+TEST(BuildMap, NothingToBuildFromIsAnError) {
+  EXPECT_THAT(BuildMap({}, std::nullopt, {}), StatusIs(StatusCode::kInvalidArgument, "no runs"));
+
+  OpenWorldOptions options = SmallWorld(1);
+  options.runs = 1;
+  options.duration_s = 30.0;
+  std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  for (Scan& scan : inputs[0].run.scans) scan.observations.clear();
+  EXPECT_THAT(BuildMap(inputs, std::nullopt, {}),
+              StatusIs(StatusCode::kInvalidArgument, "'run-0': no identified landmark is seen"));
+
+  inputs[0].run.odometry.clear();
+  EXPECT_THAT(BuildMap(inputs, std::nullopt, {}),
+              StatusIs(StatusCode::kInvalidArgument, "run 'run-0'"));
+
+  MapperOptions wrong;
+  wrong.front_end.visit_gap_s = 0.0;
+  EXPECT_THAT(BuildMap(inputs, std::nullopt, wrong),
+              StatusIs(StatusCode::kInvalidArgument, "visit_gap_s"));
+}
+
+TEST(BuildMap, TheNextNightKeepsFrameAndModeNumbers) {
+  OpenWorldOptions options = SmallWorld(5);
+  options.runs = 4;
+  const SimulatedWorld world = Simulate(options);
+  const std::vector<MapperInput> inputs = testing::Inputs(world);
+  const MapContent first = Build({inputs[0], inputs[1]}).content;
+  const MapperResult result = Build({inputs[2], inputs[3]}, first);
+  ASSERT_TRUE(result.rejected.empty());
+
+  int kept = 0;
+  int created = 0;
+  for (const LandmarkGroup& group : result.content.groups) {
+    const auto before =
+        std::find_if(first.groups.begin(), first.groups.end(), [&](const LandmarkGroup& other) {
+          return other.signature == group.signature;
+        });
+    for (const Mode& mode : group.modes) {
+      const int state = before == first.groups.end() ? -1 : before->StateOf(mode.number);
+      if (state < 0) {
+        ++created;
+        continue;
+      }
+      ++kept;
+      const Mode& old = before->modes[static_cast<std::size_t>(state) - 1];
+      EXPECT_LT((mode.p_map_landmark - old.p_map_landmark).norm(), 0.2) << group.signature.text();
+      EXPECT_GE(mode.last_seen, old.last_seen);
+    }
+  }
+  EXPECT_EQ(kept, first.covariance.size());
+  EXPECT_EQ(created, result.modes_created);
+  // The frame is that of the first night: its start of run 0.
+  for (const MatchedMode& match : MatchModes(result.content, world)) {
+    EXPECT_LT(match.error.norm(), 0.25);
+  }
+  EXPECT_GT(result.content.stamp, first.stamp);
+}
+
+TEST(BuildMap, ARunThatDoesNotFitThePriorIsAnError) {
+  OpenWorldOptions options = SmallWorld(1);
+  options.runs = 1;
+  const MapContent map = Build(testing::Inputs(Simulate(options))).content;
+  options.seed = 99;
+  EXPECT_THAT(BuildMap(testing::Inputs(Simulate(options)), map, {}),
+              StatusIs(StatusCode::kInvalidArgument, "'run-0': no consistent alignment"));
+}
+
+// The errors that are left after alignment are those of the inner-constraint datum, in which the
+// map states its covariance. It includes 2 % for the scale, which these sensors do not need.
+TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
+  double nees = 0.0;
+  int count = 0;
+  for (std::uint64_t seed = 101; seed <= 120; ++seed) {
+    OpenWorldOptions options = SmallWorld(seed);
+    options.runs = 2;
+    options.duration_s = 100.0;
+    options.scan_rate_hz = 2.0;
+    const SimulatedWorld world = Simulate(options);
+    const MapperResult result = Build(testing::Inputs(world));
+    for (const MatchedMode& match : MatchModes(result.content, world)) {
+      const Mode& mode = result.content.groups[match.group].modes[match.mode];
+      nees += SquaredMahalanobis(match.error, mode.cov_p_map_landmark);
+      ++count;
+    }
+  }
+  RecordProperty("mean_nees", std::to_string(nees / count));
+  EXPECT_GT(count, 250);
+  EXPECT_LT(nees / count, 2.5);
+  EXPECT_GT(nees / count, 0.2);
+}
+
+TEST(BuildMap, TellsHowFarItIs) {
+  OpenWorldOptions options = SmallWorld(1);
+  options.runs = 2;
+  options.duration_s = 60.0;
+  double last = 0.0;
+  int calls = 0;
+  const auto result = BuildMap(testing::Inputs(Simulate(options)),
+                               std::nullopt,
+                               {},
+                               [&](const std::string& phase, double done) {
+                                 EXPECT_FALSE(phase.empty());
+                                 EXPECT_GE(done, last);
+                                 last = done;
+                                 ++calls;
+                               });
+  EXPECT_THAT(result, IsOk());
+  EXPECT_EQ(last, 1.0);
+  EXPECT_GE(calls, 4);
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/unit/mapper/mapper_test_util.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "proto/core/check.h"
+
+namespace shiftmap::testing {
+
+OpenWorldOptions SmallWorld(std::uint64_t seed) {
+  OpenWorldOptions options;
+  options.seed = seed;
+  options.groups = 12;
+  options.size_m = 14.0;
+  options.mode_gap_m = 1.5;
+  options.duration_s = 120.0;
+  options.odometry_rate_hz = 10.0;
+  options.scan_rate_hz = 2.5;
+  options.speed_mps = 1.0;
+  options.sensor.max_range_m = 8.0;
+  return options;
+}
+
+SimulatedWorld Simulate(const OpenWorldOptions& options) {
+  StatusOr<SimulatedWorld> world = SimulateOpen(options);
+  SHIFTMAP_CHECK(world.ok(), "{}", Message(world.status()));
+  return *std::move(world);
+}
+
+std::vector<MapperInput> Inputs(const SimulatedWorld& world) {
+  std::vector<MapperInput> inputs;
+  for (std::size_t i = 0; i < world.runs.size(); ++i) {
+    inputs.push_back({fmt::format("run-{}", i), fmt::format("{:064x}", i), world.runs[i].run});
+  }
+  return inputs;
+}
+
+std::vector<Signature> SignaturesOf(const SimulatedWorld& world) {
+  std::vector<Signature> signatures;
+  for (const SimulatedGroup& group : world.groups) signatures.push_back(group.signature);
+  return signatures;
+}
+
+MappingRun Arrange(const SimulatedWorld& world, const Run& run) {
+  return MakeMappingRun(run, SignaturesOf(world), FrontEndOptions());
+}
+
+std::vector<Se2> TruePoses(const SimulatedRun& simulated, const MappingRun& run) {
+  std::vector<Se2> poses;
+  auto at = simulated.truth.begin();
+  for (const KeyFrame& frame : run.frames) {
+    at = std::find_if(at, simulated.truth.end(), [&](const StampedPose& pose) {
+      return pose.stamp == frame.stamp;
+    });
+    SHIFTMAP_CHECK(at != simulated.truth.end(), "a key frame has no true pose");
+    poses.push_back(at->T_map_vehicle);
+  }
+  return poses;
+}
+
+double AlignedRmse(const std::vector<Se2>& estimate, const std::vector<Se2>& truth) {
+  std::vector<PointPair> pairs;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    pairs.push_back({truth[i].translation(), estimate[i].translation()});
+  }
+  const StatusOr<Se2> T_truth_estimate = AlignRigid2d(pairs);
+  SHIFTMAP_CHECK(T_truth_estimate.ok(), "{}", Message(T_truth_estimate.status()));
+  double squares = 0.0;
+  for (const PointPair& pair : pairs) {
+    squares += (pair.p_a - *T_truth_estimate * pair.p_b).squaredNorm();
+  }
+  return std::sqrt(squares / static_cast<double>(pairs.size()));
+}
+
+std::vector<std::vector<ModeNumber>> VisitedModes(const SimulatedWorld& world, int min_sightings) {
+  std::vector<std::set<ModeNumber>> visited(world.groups.size());
+  for (const SimulatedRun& simulated : world.runs) {
+    const MappingRun run = Arrange(world, simulated.run);
+    for (const MappingVisit& visit : run.visits) {
+      const auto group = static_cast<std::size_t>(visit.group);
+      if (std::ssize(visit.sightings) < min_sightings) continue;
+      visited[group].insert(simulated.active_mode[group]);
+    }
+  }
+  std::vector<std::vector<ModeNumber>> result;
+  for (const std::set<ModeNumber>& modes : visited) result.emplace_back(modes.begin(), modes.end());
+  return result;
+}
+
+std::vector<MatchedMode> MatchModes(const MapContent& content,
+                                    const SimulatedWorld& world,
+                                    std::size_t first_run) {
+  const Se2 T_world_map = world.runs[first_run].truth.front().T_map_vehicle;
+  std::vector<MatchedMode> matches;
+  std::vector<PointPair> pairs;
+  for (std::size_t g = 0; g < content.groups.size(); ++g) {
+    const LandmarkGroup& group = content.groups[g];
+    const auto truth =
+        std::find_if(world.groups.begin(), world.groups.end(), [&](const SimulatedGroup& other) {
+          return other.signature == group.signature;
+        });
+    SHIFTMAP_CHECK(truth != world.groups.end(), "no group '{}'", group.signature.text());
+    for (std::size_t m = 0; m < group.modes.size(); ++m) {
+      const Eigen::Vector2d p_world = T_world_map * group.modes[m].p_map_landmark;
+      const auto nearest = std::min_element(
+          truth->modes.begin(), truth->modes.end(), [&](const auto& a, const auto& b) {
+            return (a - p_world).norm() < (b - p_world).norm();
+          });
+      matches.push_back({g, m, ModeNumber(nearest - truth->modes.begin() + 1)});
+      pairs.push_back({group.modes[m].p_map_landmark, *nearest});
+    }
+  }
+  const StatusOr<Se2> T_map_world = AlignRigid2d(pairs);
+  SHIFTMAP_CHECK(T_map_world.ok(), "{}", Message(T_map_world.status()));
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    matches[i].error = pairs[i].p_a - *T_map_world * pairs[i].p_b;
+  }
+  return matches;
+}
+
+}  // namespace shiftmap::testing

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/mapper.h"
+#include "mapstore/run/trajectory.h"
+#include "tools/sim/open_world.h"
+
+namespace shiftmap::testing {
+
+/// A small floor that is quick to map: 12 landmarks with two places each on 14 m x 14 m.
+OpenWorldOptions SmallWorld(std::uint64_t seed);
+
+/// SimulateOpen() for options that are known to be right.
+SimulatedWorld Simulate(const OpenWorldOptions& options);
+
+/// The runs of a world as the mapper takes them, named run-0, run-1, ...
+std::vector<MapperInput> Inputs(const SimulatedWorld& world);
+
+/// A run arranged for mapping, with the signatures of the world.
+MappingRun Arrange(const SimulatedWorld& world, const Run& run);
+
+/// The signatures of all groups of a world, ascending.
+std::vector<Signature> SignaturesOf(const SimulatedWorld& world);
+
+/// The true pose at every key frame of a run.
+std::vector<Se2> TruePoses(const SimulatedRun& simulated, const MappingRun& run);
+
+/// Root mean square distance of two trajectories after the best rigid alignment. [m]
+double AlignedRmse(const std::vector<Se2>& estimate, const std::vector<Se2>& truth);
+
+/// Per group of the world the modes that held in a run and were sighted at least `min_sightings`
+/// times there.
+std::vector<std::vector<ModeNumber>> VisitedModes(const SimulatedWorld& world, int min_sightings);
+
+/// A mode of a map and the true place that it is.
+struct MatchedMode {
+  std::size_t group = 0;  ///< In the map.
+  std::size_t mode = 0;   ///< In the group.
+  ModeNumber truth;
+  Eigen::Vector2d error = Eigen::Vector2d::Zero();  ///< After rigid alignment, map frame. [m]
+};
+
+/// Matches every mode of a map, whose frame is the start of the world's run `first_run`, with the
+/// nearest place of its landmark; errors are left after the best rigid alignment of all.
+std::vector<MatchedMode> MatchModes(const MapContent& content,
+                                    const SimulatedWorld& world,
+                                    std::size_t first_run = 0);
+
+}  // namespace shiftmap::testing
