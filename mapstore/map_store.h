@@ -124,8 +124,8 @@ class MapStore {
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
   ///                 there is none. Visits that begin after `at` do not count. The version's own
-  ///                 distribution comes before all evidence, also before evidence that is older than
-  ///                 the version's stamp: a late report is filtered in its own order of time.
+  ///                 distribution comes before all evidence, also before evidence that is older
+  ///                 than the version's stamp: a late report is filtered in its own order of time.
   ///                 Without evidence, a time before the stamp gives the distribution at the stamp.
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,

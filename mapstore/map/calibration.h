@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string>
+#include <array>
+#include <cstddef>
 
 namespace shiftmap {
 
@@ -54,5 +55,38 @@ struct Calibration {
   OdometryCalibration odometry;
   SensorCalibration sensor;
 };
+
+/// Every value of a calibration, in the order in which files and the content hash have them.
+inline std::array<double*, 17> CalibrationValues(Calibration* calibration) {
+  OdometryCalibration& odometry = calibration->odometry;
+  SensorCalibration& sensor = calibration->sensor;
+  static_assert(sizeof(Calibration) == 17 * sizeof(double), "a value is missing below");
+  return {&odometry.scale_v,
+          &odometry.scale_omega,
+          &odometry.lag_s,
+          &odometry.sd_log_scale,
+          &odometry.noise_v,
+          &odometry.noise_omega,
+          &sensor.sd_range_m,
+          &sensor.sd_bearing_rad,
+          &sensor.sd_position_m,
+          &sensor.range_curvature_per_rad2,
+          &sensor.mean_squared_bearing_rad2,
+          &sensor.max_range_m,
+          &sensor.max_bearing_rad,
+          &sensor.detection_probability,
+          &sensor.occluded_visit_probability,
+          &sensor.clutter_density_per_m2,
+          &sensor.new_landmark_density_per_m2};
+}
+
+/// The same of a calibration that cannot be written to.
+inline std::array<double, 17> CalibrationValues(const Calibration& calibration) {
+  Calibration copy = calibration;
+  std::array<double, 17> values{};
+  std::size_t i = 0;
+  for (const double* value : CalibrationValues(&copy)) values[i++] = *value;
+  return values;
+}
 
 }  // namespace shiftmap

@@ -72,29 +72,7 @@ std::string ContentHash(const MapContent& content) {
   }
   rows.Add(static_cast<std::int64_t>(content.anonymous_landmarks.size()));
   for (const Mode& landmark : content.anonymous_landmarks) rows.Add(landmark);
-  const OdometryCalibration& odometry = content.calibration.odometry;
-  for (const double value : {odometry.scale_v,
-                             odometry.scale_omega,
-                             odometry.lag_s,
-                             odometry.sd_log_scale,
-                             odometry.noise_v,
-                             odometry.noise_omega}) {
-    rows.Add(value);
-  }
-  const SensorCalibration& sensor = content.calibration.sensor;
-  for (const double value : {sensor.sd_range_m,
-                             sensor.sd_bearing_rad,
-                             sensor.sd_position_m,
-                             sensor.range_curvature_per_rad2,
-                             sensor.mean_squared_bearing_rad2,
-                             sensor.max_range_m,
-                             sensor.max_bearing_rad,
-                             sensor.detection_probability,
-                             sensor.occluded_visit_probability,
-                             sensor.clutter_density_per_m2,
-                             sensor.new_landmark_density_per_m2}) {
-    rows.Add(value);
-  }
+  for (const double value : CalibrationValues(content.calibration)) rows.Add(value);
   return rows.HexDigest();
 }
 

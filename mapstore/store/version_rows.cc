@@ -2,6 +2,7 @@
 #include "mapstore/store/version_rows.h"
 
 #include <chrono>
+#include <tuple>
 #include <utility>
 
 #include "mapstore/store/content_rows.h"
@@ -32,28 +33,8 @@ Status ReadCalibration(Database& database, std::int64_t version_id, Calibration&
           "sensor_new_landmark_density_per_m2 FROM version WHERE version_id = ?1"));
   row.Bind(version_id);
   SHIFTMAP_RETURN_IF_ERROR(row.Step().status());
-  OdometryCalibration& odometry = calibration.odometry;
-  SensorCalibration& sensor = calibration.sensor;
   int column = 0;
-  for (double* value : {&odometry.scale_v,
-                        &odometry.scale_omega,
-                        &odometry.lag_s,
-                        &odometry.sd_log_scale,
-                        &odometry.noise_v,
-                        &odometry.noise_omega,
-                        &sensor.sd_range_m,
-                        &sensor.sd_bearing_rad,
-                        &sensor.sd_position_m,
-                        &sensor.range_curvature_per_rad2,
-                        &sensor.mean_squared_bearing_rad2,
-                        &sensor.max_range_m,
-                        &sensor.max_bearing_rad,
-                        &sensor.detection_probability,
-                        &sensor.occluded_visit_probability,
-                        &sensor.clutter_density_per_m2,
-                        &sensor.new_landmark_density_per_m2}) {
-    *value = row.Double(column++);
-  }
+  for (double* value : CalibrationValues(&calibration)) *value = row.Double(column++);
   return OkStatus();
 }
 
@@ -158,34 +139,20 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
           "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
           "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26)"));
-  const OdometryCalibration& odometry = content.calibration.odometry;
-  const SensorCalibration& sensor = content.calibration.sensor;
-  row.Bind(area_id,
-           number.value(),
-           parent_version_id,
-           content_hash,
-           ToNanoseconds(content.stamp),
-           NowNanoseconds(),
-           provenance.tool,
-           provenance.configuration,
-           provenance.seed,
-           odometry.scale_v,
-           odometry.scale_omega,
-           odometry.lag_s,
-           odometry.sd_log_scale,
-           odometry.noise_v,
-           odometry.noise_omega,
-           sensor.sd_range_m,
-           sensor.sd_bearing_rad,
-           sensor.sd_position_m,
-           sensor.range_curvature_per_rad2,
-           sensor.mean_squared_bearing_rad2,
-           sensor.max_range_m,
-           sensor.max_bearing_rad,
-           sensor.detection_probability,
-           sensor.occluded_visit_probability,
-           sensor.clutter_density_per_m2,
-           sensor.new_landmark_density_per_m2);
+  std::apply(
+      [&](const auto&... calibration) {
+        row.Bind(area_id,
+                 number.value(),
+                 parent_version_id,
+                 content_hash,
+                 ToNanoseconds(content.stamp),
+                 NowNanoseconds(),
+                 provenance.tool,
+                 provenance.configuration,
+                 provenance.seed,
+                 calibration...);
+      },
+      CalibrationValues(content.calibration));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   const std::int64_t version_id = database.LastInsertRowId();
   SHIFTMAP_RETURN_IF_ERROR(InsertContentRows(database, version_id, content));
