@@ -4,6 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "mapstore/geometry/covariance.h"
+
 namespace shiftmap {
 namespace {
 
@@ -43,8 +45,7 @@ Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
   const Eigen::MatrixXd G = DatumDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
-  Eigen::MatrixXd result = projector * cov * projector;
-  result = (0.5 * (result + result.transpose())).eval();
+  Eigen::MatrixXd result = Symmetrized(projector * cov * projector);
   result.diagonal().array() += kFloorSd * kFloorSd;
   return result;
 }

@@ -92,6 +92,15 @@ FlatModes::FlatModes(const MapProblem& problem) {
   }
 }
 
+int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
+  std::vector<BuildMode>& modes = problem->modes[static_cast<std::size_t>(group)];
+  const auto index = static_cast<int>(modes.size());
+  const int flat = FlatModes(*problem).Index(group, index);
+  for (int& known : problem->prior.modes) known += known >= flat ? 1 : 0;
+  modes.push_back(mode);
+  return index;
+}
+
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   // The motions are linear in the calibration only nearby: integrate again until it stays.
   constexpr int kMaxIntegrations = 4;
@@ -127,6 +136,15 @@ void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
         std::max(1e-4, run.odometry.noise_v * factor(ResidualStatistics::kTranslation));
     run.odometry.noise_omega =
         std::max(1e-4, run.odometry.noise_omega * factor(ResidualStatistics::kYaw));
+  }
+}
+
+void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem) {
+  // Draws of the posterior; thousands of residuals share them.
+  constexpr int kNoiseSamples = 6;
+  for (int round = 0; round < rounds; ++round) {
+    const Graph graph = SolveContinuous(options, problem);
+    UpdateNoise(ComputeGraphPosterior(graph, kNoiseSamples, options.seed).statistics, problem);
   }
 }
 

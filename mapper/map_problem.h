@@ -57,6 +57,9 @@ struct FlatModes {
   int count = 0;
 };
 
+/// Adds a mode to a group and returns its index there; the prior's flat indices stay right.
+int AddMode(int group, const BuildMode& mode, MapProblem* problem);
+
 /// Solves the continuous part for the present assignment, integrating the odometry anew at the
 /// calibration found. Returns the graph at the solution.
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
@@ -64,6 +67,9 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 /// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
 /// is multiplied by what its residuals have too much or too little (variance components).
 void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
+
+/// Solves and updates the noise in turn, `rounds` times.
+void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem);
 
 /// Where most sightings of a list agree: the mean of those around the sighting with most
 /// neighbours.

@@ -6,7 +6,6 @@
 #include <tuple>
 #include <utility>
 
-#include "localizer/models/motion_model.h"
 #include "mapper/datum.h"
 #include "mapper/fleet_calibration.h"
 #include "mapper/map_output.h"
@@ -18,7 +17,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseSamples = 6;
 constexpr int kNoiseRounds = 2;
 
 // A run mapped by itself, waiting for its place in the common frame.
@@ -83,7 +81,7 @@ void Absorb(const ModeOptions& options,
   BuildRun& run = submap.runs.front();
   std::vector<std::vector<int>> becomes(submap.modes.size());
   for (std::size_t group = 0; group < submap.modes.size(); ++group) {
-    std::vector<BuildMode>& known = problem->modes[group];
+    const std::vector<BuildMode>& known = problem->modes[group];
     const std::size_t known_count = known.size();
     for (const BuildMode& mode : submap.modes[group]) {
       int nearest = kNoMode;
@@ -99,10 +97,7 @@ void Absorb(const ModeOptions& options,
         }
       }
       if (nearest == kNoMode) {
-        nearest = static_cast<int>(known.size());
-        const int flat = FlatModes(*problem).Index(static_cast<int>(group), nearest);
-        for (int& index : problem->prior.modes) index += index >= flat ? 1 : 0;
-        known.push_back({mode.p_map_landmark, kAbsent});
+        nearest = AddMode(static_cast<int>(group), {mode.p_map_landmark, kAbsent}, problem);
       }
       becomes[group].push_back(nearest);
     }
@@ -159,15 +154,6 @@ void PlaceSubmaps(const MapperOptions& options,
 void AnchorFrame(MapProblem* problem) {
   const MappedRun first = MakeMappedRun(*problem, 0);
   MovePoses(first.T_map_start.Inverse(), problem);
-}
-
-// The noise that all runs together show.
-void CalibrateNoise(const MapperOptions& options, MapProblem* problem) {
-  problem->sensor = EstimateDetection(*problem, options.modes);
-  for (int round = 0; round < kNoiseRounds; ++round) {
-    const Graph graph = SolveContinuous(options, problem);
-    UpdateNoise(ComputeGraphPosterior(graph, kNoiseSamples, options.seed).statistics, problem);
-  }
 }
 
 // What the runs by themselves say of the sensor, as the start of the common estimate.
@@ -287,7 +273,8 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
 
   result.outer_iterations = RefineModes(options, &problem);
   if (options.calibrate) {
-    CalibrateNoise(options, &problem);
+    problem.sensor = EstimateDetection(problem, options.modes);
+    CalibrateNoise(options, kNoiseRounds, &problem);
     result.outer_iterations += RefineModes(options, &problem);
   }
   if (!prior) AnchorFrame(&problem);

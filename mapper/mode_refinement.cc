@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 
+#include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
 #include "mapper/selection/viterbi.h"
 #include "mapstore/geometry/covariance.h"
@@ -13,11 +14,6 @@
 
 namespace shiftmap {
 namespace {
-
-double LogSum(double a, double b) {
-  const double high = std::max(a, b);
-  return high + std::log1p(std::exp(std::min(a, b) - high));
-}
 
 const MappingVisit& VisitOf(const MapProblem& problem, const VisitRef& ref) {
   return problem.runs[static_cast<std::size_t>(ref.run)]
@@ -128,7 +124,7 @@ Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
           innovation.H_landmark * pose_noise * innovation.H_landmark.transpose();
       const double log_detection =
           std::log(sensor.detection_probability) + LogGaussian(innovation.nu, S);
-      result[static_cast<Eigen::Index>(k) + 1] += LogSum(log_detection, log_clutter);
+      result[static_cast<Eigen::Index>(k) + 1] += LogAdd(log_detection, log_clutter);
     }
   }
   return result;
@@ -154,7 +150,7 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
   int created = 0;
   const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
   for (std::size_t group = 0; group < by_group.size(); ++group) {
-    std::vector<BuildMode>& modes = problem->modes[group];
+    const std::vector<BuildMode>& modes = problem->modes[group];
     const std::size_t known = modes.size();
     for (const VisitRef& ref : by_group[group]) {
       if (AssignmentOf(problem, ref) != kNoMode) continue;
@@ -169,12 +165,8 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
         if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
       }
       if (mode == kNoMode) {
-        mode = static_cast<int>(modes.size());
-        modes.push_back({cluster.centre, kAbsent});
+        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent}, problem);
         ++created;
-        // Flat indices behind the new mode move down.
-        const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
-        for (int& index : problem->prior.modes) index += index >= flat ? 1 : 0;
       }
       AssignmentOf(problem, ref) = mode;
     }

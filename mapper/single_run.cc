@@ -9,7 +9,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseSamples = 6;
 constexpr int kNoiseRounds = 3;
 
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
@@ -47,10 +46,7 @@ MapProblem MapSingleRun(const MappingRun& run,
   problem.runs.push_back(std::move(build));
   PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
   if (options.calibrate) {
-    for (int round = 0; round < kNoiseRounds; ++round) {
-      const Graph graph = SolveContinuous(options, &problem);
-      UpdateNoise(ComputeGraphPosterior(graph, kNoiseSamples, options.seed).statistics, &problem);
-    }
+    CalibrateNoise(options, kNoiseRounds, &problem);
   }
   RefineModes(options, &problem);
   return problem;
