@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -8,66 +10,12 @@
 
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
-#include "mapstore/geometry/covariance.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
-#include "mapstore/run/trajectory.h"
+#include "mapstore/store_types.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
-
-/// One pose of a run's trajectory as the mapper estimated it.
-using TrajectoryPose = StampedPose;
-
-/// A run that a version was built from.
-struct RunRecord {
-  std::string name;    ///< The log file's stem.
-  std::string sha256;  ///< Of the log file, in hex.
-  std::string vehicle;
-  Stamp begin;
-  Stamp end;
-  std::vector<TrajectoryPose> trajectory;  ///< Thinned for pictures; may be empty.
-};
-
-/// Where a version comes from.
-struct Provenance {
-  std::string tool;           ///< E.g. "shiftmap-mapper 0.1.0".
-  std::string configuration;  ///< Effective options, JSON.
-  std::int64_t seed = 0;
-  std::vector<RunRecord> runs;  ///< By begin, then hash.
-};
-
-struct CommitOptions {
-  /// The version the content was made from; nothing for a map without a prior.
-  std::optional<VersionNumber> parent;
-  bool publish = true;
-};
-
-struct CommitResult {
-  VersionNumber version;
-  std::string content_hash;
-};
-
-struct AreaSummary {
-  std::string area;
-  std::optional<VersionNumber> published;
-  int versions = 0;
-};
-
-struct VersionSummary {
-  VersionNumber version;
-  std::optional<VersionNumber> parent;
-  std::string content_hash;
-  bool published = false;
-  Stamp created;
-  std::string tool;
-};
-
-struct ReturnResult {
-  bool duplicate = false;  ///< The report was there already; nothing changed.
-  int evidence_rows = 0;   ///< Rows added to the ledger.
-  int rows_set_aside = 0;  ///< Rows that name a mode the published version does not have.
-};
 
 /// The map store: one SQLite file with the maps of all areas, their versions, and the ledger of
 /// what shifts reported.
@@ -92,6 +40,20 @@ class MapStore {
     kReadWriteCreate,  ///< Makes an empty store if there is none.
   };
 
+  struct OpenOptions {
+    Access access = Access::kReadOnly;
+
+    /// How long a call waits for a lock that another process holds before kUnavailable.
+    std::chrono::milliseconds lock_timeout{5000};
+
+    /// Called once per wait that takes noticeably long, so that a program can say why it waits.
+    std::function<void()> on_wait = nullptr;
+
+    /// Network file systems are refused, because their locks do not hold, unless this is set.
+    bool allow_network_file_system = false;
+  };
+
+  static StatusOr<MapStore> Open(const std::string& path, const OpenOptions& options);
   static StatusOr<MapStore> Open(const std::string& path, Access access);
 
   MapStore(MapStore&&) noexcept;
@@ -116,17 +78,30 @@ class MapStore {
                                 const Provenance& provenance,
                                 const CommitOptions& options);
 
+  /// Makes a version the published one, if `expected` is published now (nothing: if none is).
+  /// Errors also: kAborted if another one is; kAlreadyExists if `version` is published already;
+  /// kFailedPrecondition if its content was compacted away.
+  Status Publish(const std::string& area,
+                 VersionNumber version,
+                 std::optional<VersionNumber> expected);
+
+  /// Publishes an ancestor of the published version: its parent, or `to`. Nothing is deleted; what
+  /// shifts reported against later versions keeps counting where its modes exist. Returns the
+  /// version that is published now.
+  /// Errors also: kInvalidArgument if `to` is no ancestor.
+  StatusOr<VersionNumber> Rollback(const std::string& area,
+                                   std::optional<VersionNumber> to = std::nullopt);
+
   /// A version as it was committed: probabilities before any report.
   StatusOr<MapSnapshot> LoadVersion(const std::string& area, VersionNumber version);
 
-  /// A version with the probabilities that the ledger implies at a time. Evidence counts if it was
-  /// reported against this version, or against an ancestor for a visit after this version's stamp.
+  /// A version with the probabilities that the ledger implies at a time; which rows count, and how:
+  /// mapstore/README.md.
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
-  ///                 there is none. Visits that begin after `at` do not count. The version's own
-  ///                 distribution comes before all evidence, also before evidence that is older
-  ///                 than the version's stamp: a late report is filtered in its own order of time.
-  ///                 Without evidence, a time before the stamp gives the distribution at the stamp.
+  ///                 there is none. Visits that begin after `at` do not count. Without evidence, a
+  ///                 time before the stamp gives the distribution at the stamp.
+  /// Errors also: kNotFound if the file is a snapshot whose ledger begins after `at`.
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);
@@ -137,6 +112,14 @@ class MapStore {
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if its
   /// content hash is not that version's.
   StatusOr<ReturnResult> Return(const ShiftReport& report);
+
+  /// The area's reports, newest first, and what they mean for a version.
+  /// @param version  Nothing: the published one.
+  StatusOr<std::vector<ReportSummary>> Reports(const std::string& area,
+                                               std::optional<VersionNumber> version = std::nullopt);
+
+  /// Every write, oldest first; of one area, or of the whole store.
+  StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt);
 
   /// Unmapped sightings of an area, newest first.
   StatusOr<std::vector<UnmappedSighting>> Sightings(const std::string& area);

@@ -18,6 +18,14 @@ struct ReturnOptions {
   std::vector<std::string> reports;
 };
 
+Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
+  Json list = Json::array();
+  for (const SetAsideRows& rows : set_aside) {
+    list.push_back({{"reason", Describe(rows.reason)}, {"rows", rows.rows}});
+  }
+  return list;
+}
+
 Status ReturnReports(const ReturnOptions& options, Context& context) {
   // All are read before the first is returned: a bad file changes nothing.
   std::vector<ShiftReport> reports;
@@ -38,11 +46,14 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
                        {"uuid", reports[i].uuid},
                        {"duplicate", result.duplicate},
                        {"evidence_rows", result.evidence_rows},
-                       {"rows_set_aside", result.rows_set_aside}});
+                       {"set_aside", SetAsideJson(result.set_aside)}});
     text += fmt::format("{}: {}\n",
                         options.reports[i],
                         result.duplicate ? std::string("known already")
                                          : fmt::format("{} evidence rows", result.evidence_rows));
+    for (const SetAsideRows& rows : result.set_aside) {
+      text += fmt::format("  {} of them kept aside: {}\n", rows.rows, Describe(rows.reason));
+    }
   }
   context.Report({{"reports", results}}, text);
   if (all_known && !context.dry_run()) {

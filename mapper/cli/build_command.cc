@@ -43,6 +43,7 @@ struct BuildOptions {
 struct PriorMap {
   std::optional<VersionNumber> version;
   std::optional<MapContent> content;
+  std::optional<LedgerPosition> ledger_position;
   std::set<std::string> run_hashes;  // Of the runs that are in it already.
 };
 
@@ -90,6 +91,7 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options) {
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
   prior.content = snapshot.content();
+  prior.ledger_position = snapshot.ledger_position();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, RunHashes(store, options.area, *prior.version));
   return prior;
 }
@@ -262,6 +264,7 @@ Status Build(const BuildOptions& options, Context& context) {
     CommitOptions commit_options;
     commit_options.parent = prior.version;
     commit_options.publish = !options.no_publish;
+    commit_options.ledger_position = prior.ledger_position;
     SHIFTMAP_ASSIGN_OR_RETURN(
         commit,
         store.Commit(

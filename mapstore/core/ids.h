@@ -55,6 +55,9 @@ inline constexpr ModeNumber kAbsent{0};
 /// Numbers the versions of one area, from 1.
 using VersionNumber = Id<struct VersionNumberTag>;
 
+/// How far a reader saw the ledger of a store: it grows with every report that is returned.
+using LedgerPosition = Id<struct LedgerPositionTag>;
+
 }  // namespace shiftmap
 
 template <>

@@ -50,6 +50,30 @@ class RowHasher {
   Sha256 hash_;
 };
 
+// Rows that came later than the layout: content without them has the hash it always had.
+void AddExtensions(const MapContent& content, RowHasher& rows) {
+  for (const LandmarkGroup& group : content.groups) {
+    if (group.merged.empty()) continue;
+    rows.Add(std::string("merged"));
+    rows.Add(group.signature.text());
+    rows.Add(static_cast<std::int64_t>(group.merged.size()));
+    for (const MergedMode& merged : group.merged) {
+      rows.Add(merged.number.value());
+      rows.Add(merged.into.value());
+    }
+  }
+  for (const LandmarkGroup& group : content.groups) {
+    if (group.chain.uniform()) continue;
+    rows.Add(std::string("rates"));
+    rows.Add(group.signature.text());
+    for (int from = 0; from < group.chain.states(); ++from) {
+      for (int to = 0; to < group.chain.states(); ++to) {
+        if (from != to) rows.Add(group.chain.rate_matrix()(from, to));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 std::string ContentHash(const MapContent& content) {
@@ -73,6 +97,7 @@ std::string ContentHash(const MapContent& content) {
   rows.Add(static_cast<std::int64_t>(content.anonymous_landmarks.size()));
   for (const Mode& landmark : content.anonymous_landmarks) rows.Add(landmark);
   for (const double value : CalibrationValues(content.calibration)) rows.Add(value);
+  AddExtensions(content, rows);
   return rows.HexDigest();
 }
 

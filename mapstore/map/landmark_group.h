@@ -10,11 +10,19 @@
 
 namespace shiftmap {
 
+/// A mode that was found to be the same position as another one.
+struct MergedMode {
+  ModeNumber number;  ///< Retired: no mode gets it again.
+  ModeNumber into;    ///< The mode of the group that stands for it now.
+};
+
 /// Every known position of one physical landmark, and the chain it jumps by.
 struct LandmarkGroup {
   Signature signature;
   std::vector<Mode> modes;                       ///< By ascending number.
   ModeChain chain = ModeChain::Uniform(0, 0.0);  ///< modes.size() + 1 states.
+
+  std::vector<MergedMode> merged;  ///< Of this version and its ancestors, by ascending number.
 
   /// Mode probabilities, size modes.size() + 1: entry 0 is `absent`, entry i is modes[i - 1]; sums
   /// to 1. They hold at MapContent::stamp.
@@ -27,6 +35,22 @@ struct LandmarkGroup {
       if (modes[i].number == number) return static_cast<int>(i) + 1;
     }
     return -1;
+  }
+
+  /// As StateOf, but a merged mode has the state of the mode that stands for it now.
+  int CarriedStateOf(ModeNumber number) const {
+    for (const MergedMode& mode : merged) {
+      if (mode.number == number) return StateOf(mode.into);
+    }
+    return StateOf(number);
+  }
+
+  /// The number after all that were ever given to a mode of this landmark.
+  ModeNumber NextNumber() const {
+    ModeNumber last = kAbsent;
+    if (!modes.empty()) last = modes.back().number;
+    if (!merged.empty() && last < merged.back().number) last = merged.back().number;
+    return ModeNumber(last.value() + 1);
   }
 
   /// The mode number of a state index in 0..n.

@@ -24,6 +24,23 @@ Status ValidateMode(const Mode& mode, const std::string& owner) {
   return OkStatus();
 }
 
+Status ValidateMerged(const LandmarkGroup& group, const std::string& owner) {
+  const MergedMode* previous = nullptr;
+  for (const MergedMode& merged : group.merged) {
+    if (merged.number.value() < 1 || (previous != nullptr && !(previous->number < merged.number))) {
+      return InvalidArgument("{}: merged modes do not ascend from 1", owner);
+    }
+    if (group.StateOf(merged.number) >= 0 || group.StateOf(merged.into) < 1) {
+      return InvalidArgument("{}: mode {} cannot be part of mode {}",
+                             owner,
+                             merged.number.value(),
+                             merged.into.value());
+    }
+    previous = &merged;
+  }
+  return OkStatus();
+}
+
 Status ValidateGroup(const LandmarkGroup& group) {
   const std::string owner = fmt::format("group '{}'", group.signature.text());
   if (group.signature.anonymous()) return InvalidArgument("a group has an empty signature");
@@ -39,6 +56,7 @@ Status ValidateGroup(const LandmarkGroup& group) {
     return InvalidArgument(
         "{}: chain has {} states, expected {}", owner, group.chain.states(), states);
   }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateMerged(group, owner));
   if (!std::isfinite(group.chain.leave_rate_per_s())) {
     return InvalidArgument("{}: leave rate is not finite", owner);
   }
@@ -120,11 +138,13 @@ Status ValidateMapContent(const MapContent& content) {
 MapSnapshot::MapSnapshot(std::string area,
                          VersionNumber version,
                          std::string content_hash,
-                         MapContent content)
+                         MapContent content,
+                         LedgerPosition ledger_position)
     : area_(std::move(area)),
       version_(version),
       content_hash_(std::move(content_hash)),
-      content_(std::make_shared<const MapContent>(std::move(content))) {
+      content_(std::make_shared<const MapContent>(std::move(content))),
+      ledger_position_(ledger_position) {
   const Status valid = ValidateMapContent(*content_);
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
   int mode_index = 0;

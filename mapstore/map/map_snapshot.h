@@ -47,10 +47,12 @@ class MapSnapshot {
  public:
   /// @param content  Valid by ValidateMapContent.
   /// @param content_hash  Of the version as committed; the probabilities in `content` may be newer.
+  /// @param ledger_position  The reports that the probabilities account for up to the stamp.
   MapSnapshot(std::string area,
               VersionNumber version,
               std::string content_hash,
-              MapContent content);
+              MapContent content,
+              LedgerPosition ledger_position = {});
 
   const std::string& area() const { return area_; }
   VersionNumber version() const { return version_; }
@@ -65,6 +67,9 @@ class MapSnapshot {
   /// The time at which the probabilities hold.
   Stamp stamp() const { return content_->stamp; }
 
+  /// What a version that is made from this map names in CommitOptions.
+  LedgerPosition ledger_position() const { return ledger_position_; }
+
   /// The index in groups() of a signature, or -1; O(1).
   int GroupIndex(const Signature& signature) const;
 
@@ -78,6 +83,7 @@ class MapSnapshot {
   VersionNumber version_;
   std::string content_hash_;
   std::shared_ptr<const MapContent> content_;
+  LedgerPosition ledger_position_;
   std::unordered_map<Signature, int> index_;
   std::vector<int> first_mode_;
 };

@@ -3,11 +3,39 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
 
 #include "proto/core/check.h"
 
 namespace shiftmap {
+namespace {
+
+// exp(Q t) by scaling and squaring, with rows that are distributions to the last bit.
+Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double seconds) {
+  const auto normalize = [](Eigen::MatrixXd& matrix) {
+    matrix = matrix.cwiseMax(0.0).eval();
+    for (Eigen::Index row = 0; row < matrix.rows(); ++row) matrix.row(row) /= matrix.row(row).sum();
+  };
+  // Squaring here and not in the library: rounding would grow over the hundred squarings of years
+  // at a rate of seconds.
+  int squarings = 0;
+  double step = seconds;
+  const double fastest = -rates.diagonal().minCoeff();
+  while (step * fastest > 1.0) {
+    step *= 0.5;
+    ++squarings;
+  }
+  Eigen::MatrixXd transition = (rates * step).exp();
+  normalize(transition);
+  for (; squarings > 0; --squarings) {
+    transition = (transition * transition).eval();
+    normalize(transition);
+  }
+  return transition;
+}
+
+}  // namespace
 
 ModeChain::ModeChain(Eigen::MatrixXd rate_matrix, double leave_rate_per_s)
     : rate_matrix_(std::move(rate_matrix)), leave_rate_per_s_(leave_rate_per_s) {}
@@ -22,6 +50,31 @@ ModeChain ModeChain::Uniform(int modes, double leave_rate_per_s) {
   return ModeChain(std::move(rates), leave_rate_per_s);
 }
 
+StatusOr<ModeChain> ModeChain::FromRates(const Eigen::MatrixXd& rate_matrix) {
+  if (rate_matrix.rows() < 1 || rate_matrix.rows() != rate_matrix.cols()) {
+    return InvalidArgument(
+        "rate matrix of {} x {}, expected square", rate_matrix.rows(), rate_matrix.cols());
+  }
+  Eigen::MatrixXd rates = rate_matrix;
+  rates.diagonal().setZero();
+  for (Eigen::Index row = 0; row < rates.rows(); ++row) {
+    for (Eigen::Index column = 0; column < rates.cols(); ++column) {
+      if (!(rates(row, column) >= 0.0) || !std::isfinite(rates(row, column))) {
+        return InvalidArgument("rate from {} to {}: {}", row, column, rates(row, column));
+      }
+    }
+    const double leave = rates.row(row).sum();
+    if (!(std::abs(leave + rate_matrix(row, row)) <= 1e-9 * leave)) {
+      return InvalidArgument("rates from {} do not sum to 0", row);
+    }
+  }
+  rates.diagonal() = -rates.rowwise().sum();
+  const double mean_leave_rate = -rates.diagonal().mean();
+  ModeChain chain(std::move(rates), mean_leave_rate);
+  chain.uniform_ = false;
+  return chain;
+}
+
 // Q has the eigenvalues 0 (the uniform distribution) and -λ (n+1)/n (everything else), so that
 // exp(QΔt) = U + (I - U) exp(-λ (n+1)/n Δt), U = 1 1ᵀ / (n+1).
 double ModeChain::Remaining(Duration elapsed) const {
@@ -32,6 +85,7 @@ double ModeChain::Remaining(Duration elapsed) const {
 }
 
 Eigen::MatrixXd ModeChain::Transition(Duration elapsed) const {
+  if (!uniform_) return StochasticExponential(rate_matrix_, std::max(0.0, ToSeconds(elapsed)));
   const double remaining = Remaining(elapsed);
   Eigen::MatrixXd transition =
       Eigen::MatrixXd::Constant(states(), states(), (1.0 - remaining) / states());
@@ -44,6 +98,7 @@ Eigen::VectorXd ModeChain::Propagate(const Eigen::VectorXd& probabilities, Durat
                  "{} probabilities for {} states",
                  probabilities.size(),
                  states());
+  if (!uniform_) return Transition(elapsed).transpose() * probabilities;
   const double remaining = Remaining(elapsed);
   const double spread = (1.0 - remaining) / states() * probabilities.sum();
   return (remaining * probabilities).array() + spread;

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "mapstore/core/stamp.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -22,9 +23,19 @@ class ModeChain {
   /// @param leave_rate_per_s  λ >= 0. [1/s]
   static ModeChain Uniform(int modes, double leave_rate_per_s);
 
+  /// Any chain.
+  /// @param rate_matrix  Q, rows = from; square, off-diagonal entries finite and >= 0, rows sum to
+  /// 0
+  ///                     within rounding. The diagonal is made exact. [1/s]
+  /// Errors: kInvalidArgument, naming the entry or row.
+  static StatusOr<ModeChain> FromRates(const Eigen::MatrixXd& rate_matrix);
+
+  /// True if this is the chain of Uniform(states() - 1, leave_rate_per_s()).
+  bool uniform() const { return uniform_; }
+
   int states() const { return static_cast<int>(rate_matrix_.rows()); }
 
-  /// λ. [1/s]
+  /// λ; if the chain is not uniform, the mean over the states of the rate of leaving. [1/s]
   double leave_rate_per_s() const { return leave_rate_per_s_; }
 
   /// Q, (n+1) x (n+1); rows sum to 0, off-diagonal entries are >= 0. [1/s]
@@ -45,6 +56,7 @@ class ModeChain {
 
   Eigen::MatrixXd rate_matrix_;
   double leave_rate_per_s_ = 0.0;
+  bool uniform_ = true;
 };
 
 }  // namespace shiftmap

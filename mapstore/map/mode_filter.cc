@@ -2,7 +2,9 @@
 #include "mapstore/map/mode_filter.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include "proto/core/check.h"
@@ -10,22 +12,13 @@
 namespace shiftmap {
 namespace {
 
+constexpr double kImpossible = -std::numeric_limits<double>::infinity();
+
+// Long against the time between any two changes, short enough not to overflow.
+constexpr Duration kForever = std::chrono::hours(24 * 365 * 200);
+
 auto OrderOf(const EvidenceRow& row) {
   return std::tie(row.evidence.begin, row.evidence.end, row.report_uuid);
-}
-
-// Log-likelihoods by state of the group. [nat]
-Eigen::VectorXd StateLogLikelihoods(const LandmarkGroup& group, const VisitEvidence& evidence) {
-  SHIFTMAP_CHECK(!evidence.modes.empty() && evidence.modes.front().mode == kAbsent,
-                 "evidence of '{}' does not name absent",
-                 evidence.signature.text());
-  const double absent = evidence.modes.front().log_likelihood;
-  Eigen::VectorXd values = Eigen::VectorXd::Constant(group.chain.states(), absent);
-  for (const VisitEvidence::ModeLogLikelihood& mode : evidence.modes) {
-    const int state = group.StateOf(mode.mode);
-    if (state >= 0) values(state) = mode.log_likelihood;
-  }
-  return values;
 }
 
 // Eigen's vectorized exp(-inf) is a denormal number; an impossible mode must stay at exactly 0.
@@ -37,41 +30,105 @@ Eigen::VectorXd Log(const Eigen::VectorXd& values) {
   return values.unaryExpr([](double value) { return std::log(value); });
 }
 
-// Subtracts log Σ exp.
-void Normalize(Eigen::VectorXd& log_probabilities) {
-  const double largest = log_probabilities.maxCoeff();
-  log_probabilities.array() -= largest;
-  log_probabilities.array() -= std::log(Exp(log_probabilities).sum());
+// Subtracts log Σ exp. Nothing left to normalize stays as it is.
+void Normalize(Eigen::VectorXd* log_probabilities) {
+  const double largest = log_probabilities->maxCoeff();
+  if (largest == kImpossible) return;
+  double sum = 0.0;
+  for (double& value : *log_probabilities) {
+    value -= largest;
+    sum += std::exp(value);
+  }
+  log_probabilities->array() -= std::log(sum);
 }
 
 }  // namespace
 
+bool StateLogLikelihoods(const LandmarkGroup& group,
+                         const std::vector<VisitEvidence::ModeLogLikelihood>& evidence,
+                         Eigen::VectorXd* values) {
+  SHIFTMAP_CHECK(!evidence.empty() && evidence.front().mode == kAbsent,
+                 "evidence of '{}' does not name absent",
+                 group.signature.text());
+  values->setConstant(group.chain.states(), kImpossible);
+  double known = kImpossible;
+  double unknown = kImpossible;
+  for (const VisitEvidence::ModeLogLikelihood& mode : evidence) {
+    const int state = group.CarriedStateOf(mode.mode);
+    if (state < 0) {
+      unknown = std::max(unknown, mode.log_likelihood);
+      continue;
+    }
+    known = std::max(known, mode.log_likelihood);
+    (*values)(state) = std::max((*values)(state), mode.log_likelihood);
+  }
+  for (double& value : *values) {
+    if (value == kImpossible) value = evidence.front().log_likelihood;
+  }
+  return unknown <= known;
+}
+
+ModeState StartModes(const LandmarkGroup& group, Stamp stamp) {
+  return {Log(group.probabilities), stamp, false};
+}
+
 // Works on logarithms: evidence of overlapping visits may exclude a mode beyond what a double can
 // hold and bring it back before any time passes.
-ModeState FilterModes(const LandmarkGroup& group, Stamp stamp, std::vector<EvidenceRow> rows) {
+void AddVisit(const LandmarkGroup& group,
+              Stamp begin,
+              Stamp end,
+              const Eigen::VectorXd& log_likelihoods,
+              ModeState* state) {
+  if (!state->started) state->stamp = std::min(state->stamp, begin);
+  state->started = true;
+  if (begin > state->stamp && group.chain.leave_rate_per_s() > 0.0) {
+    state->log_probabilities =
+        Log(group.chain.Propagate(Exp(state->log_probabilities), begin - state->stamp));
+  }
+  state->log_probabilities += log_likelihoods;
+  Normalize(&state->log_probabilities);
+  state->stamp = std::max(state->stamp, end);
+}
+
+void AddLateVisits(const LandmarkGroup& group, const ModeState& late, ModeState* start) {
+  const Eigen::VectorXd stationary = StationaryStart(group, start->stamp).log_probabilities;
+  const Eigen::VectorXd known = Log(ProbabilitiesAt(group, late, start->stamp));
+  Eigen::VectorXd updated = start->log_probabilities;
+  for (Eigen::Index state = 0; state < updated.size(); ++state) {
+    if (stationary(state) != kImpossible) updated(state) += known(state) - stationary(state);
+  }
+  // Late visits that exclude all that is known say that one of them is wrong: not which.
+  if (updated.maxCoeff() == kImpossible) return;
+  Normalize(&updated);
+  start->log_probabilities = updated;
+}
+
+ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {
+  const Eigen::VectorXd uniform =
+      Eigen::VectorXd::Constant(group.chain.states(), 1.0 / group.chain.states());
+  if (group.chain.leave_rate_per_s() == 0.0) return {Log(uniform), stamp, false};
+  return {Log(group.chain.Propagate(uniform, kForever)), stamp, false};
+}
+
+ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows) {
   std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
     return OrderOf(a) < OrderOf(b);
   });
-  if (rows.empty()) return {group.probabilities, stamp};
-  Eigen::VectorXd log_probabilities = Log(group.probabilities);
-  const EvidenceRow* previous = nullptr;
-  for (const EvidenceRow& row : rows) {
-    if (previous != nullptr && OrderOf(*previous) == OrderOf(row)) continue;
-    previous = &row;
-    if (row.evidence.begin > stamp && group.chain.leave_rate_per_s() > 0.0) {
-      const Duration elapsed = row.evidence.begin - stamp;
-      log_probabilities = Log(group.chain.Propagate(Exp(log_probabilities), elapsed));
-    }
-    log_probabilities += StateLogLikelihoods(group, row.evidence);
-    Normalize(log_probabilities);
-    stamp = std::max(stamp, row.evidence.end);
+  const auto end = std::unique(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
+    return OrderOf(a) == OrderOf(b);
+  });
+  Eigen::VectorXd log_likelihoods;
+  for (auto row = rows.begin(); row != end; ++row) {
+    if (!StateLogLikelihoods(group, row->evidence.modes, &log_likelihoods)) continue;
+    AddVisit(group, row->evidence.begin, row->evidence.end, log_likelihoods, &start);
   }
-  return {Exp(log_probabilities), stamp};
+  return start;
 }
 
-Eigen::VectorXd PropagateModes(const LandmarkGroup& group, const ModeState& state, Stamp at) {
-  if (at <= state.stamp) return state.probabilities;
-  return group.chain.Propagate(state.probabilities, at - state.stamp);
+Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at) {
+  const Eigen::VectorXd probabilities = Exp(state.log_probabilities);
+  if (at <= state.stamp) return probabilities;
+  return group.chain.Propagate(probabilities, at - state.stamp);
 }
 
 }  // namespace shiftmap

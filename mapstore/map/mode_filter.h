@@ -11,37 +11,68 @@
 
 namespace shiftmap {
 
+/// The distribution of a group's chain over its states while evidence is filtered.
+struct ModeState {
+  Eigen::VectorXd log_probabilities;  ///< Size states, entry 0 is `absent`. [nat]
+  Stamp stamp;                        ///< They hold at this time.
+  bool started = false;  ///< Evidence has come; without it the stamp may still go back.
+};
+
+/// How evidence of one visit reads for a group: one log-likelihood per state. [nat]
+///
+/// A merged mode's value goes to the mode that stands for it now; of several the largest counts. A
+/// mode that the evidence does not name was not known to whoever made it; for that vehicle the
+/// landmark was at no known position, so the mode gets the value of `absent`.
+///
+/// @param evidence  Names `absent` first; all values finite.
+/// @param values    Gets the result; size states.
+/// @returns False if the evidence favours a mode that the group does not have: carried over to the
+///          others it would say what nobody saw.
+bool StateLogLikelihoods(const LandmarkGroup& group,
+                         const std::vector<VisitEvidence::ModeLogLikelihood>& evidence,
+                         Eigen::VectorXd* values);
+
+/// Where filtering starts: the group's own probabilities.
+ModeState StartModes(const LandmarkGroup& group, Stamp stamp);
+
+/// One visit of a filter that goes through them in the order of time: T-IV (13, 14).
+///
+/// The chain moves to the begin of the visit, p <- Πᵀ(begin - stamp) p, then p_k <- p_k
+/// exp(log-likelihood of k), normalized, and the stamp becomes its end: a landmark does not change
+/// mode inside a visit. The chain is never run backwards: where visits overlap no time passes, and
+/// if the first begins before the prior's stamp, the prior holds at its begin.
+void AddVisit(const LandmarkGroup& group,
+              Stamp begin,
+              Stamp end,
+              const Eigen::VectorXd& log_likelihoods,
+              ModeState* state);
+
+/// Lets a start account for visits that were over before its stamp, but that it does not know of.
+///
+/// p(x | known, late) is about p(x | known) p(late | x), because the chain forgets: exact if the
+/// chain is reversible and nothing known lies between the late visits and the stamp. And p(late |
+/// x) is p(x | late) / π(x), the late visits' own filter from the stationary distribution π, moved
+/// to the stamp. So a visit long ago says nothing, and newer knowledge is not overruled by older.
+///
+/// @param late  Result of AddVisit over the late visits, from StationaryStart.
+void AddLateVisits(const LandmarkGroup& group, const ModeState& late, ModeState* start);
+
+/// The chain's stationary distribution.
+ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp);
+
 /// One row of the evidence ledger.
 struct EvidenceRow {
   std::string report_uuid;
   VisitEvidence evidence;
 };
 
-/// The distribution of a group's chain over its states, and the time at which it holds.
-struct ModeState {
-  Eigen::VectorXd probabilities;  ///< Size states, entry 0 is `absent`; sums to 1.
-  Stamp stamp;
-};
-
-/// The posterior of a group's chain given the ledger: T-IV (13, 14) over visits.
-///
-/// Rows are taken by (begin, end, report UUID), whatever their order here; a row given twice counts
-/// once. For each one the chain moves to its begin, p <- Πᵀ(begin - stamp) p, then p_k <- p_k
-/// exp(log-likelihood of k), normalized, and the stamp becomes its end: a landmark does not change
-/// mode inside a visit. The chain is never run backwards: where visits overlap, or begin before the
-/// prior holds, no time passes.
-///
-/// A mode that a row does not name was not known to whoever made it; for that vehicle the landmark
-/// was at no known position, so the mode gets the row's value for `absent`. Modes that the group
-/// does not have are ignored.
-///
-/// @param group  Its probabilities are the prior,
-/// @param stamp  which holds at this time.
-/// @param rows   Of the group's landmark; each names `absent`, all values finite.
-/// Determinism: bit by bit the same for every order of `rows`.
-ModeState FilterModes(const LandmarkGroup& group, Stamp stamp, std::vector<EvidenceRow> rows);
+/// AddVisit over all rows that do not favour a mode that the group does not have.
+/// @param rows  Of the group's landmark, in any order: taken by (begin, end, report UUID), bit by
+/// bit
+///              the same result. A row given twice counts once.
+ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows);
 
 /// The distribution at a time not before `state.stamp`; for an earlier one, the state's own.
-Eigen::VectorXd PropagateModes(const LandmarkGroup& group, const ModeState& state, Stamp at);
+Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at);
 
 }  // namespace shiftmap

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 namespace shiftmap {
@@ -8,11 +9,11 @@ namespace shiftmap {
 /// `PRAGMA application_id` of a map store: "ShMp".
 inline constexpr std::int64_t kApplicationId = 0x53684D70;
 
-/// `PRAGMA user_version`: the schemas that this build reads.
-inline constexpr std::int64_t kOldestSchemaVersion = 1;
-inline constexpr std::int64_t kSchemaVersion = 1;
+/// `PRAGMA user_version` of the schema that this build reads and writes.
+inline constexpr std::int64_t kSchemaVersion = 2;
 
-/// The text of mapstore/schema/001_init.sql, which makes an empty store.
-extern const char* const kInitSql;
+/// The files mapstore/schema/NNN_*.sql in order: entry i takes a store of schema i to i + 1; the
+/// first makes a store out of an empty file.
+extern const std::array<const char*, kSchemaVersion> kMigrations;
 
 }  // namespace shiftmap

@@ -23,28 +23,8 @@ Status MakeSchema(Database& database) {
   // Another process may have been faster.
   SHIFTMAP_ASSIGN_OR_RETURN(const bool empty, IsEmpty(database));
   if (!empty) return OkStatus();
-  SHIFTMAP_RETURN_IF_ERROR(database.Execute(kInitSql));
+  SHIFTMAP_RETURN_IF_ERROR(Migrate(database, 0));
   return transaction.Commit();
-}
-
-Status CheckSchema(Database& database) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t application,
-                            database.QueryInt64("PRAGMA application_id"));
-  if (application != kApplicationId) {
-    return FailedPrecondition("{}: not a map store: application id {:#010x}, expected {:#010x}",
-                              database.name(),
-                              static_cast<std::uint32_t>(application),
-                              kApplicationId);
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t version, database.QueryInt64("PRAGMA user_version"));
-  if (version < kOldestSchemaVersion || version > kSchemaVersion) {
-    return FailedPrecondition("{}: schema version {}, this build reads {}..{}",
-                              database.name(),
-                              version,
-                              kOldestSchemaVersion,
-                              kSchemaVersion);
-  }
-  return OkStatus();
 }
 
 }  // namespace
@@ -55,8 +35,33 @@ StatusOr<Database> OpenStoreFile(const std::string& path, const Database::Option
     SHIFTMAP_ASSIGN_OR_RETURN(const bool empty, IsEmpty(database));
     if (empty) SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));
   }
-  SHIFTMAP_RETURN_IF_ERROR(CheckSchema(database));
-  return database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t version, StoredSchemaVersion(database));
+  if (version == kSchemaVersion) return database;
+  return FailedPrecondition("{}: schema version {}, this build reads {}{}",
+                            database.name(),
+                            version,
+                            kSchemaVersion,
+                            version < kSchemaVersion ? "; 'shiftmap-inspect migrate' updates it"
+                                                     : "; it needs a newer build");
+}
+
+StatusOr<std::int64_t> StoredSchemaVersion(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t application,
+                            database.QueryInt64("PRAGMA application_id"));
+  if (application != kApplicationId) {
+    return FailedPrecondition("{}: not a map store: application id {:#010x}, expected {:#010x}",
+                              database.name(),
+                              static_cast<std::uint32_t>(application),
+                              kApplicationId);
+  }
+  return database.QueryInt64("PRAGMA user_version");
+}
+
+Status Migrate(Database& database, std::int64_t from) {
+  for (std::int64_t version = from; version < kSchemaVersion; ++version) {
+    SHIFTMAP_RETURN_IF_ERROR(database.Execute(kMigrations[static_cast<std::size_t>(version)]));
+  }
+  return OkStatus();
 }
 
 }  // namespace shiftmap

@@ -189,6 +189,7 @@ StatusOr<std::int64_t> Database::QueryInt64(std::string_view sql) {
 }
 
 std::int64_t Database::LastInsertRowId() const { return sqlite3_last_insert_rowid(state_->db); }
+int Database::Changes() const { return sqlite3_changes(state_->db); }
 bool Database::writable() const { return sqlite3_db_readonly(state_->db, "main") == 0; }
 const std::string& Database::path() const { return state_->path; }
 const std::string& Database::name() const { return state_->name; }

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -29,6 +30,10 @@ class Database {
     Mode mode = Mode::kReadOnly;
     /// How long a call waits for a lock that another connection holds before kUnavailable.
     std::chrono::milliseconds busy_timeout{5000};
+    /// Called once per wait that takes noticeably long.
+    std::function<void()> on_wait = nullptr;
+    /// Otherwise kFailedPrecondition: locks of network file systems do not hold.
+    bool allow_network_file_system = false;
   };
 
   /// Errors also: kNotFound if the file, or the folder to create it in, does not exist;
@@ -51,6 +56,9 @@ class Database {
   StatusOr<std::int64_t> QueryInt64(std::string_view sql);
 
   std::int64_t LastInsertRowId() const;
+
+  /// Rows that the last statement inserted, updated or deleted.
+  int Changes() const;
 
   bool writable() const;
   const std::string& path() const;

@@ -3,82 +3,83 @@
 
 #include <bit>
 #include <cmath>
-#include <cstdint>
+#include <cstring>
 
 namespace shiftmap {
 namespace {
 
 constexpr std::size_t kNumberBytes = 8;
-constexpr std::size_t kPoseBytes = 4 * kNumberBytes;
-constexpr std::size_t kModeBytes = 2 * kNumberBytes;
+constexpr std::size_t kPoseNumbers = 4;
+constexpr std::size_t kModeNumbers = 2;
 
-void Append(std::string& bytes, std::int64_t value) {
-  const auto bits = static_cast<std::uint64_t>(value);
-  for (int shift = 56; shift >= 0; shift -= 8) bytes += static_cast<char>(bits >> shift);
-}
-
-void Append(std::string& bytes, double value) { Append(bytes, std::bit_cast<std::int64_t>(value)); }
-
-std::int64_t IntegerAt(std::string_view bytes, std::size_t offset) {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < kNumberBytes; ++i) {
-    bits = bits << 8 | static_cast<unsigned char>(bytes[offset + i]);
-  }
-  return static_cast<std::int64_t>(bits);
-}
-
-double DoubleAt(std::string_view bytes, std::size_t offset) {
-  return std::bit_cast<double>(IntegerAt(bytes, offset));
+bool HoldsWhole(std::string_view bytes, std::size_t numbers) {
+  return bytes.size() % (numbers * kNumberBytes) == 0;
 }
 
 }  // namespace
 
+void BlobWriter::Add(std::int64_t value) {
+  const auto bits = static_cast<std::uint64_t>(value);
+  for (int shift = 56; shift >= 0; shift -= 8) bytes_ += static_cast<char>(bits >> shift);
+}
+
+void BlobWriter::Add(double value) { Add(std::bit_cast<std::int64_t>(value)); }
+
+std::int64_t BlobReader::Integer() {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, bytes_.data(), kNumberBytes);
+  bytes_.remove_prefix(kNumberBytes);
+  if constexpr (std::endian::native == std::endian::little) bits = __builtin_bswap64(bits);
+  return static_cast<std::int64_t>(bits);
+}
+
+double BlobReader::Double() { return std::bit_cast<double>(Integer()); }
+
 std::string PackTrajectory(const std::vector<TrajectoryPose>& trajectory) {
-  std::string bytes;
-  bytes.reserve(trajectory.size() * kPoseBytes);
+  BlobWriter blob;
   for (const TrajectoryPose& pose : trajectory) {
-    Append(bytes, ToNanoseconds(pose.stamp));
-    Append(bytes, pose.T_map_vehicle.x());
-    Append(bytes, pose.T_map_vehicle.y());
-    Append(bytes, pose.T_map_vehicle.yaw());
+    blob.Add(ToNanoseconds(pose.stamp));
+    blob.Add(pose.T_map_vehicle.x());
+    blob.Add(pose.T_map_vehicle.y());
+    blob.Add(pose.T_map_vehicle.yaw());
   }
-  return bytes;
+  return blob.bytes();
 }
 
 std::optional<std::vector<TrajectoryPose>> UnpackTrajectory(std::string_view bytes) {
-  if (bytes.size() % kPoseBytes != 0) return std::nullopt;
+  if (!HoldsWhole(bytes, kPoseNumbers)) return std::nullopt;
   std::vector<TrajectoryPose> trajectory;
-  trajectory.reserve(bytes.size() / kPoseBytes);
-  for (std::size_t i = 0; i < bytes.size(); i += kPoseBytes) {
-    const double x = DoubleAt(bytes, i + kNumberBytes);
-    const double y = DoubleAt(bytes, i + 2 * kNumberBytes);
-    const double yaw = DoubleAt(bytes, i + 3 * kNumberBytes);
+  BlobReader blob(bytes);
+  while (blob.left() > 0) {
+    const Stamp stamp = StampFromNanoseconds(blob.Integer());
+    const double x = blob.Double();
+    const double y = blob.Double();
+    const double yaw = blob.Double();
     if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(yaw)) return std::nullopt;
-    trajectory.push_back({StampFromNanoseconds(IntegerAt(bytes, i)), Se2(x, y, yaw)});
+    trajectory.push_back({stamp, Se2(x, y, yaw)});
   }
   return trajectory;
 }
 
 std::string PackLogLikelihoods(const std::vector<VisitEvidence::ModeLogLikelihood>& modes) {
-  std::string bytes;
-  bytes.reserve(modes.size() * kModeBytes);
+  BlobWriter blob;
   for (const VisitEvidence::ModeLogLikelihood& mode : modes) {
-    Append(bytes, mode.mode.value());
-    Append(bytes, mode.log_likelihood);
+    blob.Add(mode.mode.value());
+    blob.Add(mode.log_likelihood);
   }
-  return bytes;
+  return blob.bytes();
 }
 
-std::optional<std::vector<VisitEvidence::ModeLogLikelihood>> UnpackLogLikelihoods(
-    std::string_view bytes) {
-  if (bytes.size() % kModeBytes != 0) return std::nullopt;
-  std::vector<VisitEvidence::ModeLogLikelihood> modes;
-  modes.reserve(bytes.size() / kModeBytes);
-  for (std::size_t i = 0; i < bytes.size(); i += kModeBytes) {
-    modes.push_back({ModeNumber(IntegerAt(bytes, i)), DoubleAt(bytes, i + kNumberBytes)});
+bool UnpackLogLikelihoods(std::string_view bytes,
+                          std::vector<VisitEvidence::ModeLogLikelihood>* modes) {
+  modes->clear();
+  if (!HoldsWhole(bytes, kModeNumbers)) return false;
+  BlobReader blob(bytes);
+  while (blob.left() > 0) {
+    const ModeNumber number(blob.Integer());
+    modes->push_back({number, blob.Double()});
   }
-  if (!CheckLogLikelihoods(modes)) return std::nullopt;
-  return modes;
+  return CheckLogLikelihoods(*modes);
 }
 
 bool CheckLogLikelihoods(const std::vector<VisitEvidence::ModeLogLikelihood>& modes) {

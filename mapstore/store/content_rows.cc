@@ -2,6 +2,7 @@
 #include "mapstore/store/content_rows.h"
 
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -41,6 +42,41 @@ Status InsertGroups(Database& database, std::int64_t version_id, const MapConten
       SHIFTMAP_RETURN_IF_ERROR(mode_row.Execute());
     }
     ++group_index;
+  }
+  return OkStatus();
+}
+
+Status InsertMerged(Database& database, std::int64_t version_id, const MapContent& content) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO merged_mode (version_id, group_index, number, into_number) "
+                       "VALUES (?1, ?2, ?3, ?4)"));
+  for (std::size_t i = 0; i < content.groups.size(); ++i) {
+    for (const MergedMode& merged : content.groups[i].merged) {
+      row.Bind(
+          version_id, static_cast<std::int64_t>(i), merged.number.value(), merged.into.value());
+      SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+    }
+  }
+  return OkStatus();
+}
+
+Status InsertRates(Database& database, std::int64_t version_id, const MapContent& content) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO mode_rate (version_id, group_index, from_state, to_state, "
+                       "rate_per_s) VALUES (?1, ?2, ?3, ?4, ?5)"));
+  for (std::size_t i = 0; i < content.groups.size(); ++i) {
+    const ModeChain& chain = content.groups[i].chain;
+    if (chain.uniform()) continue;
+    for (int from = 0; from < chain.states(); ++from) {
+      for (int to = 0; to < chain.states(); ++to) {
+        const double rate = chain.rate_matrix()(from, to);
+        if (from == to || rate == 0.0) continue;
+        row.Bind(version_id, static_cast<std::int64_t>(i), from, to, rate);
+        SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+      }
+    }
   }
   return OkStatus();
 }
@@ -145,6 +181,66 @@ Status ReadModes(Database& database,
   }
 }
 
+Status ReadMerged(Database& database,
+                  std::int64_t version_id,
+                  const std::string& owner,
+                  std::vector<LandmarkGroup>& groups) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT group_index, number, into_number FROM merged_mode "
+                       "WHERE version_id = ?1 ORDER BY group_index, number"));
+  rows.Bind(version_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    const std::int64_t group_index = rows.Int64(0);
+    if (group_index < 0 || group_index >= static_cast<std::int64_t>(groups.size())) {
+      return DataLoss(
+          "{}: a merged mode of group {}, there are {}", owner, group_index, groups.size());
+    }
+    groups[static_cast<std::size_t>(group_index)].merged.push_back(
+        {ModeNumber(rows.Int64(1)), ModeNumber(rows.Int64(2))});
+  }
+}
+
+// Replaces the uniform chains of the groups that have rates of their own.
+Status ReadRates(Database& database,
+                 std::int64_t version_id,
+                 const std::string& owner,
+                 std::vector<LandmarkGroup>& groups) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT group_index, from_state, to_state, rate_per_s FROM mode_rate "
+                       "WHERE version_id = ?1 ORDER BY group_index, from_state, to_state"));
+  rows.Bind(version_id);
+  std::map<std::size_t, Eigen::MatrixXd> matrices;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) break;
+    const std::int64_t group_index = rows.Int64(0);
+    const std::int64_t from = rows.Int64(1);
+    const std::int64_t to = rows.Int64(2);
+    const bool known = group_index >= 0 && group_index < static_cast<std::int64_t>(groups.size());
+    const int states = known ? groups[static_cast<std::size_t>(group_index)].chain.states() : 0;
+    if (from < 0 || from >= states || to < 0 || to >= states || from == to) {
+      return DataLoss("{}: a rate of group {} from {} to {}", owner, group_index, from, to);
+    }
+    const auto [matrix, added] = matrices.try_emplace(static_cast<std::size_t>(group_index),
+                                                      Eigen::MatrixXd::Zero(states, states));
+    matrix->second(from, to) = rows.Double(3);
+  }
+  for (auto& [group_index, matrix] : matrices) {
+    matrix.diagonal() = -matrix.rowwise().sum();
+    StatusOr<ModeChain> chain = ModeChain::FromRates(matrix);
+    LandmarkGroup& group = groups[group_index];
+    if (!chain.ok()) {
+      return DataLoss("{}: group '{}': {}", owner, group.signature.text(), Message(chain.status()));
+    }
+    group.chain = *std::move(chain);
+  }
+  return OkStatus();
+}
+
 StatusOr<JointCovariance> ReadCovariance(Database& database,
                                          std::int64_t version_id,
                                          const std::string& owner,
@@ -188,6 +284,8 @@ Status ReadAnonymous(Database& database, std::int64_t version_id, std::vector<Mo
 
 Status InsertContentRows(Database& database, std::int64_t version_id, const MapContent& content) {
   SHIFTMAP_RETURN_IF_ERROR(InsertGroups(database, version_id, content));
+  SHIFTMAP_RETURN_IF_ERROR(InsertMerged(database, version_id, content));
+  SHIFTMAP_RETURN_IF_ERROR(InsertRates(database, version_id, content));
   SHIFTMAP_RETURN_IF_ERROR(InsertCrossBlocks(database, version_id, content.covariance));
   return InsertAnonymous(database, version_id, content.anonymous_landmarks);
 }
@@ -216,6 +314,8 @@ Status ReadContentRows(Database& database,
     }
     for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
   }
+  SHIFTMAP_RETURN_IF_ERROR(ReadMerged(database, version_id, owner, content.groups));
+  SHIFTMAP_RETURN_IF_ERROR(ReadRates(database, version_id, owner, content.groups));
   SHIFTMAP_ASSIGN_OR_RETURN(content.covariance,
                             ReadCovariance(database, version_id, owner, std::move(diagonal)));
   return ReadAnonymous(database, version_id, content.anonymous_landmarks);

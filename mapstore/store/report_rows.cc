@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//
-// The writing half of the ledger: checking and inserting one shift report.
+#include "mapstore/store/report_rows.h"
+
 #include <algorithm>
 #include <cmath>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "mapstore/store/blob.h"
-#include "mapstore/store/ledger_rows.h"
 
 namespace shiftmap {
 namespace {
@@ -19,23 +19,36 @@ std::string LowerCase(std::string text) {
   return text;
 }
 
+// In the order of the key: the rows of a report are neighbours in the file.
+std::vector<const VisitEvidence*> ByTime(const std::vector<VisitEvidence>& evidence) {
+  std::vector<const VisitEvidence*> rows;
+  rows.reserve(evidence.size());
+  for (const VisitEvidence& visit : evidence) rows.push_back(&visit);
+  std::sort(rows.begin(), rows.end(), [](const VisitEvidence* a, const VisitEvidence* b) {
+    return std::tie(a->begin, a->end, a->signature) < std::tie(b->begin, b->end, b->signature);
+  });
+  return rows;
+}
+
 Status InsertEvidence(Database& database,
                       std::int64_t area_id,
                       std::int64_t report_id,
+                      std::int64_t version_id,
                       const ShiftReport& report) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO visit_evidence (area_id, signature, begin_ns, end_ns, "
-                       "report_id, observation_count, log_likelihoods) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)"));
-  for (const VisitEvidence& evidence : report.evidence) {
-    const std::string log_likelihoods = PackLogLikelihoods(evidence.modes);
+      database.Prepare("INSERT INTO visit_evidence (area_id, begin_ns, end_ns, report_id, "
+                       "signature, version_id, observation_count, log_likelihoods) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+  for (const VisitEvidence* evidence : ByTime(report.evidence)) {
+    const std::string log_likelihoods = PackLogLikelihoods(evidence->modes);
     row.Bind(area_id,
-             evidence.signature.text(),
-             ToNanoseconds(evidence.begin),
-             ToNanoseconds(evidence.end),
+             ToNanoseconds(evidence->begin),
+             ToNanoseconds(evidence->end),
              report_id,
-             evidence.observations,
+             evidence->signature.text(),
+             version_id,
+             evidence->observations,
              BlobView{log_likelihoods});
     SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   }
@@ -88,6 +101,38 @@ Status InsertSightings(Database& database,
   return OkStatus();
 }
 
+// Of several reports about one log a single one counts: that against the lowest version, then that
+// of the lowest UUID, whatever the order in which they came.
+Status DecideAmongSameRun(Database& database,
+                          std::int64_t area_id,
+                          const VersionRow& version,
+                          const std::string& uuid,
+                          const std::string& run_hash,
+                          InsertedReport* inserted) {
+  if (run_hash.empty()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement other,
+      database.Prepare("SELECT report_id, r.version_id, first_visit_ns, number, uuid "
+                       "FROM shift_report r JOIN version v USING (version_id) "
+                       "WHERE run_hash = ?1 AND area_id = ?2 AND superseded = 0"));
+  other.Bind(run_hash, area_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, other.Step());
+  if (!found) return OkStatus();
+  const auto counted = std::make_tuple(VersionNumber(other.Int64(3)), other.Text(4));
+  if (counted < std::make_tuple(version.number, uuid)) {
+    inserted->superseded = true;
+    return OkStatus();
+  }
+  InsertedReport::Superseded replaced{other.Int64(1), std::nullopt};
+  if (!other.IsNull(2)) replaced.first_visit = StampFromNanoseconds(other.Int64(2));
+  inserted->replaced = replaced;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement update,
+      database.Prepare("UPDATE shift_report SET superseded = 1 WHERE report_id = ?1"));
+  update.Bind(other.Int64(0));
+  return update.Execute();
+}
+
 Status CheckEvidence(const ShiftReport& report, const std::string& owner) {
   std::set<std::tuple<std::string, Stamp, Stamp>> visits;
   for (const VisitEvidence& evidence : report.evidence) {
@@ -137,28 +182,92 @@ StatusOr<bool> HasReport(Database& database, const std::string& uuid) {
   return query.Step();
 }
 
-Status InsertReport(Database& database,
-                    std::int64_t area_id,
-                    std::int64_t version_id,
-                    const ShiftReport& report) {
+StatusOr<InsertedReport> InsertReport(Database& database,
+                                      std::int64_t area_id,
+                                      const VersionRow& version,
+                                      const ShiftReport& report) {
   const std::string uuid = LowerCase(report.uuid);
+  InsertedReport inserted;
+  for (const VisitEvidence& evidence : report.evidence) {
+    inserted.first_visit = std::min(inserted.first_visit.value_or(evidence.begin), evidence.begin);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(
+      DecideAmongSameRun(database, area_id, version, uuid, report.run_hash, &inserted));
+  std::optional<std::int64_t> first_visit_ns;
+  if (inserted.first_visit) first_visit_ns = ToNanoseconds(*inserted.first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO shift_report (uuid, version_id, vehicle, run_hash, software, "
-                       "begin_ns, end_ns, received_ns) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+                       "begin_ns, end_ns, received_ns, first_visit_ns, superseded) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"));
   row.Bind(uuid,
-           version_id,
+           version.version_id,
            report.vehicle,
            report.run_hash,
            report.software,
            ToNanoseconds(report.begin),
            ToNanoseconds(report.end),
-           NowNanoseconds());
+           NowNanoseconds(),
+           first_visit_ns,
+           inserted.superseded ? 1 : 0);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
-  const std::int64_t report_id = database.LastInsertRowId();
-  SHIFTMAP_RETURN_IF_ERROR(InsertEvidence(database, area_id, report_id, report));
-  SHIFTMAP_RETURN_IF_ERROR(InsertDecisions(database, report_id, report));
-  return InsertSightings(database, area_id, report_id, report);
+  inserted.report_id = database.LastInsertRowId();
+  if (!report.run_hash.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement mapped,
+        database.Prepare("INSERT INTO mapped_report (report_id, version_id) "
+                         "SELECT DISTINCT ?1, version_id FROM run JOIN version_run USING (run_id) "
+                         "WHERE sha256 = ?2"));
+    mapped.Bind(inserted.report_id, report.run_hash);
+    SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
+  }
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertEvidence(database, area_id, inserted.report_id, version.version_id, report));
+  SHIFTMAP_RETURN_IF_ERROR(InsertDecisions(database, inserted.report_id, report));
+  SHIFTMAP_RETURN_IF_ERROR(InsertSightings(database, area_id, inserted.report_id, report));
+  return inserted;
+}
+
+Status InsertMappedReports(Database& database,
+                           std::int64_t version_id,
+                           const std::string& run_sha256) {
+  if (run_sha256.empty()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO mapped_report (report_id, version_id) SELECT report_id, ?1 "
+                       "FROM shift_report WHERE run_hash = ?2 ON CONFLICT DO NOTHING"));
+  row.Bind(version_id, run_sha256);
+  return row.Execute();
+}
+
+StatusOr<LedgerPosition> ReadLedgerPosition(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t position,
+      database.QueryInt64("SELECT coalesce(max(report_id), 0) FROM shift_report"));
+  return LedgerPosition(position);
+}
+
+StatusOr<std::vector<UnmappedSighting>> ReadSightings(Database& database, std::int64_t area_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT signature, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, count, "
+                       "first_ns, last_ns FROM sighting JOIN shift_report USING (report_id) "
+                       "WHERE area_id = ?1 ORDER BY last_ns DESC, uuid, sighting_index"));
+  query.Bind(area_id);
+  std::vector<UnmappedSighting> sightings;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return sightings;
+    UnmappedSighting sighting;
+    sighting.signature = Signature(query.Text(0));
+    sighting.p_map_landmark = {query.Double(1), query.Double(2)};
+    sighting.cov_p_map_landmark << query.Double(3), query.Double(4), query.Double(4),
+        query.Double(5);
+    sighting.count = query.Int64(6);
+    sighting.first = StampFromNanoseconds(query.Int64(7));
+    sighting.last = StampFromNanoseconds(query.Int64(8));
+    sightings.push_back(std::move(sighting));
+  }
 }
 
 }  // namespace shiftmap

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/snapshot_file.h"
 
+#include <set>
+
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/ledger_view.h"
 
 namespace shiftmap {
 namespace {
@@ -14,22 +18,12 @@ Status Run(Database& database, const char* sql, const Values&... values) {
   return statement.Execute();
 }
 
-// The columns of `version` are many and all copied, but for content_stored.
-Status CopyVersion(Database& snapshot, std::int64_t version_id, bool content_stored) {
-  SHIFTMAP_RETURN_IF_ERROR(
-      Run(snapshot,
-          "INSERT INTO main.version SELECT * FROM source.version WHERE version_id = ?1",
-          version_id));
-  return Run(snapshot,
-             "UPDATE main.version SET content_stored = ?2 WHERE version_id = ?1",
-             version_id,
-             content_stored ? 1 : 0);
-}
-
 Status CopyContent(Database& snapshot, std::int64_t version_id) {
   for (const char* sql :
        {"INSERT INTO main.landmark_group SELECT * FROM source.landmark_group WHERE version_id = ?1",
         "INSERT INTO main.mode SELECT * FROM source.mode WHERE version_id = ?1",
+        "INSERT INTO main.merged_mode SELECT * FROM source.merged_mode WHERE version_id = ?1",
+        "INSERT INTO main.mode_rate SELECT * FROM source.mode_rate WHERE version_id = ?1",
         "INSERT INTO main.mode_covariance "
         "SELECT * FROM source.mode_covariance WHERE version_id = ?1",
         "INSERT INTO main.anonymous_landmark "
@@ -43,46 +37,121 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
   return OkStatus();
 }
 
-// Of an ancestor only visits that began after the version's stamp count.
-Status CopyEvidence(Database& snapshot,
-                    std::int64_t area_id,
-                    const VersionRow& reported,
-                    const VersionRow& published) {
-  const Stamp after = reported.version_id == published.version_id ? Stamp::min() : published.stamp;
-  return Run(snapshot,
-             "INSERT INTO main.visit_evidence SELECT e.* FROM source.visit_evidence e "
-             "JOIN source.shift_report r USING (report_id) "
-             "WHERE e.area_id = ?1 AND r.version_id = ?2 AND e.begin_ns > ?3",
-             area_id,
-             reported.version_id,
-             ToNanoseconds(after));
+// What the ledger of a snapshot refers to.
+struct CopiedRows {
+  std::set<std::int64_t> reports;
+  std::set<std::int64_t> versions;
+};
+
+// Copies the rows that count and begin at `from` or later.
+StatusOr<CopiedRows> CopyEvidence(Database& source,
+                                  Database& snapshot,
+                                  std::int64_t area_id,
+                                  const VersionRow& version,
+                                  Stamp from) {
+  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(source, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      source.Prepare("SELECT begin_ns, end_ns, report_id, signature, version_id, "
+                     "observation_count, log_likelihoods FROM visit_evidence "
+                     "WHERE area_id = ?1 AND begin_ns >= ?2"));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement insert,
+      snapshot.Prepare("INSERT INTO main.visit_evidence (area_id, begin_ns, end_ns, report_id, "
+                       "signature, version_id, observation_count, log_likelihoods) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+  rows.Bind(area_id, ToNanoseconds(from));
+  CopiedRows copied;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return copied;
+    const std::int64_t report_id = rows.Int64(2);
+    const std::int64_t version_id = rows.Int64(4);
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const LedgerView::Verdict verdict,
+        view.Judge(report_id, version_id, StampFromNanoseconds(rows.Int64(0))));
+    if (verdict.standing == LedgerView::Standing::kSetAside) continue;
+    copied.reports.insert(report_id);
+    copied.versions.insert(version_id);
+    insert.Bind(area_id,
+                rows.Int64(0),
+                rows.Int64(1),
+                report_id,
+                rows.Blob(3),
+                version_id,
+                rows.Int64(5),
+                BlobView{rows.Blob(6)});
+    SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
+  }
 }
 
-Status CopyRows(Database& snapshot, std::int64_t area_id, const std::vector<VersionRow>& lineage) {
-  const VersionRow& published = lineage.front();
+// The rows of `version`, of the versions that reports refer to, and of those between them.
+Status CopyVersions(Database& source,
+                    Database& snapshot,
+                    const VersionRow& version,
+                    std::set<std::int64_t> versions) {
+  versions.insert(version.version_id);
+  const std::int64_t oldest = *versions.begin();
+  for (const std::int64_t start : std::set<std::int64_t>(versions)) {
+    SHIFTMAP_ASSIGN_OR_RETURN(VersionRow at, GetVersionById(source, start));
+    while (at.parent_version_id && *at.parent_version_id >= oldest) {
+      if (!versions.insert(*at.parent_version_id).second) break;
+      SHIFTMAP_ASSIGN_OR_RETURN(at, GetVersionById(source, *at.parent_version_id));
+    }
+  }
+  for (const std::int64_t version_id : versions) {
+    SHIFTMAP_RETURN_IF_ERROR(
+        Run(snapshot,
+            "INSERT INTO main.version SELECT * FROM source.version WHERE version_id = ?1",
+            version_id));
+    if (version_id == version.version_id) continue;
+    SHIFTMAP_RETURN_IF_ERROR(
+        Run(snapshot,
+            "UPDATE main.version SET content_stored = 0, configuration = '' WHERE version_id = ?1",
+            version_id));
+  }
+  return snapshot.Execute(
+      "UPDATE main.version SET parent_version_id = NULL "
+      "WHERE parent_version_id NOT IN (SELECT version_id FROM main.version)");
+}
+
+Status CopyRows(Database& source,
+                Database& snapshot,
+                std::int64_t area_id,
+                const VersionRow& version,
+                const MapContent& content) {
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("PRAGMA defer_foreign_keys=ON"));
   SHIFTMAP_RETURN_IF_ERROR(Run(snapshot,
                                "INSERT INTO main.area (area_id, name, published_version_id) "
                                "SELECT area_id, name, ?2 FROM source.area WHERE area_id = ?1",
                                area_id,
-                               published.version_id));
-  for (const VersionRow& version : lineage) {
-    const bool content_stored = version.version_id == published.version_id;
-    SHIFTMAP_RETURN_IF_ERROR(CopyVersion(snapshot, version.version_id, content_stored));
-    SHIFTMAP_RETURN_IF_ERROR(CopyEvidence(snapshot, area_id, version, published));
+                               version.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      std::optional<Checkpoint> checkpoint,
+      FindCheckpoint(source, area_id, version.version_id, std::nullopt, content));
+  if (checkpoint) {
+    checkpoint->rows_stored = false;
+    SHIFTMAP_RETURN_IF_ERROR(InsertCheckpoint(snapshot, area_id, version.version_id, *checkpoint));
   }
-  SHIFTMAP_RETURN_IF_ERROR(
-      Run(snapshot,
-          "INSERT INTO main.shift_report SELECT * FROM source.shift_report WHERE report_id IN "
-          "(SELECT report_id FROM main.visit_evidence)"));
-  return CopyContent(snapshot, published.version_id);
+  const Stamp from = checkpoint ? checkpoint->before : Stamp::min();
+  SHIFTMAP_ASSIGN_OR_RETURN(const CopiedRows copied,
+                            CopyEvidence(source, snapshot, area_id, version, from));
+  for (const std::int64_t report_id : copied.reports) {
+    SHIFTMAP_RETURN_IF_ERROR(
+        Run(snapshot,
+            "INSERT INTO main.shift_report SELECT * FROM source.shift_report WHERE report_id = ?1",
+            report_id));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(CopyVersions(source, snapshot, version, copied.versions));
+  return CopyContent(snapshot, version.version_id);
 }
 
 }  // namespace
 
 Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
-                         const std::vector<VersionRow>& lineage,
+                         const VersionRow& version,
+                         const MapContent& content,
                          const std::string& path) {
   Database::Options options;
   options.mode = Database::Mode::kReadWriteCreate;
@@ -93,7 +162,7 @@ Status WriteSnapshotFile(Database& source,
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
                               Transaction::Begin(snapshot, Transaction::Kind::kWrite));
-    SHIFTMAP_RETURN_IF_ERROR(CopyRows(snapshot, area_id, lineage));
+    SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot, area_id, version, content));
     SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   }
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("DETACH source"));

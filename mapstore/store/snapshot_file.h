@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <string>
-#include <vector>
 
+#include "mapstore/map/map_snapshot.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/version_rows.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
 
-/// Makes a store of its own that holds one version of an area as the published one: its content,
-/// its provenance without trajectories, and the ledger rows that count for it, so that LoadAt gives
-/// the same there as here. Of its ancestors only the version rows go along, since the reports refer
-/// to them.
-/// @param source   The store; `area_id` and `lineage`, the version first, are of it.
-/// @param path     A file that does not exist. It is not synced.
+/// Writes one version of an area into a new store at `path`: its content, provenance without
+/// trajectories, its newest ledger checkpoint and the rows after it that count, and of the versions
+/// that these were reported against the version rows. Published there, compact, not yet durable.
+/// @param source  Inside a read transaction.
 Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
-                         const std::vector<VersionRow>& lineage,
+                         const VersionRow& version,
+                         const MapContent& content,
                          const std::string& path);
 
 }  // namespace shiftmap

@@ -14,9 +14,11 @@ VersionRow ReadVersionRow(const Statement& row) {
   VersionRow version;
   version.version_id = row.Int64(0);
   version.number = VersionNumber(row.Int64(1));
-  version.content_hash = row.Text(2);
-  version.content_stored = row.Int64(3) != 0;
-  version.stamp = StampFromNanoseconds(row.Int64(4));
+  if (!row.IsNull(2)) version.parent_version_id = row.Int64(2);
+  version.content_hash = row.Text(3);
+  version.content_stored = row.Int64(4) != 0;
+  version.stamp = StampFromNanoseconds(row.Int64(5));
+  version.ledger_position = LedgerPosition(row.Int64(6));
   return version;
 }
 
@@ -70,8 +72,9 @@ StatusOr<VersionRow> GetVersion(Database& database,
                                 VersionNumber number) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT version_id, number, content_hash, content_stored, stamp_ns "
-                       "FROM version WHERE area_id = ?1 AND number = ?2"));
+      database.Prepare(
+          "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
+          "stamp_ns, ledger_position FROM version WHERE area_id = ?1 AND number = ?2"));
   query.Bind(area_id, number.value());
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
@@ -80,23 +83,16 @@ StatusOr<VersionRow> GetVersion(Database& database,
   return ReadVersionRow(query);
 }
 
-StatusOr<std::vector<VersionRow>> Lineage(Database& database, std::int64_t version_id) {
-  // UNION drops rows seen before, so that a damaged file with a cycle of parents ends too.
+StatusOr<VersionRow> GetVersionById(Database& database, std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("WITH RECURSIVE lineage (version_id) AS (VALUES (?1) UNION "
-                       "SELECT v.parent_version_id FROM version v JOIN lineage USING (version_id) "
-                       "WHERE v.parent_version_id IS NOT NULL) "
-                       "SELECT v.version_id, v.number, v.content_hash, v.content_stored, "
-                       "v.stamp_ns FROM lineage JOIN version v USING (version_id) "
-                       "ORDER BY v.number DESC"));
+      database.Prepare(
+          "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
+          "stamp_ns, ledger_position FROM version WHERE version_id = ?1"));
   query.Bind(version_id);
-  std::vector<VersionRow> lineage;
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return lineage;
-    lineage.push_back(ReadVersionRow(query));
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return DataLoss("{}: no version row {}", database.name(), version_id);
+  return ReadVersionRow(query);
 }
 
 StatusOr<MapContent> ReadContent(Database& database,
@@ -123,6 +119,7 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
                                      std::int64_t area_id,
                                      VersionNumber number,
                                      std::optional<std::int64_t> parent_version_id,
+                                     LedgerPosition ledger_position,
                                      const std::string& content_hash,
                                      const MapContent& content,
                                      const Provenance& provenance) {
@@ -130,7 +127,7 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
       Statement row,
       database.Prepare(
           "INSERT INTO version (area_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, created_ns, tool, configuration, seed, odometry_scale_v, "
+          "stamp_ns, ledger_position, created_ns, tool, configuration, seed, odometry_scale_v, "
           "odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
           "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
           "sensor_sd_bearing_rad, sensor_sd_position_m, "
@@ -138,7 +135,8 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
           "sensor_max_bearing_rad, sensor_detection_probability, "
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
           "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
-          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26)"));
+          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26, "
+          "?27)"));
   std::apply(
       [&](const auto&... calibration) {
         row.Bind(area_id,
@@ -146,6 +144,7 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
                  parent_version_id,
                  content_hash,
                  ToNanoseconds(content.stamp),
+                 ledger_position.value(),
                  NowNanoseconds(),
                  provenance.tool,
                  provenance.configuration,
@@ -157,18 +156,6 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
   const std::int64_t version_id = database.LastInsertRowId();
   SHIFTMAP_RETURN_IF_ERROR(InsertContentRows(database, version_id, content));
   return version_id;
-}
-
-Status InsertAudit(Database& database,
-                   std::int64_t area_id,
-                   const char* action,
-                   const std::string& subject) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare("INSERT INTO audit (written_ns, area_id, action, subject) "
-                       "VALUES (?1, ?2, ?3, ?4)"));
-  row.Bind(NowNanoseconds(), area_id, action, subject);
-  return row.Execute();
 }
 
 }  // namespace shiftmap

@@ -22,9 +22,11 @@ struct AreaRow {
 struct VersionRow {
   std::int64_t version_id = 0;
   VersionNumber number;
+  std::optional<std::int64_t> parent_version_id;
   std::string content_hash;
   bool content_stored = true;
   Stamp stamp;
+  LedgerPosition ledger_position;
 };
 
 /// The area by name, or nothing.
@@ -39,8 +41,8 @@ StatusOr<VersionRow> GetVersion(Database& database,
                                 std::int64_t area_id,
                                 VersionNumber number);
 
-/// A version and all its ancestors, itself first.
-StatusOr<std::vector<VersionRow>> Lineage(Database& database, std::int64_t version_id);
+/// Errors: kDataLoss if there is none: rows refer to it.
+StatusOr<VersionRow> GetVersionById(Database& database, std::int64_t version_id);
 
 /// The version's content, verified against its hash. `owner` starts the messages.
 /// Errors: kDataLoss if it does not verify; kNotFound if the file has only the version's row.
@@ -53,15 +55,10 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
                                      std::int64_t area_id,
                                      VersionNumber number,
                                      std::optional<std::int64_t> parent_version_id,
+                                     LedgerPosition ledger_position,
                                      const std::string& content_hash,
                                      const MapContent& content,
                                      const Provenance& provenance);
-
-/// Adds an entry to the audit log.
-Status InsertAudit(Database& database,
-                   std::int64_t area_id,
-                   const char* action,
-                   const std::string& subject);
 
 /// The clock of this machine. [ns since the epoch]
 std::int64_t NowNanoseconds();

@@ -14,6 +14,11 @@ namespace {
 
 Stamp At(double seconds) { return StampFromSeconds(seconds); }
 
+// The distribution at the state's own time.
+Eigen::VectorXd Now(const LandmarkGroup& group, const ModeState& state) {
+  return ProbabilitiesAt(group, state, state.stamp);
+}
+
 // The posterior of the state at the last visit by summing over all sequences of states, one per
 // visit; visits must not overlap.
 Eigen::VectorXd BruteForce(const LandmarkGroup& group,
@@ -53,32 +58,91 @@ TEST(ModeFilterTest, EqualsTheSumOverAllModeSequences) {
       time = begin + 30.0;
       rows.push_back({std::to_string(i), RandomEvidence(random, group, At(begin), At(time))});
     }
-    const ModeState state = FilterModes(group, At(0.0), rows);
+    const ModeState state = FilterModes(group, StartModes(group, At(0.0)), rows);
     EXPECT_EQ(state.stamp, At(time));
-    EXPECT_THAT(state.probabilities, IsNearMatrix(BruteForce(group, At(0.0), rows), 1e-12));
+    EXPECT_THAT(Now(group, state), IsNearMatrix(BruteForce(group, At(0.0), rows), 1e-12));
   }
 }
 
 TEST(ModeFilterTest, WithoutRowsThePriorStays) {
   std::mt19937_64 random(TestSeed(12));
   const LandmarkGroup group = RandomGroup(random, "A", 3);
-  const ModeState state = FilterModes(group, At(5.0), {});
-  EXPECT_EQ(state.probabilities, group.probabilities);
+  const ModeState state = FilterModes(group, StartModes(group, At(5.0)), {});
+  EXPECT_THAT(Now(group, state), IsNearMatrix(group.probabilities, 1e-15));
   EXPECT_EQ(state.stamp, At(5.0));
+  EXPECT_FALSE(state.started);
 }
 
 TEST(ModeFilterTest, UnknownModesAreIgnoredAndUnnamedOnesGetTheValueForAbsent) {
   std::mt19937_64 random(TestSeed(13));
   const LandmarkGroup group = RandomGroup(random, "A", 2);
+  Eigen::VectorXd values;
+  EXPECT_TRUE(StateLogLikelihoods(
+      group, {{kAbsent, -1.0}, {ModeNumber(2), 0.5}, {ModeNumber(9), 0.4}}, &values));
+  EXPECT_EQ(values, Eigen::Vector3d(-1.0, -1.0, 0.5));
+}
+
+TEST(ModeFilterTest, EvidenceForAnUnknownModeIsNotCarriedOver) {
+  std::mt19937_64 random(TestSeed(13));
+  const LandmarkGroup group = RandomGroup(random, "A", 2);
   VisitEvidence evidence = RandomEvidence(random, group, At(0.0), At(1.0));
   evidence.modes = {{kAbsent, -1.0}, {ModeNumber(2), 0.5}, {ModeNumber(9), 50.0}};
-  Eigen::VectorXd expected = group.probabilities;
-  expected(0) *= std::exp(-1.0);
-  expected(1) *= std::exp(-1.0);
-  expected(2) *= std::exp(0.5);
-  expected /= expected.sum();
-  EXPECT_THAT(FilterModes(group, At(0.0), {{"u", evidence}}).probabilities,
-              IsNearMatrix(expected, 1e-14));
+  Eigen::VectorXd values;
+  EXPECT_FALSE(StateLogLikelihoods(group, evidence.modes, &values));
+  EXPECT_FALSE(FilterModes(group, StartModes(group, At(0.0)), {{"u", evidence}}).started);
+}
+
+TEST(ModeFilterTest, MergedModesSpeakForTheOneThatStandsForThem) {
+  std::mt19937_64 random(TestSeed(13));
+  LandmarkGroup group = RandomGroup(random, "A", 2);
+  group.merged = {{ModeNumber(4), ModeNumber(1)}, {ModeNumber(7), ModeNumber(1)}};
+  Eigen::VectorXd values;
+  EXPECT_TRUE(StateLogLikelihoods(group,
+                                  {{kAbsent, -9.0},
+                                   {ModeNumber(1), -3.0},
+                                   {ModeNumber(2), -5.0},
+                                   {ModeNumber(4), 2.0},
+                                   {ModeNumber(7), 1.0}},
+                                  &values));
+  EXPECT_EQ(values, Eigen::Vector3d(-9.0, 2.0, -5.0));
+  EXPECT_EQ(group.NextNumber(), ModeNumber(8));
+}
+
+// With a prior that holds nothing but the chain's stationary distribution, filtering late visits
+// alone or in their place in time is the same.
+TEST(ModeFilterTest, LateVisitsCountAsIfTheyHadComeInTime) {
+  std::mt19937_64 random(TestSeed(18));
+  for (int round = 0; round < 50; ++round) {
+    const int modes = 1 + round % 4;
+    LandmarkGroup group = RandomGroup(random, "A", modes);
+    group.chain = ModeChain::Uniform(modes, 1e-3);
+    const ModeState stationary = StationaryStart(group, At(0.0));
+    group.probabilities = Now(group, stationary);
+    std::vector<EvidenceRow> rows;
+    for (int i = 0; i < 3; ++i) {
+      rows.push_back(
+          {std::to_string(i), RandomEvidence(random, group, At(500.0 * i), At(500.0 * i + 90.0))});
+    }
+    const ModeState in_time = FilterModes(group, stationary, rows);
+    ModeState start = StartModes(group, At(2000.0));
+    AddLateVisits(group, FilterModes(group, stationary, rows), &start);
+    EXPECT_THAT(Now(group, start),
+                IsNearMatrix(ProbabilitiesAt(group, in_time, At(2000.0)), 1e-12));
+  }
+}
+
+// Known: mode 1 since shortly before the stamp. Late: mode 2 a day earlier. The newer stands.
+TEST(ModeFilterTest, LateVisitsDoNotOverruleNewerKnowledge) {
+  std::mt19937_64 random(TestSeed(19));
+  LandmarkGroup group = RandomGroup(random, "A", 2);
+  group.chain = ModeChain::Uniform(2, 1e-5);
+  group.probabilities = Eigen::Vector3d(1e-9, 1.0 - 2e-9, 1e-9);
+  VisitEvidence late = RandomEvidence(random, group, At(0.0), At(10.0));
+  late.modes = {{kAbsent, -40.0}, {ModeNumber(1), -40.0}, {ModeNumber(2), 0.0}};
+  ModeState start = StartModes(group, At(86'400.0));
+  AddLateVisits(
+      group, FilterModes(group, StationaryStart(group, start.stamp), {{"u", late}}), &start);
+  EXPECT_GT(Now(group, start)(1), 1.0 - 1e-7);
 }
 
 TEST(ModeFilterTest, NoTimePassesInsideOverlappingVisits) {
@@ -86,13 +150,14 @@ TEST(ModeFilterTest, NoTimePassesInsideOverlappingVisits) {
   const LandmarkGroup group = RandomGroup(random, "A", 2);
   const VisitEvidence outer = RandomEvidence(random, group, At(0.0), At(1e6));
   const VisitEvidence inner = RandomEvidence(random, group, At(10.0), At(20.0));
-  const ModeState state = FilterModes(group, At(0.0), {{"u", outer}, {"v", inner}});
+  const ModeState state =
+      FilterModes(group, StartModes(group, At(0.0)), {{"u", outer}, {"v", inner}});
   Eigen::VectorXd expected = group.probabilities;
   for (Eigen::Index i = 0; i < expected.size(); ++i) {
     const auto mode = static_cast<std::size_t>(i);
     expected(i) *= std::exp(outer.modes[mode].log_likelihood + inner.modes[mode].log_likelihood);
   }
-  EXPECT_THAT(state.probabilities, IsNearMatrix(expected / expected.sum(), 1e-13));
+  EXPECT_THAT(Now(group, state), IsNearMatrix(expected / expected.sum(), 1e-13));
   EXPECT_EQ(state.stamp, At(1e6));
 }
 
@@ -103,8 +168,9 @@ TEST(ModeFilterTest, ExtremeEvidenceOfOverlappingVisitsCancels) {
   against.modes = {{kAbsent, 0.0}, {ModeNumber(1), -1e5}};
   VisitEvidence in_favour = against;
   in_favour.modes = {{kAbsent, -1e5}, {ModeNumber(1), 0.0}};
-  const ModeState state = FilterModes(group, At(0.0), {{"u", against}, {"v", in_favour}});
-  EXPECT_THAT(state.probabilities, IsNearMatrix(group.probabilities, 1e-9));
+  const ModeState state =
+      FilterModes(group, StartModes(group, At(0.0)), {{"u", against}, {"v", in_favour}});
+  EXPECT_THAT(Now(group, state), IsNearMatrix(group.probabilities, 1e-9));
 }
 
 TEST(ModeFilterTest, ImpossibleStateStaysImpossibleWithoutJumps) {
@@ -114,17 +180,18 @@ TEST(ModeFilterTest, ImpossibleStateStaysImpossibleWithoutJumps) {
   group.probabilities = Eigen::Vector2d(1.0, 0.0);
   VisitEvidence evidence = RandomEvidence(random, group, At(10.0), At(20.0));
   evidence.modes = {{kAbsent, -1e5}, {ModeNumber(1), 0.0}};
-  EXPECT_EQ(FilterModes(group, At(0.0), {{"u", evidence}}).probabilities, group.probabilities);
+  EXPECT_EQ(Now(group, FilterModes(group, StartModes(group, At(0.0)), {{"u", evidence}})),
+            group.probabilities);
 }
 
 TEST(ModeFilterTest, PropagationGoesForwardOnly) {
   std::mt19937_64 random(TestSeed(17));
   const LandmarkGroup group = RandomGroup(random, "A", 2);
-  const ModeState state{group.probabilities, At(100.0)};
-  EXPECT_EQ(PropagateModes(group, state, At(50.0)), group.probabilities);
+  const ModeState state = StartModes(group, At(100.0));
+  EXPECT_THAT(ProbabilitiesAt(group, state, At(50.0)), IsNearMatrix(group.probabilities, 1e-15));
   const Eigen::VectorXd expected =
       group.chain.Transition(FromSeconds(900.0)).transpose() * group.probabilities;
-  EXPECT_THAT(PropagateModes(group, state, At(1000.0)), IsNearMatrix(expected, 1e-14));
+  EXPECT_THAT(ProbabilitiesAt(group, state, At(1000.0)), IsNearMatrix(expected, 1e-14));
 }
 
 }  // namespace

@@ -15,7 +15,15 @@
 namespace shiftmap::testing {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::Field;
+using ::testing::IsEmpty;
 using ::testing::SizeIs;
+
+auto IsAside(SetAside reason, int rows) {
+  return AllOf(Field(&SetAsideRows::reason, reason), Field(&SetAsideRows::rows, rows));
+}
 
 constexpr double kRate = 1e-3;
 
@@ -110,7 +118,7 @@ TEST_F(LedgerTest, ArrivalOrderDoesNotMatter) {
     ASSERT_THAT(store.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
     for (const ShiftReport& report : reports) ASSERT_THAT(store.Return(report), IsOk());
     results.push_back(store.LoadAt("a")->groups()[0].probabilities(1));
-    EXPECT_EQ(results.back(), results.front());
+    EXPECT_NEAR(results.back(), results.front(), 1e-12);
   }
 }
 
@@ -154,17 +162,26 @@ TEST_F(LedgerTest, MalformedReportIsRefusedWhole) {
   EXPECT_EQ(ProbabilityAt(At(100.0)), Relaxed(0.7, 100.0));
 }
 
-TEST_F(LedgerTest, RowsWithUnknownModesAreCountedAndKeptForTheRest) {
+TEST_F(LedgerTest, RowsForWhatTheMapDoesNotHaveAreKeptAsideWithAReason) {
   ShiftReport report = EmptyReport(version_, "a", 1);
-  report.evidence = {TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0)};
-  report.evidence[0].modes.push_back({ModeNumber(7), 100.0});
+  report.evidence = {TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0),
+                     TwoStateEvidence(At(5.0), At(5.0), 0.0, 1.0)};
+  report.evidence[0].modes.push_back({ModeNumber(7), 0.5});
+  report.evidence[1].modes.push_back({ModeNumber(7), 100.0});
   VisitEvidence stranger = TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0);
   stranger.signature = Signature("B");
   report.evidence.push_back(stranger);
   const ReturnResult result = MustReturn(report);
-  EXPECT_EQ(result.evidence_rows, 2);
-  EXPECT_EQ(result.rows_set_aside, 2);
+  EXPECT_EQ(result.evidence_rows, 3);
+  EXPECT_THAT(result.set_aside,
+              ElementsAre(IsAside(SetAside::kNoLandmark, 1), IsAside(SetAside::kNoMode, 1)));
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(0.7, 1.0), 1e-12);
+  EXPECT_EQ(store_.LoadAt("a")->stamp(), At(0.0));
+  const std::vector<ReportSummary> reports = *store_.Reports("a");
+  ASSERT_THAT(reports, SizeIs(1));
+  EXPECT_EQ(reports[0].evidence_rows, 3);
+  EXPECT_THAT(reports[0].set_aside,
+              ElementsAre(IsAside(SetAside::kNoLandmark, 1), IsAside(SetAside::kNoMode, 1)));
 }
 
 TEST_F(LedgerTest, ModesThatTheVehicleDidNotKnowGetItsValueForAbsent) {
@@ -183,14 +200,96 @@ TEST_F(LedgerTest, AncestorsReportsCountAfterTheVersionsStamp) {
   const MapContent next = TwoStateContent(kRate, 0.6, At(1000.0));
   const CommitResult child = *store_.Commit("a", next, {}, {version_.version, true});
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.6, 100.0), -2.0), 1e-12);
-  // A child's report does not count for its parent, and nobody's for a stranger.
+  // A child's report counts for its parent, whose modes it has; nobody's for a stranger.
   ShiftReport on_child = EmptyReport(child, "a", 2);
   on_child.evidence = {TwoStateEvidence(At(1500.0), At(1500.0), 0.0, 1.0)};
   MustReturn(on_child);
-  EXPECT_EQ(store_.LoadAt("a", version_.version)->stamp(), At(1100.0));
+  EXPECT_EQ(store_.LoadAt("a", version_.version)->stamp(), At(1500.0));
   EXPECT_EQ(store_.LoadAt("a", child.version)->stamp(), At(1500.0));
   const CommitResult stranger = *store_.Commit("a", next, {}, {std::nullopt, true});
   EXPECT_NEAR(ProbabilityAt(std::nullopt, stranger.version), 0.6, 1e-12);
+}
+
+// A vehicle that was still on the parent reports a visit from before the child's stamp.
+TEST_F(LedgerTest, LateReportAgainstAnAncestorIsCarriedOver) {
+  const CommitResult child =
+      *store_.Commit("a", TwoStateContent(kRate, 0.6, At(1000.0)), {}, {version_.version, true});
+  ShiftReport late = EmptyReport(version_, "a", 1);
+  late.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  EXPECT_THAT(MustReturn(late).set_aside, IsEmpty());
+  // p(late | mode at the stamp), 100 s later: the chain may have left in between.
+  const double mode = Relaxed(Updated(0.5, 3.0), 100.0);
+  const double expected = 0.6 * mode / (0.6 * mode + 0.4 * (1.0 - mode));
+  EXPECT_NEAR(ProbabilityAt(std::nullopt, child.version), expected, 1e-12);
+  EXPECT_EQ(store_.LoadAt("a")->stamp(), At(1000.0));
+  // Time goes on from there, and the report is what it always was for the version it was made on.
+  EXPECT_NEAR(ProbabilityAt(At(1500.0), child.version), Relaxed(expected, 500.0), 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(900.0), version_.version), Updated(Relaxed(0.7, 800.0), 3.0), 1e-12);
+}
+
+// The mapper read the ledger, then a report came, then it committed: the report is not lost.
+TEST_F(LedgerTest, ReportBetweenReadingThePriorAndCommittingCounts) {
+  const LedgerPosition position = store_.LoadAt("a")->ledger_position();
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  MustReturn(report);
+  const MapContent next = TwoStateContent(kRate, 0.6, At(1000.0));
+  const CommitResult read_before =
+      *store_.Commit("a", next, {}, {version_.version, false, position});
+  const CommitResult read_after = *store_.Commit(
+      "a", next, {}, {version_.version, false, store_.LoadAt("a")->ledger_position()});
+  EXPECT_GT(ProbabilityAt(std::nullopt, read_before.version), 0.9);
+  EXPECT_DOUBLE_EQ(ProbabilityAt(std::nullopt, read_after.version), 0.6);
+  EXPECT_THAT((*store_.Reports("a", read_after.version))[0].set_aside,
+              ElementsAre(IsAside(SetAside::kInMap, 1)));
+}
+
+TEST_F(LedgerTest, RunThatTheMapWasBuiltFromDoesNotCountAgain) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.run_hash = std::string(64, 'a');
+  report.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  Provenance provenance;
+  provenance.runs = {{"run", report.run_hash, "truck 1", At(0.0), At(1000.0), {}}};
+  const MapContent next = TwoStateContent(kRate, 0.6, At(1000.0));
+  const CommitResult child = *store_.Commit("a", next, provenance, {version_.version, true});
+  EXPECT_THAT(MustReturn(report).set_aside, ElementsAre(IsAside(SetAside::kRunInMap, 1)));
+  EXPECT_DOUBLE_EQ(ProbabilityAt(std::nullopt, child.version), 0.6);
+  EXPECT_NEAR(ProbabilityAt(At(900.0), version_.version), Updated(Relaxed(0.7, 800.0), 3.0), 1e-12);
+  // The same when the report comes first, but the mapper did not look at the ledger.
+  const CommitResult other =
+      *store_.Commit("a", next, provenance, {version_.version, false, LedgerPosition(0)});
+  EXPECT_DOUBLE_EQ(ProbabilityAt(std::nullopt, other.version), 0.6);
+}
+
+TEST_F(LedgerTest, OfTwoReportsAboutOneRunOneCountsWhicheverCameFirst) {
+  ShiftReport first = EmptyReport(version_, "a", 1);
+  ShiftReport second = EmptyReport(version_, "a", 2);
+  first.run_hash = second.run_hash = std::string(64, 'b');
+  first.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  second.evidence = {TwoStateEvidence(At(810.0), At(890.0), 0.0, 2.0)};
+  const double expected = Updated(Relaxed(0.7, 800.0), 3.0);
+  EXPECT_THAT(MustReturn(second).set_aside, IsEmpty());
+  MustReturn(first);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), expected, 1e-12);
+
+  MapStore other = OpenStore(dir_.File("other.db"));
+  ASSERT_THAT(other.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+  ASSERT_THAT(other.Return(first), IsOk());
+  EXPECT_THAT(other.Return(second)->set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
+  EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
+}
+
+TEST_F(LedgerTest, MergedModesEvidenceGoesToTheModeThatStandsForThem) {
+  ShiftReport report = EmptyReport(version_, "a", 1);
+  report.evidence = {TwoStateEvidence(At(2000.0), At(2000.0), 0.0, -9.0)};
+  report.evidence[0].modes.push_back({ModeNumber(2), 1.5});
+  MapContent next = TwoStateContent(kRate, 0.6, At(2000.0));
+  next.groups[0].merged = {{ModeNumber(2), ModeNumber(1)}};
+  ASSERT_THAT(store_.Commit("a", next, {}, {version_.version, true}), IsOk());
+  report.evidence[0].begin = report.evidence[0].end = At(2500.0);
+  EXPECT_THAT(MustReturn(report).set_aside, IsEmpty());
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.6, 500.0), 1.5), 1e-12);
+  EXPECT_EQ(store_.LoadAt("a")->groups()[0].merged[0].number, ModeNumber(2));
 }
 
 TEST_F(LedgerTest, SightingsAreNewestFirst) {

@@ -87,7 +87,7 @@ TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   ExecuteRaw("PRAGMA user_version = 7");
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
-                       "map store '" + path_ + "': schema version 7, this build reads 1..1"));
+                       "map store '" + path_ + "': schema version 7, this build reads 2; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Snapshots: what a vehicle carries.
+#include <filesystem>
+
+#include "mapstore/core/atomic_file.h"
+#include "mapstore/map/sha256.h"
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/store/snapshot_file.h"
+#include "mapstore/store/store_state.h"
+
+namespace shiftmap {
+namespace {
+
+// Reads a snapshot as a vehicle would, and compares.
+Status VerifySnapshotFile(const std::string& path, const MapSnapshot& expected) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot loaded, store.LoadAt(expected.area()));
+  const std::string got = ContentHash(loaded.content());
+  const std::string want = ContentHash(expected.content());
+  if (got != want) {
+    return DataLoss("map store '{}': snapshot reads back as {}, expected {}", path, got, want);
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const std::string& path) {
+  Database& database = state_->database;
+  std::error_code error;
+  if (std::filesystem::equivalent(path, database.path(), error)) {
+    return InvalidArgument("{}: snapshot would replace the store itself", database.name());
+  }
+  const TemporaryFile temporary(path);
+  // Keeps writers out until all rows are copied and compared.
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot expected,
+                            state_->Load(area, std::nullopt, std::nullopt));
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, state_->PublishedRow(area, area_row));
+  SHIFTMAP_RETURN_IF_ERROR(
+      WriteSnapshotFile(database, area_row.area_id, version, expected.content(), temporary.path()));
+  SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), expected));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string sha256, HashFile(temporary.path()));
+  SHIFTMAP_RETURN_IF_ERROR(SyncAndRename(temporary.path(), path));
+  return sha256;
+}
+
+}  // namespace shiftmap

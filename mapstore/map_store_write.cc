@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The writing half of MapStore: each function is one durable transaction.
+#include <utility>
+
+#include "mapstore/map_store.h"
+#include "mapstore/store/audit_rows.h"
+#include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/provenance_rows.h"
+#include "mapstore/store/report_rows.h"
+#include "mapstore/store/report_summary.h"
+#include "mapstore/store/store_state.h"
+
+namespace shiftmap {
+namespace {
+
+StatusOr<AreaRow> FindOrInsertArea(Database& database, const std::string& area) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<AreaRow> found, FindArea(database, area));
+  if (found) return *found;
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement insert,
+                            database.Prepare("INSERT INTO area (name) VALUES (?1)"));
+  insert.Bind(area);
+  SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
+  return AreaRow{database.LastInsertRowId(), std::nullopt};
+}
+
+StatusOr<VersionNumber> NextVersionNumber(Database& database, std::int64_t area_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT coalesce(max(number), 0) + 1 FROM version WHERE area_id = ?1"));
+  query.Bind(area_id);
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  return VersionNumber(query.Int64(0));
+}
+
+// Adds the rows of a version. Returns its row.
+StatusOr<VersionRow> InsertWholeVersion(Database& database,
+                                        std::int64_t area_id,
+                                        const MapContent& content,
+                                        const Provenance& provenance,
+                                        VersionRow version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(version.number, NextVersionNumber(database, area_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(version.version_id,
+                            InsertVersion(database,
+                                          area_id,
+                                          version.number,
+                                          version.parent_version_id,
+                                          version.ledger_position,
+                                          version.content_hash,
+                                          content,
+                                          provenance));
+  SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, version.version_id, provenance.runs));
+  for (const RunRecord& run : provenance.runs) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run.sha256));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
+  return version;
+}
+
+}  // namespace
+
+Status MapStore::State::MovePublished(std::int64_t area_id,
+                                      const VersionRow& version,
+                                      const char* action) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement update,
+      database.Prepare("UPDATE area SET published_version_id = ?2 WHERE area_id = ?1"));
+  update.Bind(area_id, version.version_id);
+  SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+  return InsertAudit(database, area_id, action, std::to_string(version.number.value()));
+}
+
+StatusOr<CommitResult> MapStore::Commit(const std::string& area,
+                                        const MapContent& content,
+                                        const Provenance& provenance,
+                                        const CommitOptions& options) {
+  Database& database = state_->database;
+  if (area.empty()) return InvalidArgument("{}: area name is empty", database.name());
+  const Status valid = ValidateMapContent(content);
+  if (!valid.ok()) return InvalidArgument("{}: {}", state_->AreaName(area), Message(valid));
+  VersionRow version;
+  version.content_hash = ContentHash(content);
+  version.stamp = content.stamp;
+
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, FindOrInsertArea(database, area));
+  if (options.parent) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
+                              GetVersion(database, area, area_row.area_id, *options.parent));
+    version.parent_version_id = parent.version_id;
+    if (options.publish && area_row.published != options.parent) {
+      return MakeStatus(StatusCode::kAborted,
+                        "{}: {} is published, expected {}",
+                        state_->AreaName(area),
+                        DescribeVersion(area_row.published),
+                        DescribeVersion(options.parent));
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(version.ledger_position, ReadLedgerPosition(database));
+  if (options.ledger_position) {
+    version.ledger_position = std::min(version.ledger_position, *options.ledger_position);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      version,
+      InsertWholeVersion(database, area_row.area_id, content, provenance, std::move(version)));
+  if (options.publish) {
+    SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, "publish"));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return CommitResult{version.number, version.content_hash};
+}
+
+Status MapStore::Publish(const std::string& area,
+                         VersionNumber version,
+                         std::optional<VersionNumber> expected) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(database, area, area_row.area_id, version));
+  const std::string owner = state_->VersionName(area, version);
+  if (area_row.published == version) {
+    return MakeStatus(StatusCode::kAlreadyExists, "{}: is published already", owner);
+  }
+  if (area_row.published != expected) {
+    return MakeStatus(StatusCode::kAborted,
+                      "{}: {} is published, expected {}",
+                      state_->AreaName(area),
+                      DescribeVersion(area_row.published),
+                      DescribeVersion(expected));
+  }
+  if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, "publish"));
+  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_row.area_id, row, owner));
+  return transaction.Commit();
+}
+
+StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
+                                           std::optional<VersionNumber> to) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
+  VersionRow at = published;
+  do {
+    if (!at.parent_version_id) {
+      return InvalidArgument("{}: has no ancestor{}",
+                             state_->VersionName(area, published.number),
+                             to ? fmt::format(" {}", to->value()) : "");
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(at, GetVersionById(database, *at.parent_version_id));
+  } while (to && at.number > *to);
+  const std::string owner = state_->VersionName(area, at.number);
+  if (to && at.number != *to) {
+    return InvalidArgument("{}: is no ancestor of version {}, which is published",
+                           state_->VersionName(area, *to),
+                           published.number.value());
+  }
+  if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, "rollback"));
+  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_row.area_id, at, owner));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return at.number;
+}
+
+StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
+  Database& database = state_->database;
+  const Status valid = CheckReport(report);
+  if (!valid.ok()) return InvalidArgument("{}: {}", database.name(), Message(valid));
+
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  ReturnResult result;
+  SHIFTMAP_ASSIGN_OR_RETURN(result.duplicate, HasReport(database, report.uuid));
+  if (result.duplicate) return result;
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, report.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version,
+                            GetVersion(database, report.area, area_row.area_id, report.version));
+  if (report.content_hash != version.content_hash) {
+    return InvalidArgument("{}: shift report {}: content hash {}, expected {}",
+                           state_->VersionName(report.area, report.version),
+                           report.uuid,
+                           report.content_hash,
+                           version.content_hash);
+  }
+  std::optional<VersionRow> published;
+  if (area_row.published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(published, state_->PublishedRow(report.area, area_row));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const InsertedReport inserted,
+                            InsertReport(database, area_row.area_id, version, report));
+  result.evidence_rows = static_cast<int>(report.evidence.size());
+  std::string owner = state_->AreaName(report.area);
+  if (published) {
+    owner = state_->VersionName(report.area, published->number);
+    SHIFTMAP_ASSIGN_OR_RETURN(result.set_aside,
+                              CountSetAside(database, *published, version, inserted, report));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(KeepCheckpoints(database,
+                                           area_row.area_id,
+                                           version,
+                                           inserted,
+                                           result.evidence_rows,
+                                           published ? &*published : nullptr,
+                                           owner));
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database, area_row.area_id, "return", report.uuid));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return result;
+}
+
+}  // namespace shiftmap

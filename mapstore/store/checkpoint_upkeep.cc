@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/checkpoint_upkeep.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/ledger_filter.h"
+
+namespace shiftmap {
+namespace {
+
+// Rows between checkpoints, and from the newest one to the end: some 5 ms of filtering. More for
+// large maps, so that checkpoints stay small against the ledger.
+constexpr std::int64_t kCheckpointRows = 8192;
+constexpr std::int64_t kRowsPerGroup = 2;
+
+std::int64_t Spacing(std::int64_t groups) {
+  return std::max(kCheckpointRows, kRowsPerGroup * groups);
+}
+
+StatusOr<std::int64_t> CountGroups(Database& database, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT count(*) FROM landmark_group WHERE version_id = ?1"));
+  query.Bind(version_id);
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  return query.Int64(0);
+}
+
+StatusOr<std::int64_t> AddRowsSinceCheckpoint(Database& database,
+                                              std::int64_t area_id,
+                                              std::int64_t rows) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement update,
+      database.Prepare("UPDATE area SET rows_since_checkpoint = rows_since_checkpoint + ?2 "
+                       "WHERE area_id = ?1"));
+  update.Bind(area_id, rows);
+  SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT rows_since_checkpoint FROM area WHERE area_id = ?1"));
+  query.Bind(area_id);
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  return query.Int64(0);
+}
+
+// Begin of the row that comes `rows` after the first one that begins at `from` or later.
+StatusOr<std::optional<Stamp>> BeginAfter(Database& database,
+                                          std::int64_t area_id,
+                                          Stamp from,
+                                          std::int64_t rows) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT begin_ns FROM visit_evidence WHERE area_id = ?1 AND begin_ns >= ?2 "
+                       "ORDER BY begin_ns LIMIT 1 OFFSET ?3"));
+  query.Bind(area_id, ToNanoseconds(from), rows);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return std::optional<Stamp>();
+  return std::optional<Stamp>(StampFromNanoseconds(query.Int64(0)));
+}
+
+// Begin of the row with `rows` rows after it.
+StatusOr<std::optional<Stamp>> BeginFromEnd(Database& database,
+                                            std::int64_t area_id,
+                                            std::int64_t rows) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT begin_ns FROM visit_evidence WHERE area_id = ?1 "
+                       "ORDER BY begin_ns DESC LIMIT 1 OFFSET ?2"));
+  query.Bind(area_id, rows);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return std::optional<Stamp>();
+  return std::optional<Stamp>(StampFromNanoseconds(query.Int64(0)));
+}
+
+}  // namespace
+
+Status KeepCheckpoints(Database& database,
+                       std::int64_t area_id,
+                       const VersionRow& reported,
+                       const InsertedReport& inserted,
+                       std::int64_t rows_added,
+                       const VersionRow* published,
+                       const std::string& owner) {
+  int deleted = 0;
+  if (inserted.first_visit && !inserted.superseded) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        deleted,
+        DeleteCheckpointsAfter(database, area_id, reported.version_id, *inserted.first_visit));
+  }
+  if (inserted.replaced && inserted.replaced->first_visit) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const int also,
+        DeleteCheckpointsAfter(
+            database, area_id, inserted.replaced->version_id, *inserted.replaced->first_visit));
+    deleted += also;
+  }
+  if (published == nullptr) {
+    return AddRowsSinceCheckpoint(database, area_id, rows_added).status();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t groups,
+                            CountGroups(database, published->version_id));
+  const std::int64_t spacing = Spacing(groups);
+  // What was deleted is not made again at once: the next report may delete it again.
+  const std::int64_t due = rows_added + (deleted > 0 ? spacing / 2 : 0);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t rows,
+                            AddRowsSinceCheckpoint(database, area_id, due));
+  if (rows <= spacing) return OkStatus();
+  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_id, *published, owner));
+  return AddRowsSinceCheckpoint(database, area_id, -rows).status();
+}
+
+Status ExtendCheckpoints(Database& database,
+                         std::int64_t area_id,
+                         const VersionRow& version,
+                         const std::string& owner) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t groups, CountGroups(database, version.version_id));
+  const std::int64_t spacing = Spacing(groups);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> last,
+                            BeginFromEnd(database, area_id, spacing));
+  if (!last) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadContent(database, version, owner));
+  LedgerFilter filter(database, area_id, version, content);
+  SHIFTMAP_RETURN_IF_ERROR(filter.Start(std::nullopt));
+  while (filter.before() < *last) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> next,
+                              BeginAfter(database, area_id, filter.before(), spacing));
+    // Visits that begin together stay together.
+    const Stamp at_least = filter.before() + Duration(1);
+    const Stamp before = next ? std::clamp(*next, at_least, std::max(at_least, *last)) : *last;
+    SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(before).status());
+    SHIFTMAP_RETURN_IF_ERROR(InsertCheckpoint(
+        database, area_id, version.version_id, {filter.before(), true, filter.states()}));
+  }
+  return OkStatus();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "mapstore/sqlite/database.h"
+#include "mapstore/store/report_rows.h"
+#include "mapstore/store/version_rows.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+// A reader filters the rows after the newest checkpoint, so their number bounds what it costs. The
+// newest checkpoint stays some rows behind the end of the ledger: vehicles of one shift report
+// about the same hours one after the other, and each would invalidate what lies at its end.
+
+/// Deletes the checkpoints that a report made wrong, and extends those of the published version
+/// once enough rows have come. Inside the transaction that added the report.
+/// @param owner  Starts messages about the published version.
+Status KeepCheckpoints(Database& database,
+                       std::int64_t area_id,
+                       const VersionRow& reported,
+                       const InsertedReport& inserted,
+                       std::int64_t rows_added,
+                       const VersionRow* published,
+                       const std::string& owner);
+
+/// Adds the checkpoints of a version up to some rows before the end of the ledger.
+Status ExtendCheckpoints(Database& database,
+                         std::int64_t area_id,
+                         const VersionRow& version,
+                         const std::string& owner);
+
+}  // namespace shiftmap

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "mapstore/core/stamp.h"
+#include "mapstore/sqlite/database.h"
+#include "mapstore/store/version_rows.h"
+#include "mapstore/store_types.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Which rows of the ledger count for a version, and how.
+///
+///   reported against the version itself or a descendant       counts, in the order of time
+///   against an ancestor, visit began after the version's stamp  counts, in the order of time
+///   against an ancestor, began earlier, report known when the
+///   version was made (report_id <= ledger_position)             set aside: kInMap
+///   against an ancestor, began earlier, report came later       late: AddLateVisits
+///   against any other version                                   set aside: kOtherLine
+///
+/// and whatever the version, not if the report is superseded (kSameRun), or about a log that the
+/// version or an ancestor was built from (kRunInMap). Groups and modes are not looked at here.
+///
+/// Threads: one. Lifetime: the database's, inside one transaction.
+class LedgerView {
+ public:
+  static StatusOr<LedgerView> Make(Database& database, const VersionRow& version);
+
+  enum class Standing { kCounts, kLate, kSetAside };
+  struct Verdict {
+    Standing standing;
+    SetAside reason;  ///< If set aside.
+  };
+
+  /// @param version_id  The report's.
+  StatusOr<Verdict> Judge(std::int64_t report_id, std::int64_t version_id, Stamp begin);
+
+  /// Visits that count in the order of time do not begin before this.
+  Stamp first_visit() const { return first_visit_; }
+
+  /// Late visits do not begin before this; nothing if there are none.
+  std::optional<Stamp> first_late_visit() const { return first_late_visit_; }
+
+ private:
+  enum class Relation { kOwn, kAncestor, kOther };
+
+  LedgerView(Database& database, const VersionRow& version)
+      : database_(&database), version_(version), first_visit_(version.stamp) {}
+
+  Status ReadSetAsideReports();
+  Status ReadBounds();
+  StatusOr<Relation> RelationTo(std::int64_t version_id);
+
+  /// True if `ancestor` is met on the way up from `descendant`, which has the larger number.
+  StatusOr<bool> IsAncestor(const VersionRow& ancestor, VersionRow descendant);
+
+  Database* database_;
+  VersionRow version_;
+  Stamp first_visit_;
+  std::optional<Stamp> first_late_visit_;
+  std::unordered_map<std::int64_t, Relation> relations_;
+  std::unordered_map<std::int64_t, SetAside> set_aside_;  // By report.
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/map/evidence.h"
+#include "mapstore/sqlite/database.h"
+#include "mapstore/store/version_rows.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Checks what the ledger relies on in a report that is to be added: a UUID, times in order, finite
+/// log-likelihoods with `absent` first, no two visits of a group at the same time.
+/// Errors: kInvalidArgument, naming the report.
+Status CheckReport(const ShiftReport& report);
+
+/// True if a report with this UUID is in the ledger, whatever the case of its letters.
+StatusOr<bool> HasReport(Database& database, const std::string& uuid);
+
+/// A report as it was added.
+struct InsertedReport {
+  std::int64_t report_id = 0;
+  bool superseded = false;           ///< Another report about the same log counts.
+  std::optional<Stamp> first_visit;  ///< Nothing without evidence.
+
+  /// The report that counted until now, if this one takes its place.
+  struct Superseded {
+    std::int64_t version_id = 0;
+    std::optional<Stamp> first_visit;
+  };
+  std::optional<Superseded> replaced;
+};
+
+/// Adds a checked report that is not there yet, made against `version` of the area.
+StatusOr<InsertedReport> InsertReport(Database& database,
+                                      std::int64_t area_id,
+                                      const VersionRow& version,
+                                      const ShiftReport& report);
+
+/// Notes which reports are about logs that a version was built from.
+Status InsertMappedReports(Database& database,
+                           std::int64_t version_id,
+                           const std::string& run_sha256);
+
+/// The reports in the ledger so far.
+StatusOr<LedgerPosition> ReadLedgerPosition(Database& database);
+
+/// Unmapped sightings of an area, newest first.
+StatusOr<std::vector<UnmappedSighting>> ReadSightings(Database& database, std::int64_t area_id);
+
+}  // namespace shiftmap

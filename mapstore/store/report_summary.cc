@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/report_summary.h"
+
+#include <map>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+
+#include "mapstore/map/mode_filter.h"
+#include "mapstore/store/blob.h"
+#include "mapstore/store/ledger_view.h"
+
+namespace shiftmap {
+namespace {
+
+using Counts = std::map<SetAside, int>;
+
+std::vector<SetAsideRows> ToRows(const Counts& counts) {
+  std::vector<SetAsideRows> rows;
+  rows.reserve(counts.size());
+  for (const auto& [reason, count] : counts) rows.push_back({reason, count});
+  return rows;
+}
+
+// Why a group does not take a row, or nothing.
+std::optional<SetAside> ReasonOfGroup(const LandmarkGroup* group,
+                                      const std::vector<VisitEvidence::ModeLogLikelihood>& modes) {
+  if (group == nullptr) return SetAside::kNoLandmark;
+  Eigen::VectorXd values;
+  if (!StateLogLikelihoods(*group, modes, &values)) return SetAside::kNoMode;
+  return std::nullopt;
+}
+
+// The mode numbers of one group of a version, or nothing if there is no such group.
+StatusOr<std::optional<LandmarkGroup>> ReadNumbers(Database& database,
+                                                   std::int64_t version_id,
+                                                   const Signature& signature) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement modes,
+      database.Prepare("SELECT number FROM landmark_group JOIN mode USING (version_id, "
+                       "group_index) WHERE version_id = ?1 AND signature = ?2 ORDER BY number"));
+  modes.Bind(version_id, signature.text());
+  LandmarkGroup group;
+  group.signature = signature;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, modes.Step());
+    if (!row) break;
+    group.modes.emplace_back().number = ModeNumber(modes.Int64(0));
+  }
+  if (group.modes.empty()) return std::optional<LandmarkGroup>();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement merged,
+      database.Prepare("SELECT number, into_number FROM landmark_group JOIN merged_mode USING "
+                       "(version_id, group_index) WHERE version_id = ?1 AND signature = ?2"));
+  merged.Bind(version_id, signature.text());
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, merged.Step());
+    if (!row) break;
+    group.merged.push_back({ModeNumber(merged.Int64(0)), ModeNumber(merged.Int64(1))});
+  }
+  group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), 0.0);
+  return std::optional<LandmarkGroup>(std::move(group));
+}
+
+StatusOr<std::vector<ReportSummary>> ReadReports(
+    Database& database,
+    std::int64_t area_id,
+    std::unordered_map<std::int64_t, std::size_t>* index_of_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare(
+          "SELECT report_id, uuid, vehicle, v.number, run_hash, software, begin_ns, end_ns, "
+          "received_ns, (SELECT count(*) FROM decision d WHERE d.report_id = r.report_id), "
+          "(SELECT count(*) FROM sighting s WHERE s.report_id = r.report_id) "
+          "FROM shift_report r JOIN version v USING (version_id) WHERE v.area_id = ?1 "
+          "ORDER BY end_ns DESC, uuid"));
+  query.Bind(area_id);
+  std::vector<ReportSummary> reports;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return reports;
+    ReportSummary report;
+    report.uuid = query.Text(1);
+    report.vehicle = query.Text(2);
+    report.version = VersionNumber(query.Int64(3));
+    report.run_hash = query.Text(4);
+    report.software = query.Text(5);
+    report.begin = StampFromNanoseconds(query.Int64(6));
+    report.end = StampFromNanoseconds(query.Int64(7));
+    report.received = StampFromNanoseconds(query.Int64(8));
+    report.decisions = static_cast<int>(query.Int64(9));
+    report.sightings = static_cast<int>(query.Int64(10));
+    index_of_id->emplace(query.Int64(0), reports.size());
+    reports.push_back(std::move(report));
+  }
+}
+
+}  // namespace
+
+StatusOr<std::vector<SetAsideRows>> CountSetAside(Database& database,
+                                                  const VersionRow& published,
+                                                  const VersionRow& reported,
+                                                  const InsertedReport& inserted,
+                                                  const ShiftReport& report) {
+  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, published));
+  Counts counts;
+  for (const VisitEvidence& evidence : report.evidence) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const LedgerView::Verdict verdict,
+                              view.Judge(inserted.report_id, reported.version_id, evidence.begin));
+    if (verdict.standing == LedgerView::Standing::kSetAside) {
+      ++counts[verdict.reason];
+      continue;
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<LandmarkGroup> group,
+                              ReadNumbers(database, published.version_id, evidence.signature));
+    const auto reason = ReasonOfGroup(group ? &*group : nullptr, evidence.modes);
+    if (reason) ++counts[*reason];
+  }
+  return ToRows(counts);
+}
+
+StatusOr<std::vector<ReportSummary>> SummarizeReports(Database& database,
+                                                      std::int64_t area_id,
+                                                      const VersionRow& version,
+                                                      const MapContent& content) {
+  std::unordered_map<std::int64_t, std::size_t> index_of_id;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<ReportSummary> reports,
+                            ReadReports(database, area_id, &index_of_id));
+  std::unordered_map<std::string, const LandmarkGroup*> groups;
+  for (const LandmarkGroup& group : content.groups) groups.emplace(group.signature.text(), &group);
+  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, version));
+  std::vector<Counts> counts(reports.size());
+  std::vector<VisitEvidence::ModeLogLikelihood> modes;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT report_id, version_id, begin_ns, signature, log_likelihoods "
+                       "FROM visit_evidence WHERE area_id = ?1"));
+  rows.Bind(area_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) break;
+    const auto report = index_of_id.find(rows.Int64(0));
+    if (report == index_of_id.end()) {
+      return DataLoss(
+          "{}: evidence of report row {}, which is not there", database.name(), rows.Int64(0));
+    }
+    ++reports[report->second].evidence_rows;
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const LedgerView::Verdict verdict,
+        view.Judge(rows.Int64(0), rows.Int64(1), StampFromNanoseconds(rows.Int64(2))));
+    std::optional<SetAside> reason;
+    if (verdict.standing == LedgerView::Standing::kSetAside) {
+      reason = verdict.reason;
+    } else {
+      if (!UnpackLogLikelihoods(rows.Blob(4), &modes)) {
+        return DataLoss("{}: evidence of '{}' is damaged", database.name(), rows.Text(3));
+      }
+      const auto group = groups.find(rows.Text(3));
+      reason = ReasonOfGroup(group == groups.end() ? nullptr : group->second, modes);
+    }
+    if (reason) ++counts[report->second][*reason];
+  }
+  for (std::size_t i = 0; i < reports.size(); ++i) reports[i].set_aside = ToRows(counts[i]);
+  return reports;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/version_rows.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// What the parts of MapStore share.
+struct MapStore::State {
+  Database database;
+
+  std::string AreaName(const std::string& area) const;
+  std::string VersionName(const std::string& area, VersionNumber version) const;
+
+  StatusOr<Transaction> Read() { return Transaction::Begin(database, Transaction::Kind::kRead); }
+  StatusOr<Transaction> Write() { return Transaction::Begin(database, Transaction::Kind::kWrite); }
+
+  /// Errors: kNotFound if nothing is published.
+  StatusOr<VersionRow> PublishedRow(const std::string& area, const AreaRow& area_row);
+
+  /// The version by number, or the published one.
+  StatusOr<VersionRow> SelectRow(const std::string& area,
+                                 const AreaRow& area_row,
+                                 std::optional<VersionNumber> version);
+
+  /// LoadAt inside a transaction.
+  StatusOr<MapSnapshot> Load(const std::string& area,
+                             std::optional<VersionNumber> version,
+                             std::optional<Stamp> at);
+
+  /// Moves the published pointer inside a transaction. @param action  For the audit log.
+  Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);
+};
+
+/// "version 3", or "no version".
+std::string DescribeVersion(const std::optional<VersionNumber>& version);
+
+}  // namespace shiftmap

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What goes into a map store and comes out of it, besides the map itself.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/core/ids.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/run/trajectory.h"
+
+namespace shiftmap {
+
+/// One pose of a run's trajectory as the mapper estimated it.
+using TrajectoryPose = StampedPose;
+
+/// A run that a version was built from.
+struct RunRecord {
+  std::string name;    ///< The log file's stem.
+  std::string sha256;  ///< Of the log file, in hex.
+  std::string vehicle;
+  Stamp begin;
+  Stamp end;
+  std::vector<TrajectoryPose> trajectory;  ///< Thinned for pictures; may be empty.
+};
+
+/// Where a version comes from.
+struct Provenance {
+  std::string tool;           ///< E.g. "shiftmap-mapper 0.1.0".
+  std::string configuration;  ///< Effective options, JSON.
+  std::int64_t seed = 0;
+  std::vector<RunRecord> runs;  ///< By begin, then hash.
+};
+
+struct CommitOptions {
+  /// The version the content was made from; nothing for a map without a prior.
+  std::optional<VersionNumber> parent;
+
+  bool publish = true;
+
+  /// MapSnapshot::ledger_position of the prior: the reports that the content's probabilities
+  /// account for up to its stamp. Nothing: all that the store holds when it commits.
+  std::optional<LedgerPosition> ledger_position = std::nullopt;
+};
+
+struct CommitResult {
+  VersionNumber version;
+  std::string content_hash;
+};
+
+struct AreaSummary {
+  std::string area;
+  std::optional<VersionNumber> published;
+  int versions = 0;
+};
+
+struct VersionSummary {
+  VersionNumber version;
+  std::optional<VersionNumber> parent;
+  std::string content_hash;
+  bool published = false;
+  Stamp created;
+  std::string tool;
+};
+
+/// Why an evidence row of the ledger does not count for a map version. It is kept all the same.
+enum class SetAside {
+  kInMap,       ///< The version's own probabilities account for it.
+  kRunInMap,    ///< The version was built from the log that the report is about.
+  kSameRun,     ///< Another report about the same log counts.
+  kOtherLine,   ///< Made against a version that is neither ancestor nor descendant.
+  kNoLandmark,  ///< The version does not have the landmark.
+  kNoMode,      ///< What the row favours most is a mode that the version does not have.
+};
+
+/// In words, for people.
+const char* Describe(SetAside reason);
+
+struct SetAsideRows {
+  SetAside reason;
+  int rows = 0;
+};
+
+struct ReturnResult {
+  bool duplicate = false;  ///< The report was there already; nothing changed.
+  int evidence_rows = 0;   ///< Rows added to the ledger.
+
+  /// Those of them that do not count for the published version, by reason.
+  std::vector<SetAsideRows> set_aside;
+};
+
+/// A shift report in the ledger, and what it means for one map version.
+struct ReportSummary {
+  std::string uuid;
+  std::string vehicle;
+  VersionNumber version;  ///< The one driven on.
+  std::string run_hash;
+  std::string software;
+  Stamp begin;
+  Stamp end;
+  Stamp received;
+  int decisions = 0;
+  int sightings = 0;
+  int evidence_rows = 0;
+  std::vector<SetAsideRows> set_aside;  ///< Evidence rows that do not count, by reason.
+};
+
+/// A write.
+struct AuditEntry {
+  Stamp written;
+  std::string area;     ///< Empty if it was about the whole store.
+  std::string action;   ///< E.g. "commit", "publish", "rollback", "return".
+  std::string subject;  ///< Version number, or UUID of the report.
+};
+
+}  // namespace shiftmap
