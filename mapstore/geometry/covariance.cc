@@ -10,9 +10,27 @@
 #include "proto/core/check.h"
 
 namespace shiftmap {
+namespace {
+
+// Closed form: maps have tens of thousands of 2 x 2 covariances.
+double SmallestEigenvalue(const Eigen::Matrix2d& matrix) {
+  const double mean = 0.5 * (matrix(0, 0) + matrix(1, 1));
+  const double largest = mean + std::hypot(0.5 * (matrix(0, 0) - matrix(1, 1)), matrix(0, 1));
+  // By the determinant, which keeps its digits where the eigenvalues are far apart.
+  return largest > 0.0 ? matrix.determinant() / largest : -1.0;
+}
+
+}  // namespace
+
 bool IsSymmetricPositiveDefinite(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
                                  double min_eigenvalue) {
   if (matrix.rows() != matrix.cols() || matrix.rows() == 0 || !matrix.allFinite()) return false;
+  if (matrix.rows() == 2) {
+    const Eigen::Matrix2d small = matrix;
+    const double scale = small.cwiseAbs().maxCoeff();
+    return std::abs(small(0, 1) - small(1, 0)) <= 1e-9 * scale &&
+           SmallestEigenvalue(small) > min_eigenvalue;
+  }
   const double scale = matrix.cwiseAbs().maxCoeff();
   if ((matrix - matrix.transpose()).cwiseAbs().maxCoeff() > 1e-9 * scale) return false;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix, Eigen::EigenvaluesOnly);

@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
+
+#include "tests/support/random_map.h"
 
 namespace shiftmap::testing {
 namespace {
@@ -22,6 +26,26 @@ TEST(IsSymmetricPositiveDefiniteTest, TellsMatricesApart) {
   EXPECT_FALSE(IsSymmetricPositiveDefinite(matrix));
   EXPECT_FALSE(IsSymmetricPositiveDefinite(Eigen::MatrixXd(2, 3)));
   EXPECT_FALSE(IsSymmetricPositiveDefinite(Eigen::MatrixXd(0, 0)));
+}
+
+TEST(IsSymmetricPositiveDefiniteTest, TwoByTwoAgreesWithTheEigenvalues) {
+  std::mt19937_64 random(TestSeed(5));
+  std::normal_distribution<double> normal;
+  int positive = 0;
+  for (int i = 0; i < 2000; ++i) {
+    Eigen::Matrix2d matrix = Eigen::Matrix2d::NullaryExpr([&] { return normal(random); });
+    matrix = 0.5 * (matrix + matrix.transpose()).eval();
+    matrix.diagonal().array() += 0.5;
+    const double smallest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(matrix).eigenvalues().minCoeff();
+    for (const double bound : {0.0, 0.3}) {
+      if (std::abs(smallest - bound) < 1e-12) continue;
+      EXPECT_EQ(IsSymmetricPositiveDefinite(matrix, bound), smallest > bound) << matrix;
+    }
+    if (smallest > 0.0) ++positive;
+  }
+  EXPECT_GT(positive, 200);
+  EXPECT_LT(positive, 1800);
 }
 
 TEST(LogGaussianTest, IntegratesToOne) {
