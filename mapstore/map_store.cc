@@ -12,6 +12,7 @@
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
 #include "mapstore/store/store_state.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 
@@ -88,11 +89,12 @@ StatusOr<MapStore> MapStore::Open(const std::string& path, const OpenOptions& op
       database_options.mode = Database::Mode::kReadWriteCreate;
       break;
   }
+  SHIFTMAP_CHECK(options.checkpoint_rows > 0, "checkpoint_rows {}", options.checkpoint_rows);
   database_options.busy_timeout = options.lock_timeout;
   database_options.on_wait = options.on_wait;
   database_options.allow_network_file_system = options.allow_network_file_system;
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, database_options));
-  return MapStore(std::make_unique<State>(State{std::move(database)}));
+  return MapStore(std::make_unique<State>(State{std::move(database), options.checkpoint_rows}));
 }
 
 StatusOr<MapStore> MapStore::Open(const std::string& path, Access access) {
@@ -126,9 +128,10 @@ StatusOr<std::vector<VersionSummary>> MapStore::Versions(const std::string& area
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT v.number, p.number, v.content_hash, v.created_ns, v.tool "
+      database.Prepare("SELECT v.number, p.number, v.content_hash, v.created_ns, v.tool, "
+                       "v.stamp_ns, v.content_stored "
                        "FROM version v LEFT JOIN version p ON p.version_id = v.parent_version_id "
-                       "WHERE v.area_id = ?1 AND v.content_stored ORDER BY v.number"));
+                       "WHERE v.area_id = ?1 ORDER BY v.number"));
   query.Bind(area_row.area_id);
   std::vector<VersionSummary> versions;
   for (;;) {
@@ -141,6 +144,8 @@ StatusOr<std::vector<VersionSummary>> MapStore::Versions(const std::string& area
     version.published = version.version == area_row.published;
     version.created = StampFromNanoseconds(query.Int64(3));
     version.tool = query.Text(4);
+    version.stamp = StampFromNanoseconds(query.Int64(5));
+    version.content_stored = query.Int64(6) != 0;
     versions.push_back(std::move(version));
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -51,6 +52,10 @@ class MapStore {
 
     /// Network file systems are refused, because their locks do not hold, unless this is set.
     bool allow_network_file_system = false;
+
+    /// Evidence rows between two ledger checkpoints, for maps of few groups. Fewer make LoadAt
+    /// faster and the file larger.
+    std::int64_t checkpoint_rows = 8192;
   };
 
   static StatusOr<MapStore> Open(const std::string& path, const OpenOptions& options);

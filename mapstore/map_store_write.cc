@@ -132,7 +132,8 @@ Status MapStore::Publish(const std::string& area,
   }
   if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, "publish"));
-  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_row.area_id, row, owner));
+  SHIFTMAP_RETURN_IF_ERROR(
+      ExtendCheckpoints(database, area_row.area_id, row, state_->checkpoint_rows, owner));
   return transaction.Commit();
 }
 
@@ -159,7 +160,8 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   }
   if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, "rollback"));
-  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_row.area_id, at, owner));
+  SHIFTMAP_RETURN_IF_ERROR(
+      ExtendCheckpoints(database, area_row.area_id, at, state_->checkpoint_rows, owner));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   return at.number;
 }
@@ -201,7 +203,8 @@ StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
                                            version,
                                            inserted,
                                            result.evidence_rows,
-                                           published ? &*published : nullptr,
+                                           published,
+                                           state_->checkpoint_rows,
                                            owner));
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database, area_row.area_id, "return", report.uuid));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());

@@ -62,6 +62,8 @@ struct VersionSummary {
   std::optional<VersionNumber> parent;
   std::string content_hash;
   bool published = false;
+  bool content_stored = true;  ///< False if it was compacted away, or left out of a snapshot.
+  Stamp stamp;                 ///< When its own probabilities hold.
   Stamp created;
   std::string tool;
 };

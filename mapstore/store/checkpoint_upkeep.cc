@@ -10,22 +10,18 @@
 namespace shiftmap {
 namespace {
 
-// Rows between checkpoints, and from the newest one to the end: some 5 ms of filtering. More for
-// large maps, so that checkpoints stay small against the ledger.
-constexpr std::int64_t kCheckpointRows = 8192;
 constexpr std::int64_t kRowsPerGroup = 2;
 
-std::int64_t Spacing(std::int64_t groups) {
-  return std::max(kCheckpointRows, kRowsPerGroup * groups);
-}
-
-StatusOr<std::int64_t> CountGroups(Database& database, std::int64_t version_id) {
+// Rows between the checkpoints of a version, and from its newest one to the end.
+StatusOr<std::int64_t> Spacing(Database& database,
+                               std::int64_t version_id,
+                               std::int64_t checkpoint_rows) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("SELECT count(*) FROM landmark_group WHERE version_id = ?1"));
   query.Bind(version_id);
   SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
-  return query.Int64(0);
+  return std::max(checkpoint_rows, kRowsPerGroup * query.Int64(0));
 }
 
 StatusOr<std::int64_t> AddRowsSinceCheckpoint(Database& database,
@@ -81,7 +77,8 @@ Status KeepCheckpoints(Database& database,
                        const VersionRow& reported,
                        const InsertedReport& inserted,
                        std::int64_t rows_added,
-                       const VersionRow* published,
+                       const std::optional<VersionRow>& published,
+                       std::int64_t checkpoint_rows,
                        const std::string& owner) {
   int deleted = 0;
   if (inserted.first_visit && !inserted.superseded) {
@@ -96,27 +93,28 @@ Status KeepCheckpoints(Database& database,
             database, area_id, inserted.replaced->version_id, *inserted.replaced->first_visit));
     deleted += also;
   }
-  if (published == nullptr) {
+  if (!published) {
     return AddRowsSinceCheckpoint(database, area_id, rows_added).status();
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t groups,
-                            CountGroups(database, published->version_id));
-  const std::int64_t spacing = Spacing(groups);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t spacing,
+                            Spacing(database, published->version_id, checkpoint_rows));
   // What was deleted is not made again at once: the next report may delete it again.
   const std::int64_t due = rows_added + (deleted > 0 ? spacing / 2 : 0);
   SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t rows,
                             AddRowsSinceCheckpoint(database, area_id, due));
   if (rows <= spacing) return OkStatus();
-  SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database, area_id, *published, owner));
+  SHIFTMAP_RETURN_IF_ERROR(
+      ExtendCheckpoints(database, area_id, *published, checkpoint_rows, owner));
   return AddRowsSinceCheckpoint(database, area_id, -rows).status();
 }
 
 Status ExtendCheckpoints(Database& database,
                          std::int64_t area_id,
                          const VersionRow& version,
+                         std::int64_t checkpoint_rows,
                          const std::string& owner) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t groups, CountGroups(database, version.version_id));
-  const std::int64_t spacing = Spacing(groups);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t spacing,
+                            Spacing(database, version.version_id, checkpoint_rows));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> last,
                             BeginFromEnd(database, area_id, spacing));
   if (!last) return OkStatus();

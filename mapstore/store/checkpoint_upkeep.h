@@ -13,23 +13,29 @@ namespace shiftmap {
 
 // A reader filters the rows after the newest checkpoint, so their number bounds what it costs. The
 // newest checkpoint stays some rows behind the end of the ledger: vehicles of one shift report
-// about the same hours one after the other, and each would invalidate what lies at its end.
+// about the same hours one after the other, and each would invalidate what lies at its end. For
+// large maps the rows between checkpoints are more, so that checkpoints stay small against the
+// ledger.
 
 /// Deletes the checkpoints that a report made wrong, and extends those of the published version
 /// once enough rows have come. Inside the transaction that added the report.
-/// @param owner  Starts messages about the published version.
+/// @param published        Nothing if none is.
+/// @param checkpoint_rows  Rows between checkpoints of a small map.
+/// @param owner            Starts messages about the published version.
 Status KeepCheckpoints(Database& database,
                        std::int64_t area_id,
                        const VersionRow& reported,
                        const InsertedReport& inserted,
                        std::int64_t rows_added,
-                       const VersionRow* published,
+                       const std::optional<VersionRow>& published,
+                       std::int64_t checkpoint_rows,
                        const std::string& owner);
 
 /// Adds the checkpoints of a version up to some rows before the end of the ledger.
 Status ExtendCheckpoints(Database& database,
                          std::int64_t area_id,
                          const VersionRow& version,
+                         std::int64_t checkpoint_rows,
                          const std::string& owner);
 
 }  // namespace shiftmap

@@ -17,6 +17,7 @@ namespace shiftmap {
 /// What the parts of MapStore share.
 struct MapStore::State {
   Database database;
+  std::int64_t checkpoint_rows = 0;
 
   std::string AreaName(const std::string& area) const;
   std::string VersionName(const std::string& area, VersionNumber version) const;

@@ -99,7 +99,7 @@ StatusOr<MapContent> ReadContent(Database& database,
                                  const VersionRow& version,
                                  const std::string& owner) {
   if (!version.content_stored) {
-    return NotFound("{}: not in this snapshot, which has only its number", owner);
+    return NotFound("{}: its content is not in this file any more, only its row", owner);
   }
   MapContent content;
   content.stamp = version.stamp;

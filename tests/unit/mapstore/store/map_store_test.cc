@@ -11,6 +11,7 @@
 namespace shiftmap::testing {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
@@ -195,11 +196,15 @@ TEST_F(MapStoreTest, ExportedSnapshotGivesWhatTheStoreGives) {
   StatusOr<MapStore> snapshot = MapStore::Open(snapshot_path, MapStore::Access::kReadOnly);
   ASSERT_THAT(snapshot, IsOk());
   EXPECT_THAT(*snapshot->Areas(), SizeIs(1));
-  EXPECT_THAT(*snapshot->Versions("level 1"), SizeIs(1));
+  // The parent is there by its row, because a report refers to it.
+  const std::vector<VersionSummary> versions = *snapshot->Versions("level 1");
+  ASSERT_THAT(versions, SizeIs(2));
+  EXPECT_FALSE(versions[0].content_stored);
+  EXPECT_TRUE(versions[1].content_stored);
   EXPECT_EQ(snapshot->LoadVersion("level 1", published.version)->content_hash(),
             published.content_hash);
   EXPECT_THAT(snapshot->LoadVersion("level 1", parent.version),
-              StatusIs(StatusCode::kNotFound, "not in this snapshot"));
+              StatusIs(StatusCode::kNotFound, "only its row"));
   for (const std::optional<Stamp>& at : {std::optional<Stamp>(),
                                          std::optional<Stamp>(newer.stamp),
                                          std::optional<Stamp>(begin),
@@ -210,6 +215,71 @@ TEST_F(MapStoreTest, ExportedSnapshotGivesWhatTheStoreGives) {
   EXPECT_NE(ContentHash(store_.LoadAt("level 1")->content()), published.content_hash);
   EXPECT_THAT(snapshot->Return(on_published),
               StatusIs(StatusCode::kFailedPrecondition, "read-only"));
+}
+
+// A snapshot of a long ledger takes the newest checkpoint instead of the rows before it.
+TEST_F(MapStoreTest, SnapshotOfALongLedgerIsShortAndGivesTheSame) {
+  const MapContent content = RandomContent(random_);
+  MapStore::OpenOptions options;
+  options.access = MapStore::Access::kReadWriteCreate;
+  options.checkpoint_rows = 10;
+  MapStore store = *MapStore::Open(dir_.File("long.db"), options);
+  const CommitResult version = *store.Commit("level 1", content, {}, {});
+  Stamp newest;
+  for (int i = 0; i < 30; ++i) {
+    ShiftReport report = EmptyReport(version, "level 1", i);
+    for (const LandmarkGroup& group : content.groups) {
+      newest = content.stamp + std::chrono::hours(i);
+      report.evidence.push_back(RandomEvidence(random_, group, newest, newest));
+    }
+    ASSERT_THAT(store.Return(report), IsOk());
+  }
+  ASSERT_THAT(store.ExportSnapshot("level 1", dir_.File("s.db")), IsOk());
+  MapStore snapshot = *MapStore::Open(dir_.File("s.db"), MapStore::Access::kReadOnly);
+  EXPECT_LT(snapshot.Reports("level 1")->size(), 10U);
+  for (const std::optional<Stamp>& at : {std::optional<Stamp>(),
+                                         std::optional<Stamp>(newest),
+                                         std::optional<Stamp>(newest + std::chrono::hours(9))}) {
+    EXPECT_EQ(ContentHash(snapshot.LoadAt("level 1", std::nullopt, at)->content()),
+              ContentHash(store.LoadAt("level 1", std::nullopt, at)->content()));
+  }
+  EXPECT_THAT(snapshot.LoadAt("level 1", std::nullopt, content.stamp),
+              StatusIs(StatusCode::kNotFound, "probabilities from"));
+}
+
+TEST_F(MapStoreTest, PublishAndRollbackMoveThePointerByCompareAndSwap) {
+  const MapContent content = RandomContent(random_);
+  const VersionNumber first = MustCommit(content).version;
+  const VersionNumber second = MustCommit(content, {first, true}).version;
+  const VersionNumber third = MustCommit(content, {second, false}).version;
+  EXPECT_THAT(store_.Publish("level 1", third, first), StatusIs(StatusCode::kAborted, "version 2"));
+  EXPECT_THAT(store_.Publish("level 1", second, first),
+              StatusIs(StatusCode::kAlreadyExists, "published already"));
+  EXPECT_THAT(store_.Publish("level 1", VersionNumber(9), second),
+              StatusIs(StatusCode::kNotFound, "version 9"));
+  ASSERT_THAT(store_.Publish("level 1", third, second), IsOk());
+  EXPECT_EQ(*store_.PublishedVersion("level 1"), third);
+  EXPECT_EQ(*store_.Rollback("level 1"), second);
+  ASSERT_THAT(store_.Publish("level 1", third, second), IsOk());
+  EXPECT_EQ(*store_.Rollback("level 1", first), first);
+  EXPECT_THAT(store_.Rollback("level 1"), StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
+  EXPECT_THAT(store_.Rollback("level 1", second),
+              StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
+  std::vector<std::string> log;
+  const std::vector<AuditEntry> entries = *store_.AuditLog("level 1");
+  for (const AuditEntry& entry : entries) {
+    log.push_back(entry.action + " " + entry.subject);
+  }
+  EXPECT_THAT(log,
+              ElementsAre("commit 1",
+                          "publish 1",
+                          "commit 2",
+                          "publish 2",
+                          "commit 3",
+                          "publish 3",
+                          "rollback 2",
+                          "publish 3",
+                          "rollback 1"));
 }
 
 TEST_F(MapStoreTest, ExportNeedsAPublishedVersionAndAnotherFile) {

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/maintenance/compact.h"
+
+#include <filesystem>
+#include <vector>
+
+#include "mapstore/schema/store_file.h"
+#include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/audit_rows.h"
+#include "mapstore/store/ledger_view.h"
+#include "mapstore/store/version_rows.h"
+
+namespace shiftmap {
+namespace {
+
+StatusOr<std::vector<std::int64_t>> ReadIds(Database& database,
+                                            std::string_view sql,
+                                            auto... binds) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(sql));
+  query.Bind(binds...);
+  std::vector<std::int64_t> ids;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return ids;
+    ids.push_back(query.Int64(0));
+  }
+}
+
+Status DeleteContent(Database& database, std::int64_t version_id) {
+  for (const char* sql : {"DELETE FROM mode_rate WHERE version_id = ?1",
+                          "DELETE FROM merged_mode WHERE version_id = ?1",
+                          "DELETE FROM mode WHERE version_id = ?1",
+                          "DELETE FROM landmark_group WHERE version_id = ?1",
+                          "DELETE FROM mode_covariance WHERE version_id = ?1",
+                          "DELETE FROM anonymous_landmark WHERE version_id = ?1",
+                          "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
+                          "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
+                          "UPDATE version SET content_stored = 0 WHERE version_id = ?1"}) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare(sql));
+    statement.Bind(version_id);
+    SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
+  }
+  return OkStatus();
+}
+
+// The key of a row of the ledger within its area.
+struct EvidenceKey {
+  std::int64_t begin_ns;
+  std::int64_t end_ns;
+  std::int64_t report_id;
+  std::string signature;
+};
+
+// Rows of visits that ended before `before` and that count for none of the versions.
+StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
+                                                     std::int64_t area_id,
+                                                     const std::vector<std::int64_t>& versions,
+                                                     Stamp before) {
+  std::vector<LedgerView> views;
+  for (const std::int64_t version_id : versions) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
+    SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, version));
+    views.push_back(std::move(view));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT begin_ns, end_ns, report_id, signature, version_id "
+                       "FROM visit_evidence WHERE area_id = ?1 AND begin_ns < ?2 AND end_ns < ?2"));
+  rows.Bind(area_id, ToNanoseconds(before));
+  std::vector<EvidenceKey> spent;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return spent;
+    bool counts = false;
+    for (LedgerView& view : views) {
+      SHIFTMAP_ASSIGN_OR_RETURN(
+          const LedgerView::Verdict verdict,
+          view.Judge(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
+      counts = counts || verdict.standing != LedgerView::Standing::kSetAside;
+      if (counts) break;
+    }
+    if (!counts) spent.push_back({rows.Int64(0), rows.Int64(1), rows.Int64(2), rows.Text(3)});
+  }
+}
+
+Status CompactEvidence(Database& database,
+                       std::int64_t area_id,
+                       const std::vector<std::int64_t>& versions,
+                       Stamp before,
+                       CompactResult* result) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceKey> spent,
+                            FindSpentEvidence(database, area_id, versions, before));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement erase,
+      database.Prepare("DELETE FROM visit_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
+                       "AND end_ns = ?3 AND report_id = ?4 AND signature = ?5"));
+  for (const EvidenceKey& key : spent) {
+    erase.Bind(area_id, key.begin_ns, key.end_ns, key.report_id, key.signature);
+    SHIFTMAP_RETURN_IF_ERROR(erase.Execute());
+  }
+  result->evidence_rows += static_cast<std::int64_t>(spent.size());
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement decisions,
+      database.Prepare("DELETE FROM decision WHERE report_id IN (SELECT report_id "
+                       "FROM shift_report JOIN version USING (version_id) "
+                       "WHERE area_id = ?1 AND end_ns < ?2)"));
+  decisions.Bind(area_id, ToNanoseconds(before));
+  SHIFTMAP_RETURN_IF_ERROR(decisions.Execute());
+  result->decisions += database.Changes();
+  return OkStatus();
+}
+
+Status CompactArea(Database& database,
+                   std::int64_t area_id,
+                   const RetentionPolicy& policy,
+                   CompactResult* result) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::vector<std::int64_t> old,
+      ReadIds(database,
+              "SELECT version_id FROM version v WHERE area_id = ?1 AND content_stored = 1 "
+              "AND version_id <> coalesce((SELECT published_version_id FROM area a "
+              "WHERE a.area_id = ?1), 0) AND (SELECT count(*) FROM version n "
+              "WHERE n.area_id = ?1 AND n.number > v.number) >= ?2",
+              area_id,
+              policy.keep_versions));
+  for (const std::int64_t version_id : old) {
+    SHIFTMAP_RETURN_IF_ERROR(DeleteContent(database, version_id));
+  }
+  result->versions += static_cast<std::int64_t>(old.size());
+  if (!policy.evidence_before) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::vector<std::int64_t> kept,
+      ReadIds(database,
+              "SELECT version_id FROM version WHERE area_id = ?1 AND content_stored = 1",
+              area_id));
+  return CompactEvidence(database, area_id, kept, *policy.evidence_before, result);
+}
+
+}  // namespace
+
+StatusOr<CompactResult> CompactStore(const std::string& path,
+                                     const RetentionPolicy& policy,
+                                     bool dry_run) {
+  if (policy.keep_versions < 1) {
+    return InvalidArgument(
+        "map store '{}': keep {} versions, expected at least 1", path, policy.keep_versions);
+  }
+  Database::Options options;
+  options.mode = Database::Mode::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, options));
+  CompactResult result;
+  std::error_code error;
+  result.bytes_before = std::filesystem::file_size(path, error);
+  {
+    SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
+                              Transaction::Begin(database, Transaction::Kind::kWrite));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::int64_t> areas,
+                              ReadIds(database, "SELECT area_id FROM area ORDER BY area_id"));
+    for (const std::int64_t area_id : areas) {
+      SHIFTMAP_RETURN_IF_ERROR(CompactArea(database, area_id, policy, &result));
+    }
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+        database,
+        std::nullopt,
+        "compact",
+        fmt::format("{} versions, {} evidence rows", result.versions, result.evidence_rows)));
+    // Without Commit the transaction is rolled back.
+    if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  }
+  if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(database.Execute("VACUUM"));
+  result.bytes_after = std::filesystem::file_size(path, error);
+  return result;
+}
+
+}  // namespace shiftmap

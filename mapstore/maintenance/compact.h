@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "mapstore/core/stamp.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// What a store keeps. Version rows with their hash and provenance, reports by UUID, runs, unmapped
+/// sightings and the audit log stay whatever the policy says.
+struct RetentionPolicy {
+  /// Per area: the content of the newest versions, and of the published one.
+  int keep_versions = 30;
+
+  /// Evidence rows of visits that ended before this, and the decisions of such shifts, go unless
+  /// they count for a version whose content is kept. Nothing: all stay.
+  std::optional<Stamp> evidence_before;
+};
+
+struct CompactResult {
+  std::int64_t versions = 0;       ///< Whose content was deleted.
+  std::int64_t evidence_rows = 0;  ///< Deleted.
+  std::int64_t decisions = 0;      ///< Deleted.
+  std::uintmax_t bytes_before = 0;
+  std::uintmax_t bytes_after = 0;
+};
+
+/// Deletes what the policy does not keep and returns the space to the file system. The
+/// probabilities of the versions that are kept do not change.
+/// @param dry_run  Says what would be deleted, deletes nothing.
+/// Errors: kInvalidArgument if the policy keeps no version; else as MapStore. After an error the
+/// store holds either everything or what the policy keeps.
+StatusOr<CompactResult> CompactStore(const std::string& path,
+                                     const RetentionPolicy& policy,
+                                     bool dry_run);
+
+}  // namespace shiftmap

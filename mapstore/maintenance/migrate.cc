@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/maintenance/migrate.h"
+
+#include <filesystem>
+
+#include "mapstore/core/atomic_file.h"
+#include "mapstore/schema/schema.h"
+#include "mapstore/schema/store_file.h"
+#include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/audit_rows.h"
+
+namespace shiftmap {
+namespace {
+
+// What a migration could have broken.
+Status Check(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t dangling,
+                            database.QueryInt64("SELECT count(*) FROM pragma_foreign_key_check"));
+  if (dangling > 0) return DataLoss("{}: {} dangling references", database.name(), dangling);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t sound,
+                            database.QueryInt64("SELECT count(*) FROM pragma_integrity_check WHERE "
+                                                "integrity_check = 'ok'"));
+  if (sound != 1) return DataLoss("{}: fails SQLite's integrity check", database.name());
+  return OkStatus();
+}
+
+Status CopyTo(Database& database, const std::string& backup) {
+  std::error_code error;
+  if (std::filesystem::exists(backup, error)) {
+    return FailedPrecondition("{}: backup '{}' exists already", database.name(), backup);
+  }
+  const TemporaryFile temporary(backup);
+  {
+    SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare("VACUUM INTO ?1"));
+    statement.Bind(temporary.path());
+    SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
+  }
+  {
+    SHIFTMAP_ASSIGN_OR_RETURN(Database copy, Database::Open(temporary.path(), {}));
+    SHIFTMAP_RETURN_IF_ERROR(Check(copy));
+  }
+  return SyncAndRename(temporary.path(), backup);
+}
+
+}  // namespace
+
+StatusOr<MigrateResult> MigrateStore(const std::string& path, const std::string& backup) {
+  Database::Options options;
+  options.mode = Database::Mode::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(path, options));
+  MigrateResult result;
+  result.to = kSchemaVersion;
+  SHIFTMAP_ASSIGN_OR_RETURN(result.from, StoredSchemaVersion(database));
+  if (result.from > kSchemaVersion || result.from < 1) {
+    return FailedPrecondition("{}: schema version {}, this build migrates 1..{}",
+                              database.name(),
+                              result.from,
+                              kSchemaVersion - 1);
+  }
+  if (result.from == kSchemaVersion) {
+    return MakeStatus(
+        StatusCode::kAlreadyExists, "{}: is of schema {} already", database.name(), result.from);
+  }
+  result.backup = backup.empty() ? fmt::format("{}.schema{}.bak", path, result.from) : backup;
+  SHIFTMAP_RETURN_IF_ERROR(CopyTo(database, result.backup));
+
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
+                            Transaction::Begin(database, Transaction::Kind::kWrite));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t still, StoredSchemaVersion(database));
+  if (still != result.from) {
+    return MakeStatus(
+        StatusCode::kAborted, "{}: another process migrated it meanwhile", database.name());
+  }
+  SHIFTMAP_RETURN_IF_ERROR(Migrate(database, result.from));
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+      database, std::nullopt, "migrate", fmt::format("schema {} to {}", result.from, result.to)));
+  SHIFTMAP_RETURN_IF_ERROR(Check(database));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return result;
+}
+
+}  // namespace shiftmap
