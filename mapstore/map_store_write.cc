@@ -89,6 +89,13 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
                               GetVersion(database, area, area_row.area_id, *options.parent));
     version.parent_version_id = parent.version_id;
+    if (content.stamp < parent.stamp) {
+      return InvalidArgument(
+          "{}: the new version's stamp is {:.6f} s, before its parent's {:.6f} s",
+          state_->VersionName(area, parent.number),
+          ToSecondsSinceEpoch(content.stamp),
+          ToSecondsSinceEpoch(parent.stamp));
+    }
     if (options.publish && area_row.published != options.parent) {
       return MakeStatus(StatusCode::kAborted,
                         "{}: {} is published, expected {}",

@@ -53,17 +53,17 @@ Status LedgerFilter::Start(std::optional<Stamp> at) {
 
 Status LedgerFilter::StartFromVersion() {
   SHIFTMAP_RETURN_IF_ERROR(ReadView());
-  before_ = view_->first_visit();
+  SHIFTMAP_ASSIGN_OR_RETURN(const LedgerView::Bounds bounds, view_->FindBounds());
+  before_ = bounds.first_visit;
   states_.groups.assign(content_->groups.size(), std::nullopt);
   states_.newest_end.reset();
-  return view_->first_late_visit() ? AddLate() : OkStatus();
+  return bounds.first_late_visit ? AddLate(*bounds.first_late_visit) : OkStatus();
 }
 
-Status LedgerFilter::AddLate() {
+Status LedgerFilter::AddLate(Stamp first) {
   std::vector<std::optional<ModeState>> late(content_->groups.size());
   SHIFTMAP_ASSIGN_OR_RETURN(Statement rows, database_->Prepare(kSelectRows));
-  rows.Bind(
-      area_id_, ToNanoseconds(*view_->first_late_visit()), ToNanoseconds(After(version_.stamp)));
+  rows.Bind(area_id_, ToNanoseconds(first), ToNanoseconds(After(version_.stamp)));
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
     if (!row) break;

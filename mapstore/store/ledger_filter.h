@@ -47,7 +47,7 @@ class LedgerFilter {
 
  private:
   Status ReadView();
-  Status AddLate();
+  Status AddLate(Stamp first);
   Status AddRow(const Statement& row, std::vector<std::optional<ModeState>>* states, bool late);
   int GroupOf(std::string_view signature) const;
 

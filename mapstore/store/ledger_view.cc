@@ -9,7 +9,6 @@ StatusOr<LedgerView> LedgerView::Make(Database& database, const VersionRow& vers
   LedgerView view(database, version);
   view.relations_.emplace(version.version_id, Relation::kOwn);
   SHIFTMAP_RETURN_IF_ERROR(view.ReadSetAsideReports());
-  SHIFTMAP_RETURN_IF_ERROR(view.ReadBounds());
   return view;
 }
 
@@ -43,22 +42,23 @@ Status LedgerView::ReadSetAsideReports() {
 }
 
 // Reports against the version or a descendant came after it was made.
-Status LedgerView::ReadBounds() {
+StatusOr<LedgerView::Bounds> LedgerView::FindBounds() {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database_->Prepare("SELECT report_id, version_id, first_visit_ns FROM shift_report "
                          "INDEXED BY shift_report_position "
                          "WHERE report_id > ?1 AND first_visit_ns IS NOT NULL"));
   query.Bind(version_.ledger_position.value());
+  Bounds bounds{version_.stamp, std::nullopt};
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return OkStatus();
+    if (!row) return bounds;
     const Stamp begin = StampFromNanoseconds(query.Int64(2));
     SHIFTMAP_ASSIGN_OR_RETURN(const Verdict verdict, Judge(query.Int64(0), query.Int64(1), begin));
     if (verdict.standing == Standing::kCounts) {
-      first_visit_ = std::min(first_visit_, begin);
+      bounds.first_visit = std::min(bounds.first_visit, begin);
     } else if (verdict.standing == Standing::kLate) {
-      first_late_visit_ = std::min(first_late_visit_.value_or(begin), begin);
+      bounds.first_late_visit = std::min(bounds.first_late_visit.value_or(begin), begin);
     }
   }
 }

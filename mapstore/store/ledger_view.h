@@ -40,20 +40,22 @@ class LedgerView {
   /// @param version_id  The report's.
   StatusOr<Verdict> Judge(std::int64_t report_id, std::int64_t version_id, Stamp begin);
 
-  /// Visits that count in the order of time do not begin before this.
-  Stamp first_visit() const { return first_visit_; }
+  /// Where in the ledger the rows are that do not stand aside.
+  struct Bounds {
+    Stamp first_visit;  ///< Visits that count in the order of time do not begin before this,
+    std::optional<Stamp> first_late_visit;  ///< late ones not before this, if there are any.
+  };
 
-  /// Late visits do not begin before this; nothing if there are none.
-  std::optional<Stamp> first_late_visit() const { return first_late_visit_; }
+  /// Cost: a look at each report that came after the version.
+  StatusOr<Bounds> FindBounds();
 
  private:
   enum class Relation { kOwn, kAncestor, kOther };
 
   LedgerView(Database& database, const VersionRow& version)
-      : database_(&database), version_(version), first_visit_(version.stamp) {}
+      : database_(&database), version_(version) {}
 
   Status ReadSetAsideReports();
-  Status ReadBounds();
   StatusOr<Relation> RelationTo(std::int64_t version_id);
 
   /// True if `ancestor` is met on the way up from `descendant`, which has the larger number.
@@ -61,8 +63,6 @@ class LedgerView {
 
   Database* database_;
   VersionRow version_;
-  Stamp first_visit_;
-  std::optional<Stamp> first_late_visit_;
   std::unordered_map<std::int64_t, Relation> relations_;
   std::unordered_map<std::int64_t, SetAside> set_aside_;  // By report.
 };

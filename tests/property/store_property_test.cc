@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A map store against a model of it, over random histories of everything that can happen to one.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mapstore/maintenance/compact.h"
+#include "mapstore/map_store.h"
+#include "tests/property/store_model.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kHistories = 12;
+constexpr int kSteps = 120;
+constexpr double kTolerance = 1e-12;
+
+class StoreHistory : public ::testing::TestWithParam<int> {
+ protected:
+  StoreHistory() { Reopen(); }
+
+  int Below(int bound) { return std::uniform_int_distribution<int>(0, bound - 1)(random_); }
+  bool Chance(double probability) { return std::bernoulli_distribution(probability)(random_); }
+
+  Stamp RandomStamp() { return begin_ + std::chrono::seconds(Below(100'000)); }
+
+  VersionNumber NumberOf(std::size_t version) {
+    return VersionNumber(static_cast<VersionNumber::Value>(version) + 1);
+  }
+
+  void Reopen() {
+    store_.reset();
+    MapStore::OpenOptions options;
+    options.access = MapStore::Access::kReadWriteCreate;
+    // So few that checkpoints come and go all the time.
+    options.checkpoint_rows = 4;
+    StatusOr<MapStore> store = MapStore::Open(path_, options);
+    ASSERT_THAT(store, IsOk());
+    store_.emplace(*std::move(store));
+  }
+
+  // The parent's map with other probabilities; some groups gain a mode, some lose one to a merge.
+  MapContent Successor(const MapContent& parent) {
+    MapContent content = parent;
+    content.stamp = std::max(parent.stamp, RandomStamp());
+    for (LandmarkGroup& group : content.groups) {
+      if (Chance(0.3)) {
+        Mode mode = group.modes.back();
+        mode.number = group.NextNumber();
+        group.modes.push_back(mode);
+      } else if (group.modes.size() > 1 && Chance(0.2)) {
+        group.merged.push_back({group.modes.back().number, group.modes.front().number});
+        std::sort(group.merged.begin(), group.merged.end(), [](const auto& a, const auto& b) {
+          return a.number < b.number;
+        });
+        for (MergedMode& merged : group.merged) {
+          if (merged.into == group.modes.back().number) merged.into = group.modes.front().number;
+        }
+        group.modes.pop_back();
+      }
+      group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), 1e-5);
+      group.probabilities = RandomDistribution(random_, group.chain.states());
+    }
+    std::vector<Eigen::Matrix2d> diagonal;
+    for (const LandmarkGroup& group : content.groups) {
+      for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
+    }
+    content.covariance = JointCovariance(std::move(diagonal), {});
+    return content;
+  }
+
+  void Commit() {
+    StoreModel::Version version;
+    CommitOptions options;
+    const bool derived = model_.published() && Chance(0.85);
+    if (derived) {
+      const std::size_t parent = *model_.published();
+      version.parent = parent;
+      options.parent = NumberOf(parent);
+      version.content = Successor(model_.versions()[parent].content);
+    } else {
+      RandomMapOptions map;
+      map.groups = 3;
+      version.content = RandomContent(random_, map);
+      version.content.stamp = RandomStamp();
+    }
+    version.reports_known = model_.reports().size();
+    if (derived && Chance(0.5)) {
+      // The mapper read its prior some reports ago.
+      const auto missed = static_cast<std::size_t>(Below(3));
+      version.reports_known =
+          std::max(version.reports_known - std::min(missed, version.reports_known),
+                   model_.versions()[*version.parent].reports_known);
+      options.ledger_position =
+          LedgerPosition(static_cast<LedgerPosition::Value>(version.reports_known));
+    }
+    Provenance provenance;
+    if (Chance(0.3)) {
+      version.run_hashes.push_back(RunHash());
+      provenance.runs.push_back({"run", version.run_hashes[0], "truck", begin_, begin_, {}});
+    }
+    options.publish = Chance(0.8);
+    const StatusOr<CommitResult> result =
+        store_->Commit("mine", version.content, provenance, options);
+    ASSERT_THAT(result, IsOk());
+    hashes_.push_back(result->content_hash);
+    const std::size_t index = model_.Commit(std::move(version));
+    ASSERT_EQ(result->version, NumberOf(index));
+    if (options.publish) model_.Publish(index);
+  }
+
+  std::string RunHash() { return std::string(64, static_cast<char>('a' + Below(6))); }
+
+  void Return() {
+    if (model_.versions().empty()) return;
+    if (!model_.reports().empty() && Chance(0.1)) {
+      const auto again = static_cast<std::size_t>(Below(static_cast<int>(model_.reports().size())));
+      const StatusOr<ReturnResult> result = store_->Return(model_.reports()[again]);
+      ASSERT_THAT(result, IsOk());
+      EXPECT_TRUE(result->duplicate);
+      return;
+    }
+    const int newest = static_cast<int>(model_.versions().size());
+    const auto version = static_cast<std::size_t>(Chance(0.5) ? newest - 1 : Below(newest));
+    const ShiftReport report = RandomReport(version);
+    const StatusOr<ReturnResult> result = store_->Return(report);
+    ASSERT_THAT(result, IsOk());
+    EXPECT_FALSE(result->duplicate);
+    model_.Return(report);
+  }
+
+  ShiftReport RandomReport(std::size_t version) {
+    ShiftReport report;
+    report.uuid = fmt::format("{:08x}-0000-4000-8000-{:012x}", Below(1 << 30), uuids_++);
+    report.vehicle = "truck";
+    report.area = "mine";
+    report.version = NumberOf(version);
+    report.content_hash = hashes_[version];
+    if (Chance(0.4)) report.run_hash = RunHash();
+    report.begin = begin_;
+    report.end = begin_ + std::chrono::hours(48);
+    Stamp begin = RandomStamp();
+    for (int i = Below(6); i > 0; --i) {
+      const std::vector<LandmarkGroup>& groups = model_.versions()[version].content.groups;
+      begin += std::chrono::seconds(1 + Below(2000));
+      report.evidence.push_back(
+          RandomEvidence(random_,
+                         groups[static_cast<std::size_t>(Below(static_cast<int>(groups.size())))],
+                         begin,
+                         begin + std::chrono::seconds(Below(3000))));
+    }
+    return report;
+  }
+
+  void Publish() {
+    if (!model_.published()) return;
+    const auto to = static_cast<std::size_t>(Below(static_cast<int>(model_.versions().size())));
+    const Status status = store_->Publish("mine", NumberOf(to), NumberOf(*model_.published()));
+    if (to == *model_.published()) {
+      EXPECT_THAT(status, StatusIs(StatusCode::kAlreadyExists, ""));
+    } else if (!model_.versions()[to].stored) {
+      EXPECT_THAT(status, StatusIs(StatusCode::kFailedPrecondition, "compacted"));
+    } else {
+      ASSERT_THAT(status, IsOk());
+      model_.Publish(to);
+    }
+  }
+
+  void Rollback() {
+    if (!model_.published()) return;
+    const std::optional<std::size_t> parent = model_.versions()[*model_.published()].parent;
+    const StatusOr<VersionNumber> result = store_->Rollback("mine");
+    if (!parent) {
+      EXPECT_THAT(result, StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
+    } else if (!model_.versions()[*parent].stored) {
+      EXPECT_THAT(result, StatusIs(StatusCode::kFailedPrecondition, "compacted"));
+    } else {
+      ASSERT_THAT(result, IsOk());
+      model_.Publish(*parent);
+    }
+  }
+
+  void Compact() {
+    RetentionPolicy policy;
+    policy.keep_versions = 2 + Below(4);
+    if (Chance(0.5)) policy.evidence_before = RandomStamp();
+    ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+    model_.Compact(static_cast<std::size_t>(policy.keep_versions));
+  }
+
+  void Export() {
+    if (!model_.published()) return;
+    const std::string path = dir_.File("snapshot");
+    ASSERT_THAT(store_->ExportSnapshot("mine", path), IsOk());
+    StatusOr<MapStore> snapshot = MapStore::Open(path, MapStore::Access::kReadOnly);
+    ASSERT_THAT(snapshot, IsOk());
+    const Stamp later = begin_ + std::chrono::seconds(150'000);
+    for (const std::optional<Stamp>& at : {std::optional<Stamp>(), std::optional<Stamp>(later)}) {
+      EXPECT_EQ(ContentHash(snapshot->LoadAt("mine", std::nullopt, at)->content()),
+                ContentHash(store_->LoadAt("mine", std::nullopt, at)->content()));
+    }
+  }
+
+  void Compare() {
+    if (model_.published()) {
+      EXPECT_EQ(*store_->PublishedVersion("mine"), NumberOf(*model_.published()));
+    }
+    for (std::size_t i = 0; i < model_.versions().size(); ++i) {
+      if (!model_.versions()[i].stored || Chance(0.5)) continue;
+      const Stamp at = begin_ + std::chrono::seconds(Below(120'000));
+      const StatusOr<MapSnapshot> map = store_->LoadAt("mine", NumberOf(i), at);
+      ASSERT_THAT(map, IsOk());
+      EXPECT_EQ(map->content_hash(), hashes_[i]);
+      const std::vector<Eigen::VectorXd> expected = model_.ProbabilitiesAt(i, at);
+      for (std::size_t g = 0; g < expected.size(); ++g) {
+        ASSERT_THAT(map->groups()[g].probabilities, IsNearMatrix(expected[g], kTolerance))
+            << "version " << i + 1 << ", group " << g;
+      }
+    }
+  }
+
+  std::mt19937_64 random_{TestSeed(static_cast<std::uint64_t>(GetParam()))};
+  const Stamp begin_ = StampFromNanoseconds(1'700'000'000'000'000'000);
+  TempDir dir_;
+  const std::string path_ = dir_.File("a.db");
+  std::optional<MapStore> store_;
+  StoreModel model_;
+  std::vector<std::string> hashes_;  // Of the versions.
+  int uuids_ = 0;
+};
+
+TEST_P(StoreHistory, EqualsItsModel) {
+  for (int step = 0; step < kSteps && !HasFatalFailure(); ++step) {
+    SCOPED_TRACE(step);
+    const int choice = Below(100);
+    if (choice < 20 || model_.versions().empty()) {
+      Commit();
+    } else if (choice < 70) {
+      Return();
+    } else if (choice < 76) {
+      Publish();
+    } else if (choice < 82) {
+      Rollback();
+    } else if (choice < 86) {
+      Compact();
+    } else if (choice < 89) {
+      Reopen();
+    } else if (choice < 91) {
+      Export();
+    } else {
+      Compare();
+    }
+  }
+  Compare();
+}
+
+INSTANTIATE_TEST_SUITE_P(Random, StoreHistory, ::testing::Range(0, kHistories));
+
+}  // namespace
+}  // namespace shiftmap::testing
