@@ -120,19 +120,22 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
   group.chain = ModeChain::Uniform(
       static_cast<int>(modes.size()),
       known != nullptr ? known->chain.leave_rate_per_s() : options.leave_rate_per_s);
+  // Rates between the same modes go on; with another mode they say nothing of it.
+  if (known != nullptr && known->modes.size() == modes.size()) group.chain = known->chain;
+  if (known != nullptr) group.merged = known->merged;
   const GroupStart start = StartOf(problem, modes, known, prior);
   const Eigen::VectorXd probabilities = FilterProbabilities(
       problem, visits, group.chain, start.probabilities, start.stamp, end, options);
   group.probabilities.resize(probabilities.size());
   group.probabilities[0] = probabilities[0];
 
-  ModeNumber next(1);
+  ModeNumber next = known != nullptr ? known->NextNumber() : ModeNumber(1);
   for (const std::size_t k : order) {
     const int known_state =
         known != nullptr && modes[k].number != kAbsent ? known->StateOf(modes[k].number) : 0;
     Mode mode;
     mode.number = known_state > 0 ? modes[k].number : next;
-    next = ModeNumber(mode.number.value() + 1);
+    if (known_state <= 0) next = ModeNumber(next.value() + 1);
     mode.p_map_landmark = modes[k].p_map_landmark;
     const Stamp known_last = known_state > 0
                                  ? known->modes[static_cast<std::size_t>(known_state) - 1].last_seen

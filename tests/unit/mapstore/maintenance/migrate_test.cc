@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Frozen stores of older schemas: they open with a clear refusal, and migrate without a loss.
+#include "mapstore/maintenance/migrate.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "mapstore/map/sha256.h"
+#include "mapstore/map_store.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using ::testing::SizeIs;
+
+std::string Frozen(const std::string& name) {
+  return std::string(SHIFTMAP_TEST_DATA) + "/stores/" + name;
+}
+
+nlohmann::json ReadJson(const std::string& path) {
+  std::ifstream file(path);
+  return nlohmann::json::parse(file);
+}
+
+class MigrateTest : public ::testing::Test {
+ protected:
+  MigrateTest() { std::filesystem::copy_file(Frozen("schema_1.db"), path_); }
+
+  TempDir dir_;
+  const std::string path_ = dir_.File("a.db");
+};
+
+TEST_F(MigrateTest, OpeningOnlyChecks) {
+  const std::string before = *HashFile(path_);
+  for (const auto access : {MapStore::Access::kReadOnly,
+                            MapStore::Access::kReadWrite,
+                            MapStore::Access::kReadWriteCreate}) {
+    EXPECT_THAT(MapStore::Open(path_, access),
+                StatusIs(StatusCode::kFailedPrecondition,
+                         "schema version 1, this build reads 2; 'shiftmap-inspect migrate'"));
+  }
+  EXPECT_EQ(*HashFile(path_), before);
+}
+
+// What the build of that schema said of the store, byte for byte of every number.
+TEST_F(MigrateTest, KeepsContentAndProbabilities) {
+  const std::string before = *HashFile(path_);
+  const StatusOr<MigrateResult> result = MigrateStore(path_, "");
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(result->from, 1);
+  EXPECT_EQ(result->backup, path_ + ".schema1.bak");
+  EXPECT_FALSE(before.empty());
+
+  MapStore store = *MapStore::Open(path_, MapStore::Access::kReadOnly);
+  for (const int version : {1, 2}) {
+    const nlohmann::json frozen =
+        ReadJson(Frozen("schema_1_floor_" + std::to_string(version) + ".json"));
+    const StatusOr<MapSnapshot> map = version == 2
+                                          ? store.LoadAt("floor", VersionNumber(version))
+                                          : store.LoadVersion("floor", VersionNumber(version));
+    ASSERT_THAT(map, IsOk());
+    EXPECT_EQ(map->content_hash(), frozen["content_hash"]);
+    ASSERT_EQ(map->groups().size(), frozen["groups"].size());
+    for (std::size_t g = 0; g < map->groups().size(); ++g) {
+      const LandmarkGroup& group = map->groups()[g];
+      const nlohmann::json& modes = frozen["groups"][g]["modes"];
+      for (const nlohmann::json& mode : modes) {
+        const int state = group.StateOf(ModeNumber(mode["mode"].get<int>()));
+        ASSERT_GE(state, 0);
+        if (version == 2) {
+          EXPECT_NEAR(group.probabilities(state), mode["probability"].get<double>(), 1e-12);
+        }
+        if (state == 0) continue;
+        EXPECT_EQ(group.modes[static_cast<std::size_t>(state) - 1].p_map_landmark.x(),
+                  mode["x_m"].get<double>());
+      }
+    }
+  }
+  const std::vector<ReportSummary> reports = *store.Reports("floor");
+  EXPECT_THAT(reports, SizeIs(2));
+  EXPECT_EQ(reports[0].evidence_rows + reports[1].evidence_rows, 28);
+  EXPECT_THAT(*store.Sightings("floor"), SizeIs(4));
+  EXPECT_EQ(store.AuditLog()->back().action, "migrate");
+}
+
+TEST_F(MigrateTest, HappensOnceAndOverwritesNoBackup) {
+  const std::string backup = dir_.File("b.db");
+  std::ofstream(backup) << "something";
+  EXPECT_THAT(MigrateStore(path_, backup),
+              StatusIs(StatusCode::kFailedPrecondition, "exists already"));
+  EXPECT_THAT(MapStore::Open(path_, MapStore::Access::kReadOnly),
+              StatusIs(StatusCode::kFailedPrecondition, "schema version 1"));
+  std::filesystem::remove(backup);
+  ASSERT_THAT(MigrateStore(path_, backup), IsOk());
+  EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
+              StatusIs(StatusCode::kAlreadyExists, "schema 2 already"));
+  // The backup is the old store, which migrates to the same.
+  ASSERT_THAT(MigrateStore(backup, ""), IsOk());
+  MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
+  MapStore second = *MapStore::Open(backup, MapStore::Access::kReadOnly);
+  EXPECT_EQ(ContentHash(first.LoadAt("floor")->content()),
+            ContentHash(second.LoadAt("floor")->content()));
+}
+
+TEST_F(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
+  ASSERT_THAT(MigrateStore(path_, ""), IsOk());
+  StatusOr<MapStore> store = MapStore::Open(path_, MapStore::Access::kReadWrite);
+  ASSERT_THAT(store, IsOk());
+  const MapContent content = store->LoadVersion("floor", VersionNumber(2))->content();
+  CommitOptions options;
+  options.parent = VersionNumber(2);
+  EXPECT_EQ(store->Commit("floor", content, {}, options)->version, VersionNumber(3));
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
