@@ -55,7 +55,7 @@ class MapStore {
 
     /// Evidence rows between two ledger checkpoints, for maps of few groups. Fewer make LoadAt
     /// faster and the file larger.
-    std::int64_t checkpoint_rows = 8192;
+    std::int64_t checkpoint_rows = 16384;
   };
 
   static StatusOr<MapStore> Open(const std::string& path, const OpenOptions& options);

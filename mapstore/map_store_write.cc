@@ -71,6 +71,13 @@ Status MapStore::State::MovePublished(std::int64_t area_id,
   return InsertAudit(database, area_id, action, std::to_string(version.number.value()));
 }
 
+StatusOr<ModeNumbers*> MapStore::State::NumbersOf(const VersionRow& version) {
+  if (!numbers || numbers->version_id() != version.version_id) {
+    SHIFTMAP_ASSIGN_OR_RETURN(numbers, ModeNumbers::Make(database, version.version_id));
+  }
+  return &*numbers;
+}
+
 StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                         const MapContent& content,
                                         const Provenance& provenance,
@@ -202,8 +209,9 @@ StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
   std::string owner = state_->AreaName(report.area);
   if (published) {
     owner = state_->VersionName(report.area, published->number);
-    SHIFTMAP_ASSIGN_OR_RETURN(result.set_aside,
-                              CountSetAside(database, *published, version, inserted, report));
+    SHIFTMAP_ASSIGN_OR_RETURN(ModeNumbers* const numbers, state_->NumbersOf(*published));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        result.set_aside, CountSetAside(database, *published, version, inserted, report, numbers));
   }
   SHIFTMAP_RETURN_IF_ERROR(KeepCheckpoints(database,
                                            area_row.area_id,

@@ -47,6 +47,12 @@ struct UnmappedSighting {
   Stamp last;
 };
 
+/// Scans, odometry samples or single observations that did not count.
+struct DroppedCount {
+  std::string reason;  ///< A word, e.g. "unknown_signature".
+  std::int64_t count = 0;
+};
+
 /// What a localizer returns after a shift.
 struct ShiftReport {
   std::string uuid;  ///< RFC 4122 text form; a report that arrives twice counts once.
@@ -61,6 +67,7 @@ struct ShiftReport {
   std::vector<VisitEvidence> evidence;
   std::vector<Decision> decisions;
   std::vector<UnmappedSighting> sightings;
+  std::vector<DroppedCount> dropped;  ///< Each reason once.
 };
 
 }  // namespace shiftmap

@@ -44,6 +44,17 @@ void Normalize(Eigen::VectorXd* log_probabilities) {
 
 }  // namespace
 
+bool FavoursKnownMode(const LandmarkGroup& group,
+                      const std::vector<VisitEvidence::ModeLogLikelihood>& evidence) {
+  double known = kImpossible;
+  double unknown = kImpossible;
+  for (const VisitEvidence::ModeLogLikelihood& mode : evidence) {
+    double& side = group.CarriedStateOf(mode.mode) >= 0 ? known : unknown;
+    side = std::max(side, mode.log_likelihood);
+  }
+  return unknown <= known;
+}
+
 bool StateLogLikelihoods(const LandmarkGroup& group,
                          const std::vector<VisitEvidence::ModeLogLikelihood>& evidence,
                          Eigen::VectorXd* values) {
@@ -51,21 +62,14 @@ bool StateLogLikelihoods(const LandmarkGroup& group,
                  "evidence of '{}' does not name absent",
                  group.signature.text());
   values->setConstant(group.chain.states(), kImpossible);
-  double known = kImpossible;
-  double unknown = kImpossible;
   for (const VisitEvidence::ModeLogLikelihood& mode : evidence) {
     const int state = group.CarriedStateOf(mode.mode);
-    if (state < 0) {
-      unknown = std::max(unknown, mode.log_likelihood);
-      continue;
-    }
-    known = std::max(known, mode.log_likelihood);
-    (*values)(state) = std::max((*values)(state), mode.log_likelihood);
+    if (state >= 0) (*values)(state) = std::max((*values)(state), mode.log_likelihood);
   }
   for (double& value : *values) {
     if (value == kImpossible) value = evidence.front().log_likelihood;
   }
-  return unknown <= known;
+  return FavoursKnownMode(group, evidence);
 }
 
 ModeState StartModes(const LandmarkGroup& group, Stamp stamp) {

@@ -18,6 +18,11 @@ struct ModeState {
   bool started = false;  ///< Evidence has come; without it the stamp may still go back.
 };
 
+/// False if evidence favours a mode that the group does not have: carried over to the others it
+/// would say what nobody saw. A merged mode is there as the mode that stands for it.
+bool FavoursKnownMode(const LandmarkGroup& group,
+                      const std::vector<VisitEvidence::ModeLogLikelihood>& evidence);
+
 /// How evidence of one visit reads for a group: one log-likelihood per state. [nat]
 ///
 /// A merged mode's value goes to the mode that stands for it now; of several the largest counts. A
@@ -26,8 +31,7 @@ struct ModeState {
 ///
 /// @param evidence  Names `absent` first; all values finite.
 /// @param values    Gets the result; size states.
-/// @returns False if the evidence favours a mode that the group does not have: carried over to the
-///          others it would say what nobody saw.
+/// @returns What FavoursKnownMode says.
 bool StateLogLikelihoods(const LandmarkGroup& group,
                          const std::vector<VisitEvidence::ModeLogLikelihood>& evidence,
                          Eigen::VectorXd* values);

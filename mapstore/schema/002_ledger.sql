@@ -15,6 +15,7 @@ UPDATE version SET ledger_position = (
                     AND o.report_id <= r.report_id));
 
 CREATE INDEX version_parent ON version (parent_version_id);
+CREATE INDEX version_stamp ON version (area_id, stamp_ns);
 
 -- Evidence rows added since the checkpoints of the published version were last extended.
 ALTER TABLE area ADD COLUMN rows_since_checkpoint INTEGER NOT NULL DEFAULT 0;
@@ -75,15 +76,16 @@ INSERT INTO mapped_report
   JOIN run ON run.sha256 = r.run_hash JOIN version_run vr USING (run_id) WHERE r.run_hash <> '';
 
 -- The ledger. The key is in the order of time, in which reports append and the chains are filtered.
+-- area_id and version_id repeat what the report says, for readers that come by time.
 ALTER TABLE visit_evidence RENAME TO visit_evidence_by_landmark;
 DROP INDEX visit_evidence_report;
 CREATE TABLE visit_evidence (
-  area_id           INTEGER NOT NULL REFERENCES area,
+  area_id           INTEGER NOT NULL,
   begin_ns          INTEGER NOT NULL,  -- first and last scan of the visit
   end_ns            INTEGER NOT NULL,
   report_id         INTEGER NOT NULL REFERENCES shift_report,
   signature         TEXT NOT NULL,
-  version_id        INTEGER NOT NULL REFERENCES version,  -- the report's: the version driven on
+  version_id        INTEGER NOT NULL,  -- the version driven on
   observation_count INTEGER NOT NULL,  -- scans of the visit in which the landmark was seen
   -- Prior excluded, up to a constant; by ascending mode number, 'absent' (0) first; 16 bytes a mode:
   -- mode number (integer), log-likelihood in nat (IEEE 754).
@@ -107,7 +109,7 @@ CREATE TABLE ledger_checkpoint (
   -- Per group that any evidence is about, ascending, 8-byte numbers: group_index, stamp in ns, 1 if
   -- a visit was filtered or else 0, then per state the logarithm of its probability (IEEE 754).
   states        BLOB NOT NULL,
-  PRIMARY KEY (area_id, version_id, before_ns)
+  PRIMARY KEY (area_id, before_ns, version_id)
 ) STRICT;
 
 -- Writes about the whole store have no area.

@@ -12,6 +12,12 @@ constexpr std::size_t kNumberBytes = 8;
 constexpr std::size_t kPoseNumbers = 4;
 constexpr std::size_t kModeNumbers = 2;
 
+// To big-endian and back.
+std::uint64_t BigEndian(std::uint64_t bits) {
+  if constexpr (std::endian::native == std::endian::little) return __builtin_bswap64(bits);
+  return bits;
+}
+
 bool HoldsWhole(std::string_view bytes, std::size_t numbers) {
   return bytes.size() % (numbers * kNumberBytes) == 0;
 }
@@ -19,8 +25,10 @@ bool HoldsWhole(std::string_view bytes, std::size_t numbers) {
 }  // namespace
 
 void BlobWriter::Add(std::int64_t value) {
-  const auto bits = static_cast<std::uint64_t>(value);
-  for (int shift = 56; shift >= 0; shift -= 8) bytes_ += static_cast<char>(bits >> shift);
+  const std::uint64_t bits = BigEndian(static_cast<std::uint64_t>(value));
+  char bytes[kNumberBytes];
+  std::memcpy(bytes, &bits, kNumberBytes);
+  bytes_.append(bytes, kNumberBytes);
 }
 
 void BlobWriter::Add(double value) { Add(std::bit_cast<std::int64_t>(value)); }
@@ -29,8 +37,7 @@ std::int64_t BlobReader::Integer() {
   std::uint64_t bits = 0;
   std::memcpy(&bits, bytes_.data(), kNumberBytes);
   bytes_.remove_prefix(kNumberBytes);
-  if constexpr (std::endian::native == std::endian::little) bits = __builtin_bswap64(bits);
-  return static_cast<std::int64_t>(bits);
+  return static_cast<std::int64_t>(BigEndian(bits));
 }
 
 double BlobReader::Double() { return std::bit_cast<double>(Integer()); }

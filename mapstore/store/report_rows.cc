@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -19,13 +18,15 @@ std::string LowerCase(std::string text) {
   return text;
 }
 
+auto KeyOf(const VisitEvidence& visit) { return std::tie(visit.begin, visit.end, visit.signature); }
+
 // In the order of the key: the rows of a report are neighbours in the file.
 std::vector<const VisitEvidence*> ByTime(const std::vector<VisitEvidence>& evidence) {
   std::vector<const VisitEvidence*> rows;
   rows.reserve(evidence.size());
   for (const VisitEvidence& visit : evidence) rows.push_back(&visit);
   std::sort(rows.begin(), rows.end(), [](const VisitEvidence* a, const VisitEvidence* b) {
-    return std::tie(a->begin, a->end, a->signature) < std::tie(b->begin, b->end, b->signature);
+    return KeyOf(*a) < KeyOf(*b);
   });
   return rows;
 }
@@ -134,7 +135,6 @@ Status DecideAmongSameRun(Database& database,
 }
 
 Status CheckEvidence(const ShiftReport& report, const std::string& owner) {
-  std::set<std::tuple<std::string, Stamp, Stamp>> visits;
   for (const VisitEvidence& evidence : report.evidence) {
     const std::string& signature = evidence.signature.text();
     if (evidence.end < evidence.begin) {
@@ -146,11 +146,14 @@ Status CheckEvidence(const ShiftReport& report, const std::string& owner) {
           owner,
           signature);
     }
-    if (!visits.emplace(signature, evidence.begin, evidence.end).second) {
-      return InvalidArgument("{}: two visits of '{}' at the same time", owner, signature);
-    }
   }
-  return OkStatus();
+  const std::vector<const VisitEvidence*> rows = ByTime(report.evidence);
+  const auto twice = std::adjacent_find(rows.begin(), rows.end(), [](const auto* a, const auto* b) {
+    return KeyOf(*a) == KeyOf(*b);
+  });
+  if (twice == rows.end()) return OkStatus();
+  return InvalidArgument(
+      "{}: two visits of '{}' at the same time", owner, (*twice)->signature.text());
 }
 
 }  // namespace

@@ -22,44 +22,11 @@ std::vector<SetAsideRows> ToRows(const Counts& counts) {
   return rows;
 }
 
-// Why a group does not take a row, or nothing.
+// Why a group does not take a row, or nothing. @param group  Null if the version does not have it.
 std::optional<SetAside> ReasonOfGroup(const LandmarkGroup* group,
                                       const std::vector<VisitEvidence::ModeLogLikelihood>& modes) {
   if (group == nullptr) return SetAside::kNoLandmark;
-  Eigen::VectorXd values;
-  if (!StateLogLikelihoods(*group, modes, &values)) return SetAside::kNoMode;
-  return std::nullopt;
-}
-
-// The mode numbers of one group of a version, or nothing if there is no such group.
-StatusOr<std::optional<LandmarkGroup>> ReadNumbers(Database& database,
-                                                   std::int64_t version_id,
-                                                   const Signature& signature) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement modes,
-      database.Prepare("SELECT number FROM landmark_group JOIN mode USING (version_id, "
-                       "group_index) WHERE version_id = ?1 AND signature = ?2 ORDER BY number"));
-  modes.Bind(version_id, signature.text());
-  LandmarkGroup group;
-  group.signature = signature;
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, modes.Step());
-    if (!row) break;
-    group.modes.emplace_back().number = ModeNumber(modes.Int64(0));
-  }
-  if (group.modes.empty()) return std::optional<LandmarkGroup>();
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement merged,
-      database.Prepare("SELECT number, into_number FROM landmark_group JOIN merged_mode USING "
-                       "(version_id, group_index) WHERE version_id = ?1 AND signature = ?2"));
-  merged.Bind(version_id, signature.text());
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, merged.Step());
-    if (!row) break;
-    group.merged.push_back({ModeNumber(merged.Int64(0)), ModeNumber(merged.Int64(1))});
-  }
-  group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), 0.0);
-  return std::optional<LandmarkGroup>(std::move(group));
+  return FavoursKnownMode(*group, modes) ? std::nullopt : std::optional(SetAside::kNoMode);
 }
 
 StatusOr<std::vector<ReportSummary>> ReadReports(
@@ -101,7 +68,8 @@ StatusOr<std::vector<SetAsideRows>> CountSetAside(Database& database,
                                                   const VersionRow& published,
                                                   const VersionRow& reported,
                                                   const InsertedReport& inserted,
-                                                  const ShiftReport& report) {
+                                                  const ShiftReport& report,
+                                                  ModeNumbers* numbers) {
   SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, published));
   Counts counts;
   for (const VisitEvidence& evidence : report.evidence) {
@@ -111,9 +79,9 @@ StatusOr<std::vector<SetAsideRows>> CountSetAside(Database& database,
       ++counts[verdict.reason];
       continue;
     }
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<LandmarkGroup> group,
-                              ReadNumbers(database, published.version_id, evidence.signature));
-    const auto reason = ReasonOfGroup(group ? &*group : nullptr, evidence.modes);
+    SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkGroup* const group,
+                              numbers->Find(database, evidence.signature));
+    const auto reason = ReasonOfGroup(group, evidence.modes);
     if (reason) ++counts[*reason];
   }
   return ToRows(counts);

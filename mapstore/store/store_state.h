@@ -9,6 +9,7 @@
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/mode_numbers.h"
 #include "mapstore/store/version_rows.h"
 #include "proto/core/status.h"
 
@@ -18,6 +19,7 @@ namespace shiftmap {
 struct MapStore::State {
   Database database;
   std::int64_t checkpoint_rows = 0;
+  std::optional<ModeNumbers> numbers = std::nullopt;  // Of the version asked for last.
 
   std::string AreaName(const std::string& area) const;
   std::string VersionName(const std::string& area, VersionNumber version) const;
@@ -37,6 +39,9 @@ struct MapStore::State {
   StatusOr<MapSnapshot> Load(const std::string& area,
                              std::optional<VersionNumber> version,
                              std::optional<Stamp> at);
+
+  /// The mode numbers of a version that is committed.
+  StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);
 
   /// Moves the published pointer inside a transaction. @param action  For the audit log.
   Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);
