@@ -3,9 +3,9 @@
 // Snapshots: what a vehicle carries.
 #include <filesystem>
 
-#include "mapstore/core/atomic_file.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
+#include "mapstore/sqlite/place_database.h"
 #include "mapstore/sqlite/temporary_file.h"
 #include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
@@ -44,7 +44,7 @@ StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const st
       WriteSnapshotFile(database, area_row.area_id, version, expected.content(), temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), expected));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string sha256, HashFile(temporary.path()));
-  SHIFTMAP_RETURN_IF_ERROR(SyncAndRename(temporary.path(), path));
+  SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
   return sha256;
 }
 

@@ -3,10 +3,10 @@
 
 #include <filesystem>
 
-#include "mapstore/core/atomic_file.h"
 #include "mapstore/schema/schema.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/place_database.h"
 #include "mapstore/sqlite/temporary_file.h"
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/audit_rows.h"
@@ -41,7 +41,7 @@ Status CopyTo(Database& database, const std::string& backup) {
     SHIFTMAP_ASSIGN_OR_RETURN(Database copy, Database::Open(temporary.path(), {}));
     SHIFTMAP_RETURN_IF_ERROR(Check(copy));
   }
-  return SyncAndRename(temporary.path(), backup);
+  return PlaceDatabase(temporary.path(), backup);
 }
 
 }  // namespace

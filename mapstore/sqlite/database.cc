@@ -126,6 +126,12 @@ StatusOr<Database> Database::Open(const std::string& path, const Options& option
   return database;
 }
 
+StatusOr<Database> Database::OpenInMemory() {
+  Options options;
+  options.mode = Mode::kReadWriteCreate;
+  return OpenUri("(memory)", "file::memory:", options);
+}
+
 StatusOr<Database> Database::OpenUri(const std::string& path,
                                      const std::string& uri,
                                      const Options& options) {
@@ -193,6 +199,7 @@ int Database::Changes() const { return sqlite3_changes(state_->db); }
 bool Database::writable() const { return sqlite3_db_readonly(state_->db, "main") == 0; }
 const std::string& Database::path() const { return state_->path; }
 const std::string& Database::name() const { return state_->name; }
+sqlite3* Database::handle() const { return state_->db; }
 const std::string& Database::read_uri() const { return state_->read_uri; }
 
 }  // namespace shiftmap

@@ -11,6 +11,8 @@
 #include "mapstore/sqlite/statement.h"
 #include "proto/core/status.h"
 
+struct sqlite3;
+
 namespace shiftmap {
 
 /// A connection to one SQLite file, set up for durability and for distrust of what is in the file:
@@ -35,6 +37,9 @@ class Database {
     /// Otherwise kFailedPrecondition: locks of network file systems do not hold.
     bool allow_network_file_system = false;
   };
+
+  /// A database that no file stands behind, for what needs a second schema to compare with.
+  static StatusOr<Database> OpenInMemory();
 
   /// Errors also: kNotFound if the file, or the folder to create it in, does not exist;
   /// kFailedPrecondition if something other than a regular file is there.
@@ -66,6 +71,9 @@ class Database {
   const std::string& name() const;
   /// For another connection that only reads.
   const std::string& read_uri() const;
+
+  /// For the other files of this folder.
+  sqlite3* handle() const;
 
  private:
   struct State;

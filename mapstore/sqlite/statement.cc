@@ -71,9 +71,24 @@ Status Statement::Execute() {
   return OkStatus();
 }
 
-bool Statement::IsNull(int column) const {
-  return sqlite3_column_type(statement_, column) == SQLITE_NULL;
+int Statement::Columns() const { return sqlite3_column_count(statement_); }
+
+ValueType Statement::Type(int column) const {
+  switch (sqlite3_column_type(statement_, column)) {
+    case SQLITE_INTEGER:
+      return ValueType::kInteger;
+    case SQLITE_FLOAT:
+      return ValueType::kReal;
+    case SQLITE_TEXT:
+      return ValueType::kText;
+    case SQLITE_BLOB:
+      return ValueType::kBlob;
+    default:
+      return ValueType::kNull;
+  }
 }
+
+bool Statement::IsNull(int column) const { return Type(column) == ValueType::kNull; }
 
 std::int64_t Statement::Int64(int column) const { return sqlite3_column_int64(statement_, column); }
 

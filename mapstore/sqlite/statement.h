@@ -13,6 +13,9 @@ struct sqlite3_stmt;
 
 namespace shiftmap {
 
+/// What SQLite stores in a column of a row.
+enum class ValueType { kNull, kInteger, kReal, kText, kBlob };
+
 /// One use of a compiled statement of a Database: bind, step through the rows, read columns. The
 /// end of the object resets it for the next use.
 ///
@@ -47,6 +50,8 @@ class Statement {
   Status Execute();
 
   /// Columns of the current row, from 0; text is valid until the next Step.
+  int Columns() const;
+  ValueType Type(int column) const;
   bool IsNull(int column) const;
   std::int64_t Int64(int column) const;
   double Double(int column) const;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "mapstore/maintenance/compact.h"
+#include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "tests/property/store_model.h"
 #include "tests/support/geometry_matchers.h"
@@ -213,6 +214,13 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   }
 
   void Compare() {
+    if (Chance(0.3)) {
+      const StatusOr<VerifyResult> verified = VerifyStore(path_);
+      ASSERT_THAT(verified, IsOk());
+      EXPECT_TRUE(verified->clean())
+          << verified->defects[0].table << " " << verified->defects[0].row << " "
+          << verified->defects[0].problem;
+    }
     if (model_.published()) {
       EXPECT_EQ(*store_->PublishedVersion("mine"), NumberOf(*model_.published()));
     }

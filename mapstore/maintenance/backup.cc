@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/maintenance/backup.h"
+
+#include <filesystem>
+
+#include "mapstore/maintenance/verify.h"
+#include "mapstore/map/sha256.h"
+#include "mapstore/schema/store_file.h"
+#include "mapstore/sqlite/copy_database.h"
+#include "mapstore/sqlite/digest.h"
+#include "mapstore/sqlite/place_database.h"
+#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/transaction.h"
+
+namespace shiftmap {
+namespace {
+
+StatusOr<std::string> DigestOf(const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, {}));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction,
+                            Transaction::Begin(database, Transaction::Kind::kRead));
+  return DigestRows(database);
+}
+
+StatusOr<BackupResult> Describe(const std::string& path) {
+  BackupResult result;
+  SHIFTMAP_ASSIGN_OR_RETURN(result.digest, DigestOf(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(result.sha256, HashFile(path));
+  std::error_code error;
+  result.bytes = std::filesystem::file_size(path, error);
+  return result;
+}
+
+Status RequireClean(const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VerifyResult verified, VerifyStore(path));
+  if (verified.clean()) return OkStatus();
+  const Defect& first = verified.defects.front();
+  return DataLoss("map store '{}': {} defects; first: {} {}: {}",
+                  path,
+                  verified.defect_count,
+                  first.table,
+                  first.row,
+                  first.problem);
+}
+
+// Copies a store into a new file.
+Status CopyToFile(const std::string& from, const std::string& to) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Database source, OpenStoreFile(from, {}));
+  Database::Options options;
+  options.mode = Database::Mode::kReadWriteCreate;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database copy, Database::Open(to, options));
+  return CopyDatabase(source, copy);
+}
+
+bool Exists(const std::string& path) {
+  std::error_code error;
+  return std::filesystem::exists(path, error);
+}
+
+std::string FreeName(const std::string& path) {
+  for (int i = 1;; ++i) {
+    const std::string name = fmt::format("{}.before-restore-{}", path, i);
+    if (!Exists(name)) return name;
+  }
+}
+
+// Overwrites a store in place.
+Status Overwrite(const std::string& backup, const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Database source, OpenStoreFile(backup, {}));
+  Database::Options options;
+  options.mode = Database::Mode::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database store, Database::Open(path, options));
+  return CopyDatabase(source, store);
+}
+
+// Moves a file that is no sound store out of the way, with its journal.
+Status MoveAside(const std::string& path, const std::string& to) {
+  std::error_code error;
+  std::filesystem::rename(path, to, error);
+  if (error) return Unavailable("file '{}': cannot be renamed: {}", path, error.message());
+  if (Exists(path + "-journal")) std::filesystem::rename(path + "-journal", to + "-journal", error);
+  return OkStatus();
+}
+
+// Keeps the store at `path` as `kept`. Returns false if it is too damaged to stay in place: it was
+// moved then.
+StatusOr<bool> Keep(const std::string& path, const std::string& kept) {
+  const TemporaryFile temporary(kept);
+  const Status copied = CopyToFile(path, temporary.path());
+  if (copied.ok()) {
+    SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), kept));
+    return true;
+  }
+  if (copied.code() != StatusCode::kDataLoss && copied.code() != StatusCode::kFailedPrecondition) {
+    return copied;
+  }
+  SHIFTMAP_RETURN_IF_ERROR(MoveAside(path, kept));
+  return false;
+}
+
+}  // namespace
+
+StatusOr<BackupResult> BackupStore(const std::string& path, const std::string& destination) {
+  std::error_code error;
+  if (std::filesystem::equivalent(path, destination, error)) {
+    return InvalidArgument("map store '{}': backup would replace the store itself", path);
+  }
+  const TemporaryFile temporary(destination);
+  SHIFTMAP_RETURN_IF_ERROR(CopyToFile(path, temporary.path()));
+  SHIFTMAP_RETURN_IF_ERROR(RequireClean(temporary.path()));
+  SHIFTMAP_ASSIGN_OR_RETURN(BackupResult result, Describe(temporary.path()));
+  SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), destination));
+  return result;
+}
+
+StatusOr<RestoreResult> RestoreStore(const std::string& backup,
+                                     const std::string& path,
+                                     bool replace) {
+  std::error_code error;
+  if (std::filesystem::equivalent(path, backup, error)) {
+    return InvalidArgument("map store '{}': cannot be restored from itself", path);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(RequireClean(backup));
+  SHIFTMAP_ASSIGN_OR_RETURN(const BackupResult expected, Describe(backup));
+  RestoreResult result;
+  bool in_place = false;
+  if (Exists(path)) {
+    if (!replace) {
+      return FailedPrecondition("map store '{}': exists already, and is replaced only if asked",
+                                path);
+    }
+    result.kept = FreeName(path);
+    SHIFTMAP_ASSIGN_OR_RETURN(in_place, Keep(path, *result.kept));
+  }
+  if (in_place) {
+    SHIFTMAP_RETURN_IF_ERROR(Overwrite(backup, path));
+  } else {
+    const TemporaryFile temporary(path);
+    SHIFTMAP_RETURN_IF_ERROR(CopyToFile(backup, temporary.path()));
+    SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(result.restored, Describe(path));
+  result.restored.sha256 = expected.sha256;
+  if (result.restored.digest != expected.digest) {
+    return DataLoss("map store '{}': rows have digest {}, those of the backup {}",
+                    path,
+                    result.restored.digest,
+                    expected.digest);
+  }
+  return result;
+}
+
+}  // namespace shiftmap

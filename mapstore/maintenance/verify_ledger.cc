@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <vector>
+
+#include "mapstore/maintenance/verify_rows.h"
+#include "mapstore/store/blob.h"
+
+namespace shiftmap {
+namespace {
+
+// Adds a defect for each row of a query: (key, problem).
+Status AddRows(Database& database,
+               const std::string& table,
+               std::string_view sql,
+               DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement rows, database.Prepare(sql));
+  rows.Bind();
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    defects->Add(table, rows.Text(0), rows.Text(1));
+  }
+}
+
+Status VerifyReports(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(defects->result().reports,
+                            database.QueryInt64("SELECT count(*) FROM shift_report"));
+  SHIFTMAP_RETURN_IF_ERROR(
+      AddRows(database,
+              "shift_report",
+              "SELECT uuid, 'ends before it begins' FROM shift_report WHERE end_ns < begin_ns",
+              defects));
+  // Of reports about one run, the one against the lowest version, then of the lowest UUID, counts.
+  // A snapshot may lack the one that counts.
+  SHIFTMAP_RETURN_IF_ERROR(AddRows(
+      database,
+      "shift_report",
+      "SELECT uuid, 'more than one report about its run counts' FROM (SELECT min(uuid) AS uuid "
+      "FROM shift_report r JOIN version v USING (version_id) WHERE run_hash <> '' AND "
+      "superseded = 0 GROUP BY area_id, run_hash HAVING count(*) > 1)",
+      defects));
+  SHIFTMAP_RETURN_IF_ERROR(AddRows(
+      database,
+      "shift_report",
+      "SELECT r.uuid, 'counts in place of a report against an older version' FROM shift_report r "
+      "JOIN version v USING (version_id) JOIN shift_report o ON o.run_hash = r.run_hash "
+      "JOIN version ov ON ov.version_id = o.version_id WHERE r.run_hash <> '' AND r.superseded = 0 "
+      "AND o.superseded = 1 AND ov.area_id = v.area_id AND "
+      "(ov.number, o.uuid) < (v.number, r.uuid)",
+      defects));
+  return AddRows(database,
+                 "mapped_report",
+                 "SELECT uuid, 'is not about a run of the version' FROM mapped_report m "
+                 "JOIN shift_report r USING (report_id) WHERE NOT EXISTS (SELECT 1 FROM run "
+                 "JOIN version_run vr USING (run_id) WHERE sha256 = r.run_hash "
+                 "AND vr.version_id = m.version_id)",
+                 defects);
+}
+
+Status VerifyEvidence(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT r.uuid, e.signature, e.begin_ns, e.end_ns, "
+                       "coalesce(e.version_id = r.version_id AND e.area_id = v.area_id, 0), "
+                       "coalesce(e.begin_ns >= r.first_visit_ns, 0), e.log_likelihoods "
+                       "FROM visit_evidence e LEFT JOIN shift_report r USING (report_id) "
+                       "LEFT JOIN version v ON v.version_id = r.version_id"));
+  rows.Bind();
+  std::vector<VisitEvidence::ModeLogLikelihood> modes;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    ++defects->result().evidence_rows;
+    const char* problem = nullptr;
+    if (rows.Int64(4) == 0) {
+      problem = "its area or version is not that of its report";
+    } else if (rows.Int64(3) < rows.Int64(2)) {
+      problem = "ends before it begins";
+    } else if (rows.Int64(5) == 0) {
+      problem = "begins before the first visit of its report";
+    } else if (!UnpackLogLikelihoods(rows.Blob(6), &modes)) {
+      problem = "log-likelihoods are damaged";
+    }
+    if (problem == nullptr) continue;
+    defects->Add("visit_evidence",
+                 fmt::format("report {}, '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
+                 problem);
+  }
+}
+
+Status VerifySightings(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT uuid, sighting_index, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, "
+                       "count, s.area_id = v.area_id FROM sighting s JOIN shift_report r "
+                       "USING (report_id) JOIN version v USING (version_id)"));
+  rows.Bind();
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    bool sound = rows.Int64(7) >= 1 && rows.Int64(8) == 1;
+    for (int column = 2; column <= 6; ++column) {
+      sound = sound && std::isfinite(rows.Double(column));
+    }
+    // A report may say that it knows a position exactly.
+    sound = sound && rows.Double(4) >= 0.0 && rows.Double(6) >= 0.0 &&
+            rows.Double(4) * rows.Double(6) >= rows.Double(5) * rows.Double(5) * (1.0 - 1e-9);
+    if (sound) continue;
+    defects->Add("sighting",
+                 fmt::format("report {}, sighting {}", rows.Text(0), rows.Int64(1)),
+                 "area, position, covariance or count is wrong");
+  }
+}
+
+}  // namespace
+
+Status VerifyLedger(Database& database, DefectList* defects) {
+  SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
+  SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
+  return VerifySightings(database, defects);
+}
+
+}  // namespace shiftmap
