@@ -5,10 +5,14 @@
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <thread>
 #include <utility>
 
+#include "mapstore/sqlite/file_system.h"
 #include "mapstore/sqlite/sqlite_status.h"
 #include "proto/core/check.h"
 
@@ -86,6 +90,54 @@ void SetDistrust(sqlite3* db) {
   sqlite3_db_config(db, SQLITE_DBCONFIG_ENABLE_FKEY, 1, nullptr);
 }
 
+// Waits for a lock that another connection holds, with growing pauses.
+class LockWait {
+ public:
+  LockWait(std::chrono::milliseconds timeout, std::function<void()> on_wait)
+      : timeout_(timeout), on_wait_(std::move(on_wait)) {}
+
+  // SQLite's busy handler: `calls` counts from 0 for every wait. Returns 0 to give up.
+  static int Wait(void* self, int calls) { return static_cast<LockWait*>(self)->Pause(calls); }
+
+ private:
+  static constexpr std::chrono::milliseconds kNoticeable{250};
+  static constexpr std::chrono::milliseconds kLongestPause{50};
+
+  int Pause(int calls) {
+    const auto now = std::chrono::steady_clock::now();
+    if (calls == 0) {
+      begin_ = now;
+      told_ = false;
+    }
+    const auto waited = now - begin_;
+    if (waited >= timeout_) return 0;
+    if (waited >= kNoticeable && !told_) {
+      told_ = true;
+      if (on_wait_) on_wait_();
+    }
+    const std::chrono::milliseconds pause(1 << std::min(calls, 10));
+    std::this_thread::sleep_for(std::min(pause, kLongestPause));
+    return 1;
+  }
+
+  std::chrono::milliseconds timeout_;
+  std::function<void()> on_wait_;
+  std::chrono::steady_clock::time_point begin_;
+  bool told_ = false;
+};
+
+// Locks of network file systems do not hold.
+Status CheckFileSystem(const std::string& path, const Database::Options& options) {
+  if (options.allow_network_file_system) return OkStatus();
+  const std::string type = NetworkFileSystemOf(path);
+  if (type.empty()) return OkStatus();
+  return FailedPrecondition(
+      "{}: on a network file system ({}), where locks do not hold; "
+      "SHIFTMAP_ALLOW_NETWORK_FILE_SYSTEM=1 opens it all the same",
+      NameOf(path),
+      type);
+}
+
 }  // namespace
 
 struct Database::State {
@@ -93,6 +145,7 @@ struct Database::State {
   std::string name;
   std::string read_uri;
   sqlite3* db = nullptr;
+  std::optional<LockWait> lock_wait;
   std::map<std::string, sqlite3_stmt*, std::less<>> statements;
 
   State() = default;
@@ -111,6 +164,7 @@ Database::~Database() = default;
 
 StatusOr<Database> Database::Open(const std::string& path, const Options& options) {
   SHIFTMAP_RETURN_IF_ERROR(CheckFile(path, options.mode));
+  SHIFTMAP_RETURN_IF_ERROR(CheckFileSystem(path, options));
   switch (options.mode) {
     case Mode::kReadWrite:
       return OpenUri(path, UriOf(path, "?mode=rw"), options);
@@ -155,7 +209,8 @@ Status Database::SetUp(const Options& options) {
   sqlite3* db = state_->db;
   SetLimits(db);
   SetDistrust(db);
-  sqlite3_busy_timeout(db, static_cast<int>(options.busy_timeout.count()));
+  state_->lock_wait.emplace(options.busy_timeout, options.on_wait);
+  sqlite3_busy_handler(db, LockWait::Wait, &*state_->lock_wait);
   SHIFTMAP_RETURN_IF_ERROR(Execute("PRAGMA cell_size_check=ON"));
   // Opening is lazy: this is the first read of the file, where damage and locks show.
   SHIFTMAP_RETURN_IF_ERROR(QueryInt64("PRAGMA schema_version").status());
