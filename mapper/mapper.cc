@@ -214,6 +214,7 @@ Status MapperOptions::Validate() const {
   if (!(modes.leave_rate_per_s >= 0.0)) {
     return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", modes.leave_rate_per_s);
   }
+  SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());
   if (max_outer_iterations < 1 || max_solver_iterations < 1) {
     return InvalidArgument("iterations: expected 1 or more");
   }
@@ -291,6 +292,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
     for (const BuildMode& mode : group) result.modes_created += mode.number == kAbsent;
   }
   result.modes_merged = problem.modes_merged;
+  result.selection = SummarizeSelection(options.modes, problem);
   report("done", 1.0);
   return result;
 }

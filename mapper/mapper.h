@@ -8,6 +8,7 @@
 
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
+#include "mapper/selection_summary.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
@@ -53,6 +54,7 @@ struct MapperResult {
   int modes_created = 0;  ///< Modes that the prior map does not have.
   int modes_merged = 0;
   int outer_iterations = 0;
+  SelectionSummary selection;
 };
 
 /// Called as a build goes on, with what it does now and how much of it is done in [0, 1].

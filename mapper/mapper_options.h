@@ -5,6 +5,7 @@
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/frontend/mapping_run.h"
+#include "mapper/selection/selector.h"
 #include "mapstore/map/calibration.h"
 #include "proto/core/status.h"
 
@@ -31,6 +32,9 @@ struct ModeOptions {
   /// Uncertainty of a pose when a visit is scored against a mode, added to the observation noise:
   /// the scans of a visit share the error of the trajectory. [m]
   double score_position_sd_m = 0.10;
+
+  /// How the mode of a visit is chosen from the chain over its group's visits.
+  SelectorOptions selector;
 };
 
 struct MapperOptions {

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
-#include "mapper/selection/viterbi.h"
+#include "mapper/selection/selector.h"
+#include "mapper/selection/sequence_builders.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/mode_chain.h"
 
@@ -23,27 +25,6 @@ const MappingVisit& VisitOf(const MapProblem& problem, const VisitRef& ref) {
 int& AssignmentOf(MapProblem* problem, const VisitRef& ref) {
   return problem->runs[static_cast<std::size_t>(ref.run)]
       .assignment[static_cast<std::size_t>(ref.visit)];
-}
-
-// The chain of one group as Viterbi takes it; states are absent and the group's modes.
-ModeSequenceProblem MakeSequence(const MapProblem& problem,
-                                 const std::vector<VisitRef>& visits,
-                                 std::size_t group,
-                                 const ModeOptions& options) {
-  const auto modes = static_cast<int>(problem.modes[group].size());
-  const ModeChain chain = ModeChain::Uniform(modes, options.leave_rate_per_s);
-  ModeSequenceProblem sequence;
-  sequence.log_initial = Eigen::VectorXd::Constant(modes + 1, -std::log(modes + 1.0));
-  sequence.log_likelihood.resize(static_cast<Eigen::Index>(visits.size()), modes + 1);
-  for (std::size_t t = 0; t < visits.size(); ++t) {
-    sequence.log_likelihood.row(static_cast<Eigen::Index>(t)) =
-        VisitLogLikelihood(problem, visits[t], options).transpose();
-    if (t == 0) continue;
-    const Duration gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
-    sequence.log_transition.push_back(
-        chain.Transition(gap).array().max(std::numeric_limits<double>::min()).log().matrix());
-  }
-  return sequence;
 }
 
 // Everything discrete of a problem, to notice that it comes around again.
@@ -79,6 +60,21 @@ void EraseMode(const std::vector<VisitRef>& visits,
 }
 
 bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
+
+// Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
+// is linearized: after each step of the solver, until that changes no component.
+void Select(const MapperOptions& options, MapProblem* problem) {
+  if (options.modes.selector.kind != SelectorKind::kMaxMixture) {
+    SelectModes(options.modes, problem);
+    return;
+  }
+  MapperOptions one_step = options;
+  one_step.max_solver_iterations = 1;
+  for (int i = 0; i < options.max_solver_iterations; ++i) {
+    if (SelectModes(options.modes, problem) == 0 && i > 0) return;
+    SolveContinuous(one_step, problem);
+  }
+}
 
 }  // namespace
 
@@ -130,13 +126,34 @@ Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
   return result;
 }
 
+ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+                                      const std::vector<VisitRef>& visits,
+                                      std::size_t group,
+                                      const ModeOptions& options) {
+  const auto modes = static_cast<int>(problem.modes[group].size());
+  std::vector<VisitStep> steps;
+  for (std::size_t t = 0; t < visits.size(); ++t) {
+    VisitStep step{VisitLogLikelihood(problem, visits[t], options), {}};
+    if (t > 0) step.gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
+    steps.push_back(std::move(step));
+  }
+  ModeSequenceProblem sequence =
+      MakeVisitSequence(Eigen::VectorXd::Constant(modes + 1, -std::log(modes + 1.0)),
+                        ModeChain::Uniform(modes, options.leave_rate_per_s),
+                        steps);
+  sequence.static_state = std::min(1, modes);
+  return sequence;
+}
+
 int SelectModes(const ModeOptions& options, MapProblem* problem) {
   int changed = 0;
+  const std::unique_ptr<Selector> selector = MakeSelector(options.selector);
   const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
   for (std::size_t group = 0; group < by_group.size(); ++group) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
-    const std::vector<int> states = MostLikelyModes(MakeSequence(*problem, visits, group, options));
+    const std::vector<int> states =
+        selector->Select(MakeGroupSequence(*problem, visits, group, options)).states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
       int& assignment = AssignmentOf(problem, visits[t]);
       changed += assignment != states[t] - 1;
@@ -225,7 +242,7 @@ void DropUnusedModes(MapProblem* problem) {
 int RefineModes(const MapperOptions& options, MapProblem* problem) {
   std::set<std::vector<int>> seen;
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
-    SelectModes(options.modes, problem);
+    Select(options, problem);
     CreateModes(options.modes, problem);
     DropUnusedModes(problem);
     // A state that comes again is the end, be it a fixed point or a cycle.

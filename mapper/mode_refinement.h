@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
+#include "mapper/selection/mode_sequence.h"
 
 namespace shiftmap {
 
@@ -25,8 +27,15 @@ Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
                                    const VisitRef& visit,
                                    const ModeOptions& options);
 
-/// Assigns every visit the mode that the most likely sequence of its group's chain gives it, IJRR
-/// (19). Returns how many assignments changed.
+/// The chain of one group, IJRR (19): the steps are its visits, the states `absent` and the group's
+/// modes, with the real time between visits.
+ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+                                      const std::vector<VisitRef>& visits,
+                                      std::size_t group,
+                                      const ModeOptions& options);
+
+/// Assigns every visit the mode that the selector of the options gives it. Returns how many
+/// assignments changed.
 int SelectModes(const ModeOptions& options, MapProblem* problem);
 
 /// Makes a mode for visits that no mode explains, where enough of their sightings agree on a place.
@@ -46,7 +55,8 @@ int MergeModes(const ModeOptions& options,
 void DropUnusedModes(MapProblem* problem);
 
 /// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
-/// until nothing changes or a state recurs. Returns the number of alternations.
+/// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
+/// selects at every linearization of the continuous part instead of once it is solved.
 int RefineModes(const MapperOptions& options, MapProblem* problem);
 
 }  // namespace shiftmap

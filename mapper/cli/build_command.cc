@@ -15,6 +15,8 @@
 
 #include "mapper/cli/commands.h"
 #include "mapper/mapper.h"
+#include "mapper/selection/selector.h"
+#include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/map_store.h"
@@ -47,6 +49,12 @@ struct PriorMap {
   std::set<std::string> run_hashes;  // Of the runs that are in it already.
 };
 
+std::vector<std::string> SelectorNames() {
+  std::vector<std::string> names;
+  for (const SelectorKind kind : AllSelectors()) names.push_back(SelectorName(kind));
+  return names;
+}
+
 bool IsPriorName(const std::string& text) {
   if (text == "published" || text == "none") return true;
   VersionNumber::Value number = 0;
@@ -73,7 +81,7 @@ StatusOr<std::set<std::string>> RunHashes(MapStore& store,
   return hashes;
 }
 
-StatusOr<PriorMap> LoadPrior(const BuildOptions& options) {
+StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context) {
   PriorMap prior;
   std::error_code error;
   const bool exists = std::filesystem::exists(options.store, error);
@@ -81,7 +89,7 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options) {
   if (!exists && !needed) return prior;
   // Opened even without a prior: what is no store is better known before the work than after it.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            MapStore::Open(options.store, MapStore::Access::kReadOnly));
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
   if (options.prior == "none") return prior;
   if (options.prior == "published") {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.version, store.PublishedVersion(options.area));
@@ -195,6 +203,11 @@ Json ResultJson(const BuildOptions& options,
   document["modes_created"] = result.modes_created;
   document["modes_merged"] = result.modes_merged;
   document["outer_iterations"] = result.outer_iterations;
+  document["selector"] = options.selector;
+  document["selection"] = {{"visits", result.selection.visits},
+                           {"uncertain_visits", result.selection.uncertain_visits},
+                           {"log_joint", result.selection.log_joint},
+                           {"best_log_joint", result.selection.best_log_joint}};
   document["odometry_calibration"] = {{"scale_v", odometry.scale_v},
                                       {"scale_omega", odometry.scale_omega},
                                       {"lag_s", odometry.lag_s},
@@ -236,13 +249,15 @@ Status WriteTrajectories(const std::string& folder, const MapperResult& result) 
 
 Status Build(const BuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
-  SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options));
+  SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
 
   MapperOptions mapper_options;
   mapper_options.seed = options.seed;
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
+  SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
+  mapper_options.modes.selector.seed = options.seed;
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(
       MapperResult result,
@@ -259,8 +274,8 @@ Status Build(const BuildOptions& options, Context& context) {
   if (!context.dry_run()) {
     if (options.trajectories)
       SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
-    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                              MapStore::Open(options.store, MapStore::Access::kReadWriteCreate));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
     CommitOptions commit_options;
     commit_options.parent = prior.version;
     commit_options.publish = !options.no_publish;
@@ -290,7 +305,7 @@ void AddBuildCommand(Application* application) {
       .Option("--area", &options->area, "Area to make a version of")
       .Required()
       .Option("--selector", &options->selector, "How the mode of a visit is chosen")
-      .OneOf({"viterbi"})
+      .OneOf(SelectorNames())
       .Option("--engine", &options->engine, "How the map is estimated")
       .OneOf({"graph"})
       .Option("--prior", &options->prior, "Map to start from: published, none, or a version number")
@@ -299,7 +314,8 @@ void AddBuildCommand(Application* application) {
             &options->no_calibration,
             "Take odometry and sensors at their default calibration")
       .Option("--trajectories", &options->trajectories, "Folder for one <run>.tum per run")
-      .Option("--seed", &options->seed, "Seed of the noise estimate's samples")
+      .Option(
+          "--seed", &options->seed, "Seed of the noise estimate's samples and of --selector mcts")
       .Option(
           "--leave-rate-per-s", &options->leave_rate_per_s, "Rate at which landmarks leave a mode")
       .InRange(0.0, 1e3)

@@ -11,6 +11,7 @@
 #include "mapper/cli/commands.h"
 #include "mapper/cli/survey_file.h"
 #include "mapper/mapper_options.h"
+#include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
@@ -40,7 +41,8 @@ Status Import(const ImportOptions& options, Context& context) {
   // Also in a dry run: what is there must be a store.
   std::error_code error;
   if (std::filesystem::exists(options.store, error)) {
-    SHIFTMAP_RETURN_IF_ERROR(MapStore::Open(options.store, MapStore::Access::kReadOnly).status());
+    SHIFTMAP_RETURN_IF_ERROR(
+        OpenStore(options.store, MapStore::Access::kReadOnly, context).status());
   }
 
   Json document = {{"area", options.area}};
@@ -50,8 +52,8 @@ Status Import(const ImportOptions& options, Context& context) {
     provenance.tool = "shiftmap-mapper " + SoftwareVersion();
     provenance.configuration =
         Json{{"survey_sha256", survey_hash}, {"leave_rate_per_s", options.leave_rate_per_s}}.dump();
-    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                              MapStore::Open(options.store, MapStore::Access::kReadWriteCreate));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
     CommitOptions commit;
     commit.publish = !options.no_publish;
     SHIFTMAP_ASSIGN_OR_RETURN(const CommitResult result,

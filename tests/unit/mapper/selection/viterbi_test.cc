@@ -8,58 +8,66 @@
 #include <random>
 
 #include "tests/support/random_map.h"
+#include "tests/unit/mapper/selection/random_sequence.h"
 
 namespace shiftmap {
 namespace {
 
-Eigen::VectorXd LogDistribution(std::mt19937_64& random, int n) {
-  return testing::RandomDistribution(random, n).array().log();
+using testing::ForEachSequence;
+using testing::RandomSequence;
+using testing::RandomSequenceWithTies;
+
+// Lengths at which brute force still ends: n^T <= 1e5.
+int LongestCheckable(int n) {
+  if (n == 1) return 40;
+  int steps = 0;
+  for (double sequences = n; sequences <= 1e5; sequences *= n) ++steps;
+  return steps;
 }
 
-ModeSequenceProblem RandomProblem(std::mt19937_64& random, int n, int visits) {
-  std::normal_distribution<double> normal;
-  ModeSequenceProblem problem;
-  problem.log_initial = LogDistribution(random, n);
-  for (int t = 1; t < visits; ++t) {
-    Eigen::MatrixXd transition(n, n);
-    for (int row = 0; row < n; ++row) transition.row(row) = LogDistribution(random, n).transpose();
-    problem.log_transition.push_back(transition);
-  }
-  problem.log_likelihood.resize(visits, n);
-  for (double& value : problem.log_likelihood.reshaped()) value = 2.0 * normal(random);
-  return problem;
+double BestByBruteForce(const ModeSequenceProblem& problem) {
+  double best = -std::numeric_limits<double>::infinity();
+  ForEachSequence(problem.states(), problem.steps(), [&](const std::vector<int>& states) {
+    best = std::max(best, LogJoint(problem, states));
+  });
+  return best;
 }
 
-// Calls `visit` with every sequence of `length` states out of n.
-template <typename Visit>
-void ForEachSequence(int n, int length, Visit visit) {
-  std::vector<int> states(static_cast<std::size_t>(length), 0);
-  while (true) {
-    visit(states);
-    std::size_t digit = 0;
-    while (digit < states.size() && ++states[digit] == n) states[digit++] = 0;
-    if (digit == states.size()) return;
-  }
-}
-
-TEST(Viterbi, NoOtherSequenceIsMoreLikely) {
+TEST(Viterbi, NoOtherSequenceIsMoreLikelyInAnyChainThatCanBeEnumerated) {
   std::mt19937_64 random(testing::TestSeed(11));
-  for (int trial = 0; trial < 60; ++trial) {
-    const int n = 1 + trial % 4;
-    const int visits = 1 + trial % 7;
-    const ModeSequenceProblem problem = RandomProblem(random, n, visits);
-    double best = -std::numeric_limits<double>::infinity();
-    ForEachSequence(n, visits, [&](const std::vector<int>& states) {
-      best = std::max(best, LogJoint(problem, states));
+  int chains = 0;
+  for (int n = 1; n <= 12; ++n) {
+    for (int steps = 1; steps <= LongestCheckable(n); ++steps) {
+      const double spread = chains % 2 == 0 ? 2.0 : 0.3;
+      const ModeSequenceProblem problem = RandomSequence(random, n, steps, spread);
+      EXPECT_NEAR(LogJoint(problem, MostLikelyModes(problem)), BestByBruteForce(problem), 1e-12)
+          << n << " states, " << steps << " steps";
+      ++chains;
+    }
+  }
+  EXPECT_GT(chains, 80);
+}
+
+TEST(Viterbi, TiesAreBrokenTowardsTheSmallestStatesLastStepFirst) {
+  std::mt19937_64 random(testing::TestSeed(13));
+  for (int trial = 0; trial < 200; ++trial) {
+    const int n = 2 + trial % 3;
+    const int steps = 1 + trial % 6;
+    const ModeSequenceProblem problem = RandomSequenceWithTies(random, n, steps);
+    const double best = BestByBruteForce(problem);
+    // Enumerated with the last step as the most significant digit, the first best one is it.
+    std::vector<int> expected;
+    ForEachSequence(n, steps, [&](const std::vector<int>& states) {
+      if (expected.empty() && LogJoint(problem, states) == best) expected = states;
     });
-    EXPECT_NEAR(LogJoint(problem, MostLikelyModes(problem)), best, 1e-12) << trial;
+    EXPECT_EQ(MostLikelyModes(problem), expected) << trial;
   }
 }
 
 TEST(Viterbi, TheJointSumsToTheEvidenceOfTheForwardRecursion) {
   std::mt19937_64 random(testing::TestSeed(12));
   for (int n = 1; n <= 4; ++n) {
-    const ModeSequenceProblem problem = RandomProblem(random, n, 5);
+    const ModeSequenceProblem problem = RandomSequence(random, n, 5);
     double sum = 0.0;
     ForEachSequence(
         n, 5, [&](const std::vector<int>& states) { sum += std::exp(LogJoint(problem, states)); });
@@ -94,6 +102,18 @@ TEST(Viterbi, AStickyChainOutvotesOneWeakVisit) {
   EXPECT_EQ(MostLikelyModes(problem), (std::vector<int>{0, 0, 0}));
   problem.log_likelihood(1, 0) = -20.0;
   EXPECT_EQ(MostLikelyModes(problem), (std::vector<int>{0, 1, 0}));
+}
+
+TEST(Viterbi, TakesNoImpossibleStep) {
+  ModeSequenceProblem problem;
+  constexpr double kNever = -std::numeric_limits<double>::infinity();
+  problem.log_initial = Eigen::Vector2d(0.0, kNever);
+  Eigen::Matrix2d one_way;
+  one_way << std::log(0.5), std::log(0.5), kNever, 0.0;
+  problem.log_transition.assign(2, one_way);
+  problem.log_likelihood.resize(3, 2);
+  problem.log_likelihood << -50.0, 0.0, -50.0, 0.0, 0.0, -1.0;
+  EXPECT_EQ(MostLikelyModes(problem), (std::vector<int>{0, 1, 1}));
 }
 
 }  // namespace

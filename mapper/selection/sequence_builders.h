@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The two time scales of a mode sequence: a step per visit, with the real time in between, or a
+// step per observation, with the same transition every time.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "mapper/selection/mode_sequence.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/map/mode_chain.h"
+
+namespace shiftmap {
+
+/// One visit of a group.
+struct VisitStep {
+  Eigen::VectorXd log_likelihood;  ///< Of all that was seen in the visit, per state.
+  Duration gap{};                  ///< Since the end of the visit before; unused for the first.
+};
+
+/// A chain whose steps are visits: Π(gap) in between, Π = I inside.
+ModeSequenceProblem MakeVisitSequence(Eigen::VectorXd log_initial,
+                                      const ModeChain& chain,
+                                      const std::vector<VisitStep>& visits);
+
+/// One time at which a group was looked for.
+struct ObservationStep {
+  Eigen::VectorXd detection_probability;  ///< P_D per state, in [0, 1), IJRR (31).
+
+  /// log p(z_t | δ_t) per state; nothing if the landmark was not seen, z_t = ∅.
+  std::optional<Eigen::VectorXd> log_density;
+};
+
+/// A chain whose steps are observations, as IJRR prints it: ψ = p(δ_t|δ_{t-1}) P_D p(z_t|δ_t), IJRR
+/// (27), for what is seen and p(δ_t|δ_{t-1}) (1 - P_D) for what is not. IJRR (28) prints the second
+/// without p(δ_t|δ_{t-1}); then a landmark could move at no cost whenever it is not seen.
+/// @param initial             Pr(δ_1) per state.
+/// @param change_probability  Of leaving a state from one step to the next, spread evenly over the
+///                            others; IJRR 8.2.2 takes 1e-4. In [0, 1).
+ModeSequenceProblem MakeObservationSequence(const Eigen::VectorXd& initial,
+                                            double change_probability,
+                                            const std::vector<ObservationStep>& observations);
+
+}  // namespace shiftmap

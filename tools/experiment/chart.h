@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+namespace shiftmap {
+
+/// Points that belong together, in the order of x where a line joins them.
+struct ChartSeries {
+  std::string name;  ///< In the legend; empty for none.
+  std::vector<Eigen::Vector2d> points = {};
+  bool line = true;
+  double marker_radius = 3.0;  ///< [px]
+};
+
+/// A figure with two axes. Points that are not finite, or not positive on a logarithmic axis, are
+/// left out.
+struct Chart {
+  std::string title;
+  std::string x_label;
+  std::string y_label;
+  std::vector<ChartSeries> series = {};
+  bool log_y = false;
+  bool equal_axes = false;  ///< One unit is as long on either axis, as on a map.
+};
+
+/// The chart as an SVG document.
+std::string DrawChart(const Chart& chart);
+
+/// Where an axis that shows [min, max] has its ticks: multiples of 1, 2 or 5 times a power of ten,
+/// about `count` of them, all within [min, max].
+std::vector<double> LinearTicks(double min, double max, int count);
+
+/// Powers of ten within [min, max], 0 < min.
+std::vector<double> LogTicks(double min, double max);
+
+}  // namespace shiftmap

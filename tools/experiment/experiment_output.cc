@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/experiment_output.h"
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "mapstore/cli/version.h"
+#include "mapstore/core/atomic_file.h"
+
+namespace shiftmap {
+namespace {
+
+Json RowJson(const std::vector<std::string>& columns, const std::vector<ResultTable::Cell>& row) {
+  Json object = Json::object();
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const auto* number = std::get_if<double>(&row[i]);
+    if (number == nullptr) {
+      object[columns[i]] = std::get<std::string>(row[i]);
+    } else {
+      // JSON has no way to write what is not finite.
+      object[columns[i]] = std::isfinite(*number) ? Json(*number) : Json(nullptr);
+    }
+  }
+  return object;
+}
+
+}  // namespace
+
+ExperimentOutput::ExperimentOutput(std::string name, std::string directory, bool dry_run)
+    : name_(std::move(name)), directory_(std::move(directory)), dry_run_(dry_run) {}
+
+Status ExperimentOutput::WriteTable(const ResultTable& table) {
+  return Write(name_ + ".csv", table.ToCsv());
+}
+
+Status ExperimentOutput::WriteFigure(const std::string& figure, const Chart& chart) {
+  return Write(fmt::format("{}-{}.svg", name_, figure), DrawChart(chart));
+}
+
+StatusOr<Json> ExperimentOutput::WriteDocument(const Json& options, const ResultTable& table) {
+  Json rows = Json::array();
+  for (const auto& row : table.rows()) rows.push_back(RowJson(table.columns(), row));
+  Json document = {
+      {"experiment", name_}, {"version", SoftwareVersion()}, {"options", options}, {"rows", rows}};
+  SHIFTMAP_RETURN_IF_ERROR(Write(name_ + ".json", JsonText(document)));
+  document["files"] = files_;
+  return document;
+}
+
+Status ExperimentOutput::Write(const std::string& file, const std::string& text) {
+  const std::string path = directory_ + "/" + file;
+  files_.push_back(path);
+  if (dry_run_) return OkStatus();
+  std::error_code error;
+  std::filesystem::create_directories(directory_, error);
+  if (error) return Unavailable("folder '{}': cannot be made: {}", directory_, error.message());
+  return WriteFileAtomically(path, text);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mapstore/cli/context.h"
+#include "proto/core/status.h"
+#include "tools/experiment/chart.h"
+#include "tools/experiment/result_table.h"
+
+namespace shiftmap {
+
+/// The files of one experiment. With --dry-run nothing is written, and the paths are still listed.
+class ExperimentOutput {
+ public:
+  /// @param name  Of the experiment: the stem of its files.
+  ExperimentOutput(std::string name, std::string directory, bool dry_run);
+
+  /// `<name>.csv`. Errors: kUnavailable. So have all below.
+  Status WriteTable(const ResultTable& table);
+
+  /// `<name>-<figure>.svg`.
+  Status WriteFigure(const std::string& figure, const Chart& chart);
+
+  /// `<name>.json`: {"experiment", "version", "options", "rows": [{column: value, ...}, ...]}.
+  /// Returns the document with the list of all files so far under "files", for the standard output.
+  StatusOr<Json> WriteDocument(const Json& options, const ResultTable& table);
+
+  const std::vector<std::string>& files() const { return files_; }
+
+ private:
+  Status Write(const std::string& file, const std::string& text);
+
+  std::string name_;
+  std::string directory_;
+  bool dry_run_;
+  std::vector<std::string> files_;
+};
+
+}  // namespace shiftmap
