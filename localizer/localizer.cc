@@ -28,7 +28,8 @@ bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibra
 Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
     : snapshot_(std::move(snapshot)),
       options_(options),
-      odometry_(snapshot_.calibration().odometry) {
+      odometry_(snapshot_.calibration().odometry),
+      next_start_(options.initial_pose) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
 }
@@ -64,9 +65,10 @@ void Localizer::AccountTime(Stamp stamp) {
 void Localizer::ProcessScan(const Scan& scan) {
   ++statistics_.scans;
   WindowScan step{UsableObservations(scan), odometry_.Take(scan.stamp)};
-  if (!bank_ && options_.initial_pose) {
+  if (next_start_) {
+    window_.clear();
     window_.push_back(std::move(step));
-    StartAt(*options_.initial_pose, 0);
+    StartAt(*std::exchange(next_start_, std::nullopt), 0);
     return;
   }
   if (bank_) Step(step);
@@ -202,6 +204,8 @@ void Localizer::ForgetSince(Stamp stamp) {
   std::erase_if(evidence_, [&](const VisitEvidence& evidence) { return evidence.end >= stamp; });
   std::erase_if(decisions_, [&](const Decision& decision) { return decision.stamp >= stamp; });
 }
+
+void Localizer::Initialize(const PoseWithCovariance& pose) { next_start_ = pose; }
 
 std::optional<PoseEstimate> Localizer::Estimate() const {
   if (!bank_) return std::nullopt;

@@ -55,6 +55,9 @@ class Localizer {
   /// one; the localizer is then as before.
   Status Process(const RunEvent& event);
 
+  /// Starts again at the next scan, at a pose that somebody knows. What ended visits say stays.
+  void Initialize(const PoseWithCovariance& pose);
+
   /// The pose after the last scan, by the heaviest leaf; nothing while INITIALIZING.
   std::optional<PoseEstimate> Estimate() const;
 
@@ -97,6 +100,7 @@ class Localizer {
   LocalizerOptions options_;
   OdometryBuffer odometry_;
   std::optional<HypothesisBank> bank_;
+  std::optional<PoseWithCovariance> next_start_;  // Given, for the next scan.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
   HealthMonitor health_;
   SightingCollector sightings_;

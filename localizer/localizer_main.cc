@@ -6,5 +6,7 @@ int main(int argc, char** argv) {
                                     "Localizes a vehicle on a map whose landmarks move");
   shiftmap::AddRunCommand(&application);
   shiftmap::AddReturnCommand(&application);
+  shiftmap::AddServeCommand(&application);
+  shiftmap::AddCtlCommand(&application);
   return application.Main(argc, argv);
 }

@@ -11,4 +11,10 @@ void AddRunCommand(Application* application);
 /// `return`: hands shift reports back to the map store.
 void AddReturnCommand(Application* application);
 
+/// `serve`: localizes a live vehicle that talks over a Unix socket.
+void AddServeCommand(Application* application);
+
+/// `ctl`: says one thing to a service, e.g. `start`, or feeds it a run log.
+void AddCtlCommand(Application* application);
+
 }  // namespace shiftmap

@@ -2,8 +2,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <cmath>
-#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -12,7 +10,9 @@
 #include <vector>
 
 #include "localizer/cli/commands.h"
+#include "localizer/cli/initial_pose.h"
 #include "localizer/cli/run_json.h"
+#include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
@@ -35,21 +35,6 @@ struct RunOptions {
   int max_leaves = HypothesisOptions().max_leaves;
   std::string run;
 };
-
-// `X,Y,YAW` with the uncertainty of a pose that somebody typed; nothing if it is something else.
-std::optional<PoseWithCovariance> ParseInitialPose(const std::string& text) {
-  double x = 0.0;
-  double y = 0.0;
-  double yaw = 0.0;
-  int length = 0;
-  const int fields = std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &x, &y, &yaw, &length);
-  const bool whole = fields == 3 && static_cast<std::size_t>(length) == text.size();
-  if (!whole || !std::isfinite(x) || !std::isfinite(y) || !std::isfinite(yaw)) return std::nullopt;
-  PoseWithCovariance pose;
-  pose.T_map_vehicle = Se2(x, y, yaw);
-  pose.cov_T_map_vehicle = Eigen::Vector3d(0.25, 0.25, 0.04).asDiagonal();
-  return pose;
-}
 
 // What is wrong with the options as a whole; empty if nothing is.
 std::string CheckOptions(const RunOptions& options) {
@@ -123,6 +108,9 @@ class Shift {
     report.vehicle = vehicle_;
     report.run_hash = run_hash_;
     report.software = "shiftmap-localizer " + SoftwareVersion();
+    live::DropCounts dropped;
+    live::AddDropped(localizer_.Statistics(), &dropped);
+    report.dropped = dropped.List();
     summary_.report_uuid = report.uuid;
     return report;
   }

@@ -54,6 +54,11 @@ void ToProto(const UnmappedSighting& sighting, proto::UnmappedSighting* out) {
   out->set_last_ns(ToNanoseconds(sighting.last));
 }
 
+void ToProto(const DroppedCount& dropped, proto::Dropped* out) {
+  out->set_reason(dropped.reason);
+  out->set_count(dropped.count);
+}
+
 VisitEvidence FromProto(const proto::VisitEvidence& in) {
   VisitEvidence visit;
   visit.signature = Signature(in.signature());
@@ -99,6 +104,9 @@ ShiftReport FromProto(const proto::ShiftReport& in) {
   for (const auto& visit : in.evidence()) report.evidence.push_back(FromProto(visit));
   for (const auto& decision : in.decision()) report.decisions.push_back(FromProto(decision));
   for (const auto& sighting : in.sighting()) report.sightings.push_back(FromProto(sighting));
+  for (const auto& dropped : in.dropped()) {
+    report.dropped.push_back({dropped.reason(), dropped.count()});
+  }
   return report;
 }
 
@@ -135,6 +143,7 @@ std::string EncodeShiftReport(const ShiftReport& report) {
   for (const VisitEvidence& visit : report.evidence) ToProto(visit, out.add_evidence());
   for (const Decision& decision : report.decisions) ToProto(decision, out.add_decision());
   for (const UnmappedSighting& sighting : report.sightings) ToProto(sighting, out.add_sighting());
+  for (const DroppedCount& dropped : report.dropped) ToProto(dropped, out.add_dropped());
   return out.SerializeAsString();
 }
 

@@ -124,6 +124,14 @@ Status CheckSighting(const std::string& field,
   return CheckSpan(field, sighting.first, sighting.last, report);
 }
 
+Status CheckDropped(const std::string& field, const DroppedCount& dropped, const ShiftReport&) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckText(field + ".reason", dropped.reason));
+  if (dropped.count < 0) {
+    return InvalidArgument("{}.count: {}, expected 0 or more", field, dropped.count);
+  }
+  return OkStatus();
+}
+
 template <typename Item, typename Check>
 Status CheckAll(const char* name,
                 const std::vector<Item>& items,
@@ -141,7 +149,8 @@ Status ValidateShiftReport(const ShiftReport& report) {
   SHIFTMAP_RETURN_IF_ERROR(CheckHead(report));
   SHIFTMAP_RETURN_IF_ERROR(CheckAll("evidence", report.evidence, report, CheckEvidence));
   SHIFTMAP_RETURN_IF_ERROR(CheckAll("decision", report.decisions, report, CheckDecision));
-  return CheckAll("sighting", report.sightings, report, CheckSighting);
+  SHIFTMAP_RETURN_IF_ERROR(CheckAll("sighting", report.sightings, report, CheckSighting));
+  return CheckAll("dropped", report.dropped, report, CheckDropped);
 }
 
 }  // namespace shiftmap

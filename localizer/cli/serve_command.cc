@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "localizer/cli/commands.h"
+#include "localizer/cli/initial_pose.h"
+#include "localizer/cli/service_json.h"
+#include "localizer/live/server.h"
+#include "mapstore/cli/version.h"
+
+namespace shiftmap {
+namespace {
+
+struct ServeOptions {
+  std::optional<std::string> store;
+  std::optional<std::string> snapshot;
+  std::string area;
+  std::string socket;
+  std::optional<std::string> state_dir;
+  std::string vehicle = "vehicle";
+  std::string content_hash;
+  std::string initial_pose = "auto";
+  bool start = false;
+  double alpha = HypothesisOptions().alpha;
+  int max_leaves = HypothesisOptions().max_leaves;
+  double max_pose_age_s = live::SavedPoseOptions().max_age_s;
+  double step_budget_ms = live::ServiceOptions().step_budget_ms;
+};
+
+std::string CheckOptions(const ServeOptions& options) {
+  if (options.store.has_value() == options.snapshot.has_value()) {
+    return "give either --store or --snapshot";
+  }
+  if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
+    return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
+  }
+  return options.vehicle.empty() ? "--vehicle is empty" : "";
+}
+
+live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
+  live::ServiceOptions service;
+  service.map_path = options.store ? *options.store : *options.snapshot;
+  service.area = options.area;
+  service.content_hash = options.content_hash;
+  service.state_dir = options.state_dir.value_or(options.socket + ".state");
+  service.vehicle = options.vehicle;
+  service.software = "shiftmap-localizer " + SoftwareVersion();
+  service.localizer.hypotheses.alpha = options.alpha;
+  service.localizer.hypotheses.max_leaves = options.max_leaves;
+  service.localizer.initial_pose = ParseInitialPose(options.initial_pose);
+  service.saved_pose.max_age_s = options.max_pose_age_s;
+  service.step_budget_ms = options.step_budget_ms;
+  service.clock = [] {
+    return std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
+  };
+  return service;
+}
+
+Status Serve(const ServeOptions& options, Context& context) {
+  live::ServiceNotifier notifier;
+  live::ServiceOptions service_options = ServiceOptionsOf(options);
+  service_options.warn = [&context](const std::string& message) { context.Warn(message); };
+  service_options.resuming = [&notifier] { notifier.StillStarting(); };
+  // The socket first: two services must not take up one shift.
+  SHIFTMAP_ASSIGN_OR_RETURN(live::Server server, live::Server::Listen(options.socket, &notifier));
+  SHIFTMAP_ASSIGN_OR_RETURN(live::Service service, live::Service::Open(service_options));
+  if (options.start && !service.State().running) {
+    std::vector<live::Event> events;
+    const live::Reply started = service.Handle({.id = 0, .command = live::Start()}, &events);
+    SHIFTMAP_RETURN_IF_ERROR(started.status);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(server.Run(&service));
+  context.Report(ServiceJson(service.State()), ServiceText(service.State()));
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddServeCommand(Application* application) {
+  auto options = std::make_shared<ServeOptions>();
+  application
+      ->AddCommand("serve",
+                   "Localize a live vehicle that talks over a Unix socket",
+                   [options](Context& context) { return Serve(*options, context); })
+      .Option("--store", &options->store, "Map store to take the published version from")
+      .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
+      .Option("--area", &options->area, "Area to localize in")
+      .Required()
+      .Option("--socket", &options->socket, "Unix socket to listen on")
+      .Required()
+      .Option("--state-dir",
+              &options->state_dir,
+              "Folder for journal, saved pose and reports; default: the socket's path and .state")
+      .Option("--vehicle", &options->vehicle, "Name of the vehicle in the fleet")
+      .Option("--content-hash", &options->content_hash, "The map must have this content hash")
+      .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
+      .Flag("--start", &options->start, "Begin a shift at once")
+      .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
+      .InRange(1e-12, 0.49)
+      .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
+      .InRange(1, 1024)
+      .Option("--max-pose-age-s", &options->max_pose_age_s, "Oldest saved pose that is used")
+      .InRange(0.0, 1e9)
+      .Option("--step-budget-ms", &options->step_budget_ms, "A longer step counts as an overrun")
+      .InRange(1e-3, 1e6)
+      .Check([options] { return CheckOptions(*options); });
+}
+
+}  // namespace shiftmap

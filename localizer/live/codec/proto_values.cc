@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/codec/proto_values.h"
+
+#include "mapstore/codec/shift_report_check.h"
+
+namespace shiftmap::live {
+namespace {
+
+constexpr int kCovarianceValues = 6;
+
+// Time differences must not overflow, whatever a client sends.
+Status CheckStamp(Stamp stamp) {
+  if (stamp >= Stamp()) return OkStatus();
+  return InvalidArgument("stamp_ns: {}, expected 0 or more", ToNanoseconds(stamp));
+}
+
+}  // namespace
+
+void ToProto(const PoseWithCovariance& pose, proto::Pose* out) {
+  out->set_x_m(pose.T_map_vehicle.x());
+  out->set_y_m(pose.T_map_vehicle.y());
+  out->set_yaw_rad(pose.T_map_vehicle.yaw());
+  for (int row = 0; row < 3; ++row) {
+    for (int column = row; column < 3; ++column) {
+      out->add_covariance(pose.cov_T_map_vehicle(row, column));
+    }
+  }
+}
+
+StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in) {
+  if (!std::isfinite(in.x_m()) || !std::isfinite(in.y_m()) || !std::isfinite(in.yaw_rad())) {
+    return InvalidArgument(
+        "pose: ({}, {}, {}), expected finite numbers", in.x_m(), in.y_m(), in.yaw_rad());
+  }
+  if (in.covariance_size() != kCovarianceValues) {
+    return InvalidArgument(
+        "pose: covariance of {} values, expected {}", in.covariance_size(), kCovarianceValues);
+  }
+  PoseWithCovariance pose;
+  pose.T_map_vehicle = Se2(in.x_m(), in.y_m(), in.yaw_rad());
+  int next = 0;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = row; column < 3; ++column) {
+      pose.cov_T_map_vehicle(row, column) = in.covariance(next);
+      pose.cov_T_map_vehicle(column, row) = in.covariance(next);
+      ++next;
+    }
+  }
+  if (!IsSymmetricPositiveDefinite(pose.cov_T_map_vehicle)) {
+    return InvalidArgument("pose: covariance is not positive definite");
+  }
+  return pose;
+}
+
+StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const OdometrySample sample, DecodeOdometry(in.SerializeAsString()));
+  SHIFTMAP_RETURN_IF_ERROR(CheckStamp(sample.stamp));
+  return sample;
+}
+
+StatusOr<Scan> ScanFromProto(const proto::LandmarkScan& in) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, DecodeScan(in.SerializeAsString()));
+  SHIFTMAP_RETURN_IF_ERROR(CheckStamp(scan.stamp));
+  for (const Observation& observation : scan.observations) {
+    const std::size_t length = observation.signature.text().size();
+    if (length > kMaxReportTextBytes) {
+      return InvalidArgument(
+          "signature of {} bytes, expected at most {}", length, kMaxReportTextBytes);
+    }
+  }
+  return scan;
+}
+
+}  // namespace shiftmap::live

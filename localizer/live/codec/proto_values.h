@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Values that several messages share. Inside codec/ only: it names generated types.
+#pragma once
+
+#include <climits>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "localizer/live/messages.h"
+#include "mapstore/codec/run_log_messages.h"
+#include "proto/core/check.h"
+#include "proto/core/status.h"
+#include "proto/live.pb.h"
+
+namespace shiftmap::live {
+
+template <typename Proto>
+StatusOr<Proto> ParseProto(std::string_view bytes) {
+  Proto message;
+  if (bytes.size() > INT_MAX ||
+      !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    return InvalidArgument(
+        "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
+  }
+  return message;
+}
+
+/// Fills `out` with what `encoded`, made by the codec of run logs, says.
+template <typename Proto>
+void FillFrom(const std::string& encoded, Proto* out) {
+  SHIFTMAP_CHECK(out->ParseFromString(encoded), "{} bytes of our own", encoded.size());
+}
+
+void ToProto(const PoseWithCovariance& pose, proto::Pose* out);
+
+/// Errors: kInvalidArgument for numbers that are not finite, a covariance that is not positive
+/// definite.
+StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in);
+
+/// Errors: kInvalidArgument for a number that is not finite.
+template <typename Proto>
+StatusOr<std::optional<double>> OdometerFromProto(const Proto& in) {
+  if (!in.has_odometer_m()) return std::optional<double>();
+  if (!std::isfinite(in.odometer_m())) {
+    return InvalidArgument("odometer_m: {}, expected a finite number", in.odometer_m());
+  }
+  return std::optional<double>(in.odometer_m());
+}
+
+/// Decodes an item that the vehicle fed, and checks what a report could not carry.
+/// Errors: kInvalidArgument.
+StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in);
+StatusOr<Scan> ScanFromProto(const proto::LandmarkScan& in);
+
+}  // namespace shiftmap::live

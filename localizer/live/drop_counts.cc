@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/drop_counts.h"
+
+namespace shiftmap::live {
+
+std::vector<DroppedCount> DropCounts::List() const {
+  std::vector<DroppedCount> list;
+  for (const auto& [reason, count] : counts_) {
+    if (count > 0) list.push_back({reason, count});
+  }
+  return list;
+}
+
+void AddDropped(const LocalizerStatistics& statistics, DropCounts* counts) {
+  counts->Add("duplicate_signature", statistics.duplicate_signatures);
+  counts->Add("unknown_signature", statistics.unknown_signatures);
+  counts->Add("anonymous", statistics.anonymous);
+  counts->Add("ungated", statistics.ungated);
+}
+
+}  // namespace shiftmap::live

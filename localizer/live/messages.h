@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a vehicle and its localizer say to each other, as values (proto/live.proto says what each
+// field means).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "localizer/localizer_state.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/map/evidence.h"
+#include "mapstore/run/run.h"
+#include "proto/core/status.h"
+
+namespace shiftmap::live {
+
+struct GetState {};
+
+/// Begins a shift.
+struct Start {
+  std::string vehicle;               ///< Empty: as the service was configured.
+  std::optional<double> odometer_m;  ///< What the vehicle's odometer shows. [m]
+};
+
+/// Ends the shift and writes its report.
+struct Stop {
+  bool save_pose = false;  ///< For the next start.
+};
+
+/// Takes another map, between shifts.
+struct SetMap {
+  std::string area;
+  std::optional<VersionNumber> version;  ///< Nothing: the published one.
+  std::string content_hash;              ///< If not empty, what the map's must be.
+};
+
+/// The pose at the next scan, known from elsewhere.
+struct InitializePose {
+  PoseWithCovariance pose;
+};
+
+/// What a client wants to be told, from now on.
+struct Subscribe {
+  bool poses = false;
+  bool states = false;
+  bool decisions = false;
+};
+
+using Command =
+    std::variant<OdometrySample, Scan, GetState, Start, Stop, SetMap, InitializePose, Subscribe>;
+
+struct Request {
+  std::uint64_t id = 0;  ///< 0: no reply wanted.
+  Command command;
+};
+
+/// What the service is doing.
+struct ServiceState {
+  bool running = false;  ///< A shift is under way.
+  std::string area;
+  VersionNumber version;
+  std::string content_hash;
+  std::string report_uuid;  ///< Of the shift, or of the last one.
+  std::string report_path;  ///< Of the last report written.
+  bool resumed = false;     ///< The shift was interrupted.
+  LocalizerState localizer_state = LocalizerState::kInitializing;
+  Stamp stamp;                             ///< Of the last item.
+  std::optional<PoseWithCovariance> pose;  ///< Then.
+  std::int64_t scans = 0;
+  std::int64_t decisions = 0;
+  std::int64_t overruns = 0;  ///< Steps that took longer than their budget.
+  std::vector<DroppedCount> dropped;
+};
+
+struct Reply {
+  std::uint64_t id = 0;
+  Status status;
+  std::optional<ServiceState> state;  ///< After the request; none for odometry and scans.
+};
+
+/// The pose after an odometry sample or a scan.
+struct PoseEvent {
+  Stamp stamp;
+  PoseWithCovariance pose;
+  LocalizerState state = LocalizerState::kInitializing;
+};
+
+/// The state is another one from `stamp` on.
+struct StateEvent {
+  Stamp stamp;
+  LocalizerState state = LocalizerState::kInitializing;
+};
+
+using Event = std::variant<Reply, PoseEvent, StateEvent, Decision>;
+
+/// What a shift was begun with; the first record of its journal.
+struct ShiftHeader {
+  std::string uuid;  ///< Of the report: drawn once, so that a resumed shift reports once.
+  std::string vehicle;
+  std::string area;
+  VersionNumber version;
+  std::string content_hash;
+  Stamp map_stamp;  ///< At which the map's probabilities held.
+  double alpha = 0.0;
+  int max_leaves = 0;
+  std::optional<double> odometer_m;  ///< What the vehicle's odometer showed. [m]
+};
+
+/// Everything that a shift's result depends on, in order: the header, then the localizer's inputs.
+using JournalRecord = std::variant<ShiftHeader, OdometrySample, Scan, InitializePose>;
+
+/// Where the vehicle stood at the end of a shift.
+struct SavedPose {
+  std::string area;
+  std::string content_hash;
+  Stamp stamp;
+  PoseWithCovariance pose;
+  std::optional<double> odometer_m;  ///< What the vehicle's odometer showed then. [m]
+};
+
+}  // namespace shiftmap::live

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/pose_predictor.h"
+
+#include "localizer/filter/odometry_buffer.h"
+
+namespace shiftmap::live {
+namespace {
+
+// Bounds what a long stretch without scans costs per step.
+constexpr std::size_t kMaxSamples = 128;
+
+}  // namespace
+
+void PosePredictor::Add(const OdometrySample& sample) {
+  samples_.push_back(sample);
+  if (samples_.size() <= kMaxSamples) return;
+  if (!corrected_) {
+    samples_.pop_front();
+    return;
+  }
+  // What was driven so far is settled, and odometry goes on from there.
+  corrected_ = At(sample.stamp);
+  Trim();
+}
+
+void PosePredictor::Correct(const PoseEstimate& estimate) {
+  corrected_ = estimate;
+  Trim();
+}
+
+void PosePredictor::Trim() {
+  const Stamp needed = corrected_->stamp - FromSeconds(calibration_.lag_s);
+  while (samples_.size() > 1 && samples_[1].stamp <= needed) samples_.pop_front();
+}
+
+std::optional<PoseEstimate> PosePredictor::At(Stamp now) const {
+  if (!corrected_ || now <= corrected_->stamp) return corrected_;
+  OdometryBuffer motion(calibration_);
+  for (const OdometrySample& sample : samples_) motion.Add(sample);
+  motion.Take(corrected_->stamp);
+  const MotionIncrement increment = motion.Take(now).increment;
+  PoseEstimate moved;
+  moved.stamp = now;
+  moved.pose.T_map_vehicle = corrected_->pose.T_map_vehicle * increment.T_begin_end;
+  const Eigen::Matrix3d F = increment.T_begin_end.Inverse().Adjoint();
+  moved.pose.cov_T_map_vehicle =
+      Symmetrized(F * corrected_->pose.cov_T_map_vehicle * F.transpose() + increment.cov);
+  return moved;
+}
+
+}  // namespace shiftmap::live

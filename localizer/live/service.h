@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "localizer/live/drop_counts.h"
+#include "localizer/live/journal_file.h"
+#include "localizer/live/messages.h"
+#include "localizer/live/owned_fd.h"
+#include "localizer/live/saved_pose.h"
+#include "localizer/live/shift.h"
+#include "localizer/localizer_options.h"
+#include "mapstore/map/map_snapshot.h"
+#include "proto/core/status.h"
+
+namespace shiftmap::live {
+
+struct ServiceOptions {
+  std::string map_path;  ///< Map store or snapshot.
+  std::string area;
+  std::string content_hash;  ///< If not empty, what the map's must be.
+  std::string state_dir;  ///< Folder for journal, saved pose and reports; made if it is not there.
+  std::string vehicle;    ///< Name in the fleet, if a start gives none; not empty.
+  std::string software;   ///< As ShiftReport::software.
+  LocalizerOptions localizer;  ///< Valid; `initial_pose` is that of the first start.
+  SavedPoseOptions saved_pose;
+
+  /// A step that takes longer counts as an overrun, > 0. [ms]
+  double step_budget_ms = 20.0;
+
+  /// A stamp may be this far ahead of this host's clock, >= 0. [s]
+  double max_future_s = 1.0;
+
+  /// The host's clock.
+  std::function<Stamp()> clock;
+
+  /// Told what goes wrong without ending the service.
+  std::function<void(const std::string&)> warn;
+
+  /// Called about a thousand times per second while a shift is resumed.
+  std::function<void()> resuming;
+};
+
+/// What stands behind the socket: one map, at most one shift, and the files that let a shift
+/// survive a crash. Knows nothing of connections.
+///
+/// One process per state folder: it is locked. A step computes only; WriteJournal() and
+/// SyncJournal() are called between steps. Files in the state folder: `shift.journal` while a shift
+/// is under way, `pose`, and `<uuid>.report`.
+class Service {
+ public:
+  /// Loads the map and takes up a shift that was interrupted. A journal that does not fit the map
+  /// any more is kept under another name.
+  /// Errors: as MapStore::LoadAt; kFailedPrecondition for another content hash; kUnavailable if the
+  /// state folder cannot be used, or another process uses it.
+  static StatusOr<Service> Open(ServiceOptions options);
+
+  /// Does what a request asks for; what subscribers may want to know is appended to `events`.
+  /// Subscribe is the connection's business and does nothing here.
+  Reply Handle(const Request& request, std::vector<Event>* events);
+
+  /// Counts what a connection dropped.
+  void CountDropped(const std::string& reason, std::int64_t count = 1) {
+    dropped_.Add(reason, count);
+  }
+
+  /// Hands the steps since the last call to the operating system, or makes them durable. A disk
+  /// that does not take them does not stop the vehicle: it is counted and warned of.
+  void WriteJournal();
+  void SyncJournal();
+
+  /// Ends the shift, if one is under way, saving its pose.
+  Status Shutdown();
+
+  ServiceState State() const;
+
+ private:
+  explicit Service(ServiceOptions options) : options_(std::move(options)) {}
+
+  Status Do(const OdometrySample& sample, std::vector<Event>* events);
+  Status Do(const Scan& scan, std::vector<Event>* events);
+  Status Do(const GetState&, std::vector<Event>*) { return OkStatus(); }
+  Status Do(const Subscribe&, std::vector<Event>*) { return OkStatus(); }
+  Status Do(const Start& start, std::vector<Event>* events);
+  Status Do(const Stop& stop, std::vector<Event>* events);
+  Status Do(const SetMap& map, std::vector<Event>* events);
+  Status Do(const InitializePose& start, std::vector<Event>* events);
+
+  Status Feed(const RunEvent& item, std::vector<Event>* events);
+
+  // Where a shift starts: a pose that somebody gave, or the saved one, or it will be found.
+  void ChooseStart(Stamp now);
+  void InitializeShift(const PoseWithCovariance& pose);
+
+  Status Resume();
+  void SetJournalAside(const Status& why);
+  void CheckJournal(const Status& status);
+  std::string File(const std::string& name) const { return options_.state_dir + "/" + name; }
+
+  ServiceOptions options_;
+  OwnedFd lock_;
+  std::optional<MapSnapshot> map_;
+  std::optional<Shift> shift_;
+  std::optional<JournalFile> journal_;
+  std::optional<PoseWithCovariance> given_start_;  // For the shift that starts next.
+  bool start_chosen_ = false;
+  bool resumed_ = false;
+  bool journal_warned_ = false;
+  DropCounts dropped_;
+  std::int64_t overruns_ = 0;
+  std::string last_uuid_;
+  std::string last_report_;
+};
+
+/// The version of an area with the probabilities of a time; nothing: the published one, now.
+StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,
+                                  const std::string& area,
+                                  std::optional<VersionNumber> version = std::nullopt,
+                                  std::optional<Stamp> at = std::nullopt);
+
+}  // namespace shiftmap::live

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/shift.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace shiftmap::live {
+namespace {
+
+// Between samples further apart the odometer is not told.
+constexpr double kMaxSampleGapS = 1.0;
+
+}  // namespace
+
+LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
+  LocalizerOptions options;
+  options.hypotheses.alpha = header.alpha;
+  options.hypotheses.max_leaves = header.max_leaves;
+  return options;
+}
+
+Shift::Shift(MapSnapshot map, const ShiftHeader& header)
+    : header_(header),
+      localizer_(std::move(map), OptionsOf(header)),
+      predictor_(localizer_.snapshot().calibration().odometry) {}
+
+Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
+  SHIFTMAP_RETURN_IF_ERROR(localizer_.Process(item));
+  now_ = std::max(now_, StampOf(item));
+  if (const auto* sample = std::get_if<OdometrySample>(&item)) {
+    predictor_.Add(*sample);
+    TellOdometer(*sample);
+  } else if (const auto estimate = localizer_.Estimate()) {
+    predictor_.Correct(*estimate);
+  }
+  TellNews(events);
+  return OkStatus();
+}
+
+void Shift::TellOdometer(const OdometrySample& sample) {
+  if (last_sample_) {
+    const double elapsed_s = ToSeconds(sample.stamp - last_sample_->stamp);
+    if (elapsed_s < kMaxSampleGapS) driven_m_ += std::abs(last_sample_->v_mps) * elapsed_s;
+  }
+  last_sample_ = sample;
+}
+
+void Shift::TellNews(std::vector<Event>* events) {
+  if (const auto pose = Pose()) {
+    events->emplace_back(PoseEvent{now_, pose->pose, localizer_.state()});
+  }
+  if (localizer_.state() != told_state_) {
+    told_state_ = localizer_.state();
+    events->emplace_back(StateEvent{now_, told_state_});
+  }
+  const std::vector<Decision>& decisions = localizer_.decisions();
+  // A restart takes decisions back.
+  told_decisions_ = std::min(told_decisions_, decisions.size());
+  for (; told_decisions_ < decisions.size(); ++told_decisions_) {
+    events->emplace_back(decisions[told_decisions_]);
+  }
+}
+
+ShiftReport Shift::Report(DropCounts dropped) const {
+  Localizer ended = localizer_;
+  ended.Finish();
+  ShiftReport report = ended.Report();
+  report.uuid = header_.uuid;
+  report.vehicle = header_.vehicle;
+  AddDropped(ended.Statistics(), &dropped);
+  report.dropped = dropped.List();
+  return report;
+}
+
+std::optional<SavedPose> Shift::PoseToSave() const {
+  const LocalizerState state = localizer_.state();
+  if (state == LocalizerState::kInitializing || state == LocalizerState::kLost) return std::nullopt;
+  const auto pose = Pose();
+  if (!pose) return std::nullopt;
+  SavedPose saved;
+  saved.area = header_.area;
+  saved.content_hash = header_.content_hash;
+  saved.stamp = now_;
+  saved.pose = pose->pose;
+  if (header_.odometer_m) saved.odometer_m = *header_.odometer_m + driven_m_;
+  return saved;
+}
+
+}  // namespace shiftmap::live

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "localizer/live/drop_counts.h"
+#include "localizer/live/messages.h"
+#include "localizer/live/pose_predictor.h"
+#include "localizer/localizer.h"
+
+namespace shiftmap::live {
+
+/// One shift of a live vehicle: the localizer, the pose between scans, and what there is to tell.
+///
+/// Determinism: the header and the same calls give the same bits; that is how a shift is resumed.
+/// No I/O.
+class Shift {
+ public:
+  /// Precondition: the header's options are valid (LocalizerOptions::Validate).
+  Shift(MapSnapshot map, const ShiftHeader& header);
+
+  /// The localizer's options that a header states; the others have their defaults.
+  static LocalizerOptions OptionsOf(const ShiftHeader& header);
+
+  /// Takes in an item and appends what subscribers may want to know to `events`.
+  /// Errors: as Localizer::Process; the shift is then as before.
+  Status Process(const RunEvent& item, std::vector<Event>* events);
+
+  /// As Localizer::Initialize.
+  void Initialize(const PoseWithCovariance& pose) { localizer_.Initialize(pose); }
+
+  /// The report of the shift if it ended now; the shift itself can go on.
+  /// @param dropped  What did not reach the localizer.
+  ShiftReport Report(DropCounts dropped) const;
+
+  /// Where the vehicle is, for the next start; nothing if the localizer does not trust its pose.
+  std::optional<SavedPose> PoseToSave() const;
+
+  /// The pose after the last item.
+  std::optional<PoseEstimate> Pose() const { return predictor_.At(now_); }
+
+  const ShiftHeader& header() const { return header_; }
+  const Localizer& localizer() const { return localizer_; }
+  Stamp now() const { return now_; }
+
+ private:
+  void TellOdometer(const OdometrySample& sample);
+  void TellNews(std::vector<Event>* events);
+
+  ShiftHeader header_;
+  Localizer localizer_;
+  PosePredictor predictor_;
+  Stamp now_;  // Of the last item.
+  std::optional<OdometrySample> last_sample_;
+  double driven_m_ = 0.0;
+  LocalizerState told_state_ = LocalizerState::kInitializing;
+  std::size_t told_decisions_ = 0;
+};
+
+}  // namespace shiftmap::live

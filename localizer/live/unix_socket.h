@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "localizer/live/owned_fd.h"
+#include "proto/core/status.h"
+
+namespace shiftmap::live {
+
+/// Listens on a Unix stream socket at a path; its owner and group may connect. The socket file that
+/// a dead process left is replaced.
+/// Errors: kInvalidArgument if the path is too long or something other than a socket is there;
+/// kUnavailable if another process listens there, or the system refuses. Messages start with
+/// `socket '<path>': `.
+StatusOr<OwnedFd> ListenAt(const std::string& path);
+
+/// Connects to it. Errors: kInvalidArgument as above; kNotFound if nobody listens there.
+StatusOr<OwnedFd> ConnectTo(const std::string& path);
+
+}  // namespace shiftmap::live

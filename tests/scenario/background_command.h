@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/scenario/command.h"
+#include "tests/support/temp_dir.h"
+
+namespace shiftmap::testing {
+
+/// One of the project's programs, running beside the test; killed with this object.
+class BackgroundCommand {
+ public:
+  BackgroundCommand(const std::string& program,
+                    const Arguments& arguments,
+                    const std::vector<std::string>& environment = {});
+  ~BackgroundCommand();
+  BackgroundCommand(const BackgroundCommand&) = delete;
+  BackgroundCommand& operator=(const BackgroundCommand&) = delete;
+
+  /// Sends a signal and waits for the end; the exit code as in CommandResult.
+  int End(int signal);
+
+  /// What it said on standard error so far.
+  std::string Errors() const { return ReadFile(folder_.File("err")); }
+
+ private:
+  TempDir folder_;
+  pid_t child_ = -1;
+};
+
+}  // namespace shiftmap::testing

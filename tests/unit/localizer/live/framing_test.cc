@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/framing.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "localizer/live/codec/live_codec.h"
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+
+namespace shiftmap::live {
+namespace {
+
+using testing::StatusIs;
+
+TEST(FramingTest, AnySplitGivesTheSameMessages) {
+  std::mt19937_64 random(testing::TestSeed(5));
+  std::vector<std::string> messages;
+  std::string stream;
+  for (const std::size_t length : {0u, 1u, 127u, 128u, 16383u, 16384u, 70000u}) {
+    messages.emplace_back(length, static_cast<char>('a' + length % 26));
+    stream += Framed(messages.back());
+  }
+  for (int trial = 0; trial < 50; ++trial) {
+    FrameReader reader;
+    std::vector<std::string> got;
+    for (std::size_t at = 0; at < stream.size();) {
+      const std::size_t most = trial == 0 ? 1 : 1 + random() % 9000;
+      const std::size_t count = std::min(most, stream.size() - at);
+      reader.Append(std::string_view(stream).substr(at, count));
+      at += count;
+      for (;;) {
+        const auto message = reader.Next();
+        ASSERT_TRUE(message.ok());
+        if (!message->has_value()) break;
+        got.push_back(**message);
+      }
+    }
+    EXPECT_TRUE(got == messages);
+    EXPECT_EQ(reader.pending(), 0u);
+  }
+}
+
+TEST(FramingTest, HugeLengthIsRefusedBeforeItsBytesAreThere) {
+  for (const std::string prefix : {"\xff\xff\xff\xff\x0f", "\xff\xff\x7f", "\x80\x80\x80\x80"}) {
+    FrameReader reader;
+    reader.Append(prefix);
+    EXPECT_THAT(reader.Next(), StatusIs(StatusCode::kInvalidArgument, "longer than"));
+  }
+  FrameReader longest;
+  longest.Append(Framed(std::string(kMaxFrameBytes, 'x')));
+  EXPECT_EQ((*longest.Next())->size(), kMaxFrameBytes);
+}
+
+// Whatever comes in, requests are refused or taken, and nothing else happens.
+TEST(FramingTest, GarbageIsNoRequest) {
+  std::mt19937_64 random(testing::TestSeed(6));
+  for (int trial = 0; trial < 2000; ++trial) {
+    std::string bytes(random() % 64, '\0');
+    for (char& byte : bytes) byte = static_cast<char>(random());
+    std::uint64_t id = 0;
+    (void)DecodeRequest(bytes, &id);
+  }
+  std::uint64_t id = 0;
+  EXPECT_THAT(DecodeRequest("", &id), StatusIs(StatusCode::kInvalidArgument, "without a command"));
+}
+
+TEST(FramingTest, BadValuesAreRefusedWithTheirId) {
+  const double nan = std::nan("");
+  std::uint64_t id = 0;
+  OdometrySample sample{.stamp = StampFromSeconds(5.0), .v_mps = nan, .omega_radps = 0.0};
+  EXPECT_THAT(DecodeRequest(EncodeRequest({7, sample}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "finite"));
+  EXPECT_EQ(id, 7u);
+  sample = {.stamp = Stamp::min(), .v_mps = 0.0, .omega_radps = 0.0};
+  EXPECT_THAT(DecodeRequest(EncodeRequest({8, sample}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "stamp_ns"));
+  Scan scan;
+  scan.stamp = StampFromSeconds(5.0);
+  scan.observations.emplace_back().signature = Signature(std::string(2000, 's'));
+  scan.observations.back().z = {1.0, 0.0};
+  EXPECT_THAT(DecodeRequest(EncodeRequest({9, scan}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "signature"));
+  InitializePose flat;  // Its covariance is zero.
+  EXPECT_THAT(DecodeRequest(EncodeRequest({10, flat}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "positive definite"));
+}
+
+TEST(FramingTest, RepliesSurviveTheWire) {
+  Reply reply;
+  reply.id = 3;
+  reply.status = NotFound("area 'cellar'");
+  reply.state.emplace();
+  reply.state->running = true;
+  reply.state->localizer_state = LocalizerState::kLost;
+  reply.state->pose = PoseWithCovariance{Se2(1.0, 2.0, 0.5), Eigen::Matrix3d::Identity()};
+  reply.state->dropped = {{"future", 4}};
+  const auto event = DecodeEvent(EncodeEvent(reply));
+  ASSERT_TRUE(event.ok());
+  const Reply& got = std::get<Reply>(*event);
+  EXPECT_EQ(got.id, 3u);
+  EXPECT_EQ(got.status, reply.status);
+  EXPECT_EQ(got.state->localizer_state, LocalizerState::kLost);
+  EXPECT_EQ(got.state->pose->T_map_vehicle.yaw(), 0.5);
+  EXPECT_EQ(got.state->dropped.at(0).count, 4);
+}
+
+}  // namespace
+}  // namespace shiftmap::live

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/service.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "mapstore/codec/shift_report.h"
+#include "mapstore/map_store.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tests/unit/localizer/simulated_run.h"
+
+namespace shiftmap::live {
+namespace {
+
+using testing::IsOk;
+using testing::ReadFile;
+using testing::StatusIs;
+using testing::WriteFile;
+
+class ServiceTest : public ::testing::Test {
+ protected:
+  ServiceTest() : store_(folder_.File("maps.db")), content_(MakeTwoModeMap(30, 20.0, 3)) {
+    auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
+    EXPECT_THAT(store, IsOk());
+    Provenance provenance;
+    EXPECT_THAT(store->Commit("area", content_, provenance, CommitOptions()), IsOk());
+    SimulationOptions simulation;
+    simulation.duration_s = 30.0;
+    items_ = MergeEvents(
+        Simulate(content_, PositionsOf(content_, std::vector<int>(30, 1)), simulation).run);
+  }
+
+  ServiceOptions Options() {
+    ServiceOptions options;
+    options.map_path = store_;
+    options.area = "area";
+    options.state_dir = folder_.File("state");
+    options.vehicle = "cart";
+    options.software = "test";
+    options.clock = [] { return StampFromSeconds(2000.0); };
+    options.warn = [this](const std::string& message) { warnings_.push_back(message); };
+    return options;
+  }
+
+  Service Opened() {
+    StatusOr<Service> service = Service::Open(Options());
+    EXPECT_THAT(service, IsOk());
+    return *std::move(service);
+  }
+
+  Status Do(Service* service, const Command& command) {
+    events_.clear();
+    return service->Handle({.id = 1, .command = command}, &events_).status;
+  }
+
+  void Feed(Service* service, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto command = std::visit([](const auto& item) { return Command(item); }, items_[i]);
+      ASSERT_THAT(Do(service, command), IsOk());
+    }
+    service->WriteJournal();
+  }
+
+  std::string Stop(Service* service) {
+    EXPECT_THAT(Do(service, live::Stop()), IsOk());
+    const auto report = ReadShiftReport(service->State().report_path);
+    EXPECT_THAT(report, IsOk());
+    return EncodeShiftReport(*report);
+  }
+
+  std::string Journal() const { return folder_.File("state") + "/shift.journal"; }
+
+  testing::TempDir folder_;
+  std::string store_;
+  MapContent content_;
+  std::vector<RunEvent> items_;
+  std::vector<std::string> warnings_;
+  std::vector<Event> events_;
+};
+
+// Wherever the disk's content ends, what is whole is taken up, and fed on from there the shift says
+// what an uninterrupted one says, under the same UUID.
+TEST_F(ServiceTest, CutJournalLosesOnlyItsTail) {
+  std::string journal;
+  std::string expected;
+  {
+    Service service = Opened();
+    ASSERT_THAT(Do(&service, Start()), IsOk());
+    Feed(&service, 0, items_.size() / 2);
+    journal = ReadFile(Journal());
+    Feed(&service, items_.size() / 2, items_.size());
+    expected = Stop(&service);
+    EXPECT_FALSE(std::filesystem::exists(Journal()));
+  }
+  for (const std::size_t lost : {0u, 1u, 7u, 30u, 500u}) {
+    WriteFile(Journal(), journal.substr(0, journal.size() - lost));
+    Service service = Opened();
+    const ServiceState state = service.State();
+    ASSERT_TRUE(state.running && state.resumed);
+    const auto first = std::find_if(items_.begin(), items_.end(), [&](const RunEvent& item) {
+      return StampOf(item) > state.stamp;
+    });
+    auto next = static_cast<std::size_t>(first - items_.begin());
+    // Odometry and scan of one stamp are two items: the second may be missing.
+    if (lost == 0) next = items_.size() / 2;
+    if (lost != 0 && next > 0 && StampOf(items_[next - 1]) == state.stamp &&
+        std::holds_alternative<Scan>(items_[next - 1])) {
+      const std::int64_t scans = std::count_if(
+          items_.begin(), first, [](const auto& e) { return std::holds_alternative<Scan>(e); });
+      if (state.scans < scans) --next;
+    }
+    Feed(&service, next, items_.size());
+    EXPECT_TRUE(Stop(&service) == expected) << lost << " bytes lost";
+  }
+}
+
+TEST_F(ServiceTest, JournalThatDoesNotFitIsKeptAside) {
+  {
+    Service service = Opened();
+    ASSERT_THAT(Do(&service, Start()), IsOk());
+    Feed(&service, 0, 50);
+  }
+  MapContent other = MakeTwoModeMap(30, 20.0, 4);
+  std::filesystem::remove(store_);
+  auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
+  ASSERT_THAT(store->Commit("area", other, Provenance(), CommitOptions()), IsOk());
+  Service service = Opened();
+  EXPECT_FALSE(service.State().running);
+  ASSERT_EQ(warnings_.size(), 1u);
+  EXPECT_NE(warnings_[0].find("content hash"), std::string::npos) << warnings_[0];
+  int kept = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.File("state"))) {
+    if (entry.path().filename().string().starts_with("interrupted-")) ++kept;
+  }
+  EXPECT_EQ(kept, 1);
+  EXPECT_THAT(Do(&service, Start()), IsOk());
+}
+
+TEST_F(ServiceTest, DamagedOrForeignJournalStopsNobody) {
+  std::filesystem::create_directory(folder_.File("state"));
+  for (const std::string& text : {std::string("no journal"), std::string()}) {
+    WriteFile(Journal(), text);
+    Service service = Opened();
+    EXPECT_FALSE(service.State().running);
+    EXPECT_THAT(Do(&service, Start()), IsOk());
+    EXPECT_THAT(Do(&service, live::Stop()), IsOk());
+  }
+  EXPECT_EQ(warnings_.size(), 2u);
+}
+
+TEST_F(ServiceTest, PoseThatSomebodyKnowsIsTheStart) {
+  Service service = Opened();
+  InitializePose start;
+  start.pose = {Se2(0.0, 0.0, 0.0), Eigen::Vector3d(0.01, 0.01, 0.01).asDiagonal()};
+  ASSERT_THAT(Do(&service, start), IsOk());
+  ASSERT_THAT(Do(&service, Start()), IsOk());
+  Feed(&service, 0, 3);
+  EXPECT_NE(service.State().localizer_state, LocalizerState::kInitializing);
+  Feed(&service, 3, 100);
+  start.pose.T_map_vehicle = Se2(5.0, 5.0, 1.0);
+  ASSERT_THAT(Do(&service, start), IsOk());
+  std::size_t next = 100;
+  while (!std::holds_alternative<Scan>(items_[next])) ++next;
+  Feed(&service, 100, next + 1);
+  EXPECT_LT((service.State().pose->T_map_vehicle.translation() - Eigen::Vector2d(5.0, 5.0)).norm(),
+            1.0);
+}
+
+TEST_F(ServiceTest, StateFolderIsForOneProcess) {
+  const Service service = Opened();
+  EXPECT_THAT(Service::Open(Options()), StatusIs(StatusCode::kUnavailable, "in use"));
+}
+
+TEST_F(ServiceTest, OverrunsAreCounted) {
+  ServiceOptions options = Options();
+  options.step_budget_ms = 1e-9;
+  StatusOr<Service> service = Service::Open(options);
+  ASSERT_THAT(service, IsOk());
+  ASSERT_THAT(Do(&*service, Start()), IsOk());
+  Feed(&*service, 0, 20);
+  EXPECT_EQ(service->State().overruns, 20);
+}
+
+}  // namespace
+}  // namespace shiftmap::live
