@@ -50,7 +50,8 @@ class MapStore {
     /// Called once per wait that takes noticeably long, so that a program can say why it waits.
     std::function<void()> on_wait = nullptr;
 
-    /// Network file systems are refused, because their locks do not hold, unless this is set.
+    /// Network file systems are refused, because their locks do not hold, unless this is set, or
+    /// SHIFTMAP_ALLOW_NETWORK_FILE_SYSTEM is 1 in the environment.
     bool allow_network_file_system = false;
 
     /// Evidence rows between two ledger checkpoints, for maps of few groups. Fewer make LoadAt
@@ -86,16 +87,19 @@ class MapStore {
   /// Makes a version the published one, if `expected` is published now (nothing: if none is).
   /// Errors also: kAborted if another one is; kAlreadyExists if `version` is published already;
   /// kFailedPrecondition if its content was compacted away.
+  /// @param dry_run  Checks, and writes nothing.
   Status Publish(const std::string& area,
                  VersionNumber version,
-                 std::optional<VersionNumber> expected);
+                 std::optional<VersionNumber> expected,
+                 bool dry_run = false);
 
   /// Publishes an ancestor of the published version: its parent, or `to`. Nothing is deleted; what
   /// shifts reported against later versions keeps counting where its modes exist. Returns the
   /// version that is published now.
   /// Errors also: kInvalidArgument if `to` is no ancestor.
   StatusOr<VersionNumber> Rollback(const std::string& area,
-                                   std::optional<VersionNumber> to = std::nullopt);
+                                   std::optional<VersionNumber> to = std::nullopt,
+                                   bool dry_run = false);
 
   /// A version as it was committed: probabilities before any report.
   StatusOr<MapSnapshot> LoadVersion(const std::string& area, VersionNumber version);

@@ -127,9 +127,10 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
 
 Status MapStore::Publish(const std::string& area,
                          VersionNumber version,
-                         std::optional<VersionNumber> expected) {
+                         std::optional<VersionNumber> expected,
+                         bool dry_run) {
   Database& database = state_->database;
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
                             GetVersion(database, area, area_row.area_id, version));
@@ -145,6 +146,7 @@ Status MapStore::Publish(const std::string& area,
                       DescribeVersion(expected));
   }
   if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
+  if (dry_run) return OkStatus();
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, "publish"));
   SHIFTMAP_RETURN_IF_ERROR(
       ExtendCheckpoints(database, area_row.area_id, row, state_->checkpoint_rows, owner));
@@ -152,9 +154,10 @@ Status MapStore::Publish(const std::string& area,
 }
 
 StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
-                                           std::optional<VersionNumber> to) {
+                                           std::optional<VersionNumber> to,
+                                           bool dry_run) {
   Database& database = state_->database;
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
   VersionRow at = published;
@@ -173,6 +176,7 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
                            published.number.value());
   }
   if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
+  if (dry_run) return at.number;
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, "rollback"));
   SHIFTMAP_RETURN_IF_ERROR(
       ExtendCheckpoints(database, area_row.area_id, at, state_->checkpoint_rows, owner));

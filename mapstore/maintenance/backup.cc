@@ -64,38 +64,49 @@ std::string FreeName(const std::string& path) {
   }
 }
 
-// Overwrites a store in place.
-Status Overwrite(const std::string& backup, const std::string& path) {
-  SHIFTMAP_ASSIGN_OR_RETURN(Database source, OpenStoreFile(backup, {}));
-  Database::Options options;
-  options.mode = Database::Mode::kReadWrite;
-  SHIFTMAP_ASSIGN_OR_RETURN(Database store, Database::Open(path, options));
-  return CopyDatabase(source, store);
-}
-
 // Moves a file that is no sound store out of the way, with its journal.
 Status MoveAside(const std::string& path, const std::string& to) {
-  std::error_code error;
-  std::filesystem::rename(path, to, error);
-  if (error) return Unavailable("file '{}': cannot be renamed: {}", path, error.message());
-  if (Exists(path + "-journal")) std::filesystem::rename(path + "-journal", to + "-journal", error);
+  for (const char* suffix : {"", "-journal"}) {
+    if (!Exists(path + suffix)) continue;
+    std::error_code error;
+    std::filesystem::rename(path + suffix, to + suffix, error);
+    if (error) {
+      return Unavailable(
+          "file '{}': cannot be renamed to '{}': {}", path + suffix, to + suffix, error.message());
+    }
+  }
   return OkStatus();
 }
 
-// Keeps the store at `path` as `kept`. Returns false if it is too damaged to stay in place: it was
-// moved then.
-StatusOr<bool> Keep(const std::string& path, const std::string& kept) {
+// A store for a writer that lets nobody else in until it is closed.
+StatusOr<Database> OpenExclusively(const std::string& path) {
+  Database::Options options;
+  options.mode = Database::Mode::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database store, OpenStoreFile(path, options));
+  SHIFTMAP_RETURN_IF_ERROR(store.Execute("PRAGMA locking_mode=EXCLUSIVE; BEGIN EXCLUSIVE; COMMIT"));
+  return store;
+}
+
+// Copies the store at `path` to `kept` and overwrites it with the backup, in place and without a
+// gap in which another process could write. What fails before anything is overwritten is
+// `*replaceable`.
+Status KeepAndOverwrite(const std::string& backup,
+                        const std::string& path,
+                        const std::string& kept,
+                        bool* replaceable) {
+  *replaceable = true;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database store, OpenExclusively(path));
   const TemporaryFile temporary(kept);
-  const Status copied = CopyToFile(path, temporary.path());
-  if (copied.ok()) {
-    SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), kept));
-    return true;
+  {
+    Database::Options options;
+    options.mode = Database::Mode::kReadWriteCreate;
+    SHIFTMAP_ASSIGN_OR_RETURN(Database copy, Database::Open(temporary.path(), options));
+    SHIFTMAP_RETURN_IF_ERROR(CopyDatabase(store, copy));
   }
-  if (copied.code() != StatusCode::kDataLoss && copied.code() != StatusCode::kFailedPrecondition) {
-    return copied;
-  }
-  SHIFTMAP_RETURN_IF_ERROR(MoveAside(path, kept));
-  return false;
+  *replaceable = false;
+  SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), kept));
+  SHIFTMAP_ASSIGN_OR_RETURN(Database source, OpenStoreFile(backup, {}));
+  return CopyDatabase(source, store);
 }
 
 }  // namespace
@@ -123,18 +134,22 @@ StatusOr<RestoreResult> RestoreStore(const std::string& backup,
   SHIFTMAP_RETURN_IF_ERROR(RequireClean(backup));
   SHIFTMAP_ASSIGN_OR_RETURN(const BackupResult expected, Describe(backup));
   RestoreResult result;
-  bool in_place = false;
+  bool done = false;
   if (Exists(path)) {
     if (!replace) {
       return FailedPrecondition("map store '{}': exists already, and is replaced only if asked",
                                 path);
     }
     result.kept = FreeName(path);
-    SHIFTMAP_ASSIGN_OR_RETURN(in_place, Keep(path, *result.kept));
+    bool replaceable = false;
+    const Status status = KeepAndOverwrite(backup, path, *result.kept, &replaceable);
+    const bool damaged =
+        status.code() == StatusCode::kDataLoss || status.code() == StatusCode::kFailedPrecondition;
+    if (!status.ok() && !(replaceable && damaged)) return status;
+    done = status.ok();
+    if (!done) SHIFTMAP_RETURN_IF_ERROR(MoveAside(path, *result.kept));
   }
-  if (in_place) {
-    SHIFTMAP_RETURN_IF_ERROR(Overwrite(backup, path));
-  } else {
+  if (!done) {
     const TemporaryFile temporary(path);
     SHIFTMAP_RETURN_IF_ERROR(CopyToFile(backup, temporary.path()));
     SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));

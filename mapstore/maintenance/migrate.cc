@@ -27,10 +27,6 @@ Status Check(Database& database) {
 }
 
 Status CopyTo(Database& database, const std::string& backup) {
-  std::error_code error;
-  if (std::filesystem::exists(backup, error)) {
-    return FailedPrecondition("{}: backup '{}' exists already", database.name(), backup);
-  }
   const TemporaryFile temporary(backup);
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare("VACUUM INTO ?1"));
@@ -46,9 +42,11 @@ Status CopyTo(Database& database, const std::string& backup) {
 
 }  // namespace
 
-StatusOr<MigrateResult> MigrateStore(const std::string& path, const std::string& backup) {
+StatusOr<MigrateResult> MigrateStore(const std::string& path,
+                                     const std::string& backup,
+                                     bool dry_run) {
   Database::Options options;
-  options.mode = Database::Mode::kReadWrite;
+  options.mode = dry_run ? Database::Mode::kReadOnly : Database::Mode::kReadWrite;
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(path, options));
   MigrateResult result;
   result.to = kSchemaVersion;
@@ -64,6 +62,11 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path, const std::string&
         StatusCode::kAlreadyExists, "{}: is of schema {} already", database.name(), result.from);
   }
   result.backup = backup.empty() ? fmt::format("{}.schema{}.bak", path, result.from) : backup;
+  std::error_code error;
+  if (std::filesystem::exists(result.backup, error)) {
+    return FailedPrecondition("{}: backup '{}' exists already", database.name(), result.backup);
+  }
+  if (dry_run) return result;
   SHIFTMAP_RETURN_IF_ERROR(CopyTo(database, result.backup));
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,

@@ -17,9 +17,12 @@ struct MigrateResult {
 /// Brings a map store to the schema of this build, in one transaction, after a verified copy of it
 /// was made durable.
 /// @param backup  Path of the copy; empty: `<path>.schema<N>.bak`. Must not exist.
+/// @param dry_run  Says what would be done, writes nothing.
 /// Errors: kAlreadyExists if there is nothing to do; kFailedPrecondition if the file is no store,
 /// is of a newer schema, or if `backup` exists; else as MapStore. After an error the store is as it
 /// was.
-StatusOr<MigrateResult> MigrateStore(const std::string& path, const std::string& backup);
+StatusOr<MigrateResult> MigrateStore(const std::string& path,
+                                     const std::string& backup,
+                                     bool dry_run = false);
 
 }  // namespace shiftmap

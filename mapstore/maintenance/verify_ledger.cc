@@ -117,6 +117,13 @@ Status VerifySightings(Database& database, DefectList* defects) {
 Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
+  SHIFTMAP_RETURN_IF_ERROR(
+      AddRows(database,
+              "decision",
+              "SELECT uuid || ', decision ' || decision_index, 'mode or log odds are wrong' "
+              "FROM decision JOIN shift_report USING (report_id) "
+              "WHERE mode < 0 OR signature = '' OR NOT abs(log_odds) < 1e300",
+              defects));
   return VerifySightings(database, defects);
 }
 

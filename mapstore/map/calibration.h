@@ -80,6 +80,26 @@ inline std::array<double*, 17> CalibrationValues(Calibration* calibration) {
           &sensor.new_landmark_density_per_m2};
 }
 
+/// Their names, with units.
+inline constexpr std::array<const char*, 17> kCalibrationNames = {
+    "odometry_scale_v",
+    "odometry_scale_omega",
+    "odometry_lag_s",
+    "odometry_sd_log_scale",
+    "odometry_noise_v_m_per_sqrt_s",
+    "odometry_noise_omega_rad_per_sqrt_s",
+    "sensor_sd_range_m",
+    "sensor_sd_bearing_rad",
+    "sensor_sd_position_m",
+    "sensor_range_curvature_per_rad2",
+    "sensor_mean_squared_bearing_rad2",
+    "sensor_max_range_m",
+    "sensor_max_bearing_rad",
+    "sensor_detection_probability",
+    "sensor_occluded_visit_probability",
+    "sensor_clutter_density_per_m2",
+    "sensor_new_landmark_density_per_m2"};
+
 /// The same of a calibration that cannot be written to.
 inline std::array<double, 17> CalibrationValues(const Calibration& calibration) {
   Calibration copy = calibration;

@@ -68,6 +68,13 @@ StatusOr<ModeChain> ModeChain::FromRates(const Eigen::MatrixXd& rate_matrix) {
       return InvalidArgument("rates from {} do not sum to 0", row);
     }
   }
+  const Eigen::Index modes = rates.rows() - 1;
+  if (modes == 0) return Uniform(0, 0.0);
+  const double first = rates(0, 1);
+  const Eigen::MatrixXd others = first * Eigen::MatrixXd::Identity(modes + 1, modes + 1) + rates;
+  if ((others.array() == first).all()) {
+    return Uniform(static_cast<int>(modes), first * static_cast<double>(modes));
+  }
   rates.diagonal() = -rates.rowwise().sum();
   const double mean_leave_rate = -rates.diagonal().mean();
   ModeChain chain(std::move(rates), mean_leave_rate);

@@ -23,10 +23,10 @@ class ModeChain {
   /// @param leave_rate_per_s  λ >= 0. [1/s]
   static ModeChain Uniform(int modes, double leave_rate_per_s);
 
-  /// Any chain.
-  /// @param rate_matrix  Q, rows = from; square, off-diagonal entries finite and >= 0, rows sum to
+  /// Any chain; one whose rates are all the same is a uniform one.
+  /// @param rate_matrix  Q, rows = from; square, off-diagonal entries finite and >= 0. Rows sum to
   /// 0
-  ///                     within rounding. The diagonal is made exact. [1/s]
+  ///                     within 1e-9 of the rate of leaving; the diagonal is made exact. [1/s]
   /// Errors: kInvalidArgument, naming the entry or row.
   static StatusOr<ModeChain> FromRates(const Eigen::MatrixXd& rate_matrix);
 
@@ -41,11 +41,12 @@ class ModeChain {
   /// Q, (n+1) x (n+1); rows sum to 0, off-diagonal entries are >= 0. [1/s]
   const Eigen::MatrixXd& rate_matrix() const { return rate_matrix_; }
 
-  /// Π(Δt): row-stochastic, (n+1) x (n+1). A negative Δt counts as zero: a chain is not run
-  /// backwards.
+  /// Π(Δt): row-stochastic, (n+1) x (n+1), at any Δt from nanoseconds to centuries. A negative Δt
+  /// counts as zero: a chain is not run backwards. Closed form if uniform, else by scaling and
+  /// squaring.
   Eigen::MatrixXd Transition(Duration elapsed) const;
 
-  /// p(t + Δt) from p(t), sizes n+1, without forming Π.
+  /// p(t + Δt) from p(t), sizes n+1; without forming Π if the chain is uniform.
   Eigen::VectorXd Propagate(const Eigen::VectorXd& probabilities, Duration elapsed) const;
 
  private:

@@ -6,6 +6,7 @@
 #include <sys/statvfs.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -128,7 +129,10 @@ class LockWait {
 
 // Locks of network file systems do not hold.
 Status CheckFileSystem(const std::string& path, const Database::Options& options) {
-  if (options.allow_network_file_system) return OkStatus();
+  const char* allowed = std::getenv("SHIFTMAP_ALLOW_NETWORK_FILE_SYSTEM");
+  if (options.allow_network_file_system || (allowed != nullptr && *allowed == '1')) {
+    return OkStatus();
+  }
   const std::string type = NetworkFileSystemOf(path);
   if (type.empty()) return OkStatus();
   return FailedPrecondition(
@@ -174,8 +178,15 @@ StatusOr<Database> Database::Open(const std::string& path, const Options& option
       break;
   }
   StatusOr<Database> database = OpenUri(path, UriOf(path, "?mode=ro"), options);
-  if (database.status().code() == StatusCode::kUnavailable && IsImmutable(path)) {
-    return OpenUri(path, UriOf(path, "?mode=ro&immutable=1"), options);
+  if (database.status().code() != StatusCode::kUnavailable) return database;
+  if (IsImmutable(path)) return OpenUri(path, UriOf(path, "?mode=ro&immutable=1"), options);
+  // A power cut may have left an interrupted write, which only a writer rolls back. A reader that
+  // may write does so: nobody else might come.
+  std::error_code error;
+  if (std::filesystem::exists(path + "-journal", error)) {
+    Options recover = options;
+    recover.mode = Mode::kReadWrite;
+    if (Open(path, recover).ok()) return OpenUri(path, UriOf(path, "?mode=ro"), options);
   }
   return database;
 }

@@ -11,11 +11,13 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::array<std::string_view, 20> kNetworkTypes = {
-    "afs",         "beegfs",      "ceph",          "cifs",         "coda",
-    "davfs",       "fuse.davfs2", "fuse.ceph",     "fuse.gcsfuse", "fuse.glusterfs",
-    "fuse.rclone", "fuse.s3fs",   "fuse.smbnetfs", "fuse.sshfs",   "lustre",
-    "ncpfs",       "nfs",         "nfs4",          "smb3",         "smbfs"};
+constexpr std::array<std::string_view, 23> kNetworkTypes = {
+    "afs",         "beegfs",       "ceph",           "cifs",
+    "coda",        "davfs",        "fuse.ceph",      "fuse.ceph-fuse",
+    "fuse.davfs2", "fuse.gcsfuse", "fuse.glusterfs", "fuse.juicefs",
+    "fuse.rclone", "fuse.s3fs",    "fuse.smbnetfs",  "fuse.sshfs",
+    "gpfs",        "lustre",       "ncpfs",          "nfs",
+    "nfs4",        "smb3",         "smbfs"};
 
 std::vector<std::string_view> Split(std::string_view text, char separator) {
   std::vector<std::string_view> parts;
@@ -75,7 +77,8 @@ bool IsNetworkFileSystem(std::string_view type) {
 
 std::string NetworkFileSystemOf(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path real = std::filesystem::weakly_canonical(path, error);
+  const std::filesystem::path real =
+      std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error);
   if (error) return "";
   std::ifstream file("/proc/self/mountinfo");
   const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());

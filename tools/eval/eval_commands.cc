@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/cli/store_access.h"
 #include "mapstore/map_store.h"
 #include "tools/eval/map_error.h"
 #include "tools/eval/trajectory_error.h"
@@ -69,7 +70,7 @@ Status RunTrajectory(const TrajectoryArguments& arguments, Context& context) {
 Status RunMap(const MapArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto truth, ReadTruePlaces(arguments.truth));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            MapStore::Open(arguments.store, MapStore::Access::kReadOnly));
+                            OpenStore(arguments.store, MapStore::Access::kReadOnly, context));
   std::optional<VersionNumber> version;
   if (arguments.version) version = VersionNumber(*arguments.version);
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store.LoadAt(arguments.area, version));

@@ -5,12 +5,16 @@
 
 namespace shiftmap {
 
-/// Adds the commands of shiftmap-inspect. None of them writes to a store.
+/// Adds the commands of shiftmap-inspect.
 void AddInspectCommands(Application* application);
 
-// The same by what they look at.
+// The same by what they are about. Those of the last two write.
 void AddListCommands(Application* application);     ///< areas, versions, runs, sightings
+void AddLedgerCommands(Application* application);   ///< reports, audit
 void AddMapCommands(Application* application);      ///< show, modes, history
 void AddPictureCommands(Application* application);  ///< export, plot
+void AddVersionCommands(Application* application);  ///< diff, publish, rollback
+void AddMaintenanceCommands(
+    Application* application);  ///< verify, backup, restore, compact, migrate
 
 }  // namespace shiftmap

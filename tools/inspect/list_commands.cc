@@ -20,7 +20,7 @@ std::string VersionText(const std::optional<VersionNumber>& version) {
 }
 
 Status RunAreas(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
   Json list = Json::array();
   AlignedTable table({"area", "published", "versions"});
@@ -35,20 +35,23 @@ Status RunAreas(const StoreArguments& arguments, Context& context) {
 }
 
 Status RunVersions(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(arguments.area));
   Json list = Json::array();
-  AlignedTable table({"version", "parent", "published", "created", "content", "tool"});
+  AlignedTable table({"version", "parent", "published", "stored", "created", "content", "tool"});
   for (const VersionSummary& version : versions) {
     list.push_back({{"version", version.version.value()},
                     {"parent", VersionJson(version.parent)},
                     {"content_hash", version.content_hash},
                     {"published", version.published},
+                    {"stored", version.content_stored},
+                    {"stamp_s", ToSecondsSinceEpoch(version.stamp)},
                     {"created_s", ToSecondsSinceEpoch(version.created)},
                     {"tool", version.tool}});
     table.AddRow({VersionText(version.version),
                   VersionText(version.parent),
                   version.published ? "yes" : "",
+                  version.content_stored ? "yes" : "no",
                   FormatUtc(version.created),
                   version.content_hash.substr(0, kShortHash),
                   version.tool});
@@ -58,7 +61,7 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
 }
 
 Status RunRuns(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
                             store.LoadProvenance(arguments.area, version));
@@ -86,7 +89,7 @@ Status RunRuns(const StoreArguments& arguments, Context& context) {
 }
 
 Status RunSightings(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto sightings, store.Sightings(arguments.area));
   Json list = Json::array();
   AlignedTable table({"signature", "x_m", "y_m", "count", "first", "last"});

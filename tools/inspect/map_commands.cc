@@ -70,7 +70,7 @@ std::string MapText(const MapSnapshot& map) {
 }
 
 Status RunShow(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto parent, ParentOf(map, &store));
   context.Report(MapJson(map, parent), MapText(map));
@@ -83,7 +83,7 @@ Status UnknownSignature(const MapSnapshot& map, const std::string& signature) {
 }
 
 Status RunModes(const ModesArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
   if (!arguments.signature.empty() && map.GroupIndex(Signature(arguments.signature)) < 0) {
     return UnknownSignature(map, arguments.signature);
@@ -119,7 +119,7 @@ Status RunModes(const ModesArguments& arguments, Context& context) {
 }
 
 Status RunHistory(const HistoryArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments.store, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built,
                             store.LoadVersion(arguments.store.area, version));

@@ -41,7 +41,7 @@ Status Finish(const MapSnapshot& map,
 }
 
 Status RunExport(const ExportArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
   if (!arguments.snapshot) {
     return Finish(map, arguments.output, arguments.csv ? MapCsv(map) : MapGeoJson(map), context);
@@ -59,7 +59,7 @@ Status RunExport(const ExportArguments& arguments, Context& context) {
 }
 
 Status RunPlot(const PlotArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
                             store.LoadProvenance(map.area(), map.version()));
@@ -108,8 +108,11 @@ void AddPictureCommands(Application* application) {
 
 void AddInspectCommands(Application* application) {
   AddListCommands(application);
+  AddLedgerCommands(application);
   AddMapCommands(application);
   AddPictureCommands(application);
+  AddVersionCommands(application);
+  AddMaintenanceCommands(application);
 }
 
 }  // namespace shiftmap

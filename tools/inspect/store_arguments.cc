@@ -5,6 +5,8 @@
 
 #include <chrono>
 
+#include "mapstore/cli/store_access.h"
+
 namespace shiftmap {
 
 void AddStoreOptions(StoreArguments* arguments, Command* command) {
@@ -22,8 +24,8 @@ void AddMapOptions(StoreArguments* arguments, Command* command) {
       .InRange(0.0, 9.2e9);
 }
 
-StatusOr<MapStore> OpenStore(const StoreArguments& arguments) {
-  return MapStore::Open(arguments.store, MapStore::Access::kReadOnly);
+StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& context) {
+  return OpenStore(arguments.store, MapStore::Access::kReadOnly, context);
 }
 
 StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store) {

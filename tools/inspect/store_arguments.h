@@ -6,6 +6,7 @@
 #include <string>
 
 #include "mapstore/cli/command.h"
+#include "mapstore/cli/context.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -25,7 +26,7 @@ void AddStoreOptions(StoreArguments* arguments, Command* command);
 void AddMapOptions(StoreArguments* arguments, Command* command);
 
 /// Opens the store for reading.
-StatusOr<MapStore> OpenStore(const StoreArguments& arguments);
+StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& context);
 
 /// The version that the arguments name, or the published one.
 /// Errors: kNotFound if the area has no published version.

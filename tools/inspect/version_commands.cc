@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "mapstore/cli/aligned_table.h"
+#include "mapstore/cli/store_access.h"
+#include "mapstore/map/map_diff.h"
+#include "tools/inspect/inspect_commands.h"
+#include "tools/inspect/store_arguments.h"
+
+namespace shiftmap {
+namespace {
+
+struct DiffArguments {
+  StoreArguments store;
+  std::int64_t from = 0;
+  std::int64_t to = 0;
+  double min_move_sigma = 0.0;
+};
+
+struct PublishArguments {
+  StoreArguments store;
+  std::int64_t version = 0;
+  std::optional<std::int64_t> expected;
+};
+
+struct RollbackArguments {
+  StoreArguments store;
+  std::optional<std::int64_t> to;
+};
+
+Json NumbersJson(const std::vector<ModeNumber>& numbers) {
+  Json list = Json::array();
+  for (const ModeNumber number : numbers) list.push_back(number.value());
+  return list;
+}
+
+Json SignaturesJson(const std::vector<Signature>& signatures) {
+  Json list = Json::array();
+  for (const Signature& signature : signatures) list.push_back(signature.text());
+  return list;
+}
+
+Json GroupJson(const GroupDiff& group) {
+  Json merged = Json::array();
+  for (const MergedMode& mode : group.merged) {
+    merged.push_back({{"mode", mode.number.value()}, {"into", mode.into.value()}});
+  }
+  Json moved = Json::array();
+  for (const MovedMode& mode : group.moved) {
+    moved.push_back({{"mode", mode.number.value()},
+                     {"dx_m", mode.displacement_m.x()},
+                     {"dy_m", mode.displacement_m.y()},
+                     {"distance_m", mode.displacement_m.norm()},
+                     {"mahalanobis", std::sqrt(mode.squared_mahalanobis)},
+                     {"p_value", mode.p_value}});
+  }
+  Json json = {{"signature", group.signature.text()},
+               {"modes_added", NumbersJson(group.added)},
+               {"modes_removed", NumbersJson(group.removed)},
+               {"modes_merged", merged},
+               {"modes_moved", moved},
+               {"uncertainty_changed", group.uncertainty_changed},
+               {"probability_change", group.probability_change}};
+  if (group.rates_changed) {
+    json["leave_rate_per_s"] = {{"from", group.from_leave_rate_per_s},
+                                {"to", group.to_leave_rate_per_s}};
+  }
+  return json;
+}
+
+Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
+  Json groups = Json::array();
+  for (const GroupDiff& group : diff.groups) groups.push_back(GroupJson(group));
+  Json calibration = Json::array();
+  for (const CalibrationChange& change : diff.calibration) {
+    calibration.push_back({{"name", change.name}, {"from", change.from}, {"to", change.to}});
+  }
+  return {{"area", arguments.store.area},
+          {"from", arguments.from},
+          {"to", arguments.to},
+          {"groups_added", SignaturesJson(diff.groups_added)},
+          {"groups_removed", SignaturesJson(diff.groups_removed)},
+          {"groups", groups},
+          {"anonymous_landmarks",
+           {{"from", diff.anonymous_from},
+            {"to", diff.anonymous_to},
+            {"changed", diff.anonymous_changed}}},
+          {"calibration", calibration}};
+}
+
+void AddGroupRows(const GroupDiff& group, AlignedTable* table) {
+  const auto add = [&](ModeNumber mode, const std::string& what, const std::string& detail) {
+    table->AddRow({group.signature.text(), fmt::format("{}", mode.value()), what, detail});
+  };
+  for (const ModeNumber mode : group.added) add(mode, "added", "");
+  for (const ModeNumber mode : group.removed) add(mode, "removed", "");
+  for (const MergedMode& mode : group.merged) {
+    add(mode.number, "merged", fmt::format("into mode {}", mode.into.value()));
+  }
+  for (const MovedMode& mode : group.moved) {
+    add(mode.number,
+        "moved",
+        fmt::format("{:.3f} m, {:.1f} sigma, p {:.3g}",
+                    mode.displacement_m.norm(),
+                    std::sqrt(mode.squared_mahalanobis),
+                    mode.p_value));
+  }
+  if (group.rates_changed) {
+    table->AddRow(
+        {group.signature.text(),
+         "",
+         "leave rate",
+         fmt::format(
+             "{:.3g} to {:.3g} per s", group.from_leave_rate_per_s, group.to_leave_rate_per_s)});
+  }
+  if (group.uncertainty_changed) table->AddRow({group.signature.text(), "", "covariance", ""});
+  if (group.probability_change > 0.0) {
+    table->AddRow({group.signature.text(),
+                   "",
+                   "probabilities",
+                   fmt::format("{:.2g} % elsewhere", 100.0 * group.probability_change)});
+  }
+}
+
+std::string DiffText(const MapDiff& diff) {
+  if (diff.empty()) return "no difference\n";
+  AlignedTable table({"signature", "mode", "what", "detail"});
+  for (const Signature& signature : diff.groups_added) {
+    table.AddRow({signature.text(), "", "landmark added", ""});
+  }
+  for (const Signature& signature : diff.groups_removed) {
+    table.AddRow({signature.text(), "", "landmark removed", ""});
+  }
+  for (const GroupDiff& group : diff.groups) AddGroupRows(group, &table);
+  for (const CalibrationChange& change : diff.calibration) {
+    table.AddRow({"", "", change.name, fmt::format("{:.4g} to {:.4g}", change.from, change.to)});
+  }
+  std::string text = table.ToString();
+  if (diff.anonymous_changed) {
+    text += fmt::format("anonymous landmarks: {} to {}\n", diff.anonymous_from, diff.anonymous_to);
+  }
+  return text;
+}
+
+Status RunDiff(const DiffArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
+                            store.LoadVersion(arguments.store.area, VersionNumber(arguments.from)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
+                            store.LoadVersion(arguments.store.area, VersionNumber(arguments.to)));
+  MapDiff diff = DiffMaps(from.content(), to.content());
+  for (GroupDiff& group : diff.groups) {
+    std::erase_if(group.moved, [&](const MovedMode& mode) {
+      return std::sqrt(mode.squared_mahalanobis) < arguments.min_move_sigma;
+    });
+  }
+  std::erase_if(diff.groups, [](const GroupDiff& group) { return group.empty(); });
+  context.Report(DiffJson(arguments, diff), DiffText(diff));
+  return OkStatus();
+}
+
+void ReportPublished(const std::string& area, VersionNumber version, Context& context) {
+  context.Report({{"area", area}, {"published", version.value()}},
+                 fmt::format("area '{}': version {} {}\n",
+                             area,
+                             version.value(),
+                             context.dry_run() ? "would be published" : "is published"));
+}
+
+// The version that must be published now: as asked for, or the parent of the one to publish.
+StatusOr<std::optional<VersionNumber>> ExpectedVersion(const PublishArguments& arguments,
+                                                       MapStore* store) {
+  if (arguments.expected) {
+    // 0 stands for none.
+    if (*arguments.expected == 0) return std::optional<VersionNumber>();
+    return std::optional(VersionNumber(*arguments.expected));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions,
+                            store->Versions(arguments.store.area));
+  for (const VersionSummary& version : versions) {
+    if (version.version.value() == arguments.version) return version.parent;
+  }
+  return NotFound("map store '{}': area '{}': no version {}",
+                  arguments.store.store,
+                  arguments.store.area,
+                  arguments.version);
+}
+
+Status RunPublish(const PublishArguments& arguments, Context& context) {
+  const auto access =
+      context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store.store, access, context));
+  const VersionNumber version(arguments.version);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> expected,
+                            ExpectedVersion(arguments, &store));
+  SHIFTMAP_RETURN_IF_ERROR(
+      store.Publish(arguments.store.area, version, expected, context.dry_run()));
+  ReportPublished(arguments.store.area, version, context);
+  return OkStatus();
+}
+
+Status RunRollback(const RollbackArguments& arguments, Context& context) {
+  const auto access =
+      context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store.store, access, context));
+  std::optional<VersionNumber> to;
+  if (arguments.to) to = VersionNumber(*arguments.to);
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber published,
+                            store.Rollback(arguments.store.area, to, context.dry_run()));
+  ReportPublished(arguments.store.area, published, context);
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddVersionCommands(Application* application) {
+  auto diff = std::make_shared<DiffArguments>();
+  Command& diff_command = application->AddCommand(
+      "diff", "Show what changed from one map version to another", [diff](Context& context) {
+        return RunDiff(*diff, context);
+      });
+  AddStoreOptions(&diff->store, &diff_command);
+  diff_command.Option("FROM", &diff->from, "Map version").Required();
+  diff_command.Option("TO", &diff->to, "Map version").Required();
+  diff_command
+      .Option(
+          "--min-move-sigma", &diff->min_move_sigma, "Leave out moves of fewer standard deviations")
+      .InRange(0.0, 1e9);
+
+  auto publish = std::make_shared<PublishArguments>();
+  Command& publish_command = application->AddCommand(
+      "publish",
+      "Make a map version the one that vehicles get, if its parent is published now",
+      [publish](Context& context) { return RunPublish(*publish, context); });
+  AddStoreOptions(&publish->store, &publish_command);
+  publish_command.Option("VERSION", &publish->version, "Map version").Required();
+  publish_command.Option("--expected",
+                         &publish->expected,
+                         "Version that must be published now instead of the parent; 0: none");
+  publish_command.Writes();
+
+  auto rollback = std::make_shared<RollbackArguments>();
+  Command& rollback_command = application->AddCommand(
+      "rollback",
+      "Publish the parent of the published version again, or another ancestor",
+      [rollback](Context& context) { return RunRollback(*rollback, context); });
+  AddStoreOptions(&rollback->store, &rollback_command);
+  rollback_command.Option("VERSION", &rollback->to, "Ancestor to go back to (default: the parent)");
+  rollback_command.Writes();
+}
+
+}  // namespace shiftmap
