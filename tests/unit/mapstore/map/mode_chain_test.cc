@@ -140,8 +140,7 @@ TEST(ModeChainTest, ShortTimesKeepTheRates) {
   for (int from = 0; from < 4; ++from) {
     for (int to = 0; to < 4; ++to) {
       if (from == to) continue;
-      EXPECT_NEAR(transition(from, to), 1e-3 * rates(from, to), 1e-15)
-          << from << " to " << to;
+      EXPECT_NEAR(transition(from, to), 1e-3 * rates(from, to), 1e-15) << from << " to " << to;
     }
   }
 }

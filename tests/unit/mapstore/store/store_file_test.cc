@@ -53,6 +53,26 @@ TEST_F(StoreFileTest, MissingFileIsNotFoundUnlessCreated) {
               StatusIs(StatusCode::kNotFound, "folder"));
 }
 
+// What a power cut in the middle of a write leaves: the file half changed, and its journal.
+TEST_F(StoreFileTest, ReaderRollsBackWhatAPowerCutInterrupted) {
+  MakeStore(200);
+  MapStore before = *MapStore::Open(path_, Access::kReadOnly);
+  const std::string hash = ContentHash(before.LoadAt("a")->content());
+  const std::string image = dir_.File("image.db");
+  {
+    Database writer = *Database::Open(path_, {Database::Mode::kReadWrite});
+    // A cache of one page, so that changes get to the file before the commit.
+    ASSERT_THAT(writer.Execute("PRAGMA cache_size=1; BEGIN; UPDATE mode SET x_m = x_m + 1"),
+                IsOk());
+    std::filesystem::copy_file(path_, image);
+    std::filesystem::copy_file(path_ + "-journal", image + "-journal");
+    ASSERT_THAT(writer.Execute("ROLLBACK"), IsOk());
+  }
+  StatusOr<MapStore> after = MapStore::Open(image, Access::kReadOnly);
+  ASSERT_THAT(after, IsOk());
+  EXPECT_EQ(ContentHash(after->LoadAt("a")->content()), hash);
+}
+
 TEST_F(StoreFileTest, OtherFilesAreNotMapStores) {
   WriteFile(path_, std::string(5000, 'x') + "\nthis is a text file\n");
   for (const Access access : {Access::kReadOnly, Access::kReadWrite, Access::kReadWriteCreate}) {
@@ -87,7 +107,8 @@ TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   ExecuteRaw("PRAGMA user_version = 7");
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
-                       "map store '" + path_ + "': schema version 7, this build reads 2; it needs a newer build"));
+                       "map store '" + path_ +
+                           "': schema version 7, this build reads 2; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {
