@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "localizer/cli/commands.h"
+#include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
 
@@ -35,7 +36,7 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
   }
   const auto access =
       context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(options.store, access));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(options.store, access, context));
   Json results = Json::array();
   std::string text;
   bool all_known = true;

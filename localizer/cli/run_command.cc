@@ -14,6 +14,7 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
+#include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
@@ -128,14 +129,17 @@ class Shift {
   std::string run_hash_;
 };
 
-Status WriteResults(const RunOptions& options, const Shift& shift, const ShiftReport& report) {
+Status WriteResults(const RunOptions& options,
+                    const Shift& shift,
+                    const ShiftReport& report,
+                    const Context& context) {
   if (options.trajectory) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift.trajectory(), *options.trajectory));
   }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   if (options.return_report) {
     SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                              MapStore::Open(*options.store, MapStore::Access::kReadWrite));
+                              OpenStore(*options.store, MapStore::Access::kReadWrite, context));
     const auto result = store.Return(report);
     if (!result.ok()) return result.status();
   }
@@ -158,7 +162,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   if (!summary.truncation.empty()) {
     context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report));
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   return OkStatus();
 }

@@ -144,6 +144,7 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
   provenance.configuration = Json{
+      {"revision", SoftwareRevision()},
       {"selector", options.selector},
       {"engine", options.engine},
       {"prior", options.prior},

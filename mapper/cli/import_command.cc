@@ -50,8 +50,11 @@ Status Import(const ImportOptions& options, Context& context) {
   if (!context.dry_run()) {
     Provenance provenance;
     provenance.tool = "shiftmap-mapper " + SoftwareVersion();
-    provenance.configuration =
-        Json{{"survey_sha256", survey_hash}, {"leave_rate_per_s", options.leave_rate_per_s}}.dump();
+    provenance.configuration = Json{
+        {"revision", SoftwareRevision()},
+        {"survey_sha256", survey_hash},
+        {"leave_rate_per_s",
+         options.leave_rate_per_s}}.dump();
     SHIFTMAP_ASSIGN_OR_RETURN(
         MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
     CommitOptions commit;

@@ -5,4 +5,6 @@ namespace shiftmap {
 
 std::string SoftwareVersion() { return SHIFTMAP_VERSION; }
 
+std::string SoftwareRevision() { return SHIFTMAP_REVISION; }
+
 }  // namespace shiftmap
