@@ -10,7 +10,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::int64_t kRowsPerGroup = 1;
+constexpr std::int64_t kRowsPerGroup = 2;
 
 // Rows between the checkpoints of a version, and from its newest one to the end.
 StatusOr<std::int64_t> Spacing(Database& database,
