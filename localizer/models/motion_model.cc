@@ -25,9 +25,7 @@ void AppendMotion(double v_mps,
   const double dt = ToSeconds(elapsed);
   const Eigen::Vector3d twist(
       calibration.scale_v * v_mps * dt, 0.0, calibration.scale_omega * omega_radps * dt);
-  const Se2 step = Se2::Exp(twist);
-  const Eigen::Matrix3d to_end = step.Inverse().Adjoint();
-  const Eigen::Matrix3d right = Se2::RightJacobian(twist);
+  const auto [step, to_end, right] = Se2::ExpStep(twist);
 
   const bool standstill = v_mps == 0.0 && omega_radps == 0.0;
   const double variance_scale = dt * (standstill ? kStandstillVarianceShare : 1.0);
@@ -71,7 +69,7 @@ MotionIncrement IntegrateMotion(std::span<const OdometrySample> odometry,
   // T(lag) = D(begin - lag)⁻¹ D(end - lag) for the dead-reckoned path D.
   const Eigen::Vector3d end_velocity = ScaledVelocity(odometry[i], calibration);
   increment.J_calibration.col(2) =
-      increment.T_begin_end.Inverse().Adjoint() * begin_velocity - end_velocity;
+      increment.T_begin_end.InverseAdjoint() * begin_velocity - end_velocity;
   return increment;
 }
 

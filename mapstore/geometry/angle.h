@@ -8,6 +8,7 @@ namespace shiftmap {
 
 /// The angle equal to `angle_rad` modulo 2π in [-π, π].
 inline double WrapAngle(double angle_rad) {
+  if (std::abs(angle_rad) <= std::numbers::pi) return angle_rad;
   return std::remainder(angle_rad, 2.0 * std::numbers::pi);
 }
 

@@ -17,18 +17,19 @@ struct ArcFactors {
 
 constexpr double kSmallAngle = 1e-4;
 
-// 1 - cos(θ) without the cancellation for small θ.
-double OneMinusCos(double theta) {
-  const double s = std::sin(0.5 * theta);
-  return 2.0 * s * s;
-}
-
-ArcFactors ComputeArcFactors(double theta) {
+// From sin(θ) and cos(θ): 1 - cos(θ) = sin²(θ) / (1 + cos(θ)) does not cancel for small θ, and is
+// the better form for all but obtuse angles.
+ArcFactors MakeArcFactors(double theta, double s, double c) {
   if (std::abs(theta) < kSmallAngle) {
     const double theta2 = theta * theta;
     return {1.0 - theta2 / 6.0, theta * (0.5 - theta2 / 24.0)};
   }
-  return {std::sin(theta) / theta, OneMinusCos(theta) / theta};
+  const double one_minus_cos = c > 0.0 ? s * s / (1.0 + c) : 1.0 - c;
+  return {s / theta, one_minus_cos / theta};
+}
+
+ArcFactors ComputeArcFactors(double theta) {
+  return MakeArcFactors(theta, std::sin(theta), std::cos(theta));
 }
 
 }  // namespace
@@ -64,6 +65,15 @@ Eigen::Matrix3d Se2::Adjoint() const {
   return adjoint;
 }
 
+Eigen::Matrix3d Se2::InverseAdjoint() const {
+  Eigen::Matrix3d adjoint = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix2d R_transposed = Rotation().transpose();
+  adjoint.topLeftCorner<2, 2>() = R_transposed;
+  adjoint.topRightCorner<2, 1>() =
+      R_transposed * Eigen::Vector2d(-translation_.y(), translation_.x());
+  return adjoint;
+}
+
 Se2 Se2::Exp(const Eigen::Vector3d& twist) {
   const auto [sinc, cosc] = ComputeArcFactors(twist.z());
   return Se2(sinc * twist.x() - cosc * twist.y(), cosc * twist.x() + sinc * twist.y(), twist.z());
@@ -76,23 +86,29 @@ Eigen::Vector3d Se2::Log() const {
 }
 
 Eigen::Matrix3d Se2::RightJacobian(const Eigen::Vector3d& twist) {
+  return ExpStep(twist).right_jacobian;
+}
+
+Se2::Step Se2::ExpStep(const Eigen::Vector3d& twist) {
   const double theta = twist.z();
-  const auto [sinc, cosc] = ComputeArcFactors(theta);
+  const double s = std::sin(theta);
+  const double c = std::cos(theta);
+  const auto [sinc, cosc] = MakeArcFactors(theta, s, c);
+  Step step;
+  step.T = Se2(sinc * twist.x() - cosc * twist.y(), cosc * twist.x() + sinc * twist.y(), theta);
+  const double x = step.T.x();
+  const double y = step.T.y();
+  step.inverse_adjoint << c, s, s * x - c * y, -s, c, c * x + s * y, 0.0, 0.0, 1.0;
   // (θ - sin θ)/θ² and (1 - cos θ)/θ², undefined at 0.
   double a = theta / 6.0;
   double b = 0.5 - theta * theta / 24.0;
   if (std::abs(theta) >= kSmallAngle) {
-    a = (theta - std::sin(theta)) / (theta * theta);
-    b = OneMinusCos(theta) / (theta * theta);
+    a = (theta - s) / (theta * theta);
+    b = cosc / theta;
   }
-  Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();
-  jacobian(0, 0) = sinc;
-  jacobian(0, 1) = cosc;
-  jacobian(1, 0) = -cosc;
-  jacobian(1, 1) = sinc;
-  jacobian(0, 2) = a * twist.x() - b * twist.y();
-  jacobian(1, 2) = b * twist.x() + a * twist.y();
-  return jacobian;
+  step.right_jacobian << sinc, cosc, a * twist.x() - b * twist.y(), -cosc, sinc,
+      b * twist.x() + a * twist.y(), 0.0, 0.0, 1.0;
+  return step;
 }
 
 }  // namespace shiftmap

@@ -43,9 +43,16 @@ class Se2 {
   /// Moves a twist from the inner to the outer frame: T Exp(ξ) T⁻¹ = Exp(Adjoint() ξ).
   Eigen::Matrix3d Adjoint() const;
 
+  /// Inverse().Adjoint(), which is Adjoint()⁻¹.
+  Eigen::Matrix3d InverseAdjoint() const;
+
   /// Exponential map: the end of the exact arc driven with constant twist ξ = (x, y, yaw) for unit
   /// time.
   static Se2 Exp(const Eigen::Vector3d& twist);
+
+  /// Exp(ξ) with what carries an error along it: one evaluation of sine and cosine for all.
+  struct Step;
+  static Step ExpStep(const Eigen::Vector3d& twist);
 
   /// Inverse of Exp for |yaw| < π.
   Eigen::Vector3d Log() const;
@@ -56,6 +63,12 @@ class Se2 {
  private:
   Eigen::Vector2d translation_ = Eigen::Vector2d::Zero();
   double yaw_ = 0.0;
+};
+
+struct Se2::Step {
+  Se2 T;                            ///< Exp(ξ).
+  Eigen::Matrix3d inverse_adjoint;  ///< T.InverseAdjoint().
+  Eigen::Matrix3d right_jacobian;   ///< RightJacobian(ξ).
 };
 
 }  // namespace shiftmap

@@ -42,5 +42,21 @@ TEST(Se2Test, ExpIsSmoothAtTheBoundOfItsSeries) {
   }
 }
 
+TEST(Se2Test, InverseAdjointIsTheAdjointOfTheInverse) {
+  const Se2 T(1.5, -0.7, 2.1);
+  EXPECT_TRUE(T.InverseAdjoint().isApprox(T.Inverse().Adjoint(), 1e-14));
+  EXPECT_TRUE((T.InverseAdjoint() * T.Adjoint()).isIdentity(1e-14));
+}
+
+TEST(Se2Test, ExpStepIsItsParts) {
+  for (const double yaw : {0.0, 1e-5, -3e-3, 0.4, -2.9}) {
+    const Eigen::Vector3d twist(0.8, -0.3, yaw);
+    const Se2::Step step = Se2::ExpStep(twist);
+    EXPECT_THAT(step.T, IsNearPose(Se2::Exp(twist), 1e-15));
+    EXPECT_TRUE(step.inverse_adjoint.isApprox(Se2::Exp(twist).InverseAdjoint(), 1e-14));
+    EXPECT_TRUE(step.right_jacobian.isApprox(Se2::RightJacobian(twist), 1e-14));
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap::testing
