@@ -42,10 +42,10 @@ class ActiveModes {
   }
 
   int At(std::size_t group, Stamp stamp) const {
-    int mode = kNoMode;
+    int mode = kUnassigned;
     for (const std::size_t visit : visits_[group]) {
-      if (mode != kNoMode && run_.data->visits[visit].begin > stamp) break;
-      if (run_.assignment[visit] != kNoMode) mode = run_.assignment[visit];
+      if (mode != kUnassigned && run_.data->visits[visit].begin > stamp) break;
+      if (run_.assignment[visit] != kUnassigned) mode = run_.assignment[visit];
     }
     return mode;
   }
@@ -121,7 +121,7 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
       }
       for (std::size_t group = 0; group < problem.modes.size(); ++group) {
         const int mode = active.At(group, frame.stamp);
-        if (mode == kNoMode) continue;
+        if (mode == kUnassigned) continue;
         const Eigen::Vector2d q =
             T_vehicle_map * problem.modes[group][static_cast<std::size_t>(mode)].p_map_landmark;
         if (q.norm() > sensor.max_range_m ||

@@ -2,6 +2,7 @@
 #include "mapper/map_output.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
@@ -14,9 +15,18 @@ namespace {
 
 constexpr double kMinProbability = 1e-6;
 
-// Forward filter of the group's chain over its visits, from a uniform start to `end`.
+// The states of a group of the problem, `absent` first, in the order of the map's modes.
+std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_order) {
+  std::vector<Eigen::Index> states = {0};
+  for (const std::size_t mode : mode_order) states.push_back(static_cast<Eigen::Index>(mode) + 1);
+  return states;
+}
+
+// Forward filter of the group's chain over its visits, from what was known to `end`.
+// @param states  The problem's state that each of the chain's is.
 Eigen::VectorXd FilterProbabilities(const MapProblem& problem,
                                     const std::vector<VisitRef>& visits,
+                                    const std::vector<Eigen::Index>& states,
                                     const ModeChain& chain,
                                     Eigen::VectorXd probabilities,
                                     Stamp now,
@@ -26,7 +36,7 @@ Eigen::VectorXd FilterProbabilities(const MapProblem& problem,
     const MappingVisit& visit = problem.runs[static_cast<std::size_t>(ref.run)]
                                     .data->visits[static_cast<std::size_t>(ref.visit)];
     probabilities = chain.Propagate(probabilities, visit.begin - now);
-    const Eigen::VectorXd log_likelihood = VisitLogLikelihood(problem, ref, options);
+    const Eigen::VectorXd log_likelihood = VisitLogLikelihood(problem, ref, options)(states);
     probabilities.array() *= (log_likelihood.array() - log_likelihood.maxCoeff()).exp();
     probabilities = (probabilities / probabilities.sum()).cwiseMax(kMinProbability).eval();
     now = visit.end;
@@ -52,7 +62,7 @@ std::vector<std::size_t> ModeOrder(const MapProblem& problem,
   for (std::size_t v = visits.size(); v-- > 0;) {
     const BuildRun& run = problem.runs[static_cast<std::size_t>(visits[v].run)];
     const int mode = run.assignment[static_cast<std::size_t>(visits[v].visit)];
-    if (mode != kNoMode) first_visit[static_cast<std::size_t>(mode)] = v;
+    if (mode != kUnassigned) first_visit[static_cast<std::size_t>(mode)] = v;
   }
   for (std::size_t i = 0; i < modes.size(); ++i) order.push_back(i);
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -105,32 +115,30 @@ GroupStart StartOf(const MapProblem& problem,
   return start;
 }
 
-// Group `g` of the map, its modes in the given order of the problem's.
+// A group of the map and where it comes from.
+struct GroupSource {
+  std::size_t group = 0;           // In the problem.
+  std::vector<std::size_t> order;  // The problem's modes in the order of the map's.
+  std::vector<VisitRef> visits;    // In the order of time.
+};
+
+// A group of the map without probabilities, its chain as the prior map has it.
 LandmarkGroup MakeGroup(const MapProblem& problem,
-                        std::size_t g,
-                        const std::vector<VisitRef>& visits,
-                        const std::vector<std::size_t>& order,
+                        const GroupSource& source,
                         const std::optional<MapContent>& prior,
-                        Stamp end,
                         const ModeOptions& options) {
-  const std::vector<BuildMode>& modes = problem.modes[g];
-  const LandmarkGroup* known = FindGroup(prior, problem.signatures[g]);
+  const std::vector<BuildMode>& modes = problem.modes[source.group];
+  const LandmarkGroup* known = FindGroup(prior, problem.signatures[source.group]);
   LandmarkGroup group;
-  group.signature = problem.signatures[g];
+  group.signature = problem.signatures[source.group];
   group.chain = ModeChain::Uniform(
       static_cast<int>(modes.size()),
       known != nullptr ? known->chain.leave_rate_per_s() : options.leave_rate_per_s);
   // Rates between the same modes go on; with another mode they say nothing of it.
   if (known != nullptr && known->modes.size() == modes.size()) group.chain = known->chain;
   if (known != nullptr) group.merged = known->merged;
-  const GroupStart start = StartOf(problem, modes, known, prior);
-  const Eigen::VectorXd probabilities = FilterProbabilities(
-      problem, visits, group.chain, start.probabilities, start.stamp, end, options);
-  group.probabilities.resize(probabilities.size());
-  group.probabilities[0] = probabilities[0];
-
   ModeNumber next = known != nullptr ? known->NextNumber() : ModeNumber(1);
-  for (const std::size_t k : order) {
+  for (const std::size_t k : source.order) {
     const int known_state =
         known != nullptr && modes[k].number != kAbsent ? known->StateOf(modes[k].number) : 0;
     Mode mode;
@@ -140,12 +148,72 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
     const Stamp known_last = known_state > 0
                                  ? known->modes[static_cast<std::size_t>(known_state) - 1].last_seen
                                  : Stamp();
-    mode.last_seen = LastSeen(problem, visits, static_cast<int>(k), known_last);
+    mode.last_seen = LastSeen(problem, source.visits, static_cast<int>(k), known_last);
     group.modes.push_back(mode);
-    group.probabilities[static_cast<Eigen::Index>(group.modes.size())] =
-        probabilities[static_cast<Eigen::Index>(k) + 1];
   }
   return group;
+}
+
+// What this build's own visits say of a group, as rows of the ledger would.
+void AddOwnEvidence(const MapProblem& problem,
+                    const GroupSource& source,
+                    const LandmarkGroup& group,
+                    const ModeOptions& options,
+                    std::vector<EvidenceRow>* rows) {
+  for (const VisitRef& ref : source.visits) {
+    const MappingRun& run = *problem.runs[static_cast<std::size_t>(ref.run)].data;
+    const MappingVisit& visit = run.visits[static_cast<std::size_t>(ref.visit)];
+    const Eigen::VectorXd values = VisitLogLikelihood(problem, ref, options);
+    EvidenceRow row{run.sha256, {group.signature, visit.begin, visit.end, {{kAbsent, values[0]}}}};
+    for (std::size_t i = 0; i < source.order.size(); ++i) {
+      row.evidence.modes.push_back(
+          {group.modes[i].number, values[static_cast<Eigen::Index>(source.order[i]) + 1]});
+    }
+    rows->push_back(std::move(row));
+  }
+}
+
+// Gives the groups the chains that the ledger and this build's visits speak for. A known group that
+// neither tells of keeps its own.
+StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
+                                                const std::vector<GroupSource>& sources,
+                                                const std::optional<MapContent>& prior,
+                                                const MapperOptions& options,
+                                                std::vector<LandmarkGroup>* groups) {
+  std::vector<EvidenceRow> evidence = options.chains.ledger;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    AddOwnEvidence(problem, sources[i], (*groups)[i], options.modes, &evidence);
+  }
+  GroupChainOptions learning = options.chains.learning;
+  learning.leave_rate_per_s = options.modes.leave_rate_per_s;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
+                            LearnGroupChains(*groups, evidence, learning));
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    LandmarkGroup& group = (*groups)[i];
+    const bool known = FindGroup(prior, group.signature) != nullptr;
+    if (chains[i].learned || !known) group.chain = chains[i].chain.chain();
+  }
+  return chains;
+}
+
+void SetProbabilities(const MapProblem& problem,
+                      const GroupSource& source,
+                      const std::optional<MapContent>& prior,
+                      Stamp end,
+                      const ModeOptions& options,
+                      LandmarkGroup* group) {
+  const LandmarkGroup* known = FindGroup(prior, group->signature);
+  const GroupStart start = StartOf(problem, problem.modes[source.group], known, prior);
+  // The chain's states are in the order of the map's modes, the visits' in that of the problem's.
+  const std::vector<Eigen::Index> states = StatesInOrder(source.order);
+  group->probabilities = FilterProbabilities(problem,
+                                             source.visits,
+                                             states,
+                                             group->chain,
+                                             start.probabilities(states),
+                                             start.stamp,
+                                             end,
+                                             options);
 }
 
 // Joint and marginal covariances of the map's modes. @param rows  First row of each in `cov`.
@@ -172,11 +240,12 @@ void SetCovariance(const Eigen::MatrixXd& cov,
 
 }  // namespace
 
-MapContent MakeMapContent(const MapProblem& problem,
-                          const std::optional<MapContent>& prior,
-                          const Eigen::MatrixXd& mode_covariance,
-                          const MapperOptions& options) {
-  MapContent content;
+StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+                                   const std::optional<MapContent>& prior,
+                                   const Eigen::MatrixXd& mode_covariance,
+                                   const MapperOptions& options) {
+  MapOutput output;
+  MapContent& content = output.content;
   content.stamp = prior ? prior->stamp : Stamp();
   for (const BuildRun& run : problem.runs) content.stamp = std::max(content.stamp, run.data->end());
   content.calibration = {FleetOdometry(problem.runs, options.calibration.odometry), problem.sensor};
@@ -186,19 +255,27 @@ MapContent MakeMapContent(const MapProblem& problem,
   if (prior) content.anonymous_landmarks = prior->anonymous_landmarks;
 
   const FlatModes flat(problem);
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  std::vector<GroupSource> sources;
   std::vector<Eigen::Index> rows;  // In mode_covariance, of the modes in the map's order.
   for (std::size_t g = 0; g < problem.modes.size(); ++g) {
     if (problem.modes[g].empty()) continue;
-    const std::vector<std::size_t> order = ModeOrder(problem, visits[g], problem.modes[g]);
-    content.groups.push_back(
-        MakeGroup(problem, g, visits[g], order, prior, content.stamp, options.modes));
-    for (const std::size_t k : order) {
+    sources.push_back({g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g])});
+    content.groups.push_back(MakeGroup(problem, sources.back(), prior, options.modes));
+    for (const std::size_t k : sources.back().order) {
       rows.push_back(2 * Eigen::Index{flat.Index(static_cast<int>(g), static_cast<int>(k))});
     }
   }
+  // Landmarks that never leave a mode have no rate to learn.
+  if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
+    SHIFTMAP_ASSIGN_OR_RETURN(output.chains,
+                              LearnChainsOf(problem, sources, prior, options, &content.groups));
+  }
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    SetProbabilities(problem, sources[i], prior, content.stamp, options.modes, &content.groups[i]);
+  }
   SetCovariance(mode_covariance, rows, &content);
-  return content;
+  return output;
 }
 
 MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {

@@ -1,20 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "mapper/chain/group_chains.h"
 #include "mapper/map_problem.h"
 #include "mapper/mapper.h"
 #include "mapper/mapper_options.h"
 
 namespace shiftmap {
 
+/// A map, and how its chains were learned.
+struct MapOutput {
+  MapContent content;
+  std::vector<GroupChain> chains;  ///< One per group; none if chains are not learned.
+};
+
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
-/// end of the newest run.
-MapContent MakeMapContent(const MapProblem& problem,
-                          const std::optional<MapContent>& prior,
-                          const Eigen::MatrixXd& mode_covariance,
-                          const MapperOptions& options);
+/// end of the newest run. Errors: kInvalidArgument, as LearnGroupChains.
+StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+                                   const std::optional<MapContent>& prior,
+                                   const Eigen::MatrixXd& mode_covariance,
+                                   const MapperOptions& options);
 
 /// What became of run `index` of a solved problem.
 MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);

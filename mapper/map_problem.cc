@@ -22,49 +22,50 @@ constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
 // A noise estimate may not leave its predecessor by more than this factor in one step.
 constexpr double kMaxNoiseFactor = 4.0;
 
-GraphRun MakeGraphRun(const BuildRun& run, const OdometryCalibration& fleet, bool calibrate) {
-  GraphRun result;
-  result.poses = run.poses;
+// Motions are linear in the calibration only nearby. [-], [s]
+constexpr double kLinearCorrection = 2e-3;
+
+// Noise within this factor of what residuals say is right enough: a run of a thousand residuals
+// says no more.
+constexpr double kSettledNoise = 1.05;
+
+// The calibration `to` as a correction of `from`: (log scale_v, log scale_omega, lag_s).
+Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to) {
+  return {std::log(to.scale_v / from.scale_v),
+          std::log(to.scale_omega / from.scale_omega),
+          to.lag_s - from.lag_s};
+}
+
+void UpdateMotions(BuildRun* run) {
+  IntegratedMotions& motions = run->motions;
+  const std::vector<KeyFrame>& frames = run->data->frames;
+  const bool same_noise = motions.calibration.noise_v == run->odometry.noise_v &&
+                          motions.calibration.noise_omega == run->odometry.noise_omega;
+  const bool near = CorrectionBetween(motions.calibration, run->odometry).cwiseAbs().maxCoeff() <
+                    kLinearCorrection;
+  if (motions.increments.size() + 1 == frames.size() && same_noise && near) return;
+  motions.calibration = run->odometry;
+  motions.increments.clear();
   std::size_t hint = 0;
-  const std::vector<KeyFrame>& frames = run.data->frames;
   for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    result.motions.push_back(IntegrateMotion(
-        run.data->odometry, frames[i].stamp, frames[i + 1].stamp, run.odometry, &hint));
+    motions.increments.push_back(IntegrateMotion(
+        run->data->odometry, frames[i].stamp, frames[i + 1].stamp, run->odometry, &hint));
   }
+}
+
+GraphRun MakeGraphRun(const OdometryCalibration& fleet, bool calibrate, BuildRun* run) {
+  UpdateMotions(run);
+  GraphRun result;
+  result.poses = run->poses;
+  result.motions = run->motions.increments;
   const double sd_scale = calibrate ? fleet.sd_log_scale : 1e-9;
+  result.correction = CorrectionBetween(run->motions.calibration, run->odometry);
   result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : 1e-9};
-  result.correction_prior_mean = {std::log(fleet.scale_v / run.odometry.scale_v),
-                                  std::log(fleet.scale_omega / run.odometry.scale_omega),
-                                  fleet.lag_s - run.odometry.lag_s};
-  result.sensor_bias = run.sensor_bias;
+  result.correction_prior_mean = CorrectionBetween(run->motions.calibration, fleet);
+  result.sensor_bias = run->sensor_bias;
   result.sensor_bias_sd =
       calibrate ? SensorBias(kBearingOffsetSd, kRangeCurvatureSd) : SensorBias::Constant(1e-9);
   return result;
-}
-
-Graph MakeGraph(const MapperOptions& options, const MapProblem& problem) {
-  Graph graph;
-  const FlatModes flat(problem);
-  for (const std::vector<BuildMode>& group : problem.modes) {
-    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
-  }
-  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
-    const BuildRun& run = problem.runs[r];
-    graph.runs.push_back(MakeGraphRun(run, options.calibration.odometry, options.calibrate));
-    for (const Sighting& sighting : run.data->sightings) {
-      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
-      if (mode == kNoMode) continue;
-      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
-      graph.observations.push_back({static_cast<int>(r),
-                                    sighting.frame,
-                                    flat.Index(group, mode),
-                                    sighting.observation,
-                                    ObservationNoise(sighting.observation, problem.sensor),
-                                    run.data->mean_squared_bearing});
-    }
-  }
-  graph.prior = problem.prior;
-  return graph;
 }
 
 void CopyBack(const Graph& graph, MapProblem* problem) {
@@ -76,9 +77,9 @@ void CopyBack(const Graph& graph, MapProblem* problem) {
     BuildRun& run = problem->runs[r];
     run.poses = graph.runs[r].poses;
     const Eigen::Vector3d& correction = graph.runs[r].correction;
-    run.odometry.scale_v *= std::exp(correction.x());
-    run.odometry.scale_omega *= std::exp(correction.y());
-    run.odometry.lag_s += correction.z();
+    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
+    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
+    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
     run.sensor_bias = graph.runs[r].sensor_bias;
   }
 }
@@ -101,29 +102,58 @@ int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
   return index;
 }
 
+Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
+  Graph graph;
+  const FlatModes flat(*problem);
+  for (const std::vector<BuildMode>& group : problem->modes) {
+    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    graph.runs.push_back(MakeGraphRun(options.calibration.odometry, options.calibrate, &run));
+    for (const Sighting& sighting : run.data->sightings) {
+      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+      if (mode == kUnassigned) continue;
+      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
+      graph.observations.push_back({static_cast<int>(r),
+                                    sighting.frame,
+                                    flat.Index(group, mode),
+                                    sighting.observation,
+                                    ObservationNoise(sighting.observation, problem->sensor),
+                                    run.data->mean_squared_bearing});
+    }
+  }
+  graph.prior = problem->prior;
+  return graph;
+}
+
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
-  // The motions are linear in the calibration only nearby: integrate again until it stays.
+  // Integrate again until the calibration stays.
   constexpr int kMaxIntegrations = 4;
-  constexpr double kSettled = 2e-3;
   Graph graph;
   for (int i = 0; i < kMaxIntegrations; ++i) {
-    graph = MakeGraph(options, *problem);
+    graph = MakeGraph(options, problem);
     SolveGraph(options.max_solver_iterations, &graph);
     CopyBack(graph, problem);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
-      return run.correction.cwiseAbs().maxCoeff() < kSettled;
+      return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
     });
     if (settled) break;
   }
   return graph;
 }
 
-void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
+double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
   constexpr double kMinRedundancy = 20.0;
+  double largest = 1.0;
   const auto factor = [&](ResidualStatistics::Kind kind) {
     if (statistics.redundancy[kind] < kMinRedundancy) return 1.0;
-    const double ratio = std::sqrt(statistics.sum_of_squares[kind] / statistics.redundancy[kind]);
-    return std::clamp(ratio, 1.0 / kMaxNoiseFactor, kMaxNoiseFactor);
+    const double ratio =
+        std::clamp(std::sqrt(statistics.sum_of_squares[kind] / statistics.redundancy[kind]),
+                   1.0 / kMaxNoiseFactor,
+                   kMaxNoiseFactor);
+    largest = std::max({largest, ratio, 1.0 / ratio});
+    return ratio;
   };
   SensorCalibration& sensor = problem->sensor;
   sensor.sd_range_m = std::max(1e-3, sensor.sd_range_m * factor(ResidualStatistics::kRange));
@@ -131,30 +161,36 @@ void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
       std::max(1e-4, sensor.sd_bearing_rad * factor(ResidualStatistics::kBearing));
   sensor.sd_position_m =
       std::max(1e-3, sensor.sd_position_m * factor(ResidualStatistics::kPosition));
+  const double motion_v = factor(ResidualStatistics::kTranslation);
+  const double motion_omega = factor(ResidualStatistics::kYaw);
   for (BuildRun& run : problem->runs) {
-    run.odometry.noise_v =
-        std::max(1e-4, run.odometry.noise_v * factor(ResidualStatistics::kTranslation));
-    run.odometry.noise_omega =
-        std::max(1e-4, run.odometry.noise_omega * factor(ResidualStatistics::kYaw));
+    run.odometry.noise_v = std::max(1e-4, run.odometry.noise_v * motion_v);
+    run.odometry.noise_omega = std::max(1e-4, run.odometry.noise_omega * motion_omega);
   }
+  return largest;
 }
 
 void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem) {
   // Draws of the posterior; thousands of residuals share them.
   constexpr int kNoiseSamples = 6;
+  // The next round goes on from where this one ends: none needs to end at the minimum.
+  constexpr int kIterations = 5;
   for (int round = 0; round < rounds; ++round) {
-    const Graph graph = SolveContinuous(options, problem);
-    UpdateNoise(ComputeGraphPosterior(graph, kNoiseSamples, options.seed).statistics, problem);
+    Graph graph = MakeGraph(options, problem);
+    SolveGraph(std::min(kIterations, options.max_solver_iterations), &graph);
+    CopyBack(graph, problem);
+    const GraphPosterior posterior = ComputeGraphPosterior(graph, kNoiseSamples, options.seed);
+    if (UpdateNoise(posterior.statistics, problem) < kSettledNoise) return;
   }
 }
 
-SightingCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m) {
+VisitCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m) {
   // More than this adds nothing but quadratic time.
   constexpr std::size_t kMaxCentres = 200;
-  SightingCluster best;
+  VisitCluster best;
   const std::size_t step = positions.size() / kMaxCentres + 1;
   for (std::size_t i = 0; i < positions.size(); i += step) {
-    SightingCluster cluster;
+    VisitCluster cluster;
     for (const Eigen::Vector2d& position : positions) {
       if ((position - positions[i]).norm() > radius_m) continue;
       cluster.centre += position;
@@ -189,7 +225,7 @@ const Eigen::Vector2d& AssignedPosition(const MapProblem& problem,
 
 bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& sighting) {
   static const double gate = ChiSquareQuantile(0.999, 2);
-  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kNoMode) return false;
+  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kUnassigned) return false;
   const Innovation innovation =
       SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
   return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor)) <

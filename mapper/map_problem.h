@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
@@ -17,6 +18,16 @@ namespace shiftmap {
 struct BuildMode {
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
   ModeNumber number;  ///< That of the prior map; 0 for a mode that is not in it.
+
+  /// Told apart from the prior map's modes jointly with the other landmarks (FindDisplaced), which
+  /// can tell more than a look at this landmark alone.
+  bool displaced = false;
+};
+
+/// The odometry of a run between its key frames, integrated at some calibration.
+struct IntegratedMotions {
+  OdometryCalibration calibration;
+  std::vector<MotionIncrement> increments;
 };
 
 /// One run in the problem: its data, and what is estimated of it.
@@ -26,12 +37,15 @@ struct BuildRun {
   OdometryCalibration odometry;  ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
 
-  /// Per visit the index of its mode in the group, or kNoMode: the visit's sightings are clutter,
-  /// or of a landmark at no known position.
+  /// Kept from solve to solve while `odometry` stays close to where they were integrated.
+  IntegratedMotions motions;
+
+  /// Per visit the index of its mode in the group, or kUnassigned: the visit's sightings are
+  /// clutter, or of a landmark at no known position.
   std::vector<int> assignment;
 };
 
-inline constexpr int kNoMode = -1;
+inline constexpr int kUnassigned = -1;
 
 /// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
@@ -60,24 +74,28 @@ struct FlatModes {
 /// Adds a mode to a group and returns its index there; the prior's flat indices stay right.
 int AddMode(int group, const BuildMode& mode, MapProblem* problem);
 
+/// The continuous part for the present assignment, at its present values.
+Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
+
 /// Solves the continuous part for the present assignment, integrating the odometry anew at the
 /// calibration found. Returns the graph at the solution.
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 
 /// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
-/// is multiplied by what its residuals have too much or too little (variance components).
-void UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
+/// is multiplied by what its residuals have too much or too little (variance components). Returns
+/// the largest factor that a standard deviation changed by, 1 or more.
+double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
 
-/// Solves and updates the noise in turn, `rounds` times.
+/// Solves and updates the noise in turn until it stays, `rounds` times at most.
 void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem);
 
 /// Where most sightings of a list agree: the mean of those around the sighting with most
 /// neighbours.
-struct SightingCluster {
+struct VisitCluster {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< [m]
   int count = 0;
 };
-SightingCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m);
+VisitCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m);
 
 /// Innovation of a sighting against a position, the run's sensor bias taken off.
 Innovation SightingInnovation(const BuildRun& run,

@@ -12,6 +12,7 @@
 #include "mapper/map_problem.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/single_run.h"
+#include "mapper/submap.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -19,141 +20,10 @@ namespace {
 
 constexpr int kNoiseRounds = 2;
 
-// A run mapped by itself, waiting for its place in the common frame.
-struct Submap {
-  MapProblem problem;
-  std::vector<AlignmentPoint> points;
-};
-
-void MovePoses(const Se2& T_map_old, MapProblem* problem) {
-  for (BuildRun& run : problem->runs) {
-    for (Se2& pose : run.poses) pose = T_map_old * pose;
-  }
-  for (std::vector<BuildMode>& group : problem->modes) {
-    for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
-  }
-}
-
-// The problem before any run is in it: the prior's modes, or none.
-MapProblem StartProblem(const std::vector<Signature>& signatures,
-                        const std::optional<MapContent>& prior,
-                        const SensorCalibration& sensor) {
-  MapProblem problem;
-  problem.signatures = signatures;
-  problem.sensor = sensor;
-  problem.modes.resize(signatures.size());
-  if (!prior) return problem;
-  std::vector<int> flat;
-  std::vector<Eigen::Vector2d> positions;
-  for (const LandmarkGroup& group : prior->groups) {
-    const auto g = static_cast<std::size_t>(
-        std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
-        signatures.begin());
-    for (const Mode& mode : group.modes) {
-      problem.modes[g].push_back({mode.p_map_landmark, mode.number});
-      flat.push_back(static_cast<int>(flat.size()));
-      positions.push_back(mode.p_map_landmark);
-    }
-  }
-  problem.prior = MakeGraphPrior(flat, positions, prior->covariance.Dense());
-  return problem;
-}
-
-// Reference for alignment: every mode that the problem has so far.
-std::vector<AlignmentPoint> ReferencePoints(const MapProblem& problem) {
-  std::vector<AlignmentPoint> points;
-  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-    for (const BuildMode& mode : problem.modes[group]) {
-      points.push_back({static_cast<int>(group), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
-    }
-  }
-  return points;
-}
-
-// Adds a submap, already moved into the map frame: its modes that the alignment cannot tell from
-// one of the map become that one, the others are new modes of their groups.
-// @param alignment  Nothing for the first submap, which meets no other.
-void Absorb(const ModeOptions& options,
-            const std::optional<Alignment>& alignment,
-            MapProblem submap,
-            MapProblem* problem) {
-  const double gate = ChiSquareQuantile(options.merge_probability, 2);
-  BuildRun& run = submap.runs.front();
-  std::vector<std::vector<int>> becomes(submap.modes.size());
-  for (std::size_t group = 0; group < submap.modes.size(); ++group) {
-    const std::vector<BuildMode>& known = problem->modes[group];
-    const std::size_t known_count = known.size();
-    for (const BuildMode& mode : submap.modes[group]) {
-      int nearest = kNoMode;
-      double nearest_squared = gate;
-      for (std::size_t k = 0; k < known_count && alignment; ++k) {
-        const double variance = alignment->PositionVariance(mode.p_map_landmark) +
-                                2.0 * options.position_floor_m * options.position_floor_m;
-        const double squared =
-            (known[k].p_map_landmark - mode.p_map_landmark).squaredNorm() / variance;
-        if (squared < nearest_squared) {
-          nearest_squared = squared;
-          nearest = static_cast<int>(k);
-        }
-      }
-      if (nearest == kNoMode) {
-        nearest = AddMode(static_cast<int>(group), {mode.p_map_landmark, kAbsent}, problem);
-      }
-      becomes[group].push_back(nearest);
-    }
-  }
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-    int& assignment = run.assignment[v];
-    const auto group = static_cast<std::size_t>(run.data->visits[v].group);
-    if (assignment != kNoMode) assignment = becomes[group][static_cast<std::size_t>(assignment)];
-  }
-  problem->runs.push_back(std::move(run));
-}
-
-// Places submaps one after the other, always the one that most signatures tie to what is there.
-void PlaceSubmaps(const MapperOptions& options,
-                  std::vector<Submap> waiting,
-                  MapProblem* problem,
-                  std::vector<RejectedRun>* rejected) {
-  if (ReferencePoints(*problem).empty()) {
-    // Without a prior the run that sees most landmarks is the first.
-    const auto first =
-        std::max_element(waiting.begin(), waiting.end(), [](const Submap& a, const Submap& b) {
-          return a.points.size() < b.points.size();
-        });
-    Absorb(options.modes, std::nullopt, std::move(first->problem), problem);
-    waiting.erase(first);
-  }
-  while (!waiting.empty()) {
-    const std::vector<AlignmentPoint> reference = ReferencePoints(*problem);
-    std::size_t best = waiting.size();
-    std::optional<Alignment> alignment;
-    for (std::size_t i = 0; i < waiting.size(); ++i) {
-      std::optional<Alignment> found =
-          AlignByConsensus(reference, waiting[i].points, options.alignment);
-      if (!found) continue;
-      if (!alignment || found->signatures.size() > alignment->signatures.size()) {
-        alignment = std::move(found);
-        best = i;
-      }
-    }
-    if (!alignment) break;
-    MovePoses(alignment->T_reference_other, &waiting[best].problem);
-    Absorb(options.modes, alignment, std::move(waiting[best].problem), problem);
-    waiting.erase(waiting.begin() + static_cast<std::ptrdiff_t>(best));
-  }
-  for (const Submap& submap : waiting) {
-    rejected->push_back(
-        {submap.problem.runs.front().data->name,
-         fmt::format("no consistent alignment with the other runs ({} landmarks seen)",
-                     submap.points.size())});
-  }
-}
-
 // Puts the start of the earliest run at the origin of the map.
 void AnchorFrame(MapProblem* problem) {
   const MappedRun first = MakeMappedRun(*problem, 0);
-  MovePoses(first.T_map_start.Inverse(), problem);
+  MoveProblem(first.T_map_start.Inverse(), problem);
 }
 
 // What the runs by themselves say of the sensor, as the start of the common estimate.
@@ -255,15 +125,13 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   for (std::size_t i = 0; i < runs.size(); ++i) {
     report(fmt::format("run {}", runs[i].name),
            static_cast<double>(i) / static_cast<double>(runs.size() + 1));
-    Submap submap{MapSingleRun(runs[i], signatures, options), {}};
-    submap.points = AlignmentPoints(options, &submap.problem);
-    submaps.push_back(std::move(submap));
+    submaps.push_back(MakeSubmap(options, MapSingleRun(runs[i], signatures, options)));
   }
 
   report("all runs", static_cast<double>(runs.size()) / static_cast<double>(runs.size() + 1));
   MapProblem problem =
       StartProblem(signatures, prior, MeanSensor(submaps, options.calibration.sensor));
-  PlaceSubmaps(options, std::move(submaps), &problem, &result.rejected);
+  PlaceSubmaps(options, prior, std::move(submaps), &problem, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), result.rejected));
   std::stable_sort(
       problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
@@ -279,12 +147,15 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
     result.outer_iterations += RefineModes(options, &problem);
   }
   if (!prior) AnchorFrame(&problem);
-  const Graph graph = SolveContinuous(options, &problem);
+  const Graph graph = MakeGraph(options, &problem);
   Eigen::MatrixXd mode_covariance = ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
   if (!prior) mode_covariance = ReferToPositions(graph.modes, mode_covariance);
   mode_covariance = AddScaleUncertainty(graph.modes, options.sd_range_scale, mode_covariance);
 
-  result.content = MakeMapContent(problem, prior, mode_covariance, options);
+  SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
+                            MakeMapContent(problem, prior, mode_covariance, options));
+  result.content = std::move(output.content);
+  result.chains = std::move(output.chains);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
   for (std::size_t i = 0; i < problem.runs.size(); ++i)
     result.runs.push_back(MakeMappedRun(problem, i));

@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "mapper/chain/group_chains.h"
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
+#include "mapper/rejected_run.h"
 #include "mapper/selection_summary.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
@@ -41,12 +43,6 @@ struct MappedRun {
   std::vector<StampedPose> trajectory;  ///< At the key frames.
 };
 
-/// A run that could not be used, and why.
-struct RejectedRun {
-  std::string name;
-  std::string reason;
-};
-
 struct MapperResult {
   MapContent content;
   std::vector<MappedRun> runs;  ///< By begin, then hash.
@@ -55,6 +51,7 @@ struct MapperResult {
   int modes_merged = 0;
   int outer_iterations = 0;
   SelectionSummary selection;
+  std::vector<GroupChain> chains;  ///< As learned, one per group of the content; or none.
 };
 
 /// Called as a build goes on, with what it does now and how much of it is done in [0, 1].

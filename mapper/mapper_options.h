@@ -2,11 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/chain/group_chains.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/map/calibration.h"
+#include "mapstore/map/mode_filter.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -37,10 +41,25 @@ struct ModeOptions {
   SelectorOptions selector;
 };
 
+/// The rates of the map's mode chains.
+struct ChainOptions {
+  /// Learn them from `ledger` and the visits of the build, with ModeOptions::leave_rate_per_s as
+  /// the prior's mean. Else known groups keep theirs and others get that rate.
+  bool learn = true;
+
+  GroupChainOptions learning;  ///< Its leave_rate_per_s is that of ModeOptions.
+
+  /// What shifts reported along the line of the prior map, but nothing about a run that the build
+  /// takes: its visits are evidence already.
+  std::vector<EvidenceRow> ledger;
+};
+
 struct MapperOptions {
   FrontEndOptions front_end;
   AlignmentOptions alignment;
+  DisplacementOptions displacement;
   ModeOptions modes;
+  ChainOptions chains;
 
   /// Where calibration starts, and what is used as it is when `calibrate` is off.
   Calibration calibration;

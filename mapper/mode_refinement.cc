@@ -59,6 +59,12 @@ void EraseMode(const std::vector<VisitRef>& visits,
   }
 }
 
+bool HasSeveralModes(const MapProblem& problem) {
+  return std::any_of(problem.modes.begin(),
+                     problem.modes.end(),
+                     [](const std::vector<BuildMode>& group) { return group.size() > 1; });
+}
+
 bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
 
 // Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
@@ -157,7 +163,7 @@ int SelectModes(const ModeOptions& options, MapProblem* problem) {
     for (std::size_t t = 0; t < visits.size(); ++t) {
       int& assignment = AssignmentOf(problem, visits[t]);
       changed += assignment != states[t] - 1;
-      assignment = states[t] - 1;  // State 0, absent, is kNoMode.
+      assignment = states[t] - 1;  // State 0, absent, is kUnassigned.
     }
   }
   return changed;
@@ -170,19 +176,19 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
     const std::vector<BuildMode>& modes = problem->modes[group];
     const std::size_t known = modes.size();
     for (const VisitRef& ref : by_group[group]) {
-      if (AssignmentOf(problem, ref) != kNoMode) continue;
-      const SightingCluster cluster = DensestCluster(
+      if (AssignmentOf(problem, ref) != kUnassigned) continue;
+      const VisitCluster cluster = DensestCluster(
           VisitPositions(problem->runs[static_cast<std::size_t>(ref.run)], VisitOf(*problem, ref)),
           options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;
       // An earlier visit may just have made a mode of this place.
-      int mode = kNoMode;
-      for (std::size_t k = known; k < modes.size() && mode == kNoMode; ++k) {
+      int mode = kUnassigned;
+      for (std::size_t k = known; k < modes.size() && mode == kUnassigned; ++k) {
         const double distance = (modes[k].p_map_landmark - cluster.centre).norm();
         if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
       }
-      if (mode == kNoMode) {
-        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent}, problem);
+      if (mode == kUnassigned) {
+        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent, false}, problem);
         ++created;
       }
       AssignmentOf(problem, ref) = mode;
@@ -205,6 +211,7 @@ int MergeModes(const ModeOptions& options,
     for (std::size_t a = 0; a < modes.size(); ++a) {
       for (std::size_t b = a + 1; b < modes.size(); ++b) {
         if (gone.contains(a) || gone.contains(b) || InPrior(modes[b])) continue;
+        if (InPrior(modes[a]) && modes[b].displaced) continue;
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
         const int i = 2 * flat.Index(static_cast<int>(group), static_cast<int>(a));
         const int j = 2 * flat.Index(static_cast<int>(group), static_cast<int>(b));
@@ -241,16 +248,26 @@ void DropUnusedModes(MapProblem* problem) {
 
 int RefineModes(const MapperOptions& options, MapProblem* problem) {
   std::set<std::vector<int>> seen;
+  std::vector<int> solved;
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
     Select(options, problem);
     CreateModes(options.modes, problem);
     DropUnusedModes(problem);
-    // A state that comes again is the end, be it a fixed point or a cycle.
-    const bool recurs = !seen.insert(DiscreteState(*problem)).second;
+    const std::vector<int> state = DiscreteState(*problem);
+    if (state == solved) return iteration;
+    // A state that comes again closes a cycle.
+    const bool recurs = !seen.insert(state).second;
     const Graph graph = SolveContinuous(options, problem);
-    const Eigen::MatrixXd mode_covariance =
-        ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
-    if (MergeModes(options.modes, mode_covariance, problem) == 0 && recurs) return iteration;
+    solved = state;
+    if (HasSeveralModes(*problem)) {
+      const Eigen::MatrixXd mode_covariance =
+          ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
+      if (MergeModes(options.modes, mode_covariance, problem) > 0) {
+        solved.clear();
+        continue;
+      }
+    }
+    if (recurs) return iteration;
   }
   return options.max_outer_iterations;
 }

@@ -21,7 +21,7 @@ SelectionSummary SummarizeSelection(const ModeOptions& options, const MapProblem
     std::vector<int> states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
       const BuildRun& run = problem.runs[static_cast<std::size_t>(visits[t].run)];
-      // kNoMode is state 0, absent.
+      // kUnassigned is state 0, absent.
       const int state = run.assignment[static_cast<std::size_t>(visits[t].visit)] + 1;
       states.push_back(state);
       const double posterior = posteriors.probabilities(static_cast<Eigen::Index>(t), state);

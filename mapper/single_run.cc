@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/single_run.h"
 
-#include "mapper/datum.h"
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/frontend/odometry_calibration.h"
 #include "mapper/mode_refinement.h"
@@ -50,20 +49,6 @@ MapProblem MapSingleRun(const MappingRun& run,
   }
   RefineModes(options, &problem);
   return problem;
-}
-
-std::vector<AlignmentPoint> AlignmentPoints(const MapperOptions& options, MapProblem* problem) {
-  const Graph graph = SolveContinuous(options, problem);
-  const Eigen::MatrixXd cov =
-      ReferToPositions(graph.modes, ComputeGraphPosterior(graph, 0, options.seed).mode_covariance);
-  std::vector<AlignmentPoint> points;
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    for (const BuildMode& mode : problem->modes[group]) {
-      const auto at = static_cast<Eigen::Index>(2 * points.size());
-      points.push_back({static_cast<int>(group), mode.p_map_landmark, cov.block<2, 2>(at, at)});
-    }
-  }
-  return points;
 }
 
 }  // namespace shiftmap

@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "mapper/alignment/consensus.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
@@ -15,8 +14,5 @@ namespace shiftmap {
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,
                         const MapperOptions& options);
-
-/// The modes of a problem for alignment, covariances relative to the modes as a whole.
-std::vector<AlignmentPoint> AlignmentPoints(const MapperOptions& options, MapProblem* problem);
 
 }  // namespace shiftmap

@@ -7,6 +7,7 @@
 
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/audit_rows.h"
+#include "mapstore/store/evidence_rows.h"
 #include "mapstore/store/ledger_filter.h"
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
@@ -192,6 +193,16 @@ StatusOr<std::vector<ReportSummary>> MapStore::Reports(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content,
                             ReadContent(database, row, state_->VersionName(area, row.number)));
   return SummarizeReports(database, area_row.area_id, row, content);
+}
+
+StatusOr<std::vector<EvidenceRow>> MapStore::Evidence(const std::string& area,
+                                                      VersionNumber version,
+                                                      const std::set<std::string>& without_runs) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
+  return ReadLineEvidence(database, area_row.area_id, row, without_runs);
 }
 
 StatusOr<std::vector<AuditEntry>> MapStore::AuditLog(const std::optional<std::string>& area) {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/mode_filter.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
 
@@ -126,6 +128,15 @@ class MapStore {
   /// @param version  Nothing: the published one.
   StatusOr<std::vector<ReportSummary>> Reports(const std::string& area,
                                                std::optional<VersionNumber> version = std::nullopt);
+
+  /// What the ledger says of the landmarks of a version over all time: the rows of reports against
+  /// it, its ancestors and its descendants, one report per log. Other than for LoadAt, what the
+  /// version's own probabilities account for is there too: rates are learned from the whole past.
+  /// By signature, then in the order of time.
+  /// @param without_runs  SHA-256 of logs; reports about them are left out.
+  StatusOr<std::vector<EvidenceRow>> Evidence(const std::string& area,
+                                              VersionNumber version,
+                                              const std::set<std::string>& without_runs = {});
 
   /// Every write, oldest first; of one area, or of the whole store.
   StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt);

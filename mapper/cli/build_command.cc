@@ -35,6 +35,7 @@ struct BuildOptions {
   std::string prior = "published";
   bool no_publish = false;
   bool no_calibration = false;
+  bool no_learned_rates = false;
   std::optional<std::string> trajectories;
   std::uint64_t seed = MapperOptions().seed;
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
@@ -48,6 +49,20 @@ struct PriorMap {
   std::optional<LedgerPosition> ledger_position;
   std::set<std::string> run_hashes;  // Of the runs that are in it already.
 };
+
+// Chains are learned from what shifts reported on the line of the prior map. Reports about the logs
+// of the build are left out: it sees the same visits itself, with all modes.
+StatusOr<std::vector<EvidenceRow>> LoadLedger(const BuildOptions& options,
+                                              const PriorMap& prior,
+                                              const std::vector<MapperInput>& inputs,
+                                              const Context& context) {
+  if (!prior.version || options.no_learned_rates) return std::vector<EvidenceRow>();
+  std::set<std::string> hashes;
+  for (const MapperInput& input : inputs) hashes.insert(input.sha256);
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  return store.Evidence(options.area, *prior.version, hashes);
+}
 
 std::vector<std::string> SelectorNames() {
   std::vector<std::string> names;
@@ -143,14 +158,14 @@ std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
 Provenance MakeProvenance(const BuildOptions& options, const MapperResult& result) {
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
-  provenance.configuration = Json{
-      {"revision", SoftwareRevision()},
-      {"selector", options.selector},
-      {"engine", options.engine},
-      {"prior", options.prior},
-      {"calibrate", !options.no_calibration},
-      {"leave_rate_per_s",
-       options.leave_rate_per_s}}.dump();
+  provenance.configuration = Json{{"revision", SoftwareRevision()},
+                                  {"selector", options.selector},
+                                  {"engine", options.engine},
+                                  {"prior", options.prior},
+                                  {"calibrate", !options.no_calibration},
+                                  {"leave_rate_per_s", options.leave_rate_per_s},
+                                  {"learned_rates", !options.no_learned_rates}}
+                                 .dump();
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
     provenance.runs.push_back(
@@ -173,6 +188,19 @@ Json RunJson(const MappedRun& run) {
           {"sensor",
            {{"bearing_offset_rad", run.sensor_bias[0]},
             {"range_curvature_per_rad2", run.sensor_bias[1]}}}};
+}
+
+// @param landmark  The group in the map.
+Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
+  Json chain = {{"signature", landmark.signature.text()},
+                {"leave_rate_per_s", landmark.chain.leave_rate_per_s()},
+                {"uniform", landmark.chain.uniform()},
+                {"visits", group.chain.visits},
+                {"learned", group.learned}};
+  if (group.learned) {
+    chain["interval_per_s"] = {group.chain.leave.low_per_s, group.chain.leave.high_per_s};
+  }
+  return chain;
 }
 
 Json ResultJson(const BuildOptions& options,
@@ -209,6 +237,10 @@ Json ResultJson(const BuildOptions& options,
                            {"uncertain_visits", result.selection.uncertain_visits},
                            {"log_joint", result.selection.log_joint},
                            {"best_log_joint", result.selection.best_log_joint}};
+  document["chains"] = Json::array();
+  for (std::size_t i = 0; i < result.chains.size(); ++i) {
+    document["chains"].push_back(ChainJson(result.chains[i], result.content.groups[i]));
+  }
   document["odometry_calibration"] = {{"scale_v", odometry.scale_v},
                                       {"scale_omega", odometry.scale_omega},
                                       {"lag_s", odometry.lag_s},
@@ -257,6 +289,9 @@ Status Build(const BuildOptions& options, Context& context) {
   mapper_options.seed = options.seed;
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
+  mapper_options.chains.learn = !options.no_learned_rates;
+  SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.chains.ledger,
+                            LoadLedger(options, prior, runs.inputs, context));
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
   const std::unique_ptr<Progress> progress = context.MakeProgress();
@@ -314,11 +349,15 @@ void AddBuildCommand(Application* application) {
       .Flag("--no-calibration",
             &options->no_calibration,
             "Take odometry and sensors at their default calibration")
+      .Flag("--no-learned-rates",
+            &options->no_learned_rates,
+            "Leave the rates of known landmarks' mode chains as they are")
       .Option("--trajectories", &options->trajectories, "Folder for one <run>.tum per run")
       .Option(
           "--seed", &options->seed, "Seed of the noise estimate's samples and of --selector mcts")
-      .Option(
-          "--leave-rate-per-s", &options->leave_rate_per_s, "Rate at which landmarks leave a mode")
+      .Option("--leave-rate-per-s",
+              &options->leave_rate_per_s,
+              "Rate at which landmarks leave a mode, before there is evidence")
       .InRange(0.0, 1e3)
       .Option("RUN.mcap", &options->logs, "Run logs of the area, of any days and vehicles")
       .Required()

@@ -41,7 +41,7 @@ class EkfSlam {
     pose_ = pose_ * motion.T_begin_end;
     Eigen::Matrix<double, kVehicle, kVehicle> F =
         Eigen::Matrix<double, kVehicle, kVehicle>::Identity();
-    F.topLeftCorner<3, 3>() = motion.T_begin_end.Inverse().Adjoint();
+    F.topLeftCorner<3, 3>() = motion.T_begin_end.InverseAdjoint();
     F.topRightCorner<3, 2>() = motion.J_calibration.leftCols<2>();
     covariance_.topRows<kVehicle>() = (F * covariance_.topRows<kVehicle>()).eval();
     covariance_.leftCols<kVehicle>() = (covariance_.leftCols<kVehicle>() * F.transpose()).eval();

@@ -16,6 +16,7 @@ constexpr double kMinPairSeconds = 0.2;
 constexpr double kMaxPairSeconds = 2.0;
 constexpr std::size_t kMinPairs = 30;
 constexpr std::size_t kMaxPairs = 1500;
+constexpr std::size_t kCoarsePairs = 400;  // To find the lag on the grid.
 constexpr double kCauchyScale = 2.0;
 
 struct SightingPair {
@@ -85,10 +86,13 @@ std::vector<SightingPair> CollectPairs(const MappingRun& run, const SensorCalibr
                        cov.inverse()});
     }
   }
-  if (pairs.size() <= kMaxPairs) return pairs;
+  return pairs;
+}
+
+std::vector<SightingPair> Thinned(const std::vector<SightingPair>& pairs, std::size_t count) {
+  if (pairs.size() <= count) return pairs;
   std::vector<SightingPair> thinned;
-  for (std::size_t i = 0; i < kMaxPairs; ++i)
-    thinned.push_back(pairs[i * pairs.size() / kMaxPairs]);
+  for (std::size_t i = 0; i < count; ++i) thinned.push_back(pairs[i * pairs.size() / count]);
   return thinned;
 }
 
@@ -139,22 +143,23 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
 OdometryCalibration EstimateOdometryFromPairs(const MappingRun& run,
                                               const SensorCalibration& sensor,
                                               const OdometryCalibration& fallback) {
-  const std::vector<SightingPair> pairs = CollectPairs(run, sensor);
+  const std::vector<SightingPair> pairs = Thinned(CollectPairs(run, sensor), kMaxPairs);
   if (pairs.size() < kMinPairs) return fallback;
+  const std::vector<SightingPair> coarse = Thinned(pairs, kCoarsePairs);
   const DeadReckoning path(run.odometry);
-  const auto fit_at = [&](double lag_s) {
+  const auto fit_at = [&](const std::vector<SightingPair>& used, double lag_s) {
     const Duration lag = FromSeconds(lag_s);
     std::vector<Eigen::Vector3d> twists;
-    for (const SightingPair& pair : pairs)
+    for (const SightingPair& pair : used)
       twists.push_back(path.Twist(pair.begin - lag, pair.end - lag));
-    return FitScales(pairs, twists, fallback);
+    return FitScales(used, twists, fallback);
   };
 
   constexpr double kLagStep = 0.1;
   constexpr double kMinLag = -0.6;
   std::array<double, 13> cost{};
   for (std::size_t i = 0; i < cost.size(); ++i) {
-    cost[i] = fit_at(kMinLag + kLagStep * static_cast<double>(i)).cost;
+    cost[i] = fit_at(coarse, kMinLag + kLagStep * static_cast<double>(i)).cost;
   }
   const auto best =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());
@@ -163,7 +168,7 @@ OdometryCalibration EstimateOdometryFromPairs(const MappingRun& run,
     const double curvature = cost[best - 1] - 2.0 * cost[best] + cost[best + 1];
     if (curvature > 0.0) lag_s += 0.5 * kLagStep * (cost[best - 1] - cost[best + 1]) / curvature;
   }
-  const ScaleFit fit = fit_at(lag_s);
+  const ScaleFit fit = fit_at(pairs, lag_s);
   OdometryCalibration calibration = fallback;
   calibration.scale_v = std::exp(fit.log_scale.x());
   calibration.scale_omega = std::exp(fit.log_scale.y());

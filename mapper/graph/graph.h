@@ -69,8 +69,13 @@ struct GraphSummary {
   bool converged = false;
 };
 
-/// Minimizes the graph in place with Ceres on one thread. Same input, same bits.
+/// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h), iteratively
+/// reweighted for the loss. Where a step does not go down even when it is halved,
+/// SolveGraphByTrustRegion() goes on. One thread; same input, same bits.
 GraphSummary SolveGraph(int max_iterations, Graph* graph);
+
+/// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
+GraphSummary SolveGraphByTrustRegion(int max_iterations, Graph* graph);
 
 /// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
 /// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told.

@@ -64,7 +64,6 @@ GraphProblem::GraphProblem(const Graph& graph) : problem_(ProblemOptions()) {
   AddObservations(graph);
   if (graph.prior.modes.empty()) {
     double* anchor = poses_[static_cast<std::size_t>(graph.anchor_run)].front().data();
-    anchor_ = anchor;
     problem_.AddParameterBlock(anchor, 3);
     problem_.SetParameterBlockConstant(anchor);
   } else {
@@ -76,8 +75,8 @@ void GraphProblem::AddRun(const GraphRun& run, std::size_t index) {
   std::vector<std::array<double, 3>>& poses = poses_[index];
   double* correction = corrections_[index].data();
   for (std::size_t i = 0; i < run.motions.size(); ++i) {
-    motions_.push_back(problem_.AddResidualBlock(
-        new MotionCost(run.motions[i]), nullptr, poses[i].data(), poses[i + 1].data(), correction));
+    problem_.AddResidualBlock(
+        new MotionCost(run.motions[i]), nullptr, poses[i].data(), poses[i + 1].data(), correction);
   }
   const Eigen::Matrix3d sqrt_information = run.correction_prior_sd.cwiseInverse().asDiagonal();
   problem_.AddResidualBlock(
@@ -92,12 +91,11 @@ void GraphProblem::AddObservations(const Graph& graph) {
   for (const GraphObservation& item : graph.observations) {
     double* pose =
         poses_[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)].data();
-    observations_.push_back(
-        problem_.AddResidualBlock(new ObservationCost(item),
-                                  new ceres::CauchyLoss(graph.loss_scale),
-                                  pose,
-                                  modes_[static_cast<std::size_t>(item.mode)].data(),
-                                  biases_[static_cast<std::size_t>(item.run)].data()));
+    problem_.AddResidualBlock(new ObservationCost(item),
+                              new ceres::CauchyLoss(graph.loss_scale),
+                              pose,
+                              modes_[static_cast<std::size_t>(item.mode)].data(),
+                              biases_[static_cast<std::size_t>(item.run)].data());
   }
 }
 
@@ -117,24 +115,6 @@ void GraphProblem::CopyTo(Graph* graph) const {
       run.poses[i] = PoseFromParameters(poses_[r][i].data());
   }
   for (std::size_t m = 0; m < modes_.size(); ++m) graph->modes[m] = {modes_[m][0], modes_[m][1]};
-}
-
-std::vector<double*> GraphProblem::FreePoses() {
-  std::vector<double*> blocks;
-  for (auto& run : poses_) {
-    for (auto& pose : run) {
-      if (pose.data() != anchor_) blocks.push_back(pose.data());
-    }
-  }
-  return blocks;
-}
-
-std::vector<double*> GraphProblem::CalibrationsAndModes() {
-  std::vector<double*> blocks;
-  for (auto& correction : corrections_) blocks.push_back(correction.data());
-  for (auto& bias : biases_) blocks.push_back(bias.data());
-  for (auto& mode : modes_) blocks.push_back(mode.data());
-  return blocks;
 }
 
 }  // namespace shiftmap

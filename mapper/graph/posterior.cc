@@ -1,155 +1,97 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <ceres/crs_matrix.h>
-
-#include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
+#include <algorithm>
 #include <random>
 
+#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
-#include "mapper/graph/graph_problem.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-using Sparse = Eigen::SparseMatrix<double>;
-using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+// Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
+constexpr double kInlierProbability = 0.999;
 
-struct Linearization {
-  RowSparse J;
-  Eigen::VectorXd residuals;
-};
-
-Linearization Linearize(ceres::Problem& problem,
-                        const std::vector<double*>& parameters,
-                        const std::vector<ceres::ResidualBlockId>& residual_blocks,
-                        bool apply_loss) {
-  ceres::Problem::EvaluateOptions options;
-  options.apply_loss_function = apply_loss;
-  options.parameter_blocks = parameters;
-  options.residual_blocks = residual_blocks;
-  options.num_threads = 1;
-  ceres::CRSMatrix jacobian;
-  std::vector<double> residuals;
-  SHIFTMAP_CHECK(problem.Evaluate(options, nullptr, &residuals, nullptr, &jacobian),
-                 "evaluation failed");
-  const Eigen::Map<const RowSparse> map(jacobian.num_rows,
-                                        jacobian.num_cols,
-                                        static_cast<Eigen::Index>(jacobian.values.size()),
-                                        jacobian.rows.data(),
-                                        jacobian.cols.data(),
-                                        jacobian.values.data());
-  return {RowSparse(map),
-          Eigen::Map<const Eigen::VectorXd>(residuals.data(),
-                                            static_cast<Eigen::Index>(residuals.size()))};
+Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t frame) {
+  return step.poses[run].segment<3>(static_cast<Eigen::Index>(3 * frame));
 }
 
-// H = [A B; Bᵀ C] over (poses; the rest). The rest's marginal information is C - Bᵀ A⁻¹ B.
-class Elimination {
- public:
-  Elimination(const Sparse& H, Eigen::Index poses) {
-    const Eigen::Index rest = H.cols() - poses;
-    poses_.compute(H.topLeftCorner(poses, poses));
-    SHIFTMAP_CHECK(poses_.info() == Eigen::Success, "the poses are not determined");
-    const Eigen::MatrixXd B = Eigen::MatrixXd(H.topRightCorner(poses, rest));
-    back_substitution_ = poses_.solve(B);
-    const Eigen::MatrixXd schur =
-        Eigen::MatrixXd(H.bottomRightCorner(rest, rest)) - B.transpose() * back_substitution_;
-    rest_.compute(schur);
-    SHIFTMAP_CHECK(rest_.info() == Eigen::Success, "the modes are not determined");
-  }
-
-  Eigen::MatrixXd RestCovariance() const {
-    return rest_.solve(Eigen::MatrixXd::Identity(rest_.rows(), rest_.cols()));
-  }
-
-  // A draw of N(0, H⁻¹).
-  template <typename Random>
-  Eigen::VectorXd Sample(Random& random) const {
-    std::normal_distribution<double> normal;
-    const auto draw = [&](Eigen::Index size) {
-      Eigen::VectorXd z(size);
-      for (double& value : z) value = normal(random);
-      return z;
-    };
-    const Eigen::Index poses = back_substitution_.rows();
-    const Eigen::VectorXd rest = rest_.matrixU().solve(draw(rest_.rows()));
-    Eigen::VectorXd sample(poses + rest.size());
-    const Eigen::VectorXd permuted = poses_.matrixU().solve(draw(poses));
-    sample.head(poses) = poses_.permutationPinv() * permuted - back_substitution_ * rest;
-    sample.tail(rest.size()) = rest;
-    return sample;
-  }
-
- private:
-  Eigen::SimplicialLLT<Sparse> poses_;
-  Eigen::MatrixXd back_substitution_;
-  Eigen::LLT<Eigen::MatrixXd> rest_;
-};
-
-// Outliers say nothing about the noise of the rest: rows of an observation beyond this are not
-// counted.
-constexpr double kInlierProbability = 0.999;
-constexpr int kNotCounted = -1;
-
-// Kind of every residual row: three per motion, two per observation.
-std::vector<int> RowKinds(const Graph& graph, std::size_t motions) {
-  const double gate = ChiSquareQuantile(kInlierProbability, 2);
-  std::vector<int> kinds;
-  for (std::size_t i = 0; i < motions; ++i) {
-    kinds.insert(kinds.end(),
-                 {ResidualStatistics::kTranslation,
-                  ResidualStatistics::kTranslation,
-                  ResidualStatistics::kYaw});
-  }
-  for (const GraphObservation& item : graph.observations) {
-    if (SquaredResidual(graph, item) > gate) {
-      kinds.insert(kinds.end(), {kNotCounted, kNotCounted});
-    } else if (item.observation.kind == Observation::Kind::kCartesian) {
-      kinds.insert(kinds.end(), {ResidualStatistics::kPosition, ResidualStatistics::kPosition});
-    } else {
-      kinds.insert(kinds.end(), {ResidualStatistics::kRange, ResidualStatistics::kBearing});
+// Adds the residuals of motions: what they are, less what the fit explains of their variance.
+void CountMotions(const Graph& graph,
+                  const GraphElimination& elimination,
+                  const std::vector<GraphStep>& draws,
+                  ResidualStatistics* statistics) {
+  const auto count = static_cast<double>(draws.size());
+  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+    const GraphRun& run = graph.runs[r];
+    for (std::size_t i = 0; i < run.motions.size(); ++i) {
+      const MotionResidual::Linear linear =
+          elimination.motions()[r][i].At(run.poses[i], run.poses[i + 1], run.correction);
+      Eigen::Array3d explained = Eigen::Array3d::Zero();
+      for (const GraphStep& draw : draws) {
+        explained += (linear.J_i * PoseStep(draw, r, i) + linear.J_j * PoseStep(draw, r, i + 1) +
+                      linear.J_correction * draw.calibrations[r].head<3>())
+                         .array()
+                         .square();
+      }
+      const Eigen::Array3d squares = linear.r.array().square();
+      const Eigen::Array3d redundancy = 1.0 - explained / count;
+      statistics->sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
+      statistics->redundancy[ResidualStatistics::kTranslation] += redundancy.head<2>().sum();
+      statistics->sum_of_squares[ResidualStatistics::kYaw] += squares[2];
+      statistics->redundancy[ResidualStatistics::kYaw] += redundancy[2];
     }
   }
-  return kinds;
+}
+
+void CountObservations(const Graph& graph,
+                       const GraphElimination& elimination,
+                       const std::vector<GraphStep>& draws,
+                       ResidualStatistics* statistics) {
+  const double gate = ChiSquareQuantile(kInlierProbability, 2);
+  const auto count = static_cast<double>(draws.size());
+  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+    const GraphObservation& item = graph.observations[i];
+    const auto r = static_cast<std::size_t>(item.run);
+    const auto frame = static_cast<std::size_t>(item.frame);
+    const GraphRun& run = graph.runs[r];
+    const ObservationResidual::Linear linear = elimination.observations()[i].At(
+        run.poses[frame], graph.modes[static_cast<std::size_t>(item.mode)], run.sensor_bias);
+    if (linear.r.squaredNorm() > gate) continue;
+    Eigen::Array2d explained = Eigen::Array2d::Zero();
+    for (const GraphStep& draw : draws) {
+      explained += (linear.J_pose * PoseStep(draw, r, frame) +
+                    linear.J_landmark * draw.modes.segment<2>(Eigen::Index{2} * item.mode) +
+                    linear.J_bias * draw.calibrations[r].tail<2>())
+                       .array()
+                       .square();
+    }
+    const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
+    for (const int row : {0, 1}) {
+      const auto kind = cartesian  ? ResidualStatistics::kPosition
+                        : row == 0 ? ResidualStatistics::kRange
+                                   : ResidualStatistics::kBearing;
+      statistics->sum_of_squares[kind] += linear.r[row] * linear.r[row];
+      statistics->redundancy[kind] += 1.0 - explained[row] / count;
+    }
+  }
 }
 
 }  // namespace
 
 GraphPosterior ComputeGraphPosterior(const Graph& graph, int samples, std::uint64_t seed) {
-  GraphProblem problem(graph);
-  std::vector<double*> parameters = problem.FreePoses();
-  const auto poses = static_cast<Eigen::Index>(3 * parameters.size());
-  const std::vector<double*> rest = problem.CalibrationsAndModes();
-  parameters.insert(parameters.end(), rest.begin(), rest.end());
-
-  std::vector<ceres::ResidualBlockId> all;
-  problem.problem().GetResidualBlocks(&all);
-  const Sparse J_all = Linearize(problem.problem(), parameters, all, true).J;
-  const Elimination elimination(Sparse(J_all.transpose() * J_all), poses);
-
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), "the graph does not determine its poses and modes");
   GraphPosterior posterior;
-  const auto mode_rows = static_cast<Eigen::Index>(2 * graph.modes.size());
-  posterior.mode_covariance = elimination.RestCovariance().bottomRightCorner(mode_rows, mode_rows);
+  posterior.mode_covariance = elimination.ModeCovariance();
   if (samples == 0) return posterior;
 
-  std::vector<ceres::ResidualBlockId> measured = problem.motions();
-  measured.insert(measured.end(), problem.observations().begin(), problem.observations().end());
-  const Linearization linear = Linearize(problem.problem(), parameters, measured, false);
-  const std::vector<int> kinds = RowKinds(graph, problem.motions().size());
   std::mt19937_64 random(seed);
-  Eigen::VectorXd explained = Eigen::VectorXd::Zero(linear.residuals.size());
-  for (int i = 0; i < samples; ++i) {
-    explained += (linear.J * elimination.Sample(random)).cwiseAbs2() / samples;
-  }
-  for (std::size_t row = 0; row < kinds.size(); ++row) {
-    if (kinds[row] == kNotCounted) continue;
-    const auto at = static_cast<Eigen::Index>(row);
-    posterior.statistics.sum_of_squares[kinds[row]] += linear.residuals[at] * linear.residuals[at];
-    posterior.statistics.redundancy[kinds[row]] += 1.0 - explained[at];
-  }
+  std::vector<GraphStep> draws;
+  for (int i = 0; i < samples; ++i) draws.push_back(elimination.Draw(random));
+  CountMotions(graph, elimination, draws, &posterior.statistics);
+  CountObservations(graph, elimination, draws, &posterior.statistics);
   return posterior;
 }
 

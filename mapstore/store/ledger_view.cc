@@ -77,6 +77,11 @@ StatusOr<LedgerView::Verdict> LedgerView::Judge(std::int64_t report_id,
   return Verdict{Standing::kSetAside, SetAside::kInMap};
 }
 
+StatusOr<bool> LedgerView::IsOnLine(std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Relation relation, RelationTo(version_id));
+  return relation != Relation::kOther;
+}
+
 StatusOr<LedgerView::Relation> LedgerView::RelationTo(std::int64_t version_id) {
   const auto found = relations_.find(version_id);
   if (found != relations_.end()) return found->second;

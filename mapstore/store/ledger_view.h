@@ -40,6 +40,10 @@ class LedgerView {
   /// @param version_id  The report's.
   StatusOr<Verdict> Judge(std::int64_t report_id, std::int64_t version_id, Stamp begin);
 
+  /// True if a report against `version_id` speaks of the version's own mode numbers: that is the
+  /// version, an ancestor or a descendant.
+  StatusOr<bool> IsOnLine(std::int64_t version_id);
+
   /// Where in the ledger the rows are that do not stand aside.
   struct Bounds {
     Stamp first_visit;  ///< Visits that count in the order of time do not begin before this,

@@ -176,7 +176,7 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   const Eigen::VectorXd away = VisitLogLikelihood(problem, visits[0], options.modes);
   EXPECT_LT(away[1], away[0]);
   EXPECT_GT(SelectModes(options.modes, &problem), 0);
-  EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{kNoMode});
+  EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{kUnassigned});
   // They agree on a place, so they make a mode again.
   EXPECT_EQ(CreateModes(options.modes, &problem), 1);
 }

@@ -122,14 +122,5 @@ TEST_F(CostFunctions, ObservationJacobians) {
   }
 }
 
-TEST_F(CostFunctions, SqrtInformationWhitens) {
-  for (int trial = 0; trial < 20; ++trial) {
-    const Eigen::Matrix2d cov = testing::RandomCovariance(random_, 0.3);
-    const Eigen::Matrix2d W = SqrtInformation(cov);
-    EXPECT_THAT((W * cov * W.transpose()).eval(),
-                testing::IsNearMatrix(Eigen::Matrix2d::Identity().eval(), 1e-9));
-  }
-}
-
 }  // namespace
 }  // namespace shiftmap

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/chain/chain_expectations.h"
+
+#include <cmath>
+#include <limits>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+// The filter's pass over the steps.
+struct ForwardPass {
+  std::vector<Eigen::MatrixXd> transitions;  // Per different gap.
+  Eigen::MatrixXd filtered;                  // states x steps, columns sum to 1.
+  Eigen::VectorXd evidence;                  // Per step, what the column was divided by.
+  double log_likelihood = 0.0;
+};
+
+ForwardPass RunForward(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
+  SHIFTMAP_CHECK(static_cast<int>(chains.size()) == steps.phases,
+                 "{} chains for {} phases",
+                 chains.size(),
+                 steps.phases);
+  ForwardPass pass;
+  for (const ChainSteps::Gap& gap : steps.gaps) {
+    const ModeChain& chain = chains[static_cast<std::size_t>(gap.phase)];
+    SHIFTMAP_CHECK(chain.states() == steps.states,
+                   "chain of {} states, history of {}",
+                   chain.states(),
+                   steps.states);
+    pass.transitions.push_back(chain.Transition(gap.length));
+  }
+  const Eigen::Index count = steps.likelihoods.cols();
+  pass.filtered.resize(steps.states, count);
+  pass.evidence.resize(count);
+  pass.log_likelihood = steps.log_scale;
+  for (Eigen::Index t = 0; t < count; ++t) {
+    auto now = pass.filtered.col(t);
+    const int gap = steps.gap_of_step[static_cast<std::size_t>(t)];
+    if (gap < 0) {
+      now.setConstant(1.0 / steps.states);
+    } else {
+      now.noalias() =
+          pass.transitions[static_cast<std::size_t>(gap)].transpose() * pass.filtered.col(t - 1);
+    }
+    now.array() *= steps.likelihoods.col(t).array();
+    const double evidence = now.sum();
+    pass.evidence(t) = evidence;
+    pass.log_likelihood += std::log(evidence);
+    if (!(evidence > 0.0)) {
+      pass.log_likelihood = -std::numeric_limits<double>::infinity();
+      return pass;
+    }
+    now /= evidence;
+  }
+  return pass;
+}
+
+}  // namespace
+
+Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights) {
+  const Eigen::Index n = chain.states();
+  const double weight = weights.maxCoeff();
+  double length = ToSeconds(gap);
+  if (!(weight > 0.0) || !(length > 0.0)) return Eigen::MatrixXd::Zero(n, n);
+  int doublings = 0;
+  for (const double fastest = -chain.rate_matrix().diagonal().minCoeff(); length * fastest > 1.0;
+       length *= 0.5) {
+    ++doublings;
+  }
+  // The block beside Qᵀ is scaled to the size of one, since it only enters as a factor and the
+  // exponential's precision is that of its largest part.
+  Eigen::MatrixXd block = Eigen::MatrixXd::Zero(2 * n, 2 * n);
+  block.topLeftCorner(n, n) = length * chain.rate_matrix().transpose();
+  block.bottomRightCorner(n, n) = block.topLeftCorner(n, n);
+  block.topRightCorner(n, n) = weights / weight;
+  const Eigen::MatrixXd exponential = block.exp();
+  Eigen::MatrixXd integral = exponential.topRightCorner(n, n).cwiseMax(0.0) * (weight * length);
+  // G(2h) = exp(Qᵀh) G(h) + G(h) exp(Qᵀh), with rows of the transition that stay distributions
+  // over any number of doublings.
+  Eigen::MatrixXd transition = exponential.topLeftCorner(n, n).transpose().cwiseMax(0.0);
+  for (; doublings > 0; --doublings) {
+    for (Eigen::Index row = 0; row < n; ++row) transition.row(row) /= transition.row(row).sum();
+    integral = (transition.transpose() * integral + integral * transition.transpose()).eval();
+    transition = (transition * transition).eval();
+  }
+  return integral;
+}
+
+ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
+  const ForwardPass pass = RunForward(steps, chains);
+  SHIFTMAP_CHECK(std::isfinite(pass.log_likelihood), "what was seen is impossible");
+  const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(steps.states, steps.states);
+
+  // Gaps of one length share an integral: the weights add up.
+  std::vector<Eigen::MatrixXd> weights(steps.gaps.size(), zero);
+  Eigen::VectorXd backward = Eigen::VectorXd::Ones(steps.states);
+  Eigen::VectorXd after(steps.states);
+  for (Eigen::Index t = steps.likelihoods.cols() - 1; t > 0; --t) {
+    const auto gap = static_cast<std::size_t>(steps.gap_of_step[static_cast<std::size_t>(t)]);
+    after = steps.likelihoods.col(t).cwiseProduct(backward) / pass.evidence(t);
+    weights[gap].noalias() += pass.filtered.col(t - 1) * after.transpose();
+    backward.noalias() = pass.transitions[gap] * after;
+  }
+
+  ChainExpectations result{pass.log_likelihood, std::vector<Eigen::MatrixXd>(chains.size(), zero)};
+  for (std::size_t i = 0; i < steps.gaps.size(); ++i) {
+    const auto phase = static_cast<std::size_t>(steps.gaps[i].phase);
+    result.integrals[phase] += GapIntegral(chains[phase], steps.gaps[i].length, weights[i]);
+  }
+  return result;
+}
+
+double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
+  return RunForward(steps, chains).log_likelihood;
+}
+
+double PredictiveLogLikelihood(const ChainHistory& history,
+                               std::size_t first,
+                               const std::vector<ModeChain>& chains) {
+  const int phases = static_cast<int>(chains.size());
+  return ChainLogLikelihood(MakeChainSteps(history, phases), chains) -
+         ChainLogLikelihood(MakeChainSteps(FirstVisits(history, first), phases), chains);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/chain/group_chains.h"
+
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "mapper/chain/chain_history.h"
+
+namespace shiftmap {
+namespace {
+
+// Visits of which the chain must be seen at least to say anything of its rates.
+constexpr std::size_t kMinVisits = 2;
+
+// Far below the spread of a rate that a hundred jumps tell of, 0.1.
+constexpr double kGapResolution = 0.02;
+
+std::vector<ChainHistory> MakeHistories(const std::vector<LandmarkGroup>& groups,
+                                        const std::vector<EvidenceRow>& evidence,
+                                        const GroupChainOptions& options) {
+  std::map<Signature, std::vector<EvidenceRow>> rows;
+  for (const LandmarkGroup& group : groups) rows.try_emplace(group.signature);
+  for (const EvidenceRow& row : evidence) {
+    const auto found = rows.find(row.evidence.signature);
+    if (found != rows.end()) found->second.push_back(row);
+  }
+  std::vector<ChainHistory> histories;
+  for (const LandmarkGroup& group : groups) {
+    histories.push_back(AllowMistakes(MakeChainHistory(group, std::move(rows[group.signature])),
+                                      options.mistaken_visits));
+  }
+  return histories;
+}
+
+}  // namespace
+
+Status GroupChainOptions::Validate() const {
+  if (!(leave_rate_per_s > 0.0) || !std::isfinite(leave_rate_per_s)) {
+    return InvalidArgument("mode chains: leave rate {} per s, expected > 0", leave_rate_per_s);
+  }
+  if (!(prior_jumps > 0.0) || !std::isfinite(prior_jumps)) {
+    return InvalidArgument("mode chains: prior of {} jumps, expected > 0", prior_jumps);
+  }
+  if (!(prior_groups > 0.0) || !std::isfinite(prior_groups)) {
+    return InvalidArgument("mode chains: prior of {} groups, expected > 0", prior_groups);
+  }
+  if (!(mistaken_visits >= 0.0 && mistaken_visits < 1.0)) {
+    return InvalidArgument("mode chains: {} mistaken visits, expected within [0, 1)",
+                           mistaken_visits);
+  }
+  if (!(interval > 0.0 && interval < 1.0)) {
+    return InvalidArgument("mode chains: interval {}, expected within (0, 1)", interval);
+  }
+  return OkStatus();
+}
+
+StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGroup>& groups,
+                                                   const std::vector<EvidenceRow>& evidence,
+                                                   const GroupChainOptions& options) {
+  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
+  std::vector<ChainHistory> known;
+  std::vector<ChainHistory> unknown;
+  std::vector<bool> learned;
+  for (ChainHistory& history : MakeHistories(groups, evidence, options)) {
+    learned.push_back(history.visits.size() >= kMinVisits);
+    (learned.back() ? known : unknown).push_back(std::move(history));
+  }
+  ChainLearningOptions learning;
+  learning.prior = {options.prior_jumps, options.prior_jumps / options.leave_rate_per_s};
+  learning.prior_groups = options.prior_groups;
+  learning.interval = options.interval;
+  learning.gap_resolution = kGapResolution;
+  SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains of_known, LearnChains(known, learning));
+
+  learning.prior = of_known.prior;
+  learning.share_prior = false;
+  learning.structure = ChainStructure::kUniform;
+  SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains of_unknown, LearnChains(unknown, learning));
+
+  std::vector<GroupChain> result;
+  auto next_known = of_known.chains.begin();
+  auto next_unknown = of_unknown.chains.begin();
+  for (const bool is_learned : learned) {
+    result.push_back({std::move(is_learned ? *next_known++ : *next_unknown++), is_learned});
+  }
+  return result;
+}
+
+}  // namespace shiftmap

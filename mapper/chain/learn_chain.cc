@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/chain/learn_chain.h"
+
+#include <cmath>
+#include <utility>
+
+#include "mapper/chain/chain_steps.h"
+
+namespace shiftmap {
+namespace {
+
+RateInterval IntervalOf(double rate_per_s, const Gamma& posterior, double probability) {
+  const double tail = 0.5 * (1.0 - probability);
+  return {rate_per_s, posterior.Quantile(tail), posterior.Quantile(1.0 - tail)};
+}
+
+LearnedChain Describe(const ChainHistory& history, RateFit fit, double probability) {
+  LearnedChain learned;
+  learned.signature = history.signature;
+  learned.visits = static_cast<std::int64_t>(history.visits.size());
+  const int states = fit.chain.states();
+  learned.low = Eigen::MatrixXd::Zero(states, states);
+  learned.high = learned.low;
+  for (int from = 0; from < states; ++from) {
+    for (int to = 0; to < states; ++to) {
+      if (from == to) continue;
+      const RateInterval rate =
+          IntervalOf(fit.chain.rate_matrix()(from, to), fit.PosteriorOfRate(from, to), probability);
+      learned.low(from, to) = rate.low_per_s;
+      learned.high(from, to) = rate.high_per_s;
+    }
+  }
+  if (states > 1) {
+    learned.leave =
+        IntervalOf(fit.chain.leave_rate_per_s(), fit.PosteriorOfLeaveRate(), probability);
+  }
+  learned.fit = std::move(fit);
+  return learned;
+}
+
+// The structure given, or the better of both.
+struct Choice {
+  RateFit fit;
+  double general_gain = 0.0;
+};
+
+Choice Fit(const ChainSteps& steps, const Gamma& prior, const ChainLearningOptions& options) {
+  if (steps.states < 2) return {};
+  if (options.structure) return {FitRates(steps, *options.structure, prior, options.fit), 0.0};
+  RateFit uniform = FitRates(steps, ChainStructure::kUniform, prior, options.fit);
+  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit);
+  const double gain = general.log_marginal - uniform.log_marginal;
+  return {gain > 0.0 ? std::move(general) : std::move(uniform), gain};
+}
+
+// The prior that the groups' posteriors speak for.
+Gamma SharedPrior(const std::vector<Choice>& choices, const ChainLearningOptions& options) {
+  double weight = options.prior_groups;
+  double mean = weight * options.prior.mean();
+  double mean_log = weight * options.prior.MeanLog();
+  for (const Choice& choice : choices) {
+    const Eigen::Index count = choice.fit.log_rates.size();
+    if (count == 0) continue;
+    weight += 1.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Gamma posterior = choice.fit.Posterior(i);
+      mean += posterior.mean() / static_cast<double>(count);
+      mean_log += posterior.MeanLog() / static_cast<double>(count);
+    }
+  }
+  return GammaFromMeans(mean / weight, mean_log / weight);
+}
+
+}  // namespace
+
+Status ChainLearningOptions::Validate() const {
+  if (!(prior.shape > 0.0) || !std::isfinite(prior.shape)) {
+    return InvalidArgument("chain learning: prior shape {}", prior.shape);
+  }
+  if (!(prior.exposure_s > 0.0) || !std::isfinite(prior.exposure_s)) {
+    return InvalidArgument("chain learning: prior exposure {} s", prior.exposure_s);
+  }
+  if (!(prior_groups > 0.0))
+    return InvalidArgument("chain learning: {} prior groups", prior_groups);
+  if (!(interval > 0.0 && interval < 1.0)) {
+    return InvalidArgument("chain learning: interval {}, expected within (0, 1)", interval);
+  }
+  if (fit.max_iterations < 1 || !(fit.tolerance > 0.0)) {
+    return InvalidArgument(
+        "chain learning: {} iterations, tolerance {}", fit.max_iterations, fit.tolerance);
+  }
+  if (!(gap_resolution >= 0.0)) {
+    return InvalidArgument("chain learning: gap resolution {}", gap_resolution);
+  }
+  return OkStatus();
+}
+
+StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
+                                    const ChainLearningOptions& options) {
+  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
+  std::vector<ChainSteps> steps;
+  for (const ChainHistory& history : histories) {
+    SHIFTMAP_RETURN_IF_ERROR(CheckHistory(history));
+    steps.push_back(MakeChainSteps(history, 1, options.gap_resolution));
+  }
+  LearnedChains result;
+  result.prior = options.prior;
+  std::vector<Choice> choices;
+  constexpr int kMaxRounds = 20;
+  constexpr double kSettled = 1e-3;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    choices.clear();
+    for (const ChainSteps& group : steps) choices.push_back(Fit(group, result.prior, options));
+    if (!options.share_prior) break;
+    const Gamma next = SharedPrior(choices, options);
+    const double change = std::max(std::abs(std::log(next.shape / result.prior.shape)),
+                                   std::abs(std::log(next.mean() / result.prior.mean())));
+    if (change < kSettled) break;
+    result.prior = next;
+  }
+  for (std::size_t i = 0; i < histories.size(); ++i) {
+    LearnedChain learned = Describe(histories[i], std::move(choices[i].fit), options.interval);
+    learned.general_gain = choices[i].general_gain;
+    result.chains.push_back(std::move(learned));
+  }
+  return result;
+}
+
+StatusOr<LearnedChain> LearnChain(const ChainHistory& history,
+                                  const ChainLearningOptions& options) {
+  SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains learned, LearnChains({history}, options));
+  return std::move(learned.chains.front());
+}
+
+}  // namespace shiftmap

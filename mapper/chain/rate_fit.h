@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "mapper/chain/chain_steps.h"
+#include "mapper/chain/gamma.h"
+#include "mapstore/map/mode_chain.h"
+
+namespace shiftmap {
+
+/// Which rates may differ.
+enum class ChainStructure {
+  kUniform,  ///< One leave rate, all other states alike: ModeChain::Uniform.
+  kGeneral,  ///< A rate for each pair of states.
+};
+
+/// When the search for the rates ends.
+struct RateFitOptions {
+  int max_iterations = 500;  ///< Of EM.
+  double tolerance = 1e-7;   ///< Largest relative change of a rate in one.
+};
+
+/// Rates that fit a history.
+///
+/// The parameters are leave rates: x = λ of the uniform structure, x_kl = n q_kl of the general one
+/// with n + 1 states. So one Gamma prior serves both, and groups of any size.
+struct RateFit {
+  ChainStructure structure = ChainStructure::kUniform;
+  Eigen::VectorXd log_rates;   ///< log x, by rows of Q in the general structure. [log 1/s]
+  Eigen::MatrixXd covariance;  ///< Of the above.
+  ModeChain chain = ModeChain::Uniform(0, 0.0);
+
+  double log_likelihood = 0.0;  ///< log p(history | rates). [nat]
+  double log_marginal = 0.0;    ///< log p(history | structure, prior), Laplace. [nat]
+  double jumps = 0.0;           ///< Expected number in the history.
+  double seconds = 0.0;         ///< Between the visits. [s]
+  int iterations = 0;
+  bool converged = false;
+
+  /// The Gamma distribution with the mean and the precision of parameter i: its shape is 1 / var
+  /// (log x_i), which for a chain seen at every time is the exact posterior.
+  Gamma Posterior(Eigen::Index i) const;
+
+  /// The same of a rate between two states, from != to. [1/s]
+  Gamma PosteriorOfRate(int from, int to) const;
+
+  /// The same of ModeChain::leave_rate_per_s, the mean over the states.
+  Gamma PosteriorOfLeaveRate() const;
+};
+
+/// Most probable rates given history and prior, by EM in log x:
+///
+///     x <- (prior.shape + E[jumps of x]) / (prior.exposure_s + E[time in which x could jump])
+///
+/// with every third step extrapolated (SQUAREM, Varadhan and Roland, Scandinavian Journal of
+/// Statistics 35(2), 2008) and taken back where the posterior falls. The covariance is the inverse
+/// of the Hessian of the posterior, from differences of its exact gradient; directions in which
+/// the history says less than a tenth of the prior's shape count as a tenth of it.
+///
+/// The answer depends on what was seen, not on how often: every gap counts with the real time.
+/// @param steps  Of one phase, at least two states.
+RateFit FitRates(const ChainSteps& steps,
+                 ChainStructure structure,
+                 const Gamma& prior,
+                 const RateFitOptions& options);
+
+}  // namespace shiftmap

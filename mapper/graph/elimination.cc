@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/elimination.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+namespace shiftmap {
+namespace {
+
+// Poses between two separators. More make the rest smaller and let a segment see more modes.
+constexpr int kSegmentPoses = 31;
+
+// Columns of a segment's boundary.
+constexpr int kBefore = 0;
+constexpr int kAfter = 3;
+constexpr int kCorrection = 6;
+constexpr int kBias = 9;
+constexpr int kModes = 11;
+
+// Where a variable of a factor is: a pose of the segment, or a column of its boundary.
+struct Place {
+  int pose = -1;
+  int column = -1;
+};
+
+// Adds J_aᵀ J_b to the normal equations, for a != b in the order that A and E have it.
+template <typename JacobianA, typename JacobianB>
+void AddProduct(const Place& a,
+                const JacobianA& J_a,
+                const Place& b,
+                const JacobianB& J_b,
+                SegmentSystem* out) {
+  constexpr Eigen::Index kA = JacobianA::ColsAtCompileTime;
+  constexpr Eigen::Index kB = JacobianB::ColsAtCompileTime;
+  if (a.pose >= 0 && b.pose >= 0) {
+    if constexpr (kA == 3 && kB == 3) {
+      Eigen::Matrix3d& block = a.pose == b.pose ? out->A[static_cast<std::size_t>(a.pose)]
+                                                : out->E[static_cast<std::size_t>(a.pose)];
+      block.noalias() += J_a.transpose() * J_b;
+    }
+  } else if (a.pose >= 0) {
+    out->B.block<kA, kB>(3 * a.pose, b.column).noalias() += J_a.transpose() * J_b;
+  } else if (b.pose >= 0) {
+    out->B.block<kB, kA>(3 * b.pose, a.column).noalias() += J_b.transpose() * J_a;
+  } else if (a.column >= b.column) {
+    out->C.block<kA, kB>(a.column, b.column).noalias() += J_a.transpose() * J_b;
+  } else {
+    out->C.block<kB, kA>(b.column, a.column).noalias() += J_b.transpose() * J_a;
+  }
+}
+
+template <typename Jacobian, typename Residual>
+void AddGradient(const Place& a, const Jacobian& J, const Residual& r, SegmentSystem* out) {
+  constexpr Eigen::Index kSize = Jacobian::ColsAtCompileTime;
+  if (a.pose >= 0) {
+    out->b.segment<kSize>(3 * a.pose).noalias() -= J.transpose() * r;
+  } else {
+    out->c.segment<kSize>(a.column).noalias() -= J.transpose() * r;
+  }
+}
+
+// A factor of three variables.
+template <typename JacobianA, typename JacobianB, typename JacobianC, typename Residual>
+void AddFactor(const Residual& r,
+               const Place& a,
+               const JacobianA& J_a,
+               const Place& b,
+               const JacobianB& J_b,
+               const Place& c,
+               const JacobianC& J_c,
+               SegmentSystem* out) {
+  AddProduct(a, J_a, a, J_a, out);
+  AddProduct(a, J_a, b, J_b, out);
+  AddProduct(b, J_b, b, J_b, out);
+  AddProduct(a, J_a, c, J_c, out);
+  AddProduct(b, J_b, c, J_c, out);
+  AddProduct(c, J_c, c, J_c, out);
+  AddGradient(a, J_a, r, out);
+  AddGradient(b, J_b, r, out);
+  AddGradient(c, J_c, r, out);
+}
+
+Eigen::VectorXd StandardNormal(Eigen::Index size, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd z(size);
+  for (double& value : z) value = normal(random);
+  return z;
+}
+
+}  // namespace
+
+GraphStep Scaled(GraphStep step, double factor) {
+  for (Eigen::VectorXd& poses : step.poses) poses *= factor;
+  for (auto& calibration : step.calibrations) calibration *= factor;
+  step.modes *= factor;
+  return step;
+}
+
+void Apply(const GraphStep& step, Graph* graph) {
+  for (std::size_t r = 0; r < graph->runs.size(); ++r) {
+    GraphRun& run = graph->runs[r];
+    for (std::size_t i = 0; i < run.poses.size(); ++i) {
+      run.poses[i] =
+          run.poses[i] * Se2::Exp(step.poses[r].segment<3>(static_cast<Eigen::Index>(3 * i)));
+    }
+    run.correction += step.calibrations[r].head<3>();
+    run.sensor_bias += step.calibrations[r].tail<2>();
+  }
+  for (std::size_t m = 0; m < graph->modes.size(); ++m) {
+    graph->modes[m] += step.modes.segment<2>(static_cast<Eigen::Index>(2 * m));
+  }
+}
+
+GraphElimination::GraphElimination(const Graph& graph) : graph_(graph) {
+  for (const GraphRun& run : graph.runs) {
+    motions_.emplace_back(run.motions.begin(), run.motions.end());
+  }
+  observations_.reserve(graph.observations.size());
+  for (const GraphObservation& item : graph.observations) observations_.emplace_back(item);
+  MakeStretches();
+}
+
+void GraphElimination::MakeStretches() {
+  std::vector<std::vector<std::size_t>> stretch_of_frame(graph_.runs.size());
+  int rest = 0;
+  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+    const auto frames = static_cast<int>(graph_.runs[r].poses.size());
+    const bool held = graph_.prior.modes.empty() && graph_.anchor_run == static_cast<int>(r);
+    int before = held ? -1 : rest;
+    rest += held ? 0 : 3;
+    stretch_of_frame[r].resize(static_cast<std::size_t>(frames));
+    for (int first = 0; first == 0 || first + 1 < frames;) {
+      Stretch stretch;
+      stretch.run = static_cast<int>(r);
+      stretch.first = first;
+      stretch.last = std::min(first + kSegmentPoses + 1, frames - 1);
+      const int after = stretch.last > first ? rest : -1;
+      if (after >= 0) rest += 3;
+      for (int i = 0; i < 3; ++i) stretch.boundary.push_back(before < 0 ? -1 : before + i);
+      for (int i = 0; i < 3; ++i) stretch.boundary.push_back(after < 0 ? -1 : after + i);
+      for (int frame = first; frame <= stretch.last; ++frame) {
+        if (frame == stretch.last && frame + 1 < frames) break;
+        stretch_of_frame[r][static_cast<std::size_t>(frame)] = stretches_.size();
+      }
+      stretches_.push_back(std::move(stretch));
+      before = after;
+      first = stretches_.back().last;
+      if (frames == 1) break;
+    }
+  }
+  first_calibration_ = rest;
+  first_mode_ = rest + 5 * static_cast<int>(graph_.runs.size());
+  for (Stretch& stretch : stretches_) {
+    for (int i = 0; i < 5; ++i) {
+      stretch.boundary.push_back(first_calibration_ + 5 * stretch.run + i);
+    }
+  }
+  for (std::size_t i = 0; i < graph_.observations.size(); ++i) {
+    const GraphObservation& item = graph_.observations[i];
+    const std::size_t at =
+        stretch_of_frame[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)];
+    stretches_[at].observations.push_back(static_cast<int>(i));
+    AddMode(item.mode, &stretches_[at]);
+  }
+}
+
+void GraphElimination::AddMode(int mode, Stretch* stretch) {
+  const int row = first_mode_ + 2 * mode;
+  auto found = std::find(stretch->boundary.begin() + kModes, stretch->boundary.end(), row);
+  const auto column = static_cast<int>(found - stretch->boundary.begin());
+  if (found == stretch->boundary.end()) {
+    stretch->boundary.push_back(row);
+    stretch->boundary.push_back(row + 1);
+  }
+  stretch->slots.push_back(column);
+}
+
+bool GraphElimination::Linearize() {
+  rest_ = std::make_unique<RestSystem>(first_mode_ + 2 * static_cast<int>(graph_.modes.size()));
+  cost_ = AddPriors(rest_.get());
+  for (Stretch& stretch : stretches_) {
+    SegmentSystem system(std::max(0, stretch.last - stretch.first - 1),
+                         static_cast<int>(stretch.boundary.size()));
+    cost_ += LinearizeStretch(stretch, &system);
+    if (!stretch.segment.Eliminate(&system)) return false;
+    rest_->Add(stretch.boundary, system.C, system.c);
+  }
+  return std::isfinite(cost_) && rest_->Factorize();
+}
+
+double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
+  const GraphRun& run = graph_.runs[static_cast<std::size_t>(stretch.run)];
+  const auto place_of = [&](int frame) -> Place {
+    if (frame == stretch.first) return {-1, kBefore};
+    if (frame == stretch.last) return {-1, kAfter};
+    return {frame - stretch.first - 1, -1};
+  };
+  double cost = 0.0;
+  for (int i = stretch.first; i < stretch.last; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const MotionResidual::Linear linear = motions_[static_cast<std::size_t>(stretch.run)][at].At(
+        run.poses[at], run.poses[at + 1], run.correction);
+    AddFactor(linear.r,
+              place_of(i),
+              linear.J_i,
+              place_of(i + 1),
+              linear.J_j,
+              Place{-1, kCorrection},
+              linear.J_correction,
+              system);
+    cost += 0.5 * linear.r.squaredNorm();
+  }
+  const double scale = graph_.loss_scale * graph_.loss_scale;
+  for (std::size_t k = 0; k < stretch.observations.size(); ++k) {
+    const auto index = static_cast<std::size_t>(stretch.observations[k]);
+    const GraphObservation& item = graph_.observations[index];
+    ObservationResidual::Linear linear =
+        observations_[index].At(run.poses[static_cast<std::size_t>(item.frame)],
+                                graph_.modes[static_cast<std::size_t>(item.mode)],
+                                run.sensor_bias);
+    const double squared = linear.r.squaredNorm() / scale;
+    cost += 0.5 * scale * std::log1p(squared);
+    const double weight = 1.0 / std::sqrt(1.0 + squared);
+    AddFactor(Eigen::Vector2d(weight * linear.r),
+              place_of(item.frame),
+              Eigen::Matrix<double, 2, 3>(weight * linear.J_pose),
+              Place{-1, kBias},
+              Eigen::Matrix2d(weight * linear.J_bias),
+              Place{-1, stretch.slots[k]},
+              Eigen::Matrix2d(weight * linear.J_landmark),
+              system);
+  }
+  return cost;
+}
+
+double GraphElimination::AddPriors(RestSystem* rest) const {
+  double cost = 0.0;
+  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+    const GraphRun& run = graph_.runs[r];
+    Eigen::Matrix<double, 5, 1> information;
+    information << run.correction_prior_sd.cwiseAbs2().cwiseInverse(),
+        run.sensor_bias_sd.cwiseAbs2().cwiseInverse();
+    Eigen::Matrix<double, 5, 1> difference;
+    difference << run.correction - run.correction_prior_mean, run.sensor_bias;
+    std::vector<int> index;
+    for (int i = 0; i < 5; ++i) index.push_back(first_calibration_ + 5 * static_cast<int>(r) + i);
+    rest->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
+    cost += 0.5 * difference.cwiseAbs2().dot(information);
+  }
+  if (graph_.prior.modes.empty()) return cost;
+  std::vector<int> index;
+  Eigen::VectorXd difference(graph_.prior.mean.size());
+  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
+    const int mode = graph_.prior.modes[i];
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    difference.segment<2>(at) =
+        graph_.modes[static_cast<std::size_t>(mode)] - graph_.prior.mean.segment<2>(at);
+    index.insert(index.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
+  }
+  const Eigen::MatrixXd& W = graph_.prior.sqrt_information;
+  const Eigen::VectorXd whitened = W * difference;
+  rest->Add(index, W.transpose() * W, -(W.transpose() * whitened));
+  return cost + 0.5 * whitened.squaredNorm();
+}
+
+GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const {
+  GraphStep step;
+  for (const GraphRun& run : graph_.runs) {
+    step.poses.emplace_back(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * run.poses.size())));
+  }
+  for (const Stretch& stretch : stretches_) {
+    Eigen::VectorXd boundary(static_cast<Eigen::Index>(stretch.boundary.size()));
+    for (std::size_t i = 0; i < stretch.boundary.size(); ++i) {
+      const int row = stretch.boundary[i];
+      boundary[static_cast<Eigen::Index>(i)] = row < 0 ? 0.0 : rest[row];
+    }
+    Eigen::VectorXd& poses = step.poses[static_cast<std::size_t>(stretch.run)];
+    poses.segment<3>(Eigen::Index{3} * stretch.first) = boundary.segment<3>(kBefore);
+    if (stretch.last > stretch.first) {
+      poses.segment<3>(Eigen::Index{3} * stretch.last) = boundary.segment<3>(kAfter);
+    }
+    const int inside = stretch.segment.poses();
+    if (inside == 0) continue;
+    poses.segment(Eigen::Index{3} * (stretch.first + 1), Eigen::Index{3} * inside) =
+        random == nullptr ? stretch.segment.Solve(boundary)
+                          : stretch.segment.BackSubstitute(
+                                StandardNormal(Eigen::Index{3} * inside, *random), boundary);
+  }
+  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+    step.calibrations.emplace_back(
+        rest.segment<5>(first_calibration_ + 5 * static_cast<Eigen::Index>(r)));
+  }
+  step.modes = rest.tail(static_cast<Eigen::Index>(2 * graph_.modes.size()));
+  return step;
+}
+
+GraphStep GraphElimination::Step() const { return Complete(rest_->Solve(), nullptr); }
+
+GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
+  return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
+}
+
+Eigen::MatrixXd GraphElimination::ModeCovariance() const {
+  return rest_->TailCovariance(static_cast<int>(2 * graph_.modes.size()));
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "mapper/graph/graph.h"
+#include "mapper/graph/residuals.h"
+#include "mapper/graph/rest_system.h"
+#include "mapper/graph/segment.h"
+
+namespace shiftmap {
+
+/// A change of everything continuous in a graph.
+struct GraphStep {
+  std::vector<Eigen::VectorXd> poses;  ///< Per run ξ of every pose, T·Exp(ξ), three rows each.
+  std::vector<Eigen::Matrix<double, 5, 1>> calibrations;  ///< Per run (correction, sensor bias).
+  Eigen::VectorXd modes;                                  ///< (x, y) each. [m]
+};
+
+/// A step `factor` times as long.
+GraphStep Scaled(GraphStep step, double factor);
+
+/// Moves a graph's values along a step.
+void Apply(const GraphStep& step, Graph* graph);
+
+/// The normal equations of a graph, solved by nested elimination. A run's chain of poses is cut
+/// into segments by separators; a segment couples with its two separators, its run's calibration
+/// and the few modes seen from it, and is eliminated by itself. What is left over separators,
+/// calibrations and modes is a small system, dense or sparse (RestSystem). Linear in the length of
+/// runs, without a dense matrix over poses.
+///
+/// The Cauchy loss enters by its weights (iteratively reweighted least squares).
+class GraphElimination {
+ public:
+  /// @param graph  Must outlive this; its values may change, its shape may not.
+  explicit GraphElimination(const Graph& graph);
+
+  /// Linearizes at the present values and eliminates. False if something is not determined.
+  bool Linearize();
+
+  /// Half the sum of all losses at the last linearization.
+  double cost() const { return cost_; }
+
+  /// The Gauss-Newton step from the last linearization.
+  GraphStep Step() const;
+
+  /// A draw of the Gaussian around the last linearization.
+  GraphStep Draw(std::mt19937_64& random) const;
+
+  /// Joint covariance of the modes. [m²]
+  Eigen::MatrixXd ModeCovariance() const;
+
+  const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
+  const std::vector<ObservationResidual>& observations() const { return observations_; }
+
+ private:
+  // Frames [first, last] of a run, the outer two its separators; last == first if there is one
+  // frame.
+  struct Stretch {
+    int run = 0;
+    int first = 0;
+    int last = 0;
+    std::vector<int> observations;  // In frames [first, last), or [first, last] at a run's end.
+    std::vector<int> boundary;      // In the rest: separators, calibration, modes; -1 if held.
+    std::vector<int> slots;         // Per observation the first column of its mode in `boundary`.
+    Segment segment;
+  };
+
+  void MakeStretches();
+  void AddMode(int mode, Stretch* stretch);
+  double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
+  double AddPriors(RestSystem* rest) const;
+  GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
+
+  const Graph& graph_;
+  std::vector<std::vector<MotionResidual>> motions_;
+  std::vector<ObservationResidual> observations_;
+  std::vector<Stretch> stretches_;
+  int first_calibration_ = 0;  // Rows of the rest: separators before, calibrations, modes after.
+  int first_mode_ = 0;
+  std::unique_ptr<RestSystem> rest_;
+  double cost_ = 0.0;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/residuals.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "mapper/graph/sensor_bias.h"
+
+namespace shiftmap {
+namespace {
+
+// Below this a motion is as good as certain, and the square root would blow up. [m], [rad]
+constexpr double kMinMotionSd = 1e-4;
+
+// The inverse of the Cholesky factor: its product with a vector of covariance `cov` has unit
+// covariance.
+template <typename Matrix>
+Matrix SqrtInformation(const Matrix& cov) {
+  const Eigen::LLT<Matrix> llt(cov);
+  return llt.matrixL().solve(Matrix::Identity());
+}
+
+}  // namespace
+
+MotionResidual::MotionResidual(const MotionIncrement& motion)
+    : T_i_j_(motion.T_begin_end), J_calibration_(motion.J_calibration) {
+  const Eigen::Matrix3d floor = Eigen::Matrix3d::Identity() * (kMinMotionSd * kMinMotionSd);
+  sqrt_information_ = SqrtInformation<Eigen::Matrix3d>(motion.cov + floor);
+}
+
+MotionResidual::Linear MotionResidual::At(const Se2& T_map_i,
+                                          const Se2& T_map_j,
+                                          const Eigen::Vector3d& correction) const {
+  const Eigen::Vector3d shift = J_calibration_ * correction;
+  const Se2 T_i_j = T_map_i.Inverse() * T_map_j;
+  const Se2 error = (T_i_j_ * Se2::Exp(shift)).Inverse() * T_i_j;
+  const Eigen::Vector3d r = error.Log();
+  const Eigen::Matrix3d whitened = sqrt_information_ * Se2::RightJacobian(r).inverse();
+  Linear linear;
+  linear.r = sqrt_information_ * r;
+  linear.J_i = -whitened * T_i_j.InverseAdjoint();
+  linear.J_j = whitened;
+  linear.J_correction =
+      -whitened * error.InverseAdjoint() * Se2::RightJacobian(shift) * J_calibration_;
+  return linear;
+}
+
+ObservationResidual::ObservationResidual(const GraphObservation& observation)
+    : observation_(&observation),
+      sqrt_information_(SqrtInformation<Eigen::Matrix2d>(observation.cov_z)) {}
+
+ObservationResidual::Linear ObservationResidual::At(const Se2& T_map_vehicle,
+                                                    const Eigen::Vector2d& p_map_landmark,
+                                                    const SensorBias& bias) const {
+  Eigen::Matrix2d J_bias;
+  const Innovation innovation = LinearizeBiased(observation_->observation,
+                                                T_map_vehicle,
+                                                p_map_landmark,
+                                                bias,
+                                                observation_->mean_squared_bearing,
+                                                &J_bias);
+  return {sqrt_information_ * innovation.nu,
+          -sqrt_information_ * innovation.H_pose,
+          -sqrt_information_ * innovation.H_landmark,
+          -sqrt_information_ * J_bias};
+}
+
+}  // namespace shiftmap

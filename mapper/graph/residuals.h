@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Whitened residuals of the graph and their Jacobians, in the tangent space of the poses:
+// T_map_vehicle·Exp(ξ), order (x, y, yaw), in the vehicle frame.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "localizer/models/motion_model.h"
+#include "mapper/graph/graph.h"
+
+namespace shiftmap {
+
+/// r = Σ^(-1/2) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
+class MotionResidual {
+ public:
+  struct Linear {
+    Eigen::Vector3d r;
+    Eigen::Matrix3d J_i;
+    Eigen::Matrix3d J_j;
+    Eigen::Matrix3d J_correction;
+  };
+
+  explicit MotionResidual(const MotionIncrement& motion);
+  Linear At(const Se2& T_map_i, const Se2& T_map_j, const Eigen::Vector3d& correction) const;
+
+ private:
+  Se2 T_i_j_;
+  Eigen::Matrix3d J_calibration_;
+  Eigen::Matrix3d sqrt_information_;
+};
+
+/// r = R^(-1/2) (z - h(T, p, b)), bearing wrapped.
+class ObservationResidual {
+ public:
+  struct Linear {
+    Eigen::Vector2d r;
+    Eigen::Matrix<double, 2, 3> J_pose;
+    Eigen::Matrix2d J_landmark;
+    Eigen::Matrix2d J_bias;
+  };
+
+  /// @param observation  Must outlive the residual.
+  explicit ObservationResidual(const GraphObservation& observation);
+  Linear At(const Se2& T_map_vehicle,
+            const Eigen::Vector2d& p_map_landmark,
+            const SensorBias& bias) const;
+
+ private:
+  const GraphObservation* observation_;
+  Eigen::Matrix2d sqrt_information_;
+};
+
+}  // namespace shiftmap

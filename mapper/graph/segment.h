@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace shiftmap {
+
+/// The normal equations of a stretch of consecutive poses, before any is eliminated. Its boundary
+/// is everything else that the stretch's factors touch: the poses before and after it, its run's
+/// calibration, the modes seen from it.
+struct SegmentSystem {
+  /// @param poses     Poses in the stretch; there may be none.
+  /// @param boundary  Dimension of the boundary.
+  SegmentSystem(int poses, int boundary);
+
+  std::vector<Eigen::Matrix3d> A;  ///< H of each pose with itself.
+  std::vector<Eigen::Matrix3d> E;  ///< H of pose i with pose i + 1; of all but the last.
+  Eigen::MatrixXd B;               ///< H of the poses with the boundary, three rows a pose.
+  Eigen::VectorXd b;               ///< -gradient of the poses.
+  Eigen::MatrixXd C;               ///< H of the boundary, lower triangle.
+  Eigen::VectorXd c;               ///< -gradient of the boundary.
+};
+
+/// A stretch of poses eliminated onto its boundary: the Cholesky factor of a block-tridiagonal
+/// system, from the first pose to the last.
+///
+///   L Lᵀ = A,   Y = L⁻¹ B,   u = L⁻¹ b,   boundary: C - YᵀY, c - Yᵀu.
+///
+/// Linear in the poses, quadratic in the boundary.
+class Segment {
+ public:
+  /// Takes the system apart; the marginal system of the boundary is left in system->C, system->c.
+  /// False if the poses are not determined.
+  bool Eliminate(SegmentSystem* system);
+
+  int poses() const { return static_cast<int>(L_.size()); }
+
+  /// The poses' step, given the boundary's: L⁻ᵀ (u - Y y), three rows a pose.
+  Eigen::VectorXd Solve(const Eigen::VectorXd& boundary) const {
+    return BackSubstitute(u_, boundary);
+  }
+
+  /// The same with another right side. A draw of the poses given the boundary's, if `noise` is
+  /// N(0, I): L⁻ᵀ (noise - Y y).
+  Eigen::VectorXd BackSubstitute(const Eigen::VectorXd& noise,
+                                 const Eigen::VectorXd& boundary) const;
+
+ private:
+  std::vector<Eigen::Matrix3d> L_;  // Diagonal blocks.
+  std::vector<Eigen::Matrix3d> F_;  // L_i⁻¹ E_i, the transposed blocks below the diagonal.
+  Eigen::MatrixXd Y_;
+  Eigen::VectorXd u_;
+};
+
+}  // namespace shiftmap

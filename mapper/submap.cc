@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/submap.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/datum.h"
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+namespace {
+
+// How freely the datum of a submap floats against the prior map. [m]
+constexpr double kDatumSd = 10.0;
+
+// Error of a position in a submap that its covariance does not know of. [m]
+constexpr double kSubmapFloor = 0.03;
+
+// A mode of a submap beside the mode that is nearest to it in the map.
+struct Encounter {
+  std::size_t group = 0;
+  std::size_t mode = 0;  // In the submap's group.
+  int flat = 0;          // In the submap.
+  int nearest = kUnassigned;
+  double squared_m2 = std::numeric_limits<double>::infinity();
+};
+
+std::vector<Encounter> Meet(const MapProblem& submap, const MapProblem& problem) {
+  std::vector<Encounter> encounters;
+  int flat = 0;
+  for (std::size_t group = 0; group < submap.modes.size(); ++group) {
+    const std::vector<BuildMode>& known = problem.modes[group];
+    for (std::size_t m = 0; m < submap.modes[group].size(); ++m) {
+      Encounter encounter{group, m, flat++};
+      for (std::size_t k = 0; k < known.size(); ++k) {
+        const double squared =
+            (known[k].p_map_landmark - submap.modes[group][m].p_map_landmark).squaredNorm();
+        if (squared >= encounter.squared_m2) continue;
+        encounter.squared_m2 = squared;
+        encounter.nearest = static_cast<int>(k);
+      }
+      encounters.push_back(encounter);
+    }
+  }
+  return encounters;
+}
+
+const BuildMode& NearestMode(const MapProblem& problem, const Encounter& encounter) {
+  return problem.modes[encounter.group][static_cast<std::size_t>(encounter.nearest)];
+}
+
+bool MeetsPrior(const MapProblem& problem, const Encounter& encounter) {
+  return encounter.nearest != kUnassigned && NearestMode(problem, encounter).number != kAbsent;
+}
+
+// Row, in the prior's mean, of the mode that an encounter is with.
+Eigen::Index PriorRow(const MapProblem& problem, const Encounter& encounter) {
+  const int flat = FlatModes(problem).Index(static_cast<int>(encounter.group), encounter.nearest);
+  const auto found = std::find(problem.prior.modes.begin(), problem.prior.modes.end(), flat);
+  return 2 * static_cast<Eigen::Index>(found - problem.prior.modes.begin());
+}
+
+// Of the encounters with modes of the prior, those of landmarks that stand elsewhere by now.
+std::vector<bool> Displaced(const MapperOptions& options,
+                            const JointCovariance& prior_covariance,
+                            const Submap& submap,
+                            const std::vector<Encounter>& encounters,
+                            const MapProblem& problem) {
+  std::vector<std::size_t> tested;
+  std::vector<Eigen::Vector2d> positions;
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    if (!MeetsPrior(problem, encounters[i])) continue;
+    tested.push_back(i);
+    positions.push_back(NearestMode(problem, encounters[i]).p_map_landmark);
+  }
+  std::vector<bool> displaced(encounters.size());
+  if (tested.empty()) return displaced;
+
+  const auto size = static_cast<Eigen::Index>(2 * tested.size());
+  Eigen::VectorXd difference(size);
+  Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(size, size);
+  for (std::size_t a = 0; a < tested.size(); ++a) {
+    const Encounter& at = encounters[tested[a]];
+    const auto row = static_cast<Eigen::Index>(2 * a);
+    const auto prior_row = static_cast<int>(PriorRow(problem, at) / 2);
+    difference.segment<2>(row) =
+        submap.problem.modes[at.group][at.mode].p_map_landmark - positions[a];
+    for (std::size_t b = 0; b < tested.size(); ++b) {
+      const Encounter& other = encounters[tested[b]];
+      cov.block<2, 2>(row, static_cast<Eigen::Index>(2 * b)) =
+          submap.covariance.block<2, 2>(2 * at.flat, 2 * other.flat) +
+          prior_covariance.Block(prior_row, static_cast<int>(PriorRow(problem, other) / 2));
+    }
+  }
+  cov.diagonal().array() += 2.0 * kSubmapFloor * kSubmapFloor;
+  cov = AddScaleUncertainty(positions, options.sd_range_scale, cov);
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  cov += kDatumSd * kDatumSd * G * G.transpose();
+  const std::vector<int> clusters = FindDisplaced(difference, cov, options.displacement);
+  for (std::size_t a = 0; a < tested.size(); ++a) displaced[tested[a]] = clusters[a] >= 0;
+  return displaced;
+}
+
+// Adds a submap, already moved into the map frame.
+// @param alignment  Nothing for the first submap, which meets no other.
+void Absorb(const MapperOptions& options,
+            const std::optional<MapContent>& prior,
+            const std::optional<Alignment>& alignment,
+            Submap submap,
+            MapProblem* problem) {
+  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
+  const double floor = options.modes.position_floor_m;
+  const std::vector<Encounter> encounters = Meet(submap.problem, *problem);
+  const std::vector<bool> displaced =
+      prior ? Displaced(options, prior->covariance, submap, encounters, *problem)
+            : std::vector<bool>(encounters.size());
+  std::vector<std::vector<int>> becomes(submap.problem.modes.size());
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    const Encounter& encounter = encounters[i];
+    const Eigen::Vector2d& position =
+        submap.problem.modes[encounter.group][encounter.mode].p_map_landmark;
+    bool known = !displaced[i];
+    if (alignment && !MeetsPrior(*problem, encounter)) {
+      known = encounter.squared_m2 <
+              gate * (alignment->PositionVariance(position) + 2.0 * floor * floor);
+    }
+    becomes[encounter.group].push_back(known && alignment && encounter.nearest != kUnassigned
+                                           ? encounter.nearest
+                                           : AddMode(static_cast<int>(encounter.group),
+                                                     {position, kAbsent, displaced[i]},
+                                                     problem));
+  }
+  BuildRun& run = submap.problem.runs.front();
+  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    int& assignment = run.assignment[v];
+    const auto group = static_cast<std::size_t>(run.data->visits[v].group);
+    if (assignment != kUnassigned)
+      assignment = becomes[group][static_cast<std::size_t>(assignment)];
+  }
+  problem->runs.push_back(std::move(run));
+}
+
+// Reference for alignment: every mode that the problem has so far.
+std::vector<AlignmentPoint> ReferencePoints(const MapProblem& problem) {
+  std::vector<AlignmentPoint> points;
+  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+    for (const BuildMode& mode : problem.modes[group]) {
+      points.push_back({static_cast<int>(group), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+    }
+  }
+  return points;
+}
+
+// Rotates a joint covariance of positions into another frame.
+void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
+  for (Eigen::Index i = 0; i + 1 < cov->rows(); i += 2) {
+    cov->middleRows<2>(i) = (R * cov->middleRows<2>(i)).eval();
+  }
+  for (Eigen::Index i = 0; i + 1 < cov->cols(); i += 2) {
+    cov->middleCols<2>(i) = (cov->middleCols<2>(i) * R.transpose()).eval();
+  }
+}
+
+}  // namespace
+
+Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {
+  Submap submap{std::move(problem), {}, {}};
+  const Graph graph = MakeGraph(options, &submap.problem);
+  submap.covariance =
+      ReferToPositions(graph.modes, ComputeGraphPosterior(graph, 0, options.seed).mode_covariance);
+  for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+    for (const BuildMode& mode : submap.problem.modes[group]) {
+      const auto at = static_cast<Eigen::Index>(2 * submap.points.size());
+      submap.points.push_back(
+          {static_cast<int>(group), mode.p_map_landmark, submap.covariance.block<2, 2>(at, at)});
+    }
+  }
+  return submap;
+}
+
+void MoveProblem(const Se2& T_map_old, MapProblem* problem) {
+  for (BuildRun& run : problem->runs) {
+    for (Se2& pose : run.poses) pose = T_map_old * pose;
+  }
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
+  }
+}
+
+MapProblem StartProblem(const std::vector<Signature>& signatures,
+                        const std::optional<MapContent>& prior,
+                        const SensorCalibration& sensor) {
+  MapProblem problem;
+  problem.signatures = signatures;
+  problem.sensor = sensor;
+  problem.modes.resize(signatures.size());
+  if (!prior) return problem;
+  std::vector<int> flat;
+  std::vector<Eigen::Vector2d> positions;
+  for (const LandmarkGroup& group : prior->groups) {
+    const auto g = static_cast<std::size_t>(
+        std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
+        signatures.begin());
+    for (const Mode& mode : group.modes) {
+      problem.modes[g].push_back({mode.p_map_landmark, mode.number});
+      flat.push_back(static_cast<int>(flat.size()));
+      positions.push_back(mode.p_map_landmark);
+    }
+  }
+  problem.prior = MakeGraphPrior(flat, positions, prior->covariance.Dense());
+  return problem;
+}
+
+void PlaceSubmaps(const MapperOptions& options,
+                  const std::optional<MapContent>& prior,
+                  std::vector<Submap> waiting,
+                  MapProblem* problem,
+                  std::vector<RejectedRun>* rejected) {
+  if (ReferencePoints(*problem).empty()) {
+    // Without a prior the run that sees most landmarks is the first.
+    const auto first =
+        std::max_element(waiting.begin(), waiting.end(), [](const Submap& a, const Submap& b) {
+          return a.points.size() < b.points.size();
+        });
+    Absorb(options, prior, std::nullopt, std::move(*first), problem);
+    waiting.erase(first);
+  }
+  while (!waiting.empty()) {
+    const std::vector<AlignmentPoint> reference = ReferencePoints(*problem);
+    std::size_t best = waiting.size();
+    std::optional<Alignment> alignment;
+    for (std::size_t i = 0; i < waiting.size(); ++i) {
+      std::optional<Alignment> found =
+          AlignByConsensus(reference, waiting[i].points, options.alignment);
+      if (!found) continue;
+      if (!alignment || found->signatures.size() > alignment->signatures.size()) {
+        alignment = std::move(found);
+        best = i;
+      }
+    }
+    if (!alignment) break;
+    Submap& placed = waiting[best];
+    MoveProblem(alignment->T_reference_other, &placed.problem);
+    Rotate(alignment->T_reference_other.Rotation(), &placed.covariance);
+    Absorb(options, prior, alignment, std::move(placed), problem);
+    waiting.erase(waiting.begin() + static_cast<std::ptrdiff_t>(best));
+  }
+  for (const Submap& submap : waiting) {
+    rejected->push_back(
+        {submap.problem.runs.front().data->name,
+         fmt::format("no consistent alignment with the other runs ({} landmarks seen)",
+                     submap.points.size())});
+  }
+}
+
+}  // namespace shiftmap

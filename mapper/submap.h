@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/map_problem.h"
+#include "mapper/mapper_options.h"
+#include "mapper/rejected_run.h"
+#include "mapstore/map/map_snapshot.h"
+
+namespace shiftmap {
+
+/// A run mapped by itself, waiting for its place in the common frame.
+struct Submap {
+  MapProblem problem;
+  std::vector<AlignmentPoint> points;  ///< Its modes, in the flat order of the problem.
+  Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
+};
+
+/// @param problem  As MapSingleRun() leaves it.
+Submap MakeSubmap(const MapperOptions& options, MapProblem problem);
+
+/// Moves everything in a problem but its prior.
+void MoveProblem(const Se2& T_map_old, MapProblem* problem);
+
+/// The problem before any run is in it: the prior's modes, or none.
+MapProblem StartProblem(const std::vector<Signature>& signatures,
+                        const std::optional<MapContent>& prior,
+                        const SensorCalibration& sensor);
+
+/// Places submaps one after the other, always the one that most signatures tie to what is there,
+/// and adds them to the problem. A mode of a submap becomes one that is there, or a mode beside it:
+///
+/// - against modes of the prior map that is decided for the whole submap at once, FindDisplaced();
+/// - against modes that other runs of this build brought, by a gate on each.
+///
+/// What aligns with nothing is rejected.
+void PlaceSubmaps(const MapperOptions& options,
+                  const std::optional<MapContent>& prior,
+                  std::vector<Submap> waiting,
+                  MapProblem* problem,
+                  std::vector<RejectedRun>* rejected);
+
+}  // namespace shiftmap

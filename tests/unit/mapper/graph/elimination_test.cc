@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/elimination.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <random>
+
+#include "mapper/graph/rest_system.h"
+
+namespace shiftmap {
+namespace {
+
+struct SiteShape {
+  int runs = 1;
+  int frames = 100;
+  int modes = 6;
+  double disturbance = 0.02;  // Of the start, in every value.
+};
+
+// Vehicles on a circle among modes, each seen when it is near.
+Graph MakeSite(const SiteShape& shape, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  Graph graph;
+  for (int m = 0; m < shape.modes; ++m) {
+    const double angle = 2.0 * M_PI * m / shape.modes;
+    graph.modes.emplace_back(6.0 * std::cos(angle), 6.0 * std::sin(angle));
+  }
+  for (int r = 0; r < shape.runs; ++r) {
+    GraphRun run;
+    run.correction_prior_sd = Eigen::Vector3d(0.1, 0.1, 0.1);
+    run.sensor_bias_sd = SensorBias(0.05, 0.1);
+    Se2 truth(4.0, 0.3 * r, M_PI / 2.0);
+    for (int i = 0; i < shape.frames; ++i) {
+      if (i > 0) {
+        MotionIncrement motion;
+        motion.T_begin_end = Se2::Exp({0.25, 0.0, 0.0625});
+        motion.cov = Eigen::Vector3d(1e-4, 1e-4, 1e-5).asDiagonal();
+        motion.J_calibration << 0.25, 0.0, 0.01, 0.0, 0.0, 0.002, 0.0, 0.0625, 0.001;
+        truth = truth * motion.T_begin_end *
+                Se2::Exp({0.01 * normal(random), 0.01 * normal(random), 0.003 * normal(random)});
+        run.motions.push_back(motion);
+      }
+      run.poses.push_back(truth * Se2::Exp(shape.disturbance *
+                                           Eigen::Vector3d(normal(random), normal(random), 0.2)));
+      for (int m = 0; m < shape.modes; ++m) {
+        const Eigen::Vector2d q = truth.Inverse() * graph.modes[static_cast<std::size_t>(m)];
+        if (q.norm() > 5.0) continue;
+        GraphObservation item;
+        item.run = r;
+        item.frame = i;
+        item.mode = m;
+        item.cov_z = Eigen::Vector2d(0.01, 1e-4).asDiagonal();
+        item.observation.z = {q.norm() + 0.1 * normal(random),
+                              std::atan2(q.y(), q.x()) + 0.01 * normal(random)};
+        graph.observations.push_back(item);
+      }
+    }
+    graph.runs.push_back(std::move(run));
+  }
+  for (Eigen::Vector2d& mode : graph.modes) {
+    mode += shape.disturbance * Eigen::Vector2d(normal(random), normal(random));
+  }
+  return graph;
+}
+
+GraphPrior MakePrior(const Graph& graph) {
+  GraphPrior prior;
+  const auto size = static_cast<Eigen::Index>(2 * graph.modes.size());
+  prior.mean.resize(size);
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    prior.modes.push_back(static_cast<int>(m));
+    prior.mean.segment<2>(static_cast<Eigen::Index>(2 * m)) = graph.modes[m];
+  }
+  prior.sqrt_information = Eigen::MatrixXd::Identity(size, size) * 20.0;
+  return prior;
+}
+
+// The same minimum, from the same start, as Ceres' trust region finds.
+void ExpectSameMinimum(Graph graph) {
+  Graph other = graph;
+  const GraphSummary ours = SolveGraph(50, &graph);
+  const GraphSummary ceres = SolveGraphByTrustRegion(200, &other);
+  EXPECT_TRUE(ours.converged);
+  EXPECT_NEAR(ours.final_cost, ceres.final_cost, 1e-4 * ceres.final_cost);
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    EXPECT_LT((graph.modes[m] - other.modes[m]).norm(), 3e-3);
+  }
+  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+    for (std::size_t i = 0; i < graph.runs[r].poses.size(); ++i) {
+      EXPECT_LT((graph.runs[r].poses[i].Inverse() * other.runs[r].poses[i]).Log().norm(), 3e-3);
+    }
+  }
+}
+
+TEST(GraphElimination, FindsTheMinimumOfCeres) {
+  for (const int frames : {1, 2, 3, 32, 33, 34, 65, 200}) {
+    SCOPED_TRACE(frames);
+    Graph graph = MakeSite({.runs = 1, .frames = frames, .modes = 5}, 7);
+    graph.prior = MakePrior(graph);
+    ExpectSameMinimum(std::move(graph));
+  }
+}
+
+TEST(GraphElimination, FindsTheMinimumOfCeresWithTheFirstPoseHeld) {
+  ExpectSameMinimum(MakeSite({.runs = 1, .frames = 150, .modes = 8}, 3));
+}
+
+TEST(GraphElimination, FindsTheMinimumOfCeresOverSeveralRuns) {
+  Graph graph = MakeSite({.runs = 3, .frames = 70, .modes = 6}, 5);
+  graph.prior = MakePrior(graph);
+  ExpectSameMinimum(std::move(graph));
+}
+
+// One step of a graph with a quadratic cost is all of the way; here the cost is nearly so.
+TEST(GraphElimination, HeldPoseStays) {
+  Graph graph = MakeSite({.runs = 1, .frames = 50, .modes = 6}, 11);
+  const Se2 first = graph.runs[0].poses[0];
+  SolveGraph(20, &graph);
+  EXPECT_EQ((first.Inverse() * graph.runs[0].poses[0]).Log().norm(), 0.0);
+}
+
+TEST(GraphElimination, DrawsHaveTheCovariance) {
+  Graph graph = MakeSite({.runs = 1, .frames = 80, .modes = 4}, 13);
+  graph.prior = MakePrior(graph);
+  SolveGraph(30, &graph);
+  GraphElimination elimination(graph);
+  ASSERT_TRUE(elimination.Linearize());
+  const Eigen::MatrixXd covariance = elimination.ModeCovariance();
+  std::mt19937_64 random(1);
+  constexpr int kDraws = 4000;
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());
+  for (int i = 0; i < kDraws; ++i) {
+    const GraphStep draw = elimination.Draw(random);
+    sum += draw.modes * draw.modes.transpose() / kDraws;
+  }
+  // Six standard deviations of a variance's estimate.
+  EXPECT_LT((sum - covariance).cwiseAbs().maxCoeff(),
+            6.0 * std::sqrt(2.0 / kDraws) * covariance.diagonal().maxCoeff());
+}
+
+Eigen::MatrixXd RandomInformation(Eigen::Index size, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd A =
+      Eigen::MatrixXd::NullaryExpr(size, size, [&](auto, auto) { return normal(random); });
+  return A * A.transpose() + Eigen::MatrixXd::Identity(size, size);
+}
+
+// A chain of overlapping blocks, small enough for the dense factor and too large for it.
+TEST(RestSystem, SolvesLikeADenseMatrix) {
+  for (const int size : {9, 42, 600}) {
+    std::mt19937_64 random(17);
+    RestSystem rest(size);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(size, size);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
+    for (int first = 0; first + 6 <= size; first += 3) {
+      const Eigen::MatrixXd block = RandomInformation(6, random);
+      const Eigen::VectorXd right = block.col(0);
+      rest.Add({first + 3, first + 4, first + 5, first, first + 1, first + 2}, block, right);
+      std::vector<int> order = {first + 3, first + 4, first + 5, first, first + 1, first + 2};
+      for (int i = 0; i < 6; ++i) {
+        b[order[static_cast<std::size_t>(i)]] += right[i];
+        for (int j = 0; j < 6; ++j) {
+          H(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]) += block(i, j);
+        }
+      }
+    }
+    ASSERT_TRUE(rest.Factorize());
+    const Eigen::MatrixXd covariance = H.inverse();
+    EXPECT_LT((rest.Solve() - covariance * b).norm(), 1e-8 * (1.0 + b.norm()));
+    EXPECT_LT((rest.TailCovariance(6) - covariance.bottomRightCorner(6, 6)).norm(), 1e-9);
+    // L⁻ᵀ of all unit vectors is a square root of the covariance.
+    Eigen::MatrixXd root(size, size);
+    for (int i = 0; i < size; ++i) root.col(i) = rest.Draw(Eigen::VectorXd::Unit(size, i));
+    EXPECT_LT((root * root.transpose() - covariance).norm(), 1e-8);
+  }
+}
+
+TEST(RestSystem, LeavesOutHeldRowsAndSaysWhatIsNotDetermined) {
+  RestSystem rest(2);
+  rest.Add({-1, 1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
+  EXPECT_FALSE(rest.Factorize());
+  RestSystem whole(2);
+  whole.Add({0, -1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
+  whole.Add({-1, 1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
+  ASSERT_TRUE(whole.Factorize());
+  EXPECT_NEAR(whole.Solve()[0], 0.6, 1e-12);
+  EXPECT_NEAR(whole.Solve()[1], 2.0, 1e-12);
+}
+
+}  // namespace
+}  // namespace shiftmap
