@@ -16,6 +16,13 @@ namespace {
 // One signature seen further apart than this is at two places.
 constexpr double kDuplicateSigmas = 5.0;
 
+// A landmark seen nearer to a mode than this does not count as moved: map or pose may be less exact
+// than they say. [m]
+constexpr double kMinDisplacement = 0.5;
+
+// Two landmarks are as far apart as two modes if their distance is inside these.
+constexpr double kDistanceSigmas = 3.0;
+
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
   const Eigen::Matrix2d cov = PositionNoiseInVehicle(a, ObservationNoise(a, sensor)) +
                               PositionNoiseInVehicle(b, ObservationNoise(b, sensor));
@@ -29,7 +36,8 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
     : snapshot_(std::move(snapshot)),
       options_(options),
       odometry_(snapshot_.calibration().odometry),
-      next_start_(options.initial_pose) {
+      next_start_(options.initial_pose),
+      changes_(snapshot_.groups().size(), options.min_sightings) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
 }
@@ -49,7 +57,7 @@ Status Localizer::Process(const RunEvent& event) {
   } else {
     ProcessScan(std::get<Scan>(event));
   }
-  state_ = JudgeState();
+  SetState(JudgeState());
   return OkStatus();
 }
 
@@ -71,6 +79,7 @@ void Localizer::ProcessScan(const Scan& scan) {
     StartAt(*std::exchange(next_start_, std::nullopt), 0);
     return;
   }
+  const bool searching = !bank_ || health_.lost();
   if (bank_) Step(step);
   if (bank_ && !health_.lost()) {
     window_.clear();
@@ -79,7 +88,8 @@ void Localizer::ProcessScan(const Scan& scan) {
   window_.push_back(std::move(step));
   const Duration kept = FromSeconds(options_.global_start.window_s);
   while (window_.front().scan.stamp < scan.stamp - kept) window_.pop_front();
-  if (!window_.back().scan.observations.empty()) TryGlobalStart();
+  // The scan that shows that the pose is lost is reported as such.
+  if (searching && !window_.back().scan.observations.empty()) TryGlobalStart();
 }
 
 Scan Localizer::UsableObservations(const Scan& scan) {
@@ -102,6 +112,7 @@ Scan Localizer::UsableObservations(const Scan& scan) {
     });
     if (two_places) {
       ++statistics_.duplicate_signatures;
+      at_two_places_.insert(observation.signature);
     } else {
       usable.observations.push_back(Corrected(observation, snapshot_.calibration().sensor));
     }
@@ -114,59 +125,149 @@ void Localizer::Step(const WindowScan& step) {
   const BankEvents events = bank_->Correct(step.scan);
   scan_stamp_ = step.scan.stamp;
 
-  for (const ObservationOutcome& outcome : events.outcomes) {
-    health_.Add(outcome.group, outcome.gated);
-    if (outcome.gated) {
-      ++statistics_.updates;
-      statistics_.nis_sum += outcome.nis;
-    } else {
-      ++statistics_.ungated;
-    }
-  }
-  for (std::size_t i = 0; i < events.decisions.size(); ++i) {
-    if (!events.surprising[i]) continue;
-    const bool absent = events.decisions[i].mode == kAbsent;
-    (absent ? unknown_change_ : mode_changed_) = step.scan.stamp;
-  }
+  JudgeOutcomes(step.scan, events);
+  JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
   decisions_.insert(decisions_.end(), events.decisions.begin(), events.decisions.end());
-  CollectSightings(step.scan, events);
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
-    new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose()});
+    new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose(), quality_.p_value()});
   }
 }
 
-void Localizer::CollectSightings(const Scan& scan, const BankEvents& events) {
-  if (health_.lost()) return;
-  const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const auto collect = [&](const Observation& observation) {
-    const Eigen::Vector2d q = observation.PositionInVehicle();
-    Eigen::Matrix<double, 2, 3> dq_dxi;
-    dq_dxi << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
-    const Eigen::Matrix2d R = pose.T_map_vehicle.Rotation();
-    const Eigen::Matrix2d cov_vehicle =
-        PositionNoiseInVehicle(observation,
-                               ObservationNoise(observation, snapshot_.calibration().sensor)) +
-        dq_dxi * pose.cov_T_map_vehicle * dq_dxi.transpose();
-    return sightings_.Add(observation.signature,
-                          LandmarkPosition(observation, pose.T_map_vehicle),
-                          Symmetrized(R * cov_vehicle * R.transpose()),
-                          pose.T_map_vehicle.translation(),
-                          scan.stamp);
-  };
+void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
+  const bool was_lost = health_.lost();
+  if (!was_lost) JudgeDistances(scan, events);
   for (const Observation& observation : scan.observations) {
     if (snapshot_.GroupIndex(observation.signature) >= 0) continue;
     ++statistics_.unknown_signatures;
-    collect(observation);
+    if (!was_lost) Collect(observation, scan.stamp);
   }
   for (const ObservationOutcome& outcome : events.outcomes) {
-    if (outcome.gated_any) continue;
-    if (collect(scan.observations[outcome.index]) >= options_.min_sightings) {
-      unknown_change_ = scan.stamp;
+    if (outcome.gated) {
+      ++statistics_.updates;
+      statistics_.nis_sum += outcome.nis;
+      quality_.Add(outcome.nis);
+    } else {
+      ++statistics_.ungated;
+    }
+    const bool explained = Explains(outcome, scan);
+    const auto nis = outcome.gated ? std::optional(outcome.nis) : std::nullopt;
+    health_.Add(scan.stamp, outcome.group, explained, nis);
+  }
+  if (health_.lost() && !was_lost) DistrustPose();
+}
+
+void Localizer::JudgeDistances(const Scan& scan, const BankEvents& events) {
+  const auto as_in_map = [&](const ObservationOutcome& a, const ObservationOutcome& b) {
+    const Observation& seen_a = scan.observations[a.index];
+    const Observation& seen_b = scan.observations[b.index];
+    const SensorCalibration& sensor = snapshot_.calibration().sensor;
+    const Eigen::Vector2d d = seen_a.PositionInVehicle() - seen_b.PositionInVehicle();
+    const Eigen::Matrix2d cov = PositionNoiseInVehicle(seen_a, ObservationNoise(seen_a, sensor)) +
+                                PositionNoiseInVehicle(seen_b, ObservationNoise(seen_b, sensor));
+    const double variance = d.dot(cov * d) / d.squaredNorm();
+    for (const Mode& mode_a : snapshot_.groups()[static_cast<std::size_t>(a.group)].modes) {
+      for (const Mode& mode_b : snapshot_.groups()[static_cast<std::size_t>(b.group)].modes) {
+        const double mismatch = (mode_a.p_map_landmark - mode_b.p_map_landmark).norm() - d.norm();
+        const double modes =
+            0.5 * mode_a.cov_p_map_landmark.trace() + 0.5 * mode_b.cov_p_map_landmark.trace();
+        if (std::abs(mismatch) < kDistanceSigmas * std::sqrt(variance + modes)) return true;
+      }
+    }
+    return false;
+  };
+  int pairs = 0;
+  int matches = 0;
+  for (std::size_t i = 0; i < events.outcomes.size(); ++i) {
+    if (events.outcomes[i].gated_any) continue;
+    for (std::size_t j = 0; j < i; ++j) {
+      if (events.outcomes[j].gated_any) continue;
+      ++pairs;
+      matches += as_in_map(events.outcomes[i], events.outcomes[j]);
     }
   }
+  if (pairs > 0) health_.AddPairs(scan.stamp, matches, pairs);
+}
+
+bool Localizer::Explains(const ObservationOutcome& outcome, const Scan& scan) {
+  if (outcome.gated_any) {
+    changes_.Explained(outcome.group);
+    return true;
+  }
+  if (health_.lost()) return false;
+  const Observation& observation = scan.observations[outcome.index];
+  const SightingCollector::PlaceState place = Collect(observation, scan.stamp);
+  const bool at_two_places = at_two_places_.contains(observation.signature);
+  const auto support = changes_.Sighted(outcome.group, place, health_);
+  if (!support || at_two_places || NearAMode(outcome.group, place)) return place.confirmed;
+  sightings_.Confirm(observation.signature, place.place);
+  StateEvidence evidence;
+  evidence.stamp = scan.stamp;
+  evidence.signature = observation.signature;
+  evidence.sightings = place.count;
+  evidence.support = *support;
+  unknown_change_ = evidence;
+  return true;
+}
+
+bool Localizer::NearAMode(int group, const SightingCollector::PlaceState& place) const {
+  const std::vector<Mode>& modes = snapshot_.groups()[static_cast<std::size_t>(group)].modes;
+  return std::any_of(modes.begin(), modes.end(), [&](const Mode& mode) {
+    return (mode.p_map_landmark - place.p_map).norm() < kMinDisplacement;
+  });
+}
+
+void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
+  StateEvidence evidence;
+  evidence.stamp = stamp;
+  for (std::size_t i = 0; i < events.decisions.size(); ++i) {
+    const Decision& decision = events.decisions[i];
+    const bool absent = decision.mode == kAbsent;
+    changes_.Decided(snapshot_.GroupIndex(decision.signature),
+                     absent && events.surprising[i] && !at_two_places_.contains(decision.signature),
+                     stamp);
+    if (absent || !events.surprising[i]) continue;
+    evidence.signature = decision.signature;
+    evidence.mode = decision.mode;
+    evidence.log_odds = decision.log_odds;
+    evidence.support = health_.Support();
+    mode_changed_ = evidence;
+  }
+  if (health_.lost()) return;
+  while (const auto gone = changes_.TakeGone(health_)) {
+    evidence.signature = snapshot_.groups()[static_cast<std::size_t>(gone->group)].signature;
+    evidence.mode = kAbsent;
+    evidence.support = gone->support;
+    unknown_change_ = evidence;
+  }
+}
+
+SightingCollector::PlaceState Localizer::Collect(const Observation& observation, Stamp stamp) {
+  const PoseWithCovariance pose = bank_->best().filter.Pose();
+  const Eigen::Vector2d q = observation.PositionInVehicle();
+  Eigen::Matrix<double, 2, 3> dq_dxi;
+  dq_dxi << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
+  const Eigen::Matrix2d R = pose.T_map_vehicle.Rotation();
+  const Eigen::Matrix2d cov_vehicle =
+      PositionNoiseInVehicle(observation,
+                             ObservationNoise(observation, snapshot_.calibration().sensor)) +
+      dq_dxi * pose.cov_T_map_vehicle * dq_dxi.transpose();
+  return sightings_.Add(observation.signature,
+                        LandmarkPosition(observation, pose.T_map_vehicle),
+                        Symmetrized(R * cov_vehicle * R.transpose()),
+                        pose.T_map_vehicle.translation(),
+                        stamp);
+}
+
+void Localizer::DistrustPose() {
+  const Stamp since = health_.failing_since();
+  ForgetSince(since);
+  sightings_.ForgetSince(since);
+  changes_.Reset();
+  if (mode_changed_ && mode_changed_->stamp >= since) mode_changed_.reset();
+  if (unknown_change_ && unknown_change_->stamp >= since) unknown_change_.reset();
 }
 
 void Localizer::TryGlobalStart() {
@@ -192,6 +293,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   }
   ++statistics_.starts;
   health_.Reset();
+  quality_.Reset();
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   for (std::size_t i = first; i < replayed.size(); ++i) {
     WindowScan step = replayed[i];
@@ -209,7 +311,7 @@ void Localizer::Initialize(const PoseWithCovariance& pose) { next_start_ = pose;
 
 std::optional<PoseEstimate> Localizer::Estimate() const {
   if (!bank_) return std::nullopt;
-  return PoseEstimate{scan_stamp_, bank_->best().filter.Pose()};
+  return PoseEstimate{scan_stamp_, bank_->best().filter.Pose(), quality_.p_value()};
 }
 
 LocalizerStatistics Localizer::Statistics() const {
@@ -230,12 +332,30 @@ LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
   if (health_.lost()) return LocalizerState::kLost;
   const Duration hold = FromSeconds(options_.state_hold_s);
-  const auto recent = [&](const std::optional<Stamp>& cause) {
-    return cause && now_ - *cause <= hold;
+  const auto recent = [&](const std::optional<StateEvidence>& cause) {
+    return cause && now_ - cause->stamp <= hold;
   };
   if (recent(unknown_change_)) return LocalizerState::kUnknownChange;
   if (recent(mode_changed_)) return LocalizerState::kModeChanged;
   return LocalizerState::kTracking;
+}
+
+void Localizer::SetState(LocalizerState state) {
+  if (state == state_) return;
+  constexpr std::size_t kMaxChanges = 1000;
+  if (state_changes_.size() == kMaxChanges) state_changes_.pop_front();
+  StateEvidence evidence;
+  if (state == LocalizerState::kUnknownChange) {
+    evidence = *unknown_change_;
+  } else if (state == LocalizerState::kModeChanged) {
+    evidence = *mode_changed_;
+  } else {
+    evidence.stamp = now_;
+    const bool lost = state == LocalizerState::kLost;
+    evidence.support = lost ? health_.Support(health_.failing_since(), -1) : health_.Support();
+  }
+  state_changes_.push_back({now_, state_, state, evidence});
+  state_ = state;
 }
 
 void Localizer::Finish() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -12,8 +13,11 @@
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/localizer_options.h"
 #include "localizer/localizer_state.h"
+#include "localizer/monitor/change_monitor.h"
 #include "localizer/monitor/health_monitor.h"
+#include "localizer/monitor/innovation_quality.h"
 #include "localizer/monitor/sighting_collector.h"
+#include "localizer/monitor/state_change.h"
 
 namespace shiftmap {
 
@@ -21,6 +25,7 @@ namespace shiftmap {
 struct PoseEstimate {
   Stamp stamp;
   PoseWithCovariance pose;
+  double quality = 1.0;  ///< InnovationQuality::p_value().
 };
 
 /// What happened so far.
@@ -66,6 +71,9 @@ class Localizer {
   const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
 
   LocalizerState state() const { return state_; }
+
+  /// Changes of the state, oldest first, each with what it rests on; the last thousand.
+  const std::deque<StateChange>& state_changes() const { return state_changes_; }
   LocalizerStatistics Statistics() const;
 
   /// Probability of each state of a group now; size n + 1.
@@ -92,9 +100,16 @@ class Localizer {
   // must not count twice, and what a lost vehicle saw is no evidence.
   void ForgetSince(Stamp stamp);
 
-  void CollectSightings(const Scan& scan, const BankEvents& events);
+  void JudgeOutcomes(const Scan& scan, const BankEvents& events);
+  void JudgeDistances(const Scan& scan, const BankEvents& events);
+  void JudgeDecisions(const BankEvents& events, Stamp stamp);
+  SightingCollector::PlaceState Collect(const Observation& observation, Stamp stamp);
+  bool Explains(const ObservationOutcome& outcome, const Scan& scan);
+  bool NearAMode(int group, const SightingCollector::PlaceState& place) const;
+  void DistrustPose();
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
+  void SetState(LocalizerState state);
 
   MapSnapshot snapshot_;
   LocalizerOptions options_;
@@ -103,6 +118,8 @@ class Localizer {
   std::optional<PoseWithCovariance> next_start_;  // Given, for the next scan.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
   HealthMonitor health_;
+  ChangeMonitor changes_;
+  InnovationQuality quality_;
   SightingCollector sightings_;
   LocalizerState state_ = LocalizerState::kInitializing;
   LocalizerStatistics statistics_;
@@ -110,11 +127,13 @@ class Localizer {
   std::vector<Decision> decisions_;
   std::vector<PoseEstimate> new_estimates_;
   std::optional<Stamp> newest_estimate_;
-  std::optional<Stamp> begin_;  // Of the first event.
-  Stamp now_;                   // Of the last event.
-  Stamp scan_stamp_;            // Of the last scan.
-  std::optional<Stamp> mode_changed_;
-  std::optional<Stamp> unknown_change_;
+  std::optional<Stamp> begin_;                   // Of the first event.
+  Stamp now_;                                    // Of the last event.
+  Stamp scan_stamp_;                             // Of the last scan.
+  std::optional<StateEvidence> mode_changed_;    // The last one.
+  std::optional<StateEvidence> unknown_change_;  // The last one.
+  std::set<Signature> at_two_places_;
+  std::deque<StateChange> state_changes_;
 };
 
 }  // namespace shiftmap

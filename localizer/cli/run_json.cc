@@ -63,6 +63,33 @@ Json SightingsJson(const Localizer& localizer) {
   return sightings;
 }
 
+Json StateChangesJson(const Localizer& localizer) {
+  Json changes = Json::array();
+  for (const StateChange& change : localizer.state_changes()) {
+    const StateEvidence& evidence = change.evidence;
+    Json why = {{"stamp_s", ToSecondsSinceEpoch(evidence.stamp)},
+                {"agreeing", evidence.support.agreeing},
+                {"failing", evidence.support.failing},
+                {"since_s", ToSecondsSinceEpoch(evidence.support.since)},
+                {"nis_sum", evidence.support.nis_sum},
+                {"updates", evidence.support.updates}};
+    if (!evidence.signature.anonymous()) {
+      why["signature"] = evidence.signature.text();
+      if (change.to == LocalizerState::kUnknownChange) {
+        why["sightings"] = evidence.sightings;
+      } else {
+        why["mode"] = evidence.mode.value();
+        why["log_odds"] = evidence.log_odds;
+      }
+    }
+    changes.push_back({{"stamp_s", ToSecondsSinceEpoch(change.stamp)},
+                       {"from", ToString(change.from)},
+                       {"to", ToString(change.to)},
+                       {"why", why}});
+  }
+  return changes;
+}
+
 double MeanNis(const LocalizerStatistics& statistics) {
   if (statistics.updates == 0) return 0.0;
   return statistics.nis_sum / static_cast<double>(statistics.updates);
@@ -79,6 +106,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["frames"] = statistics.scans;
   document["state"] = ToString(localizer.state());
   document["states"] = StatesJson(statistics);
+  document["state_changes"] = StateChangesJson(localizer);
   document["starts"] = statistics.starts;
   document["decisions"] = DecisionsJson(localizer);
   document["mode_probabilities"] = ProbabilitiesJson(localizer);
@@ -95,6 +123,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
                              {"ungated", statistics.ungated}};
   document["truncated"] = !summary.truncation.empty();
   if (estimate) {
+    document["quality"] = estimate->quality;
     const Se2& T_map_vehicle = estimate->pose.T_map_vehicle;
     document["T_map_vehicle"] = {T_map_vehicle.x(), T_map_vehicle.y(), T_map_vehicle.yaw()};
   }

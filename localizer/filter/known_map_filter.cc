@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace shiftmap {
@@ -11,19 +12,39 @@ namespace {
 // Wheels wear and loads shift: the log-scales may wander by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
 
+// The bearing of what is nearer is undefined. [m]
+constexpr double kMinRange = 1e-3;
+
+// dq/dz for the position q that z measures. The range in it is a bound on the true one rather than
+// the measured one, which may be about zero.
+Eigen::Matrix2d DPositionDz(const Observation& observation, const Eigen::Matrix2d& cov_z) {
+  if (observation.kind == Observation::Kind::kCartesian) return Eigen::Matrix2d::Identity();
+  const double range = std::sqrt(observation.z.x() * observation.z.x() + cov_z(0, 0));
+  const double c = std::cos(observation.z.y());
+  const double s = std::sin(observation.z.y());
+  Eigen::Matrix2d dq_dz;
+  dq_dz << c, -range * s, s, range * c;
+  return dq_dz;
+}
+
 const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
   return snapshot.groups()[static_cast<std::size_t>(mode.group)]
       .modes[static_cast<std::size_t>(mode.state) - 1];
 }
 
+KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, double sd_log_scale) {
+  KnownMapFilter::StateMatrix P = KnownMapFilter::StateMatrix::Zero();
+  P.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
+  P.bottomRightCorner<2, 2>() = Eigen::Matrix2d::Identity() * (sd_log_scale * sd_log_scale);
+  return P;
+}
+
 }  // namespace
 
 KnownMapFilter::KnownMapFilter(const PoseWithCovariance& start, const Calibration& calibration)
-    : T_map_vehicle_(start.T_map_vehicle) {
-  const double sd_log_scale = calibration.odometry.sd_log_scale;
-  P_.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
-  P_.bottomRightCorner<2, 2>() = Eigen::Matrix2d::Identity() * (sd_log_scale * sd_log_scale);
-
+    : T_map_vehicle_(start.T_map_vehicle),
+      P_(StartCovariance(start, calibration.odometry.sd_log_scale)),
+      shared_errors_(P_) {
   const SensorCalibration& sensor = calibration.sensor;
   const Eigen::Vector2d sd_z(sensor.sd_range_m, sensor.sd_bearing_rad);
   const Eigen::Vector2d sd_position = Eigen::Vector2d::Constant(sensor.sd_position_m);
@@ -39,10 +60,11 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   StateMatrix F = StateMatrix::Identity();
   F.topLeftCorner<3, 3>() = T_begin_end.Inverse().Adjoint();
   F.topRightCorner<3, 2>() = J;
-  P_ = F * P_ * F.transpose();
-  P_.topLeftCorner<3, 3>() += increment.cov;
-  P_.bottomRightCorner<2, 2>().diagonal().array() += kLogScaleWalk * kLogScaleWalk * elapsed_s;
-  P_ = Symmetrized(P_);
+  StateMatrix Q = StateMatrix::Zero();
+  Q.topLeftCorner<3, 3>() = increment.cov;
+  Q.bottomRightCorner<2, 2>().diagonal().setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
+  P_ = Symmetrized(StateMatrix(F * P_ * F.transpose() + Q));
+  shared_errors_.Predict(F, Q, elapsed_s);
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;
   position_bias_.cross = F * position_bias_.cross;
   for (ConsideredMode& mode : considered_) mode.gain = F * mode.gain;
@@ -76,51 +98,101 @@ void KnownMapFilter::LetGoOfWeakest(int except) {
       }));
 }
 
-KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Observation& observation,
-                                                              const Eigen::Matrix2d& cov_z,
-                                                              ModeRef mode,
-                                                              const MapSnapshot& snapshot) const {
+Eigen::Vector2d KnownMapFilter::Point::RangeBearing() const {
+  return {std::max(q.norm(), kMinRange), std::atan2(q.y(), q.x())};
+}
+
+Eigen::Matrix2d KnownMapFilter::Point::CovRangeBearing() const {
+  const double range = std::max(q.norm(), kMinRange);
+  const Eigen::Vector2d direction = q / range;
+  Eigen::Matrix2d dz_dq;
+  dz_dq << direction.x(), direction.y(), -direction.y() / range, direction.x() / range;
+  return dz_dq * cov_q * dz_dq.transpose();
+}
+
+KnownMapFilter::Point KnownMapFilter::PredictPoint(ModeRef mode,
+                                                   const MapSnapshot& snapshot) const {
   const Mode& landmark = ModeOf(snapshot, mode);
   const StateByPoint cross =
       CrossOf(snapshot.ModeIndex(mode.group, mode.state), snapshot.covariance());
-  Prediction prediction;
-  prediction.innovation = Linearize(observation, T_map_vehicle_, landmark.p_map_landmark);
-  const Eigen::Matrix<double, 2, 3>& H_x = prediction.innovation.H_pose;
-  const Eigen::Matrix2d& H_m = prediction.innovation.H_landmark;
+  const Eigen::Matrix2d R_vehicle_map = T_map_vehicle_.Rotation().transpose();
+  Point point;
+  point.q = R_vehicle_map * (landmark.p_map_landmark - T_map_vehicle_.translation());
+  point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
+  point.H_landmark = R_vehicle_map;
+  const StateByPoint cross_q = cross * point.H_landmark.transpose();
+  point.cov_state_q = P_.leftCols<3>() * point.H_pose.transpose() + cross_q;
+  const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
+  point.cov_q = point.H_pose * P_.topLeftCorner<3, 3>() * point.H_pose.transpose() + H_cross +
+                H_cross.transpose() +
+                point.H_landmark * landmark.cov_p_map_landmark * point.H_landmark.transpose();
+  point.cov_q = Symmetrized(point.cov_q);
+  return point;
+}
 
-  const SensorBias& bias = BiasOf(observation.kind);
+KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Observation& observation,
+                                                              const Eigen::Matrix2d& cov_z,
+                                                              const Point& point) const {
+  Prediction prediction;
+  prediction.point = point;
   prediction.kind = observation.kind;
-  const StateByPoint cross_considered = cross * H_m.transpose() + bias.cross;
-  prediction.cov_state_z = P_.leftCols<3>() * H_x.transpose() + cross_considered;
-  const Eigen::Matrix2d H_x_cross = H_x * cross_considered.topRows<3>();
-  prediction.S = H_x * P_.topLeftCorner<3, 3>() * H_x.transpose() + H_x_cross +
-                 H_x_cross.transpose() + H_m * landmark.cov_p_map_landmark * H_m.transpose() +
-                 bias.cov + cov_z;
+  prediction.dq_dz = DPositionDz(observation, cov_z);
+  prediction.log_m2_per_unit = std::log(SquareMetresPerUnit(observation));
+  prediction.nu = observation.PositionInVehicle() - point.q;
+
+  prediction.cov_noise = prediction.dq_dz * cov_z * prediction.dq_dz.transpose();
+  const SensorBias& bias = BiasOf(observation.kind);
+  const StateByPoint cross_bias = bias.cross * prediction.dq_dz.transpose();
+  const Eigen::Matrix2d H_cross = point.H_pose * cross_bias.topRows<3>();
+  prediction.cov_state_z = point.cov_state_q + cross_bias;
+  prediction.S = point.cov_q + H_cross + H_cross.transpose() +
+                 prediction.dq_dz * bias.cov * prediction.dq_dz.transpose() + prediction.cov_noise;
   prediction.S = Symmetrized(prediction.S);
-  prediction.nis = SquaredMahalanobis(prediction.innovation.nu, prediction.S);
+  prediction.nis = SquaredMahalanobis(prediction.nu, prediction.S);
   return prediction;
+}
+
+SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
+                                                  int mode_index) const {
+  SharedErrors::Observed observed;
+  observed.mode_index = mode_index;
+  observed.kind = prediction.kind;
+  observed.nu = prediction.nu;
+  observed.H_pose = prediction.point.H_pose;
+  observed.H_bias = prediction.dq_dz;
+  observed.H_mode = prediction.point.H_landmark;
+  observed.cov_bias = BiasOf(prediction.kind).cov;
+  observed.cov_noise = prediction.cov_noise;
+  return observed;
+}
+
+double KnownMapFilter::LogLikelihood(const Prediction& prediction,
+                                     ModeRef mode,
+                                     const MapSnapshot& snapshot) const {
+  const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
+  return shared_errors_.LogLikelihood(ObservedBy(prediction, mode_index), snapshot.covariance()) +
+         prediction.log_m2_per_unit;
 }
 
 void KnownMapFilter::Update(const Prediction& prediction,
                             ModeRef mode,
-                            const MapSnapshot& snapshot) {
+                            const MapSnapshot& snapshot,
+                            double weight) {
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
+  SharedErrors::Observed seen = ObservedBy(prediction, mode_index);
+  seen.cov_noise /= weight;
+  shared_errors_.Update(seen, snapshot.covariance());
   const StateByPoint K = prediction.cov_state_z * prediction.S.inverse();
-  const Eigen::Matrix<double, 2, 3>& H_x = prediction.innovation.H_pose;
-  const Eigen::Matrix2d& H_m = prediction.innovation.H_landmark;
-
-  const Eigen::Matrix<double, kStates, 1> correction = K * prediction.innovation.nu;
-  T_map_vehicle_ = T_map_vehicle_ * Se2::Exp(correction.head<3>());
-  log_scale_ += correction.tail<2>();
+  const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
+  const Eigen::Matrix2d& H_m = prediction.point.H_landmark;
 
   // K is optimal for the state, so Joseph's form reduces to this.
   P_ -= K * prediction.S * K.transpose();
-  P_ = Symmetrized(P_);
   const bool cartesian = prediction.kind == Observation::Kind::kCartesian;
   for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
     const bool observed = (bias == &position_bias_) == cartesian;
     Eigen::Matrix2d cov_z_bias = H_x * bias->cross.topRows<3>();
-    if (observed) cov_z_bias += bias->cov;
+    if (observed) cov_z_bias += prediction.dq_dz * bias->cov;
     bias->cross -= K * cov_z_bias;
   }
   for (ConsideredMode& considered : considered_) {
@@ -128,14 +200,20 @@ void KnownMapFilter::Update(const Prediction& prediction,
   }
   GainOf(mode_index) -= K * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
+  Move(K * prediction.nu);
 }
 
-KnownMapFilter::Sight KnownMapFilter::PredictSight(ModeRef mode,
-                                                   const MapSnapshot& snapshot) const {
-  Observation origin;  // z = 0, so that the innovation is -h.
-  origin.kind = Observation::Kind::kRangeBearing;
-  const Prediction prediction = PredictObservation(origin, Eigen::Matrix2d::Zero(), mode, snapshot);
-  return {-prediction.innovation.nu, prediction.S};
+void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
+  const Se2 step = Se2::Exp(correction.head<3>());
+  T_map_vehicle_ = T_map_vehicle_ * step;
+  log_scale_ += correction.tail<2>();
+  StateMatrix A = StateMatrix::Identity();
+  A.topLeftCorner<3, 3>() = step.Inverse().Adjoint();
+  P_ = Symmetrized(StateMatrix(A * P_ * A.transpose()));
+  shared_errors_.Move(A, correction);
+  range_bearing_bias_.cross = A * range_bearing_bias_.cross;
+  position_bias_.cross = A * position_bias_.cross;
+  for (ConsideredMode& considered : considered_) considered.gain = A * considered.gain;
 }
 
 PoseWithCovariance KnownMapFilter::Pose() const {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "localizer/filter/shared_errors.h"
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/covariance.h"
@@ -49,32 +50,60 @@ class KnownMapFilter {
   /// @param elapsed_s  Duration of the increment, for the random walk of the calibration. [s]
   void Predict(const MotionIncrement& increment, double elapsed_s);
 
-  /// An observation against a mode.
+  /// Where a mode is expected: q = T_map_vehicle⁻¹ p_map_landmark, in the vehicle frame. [m]
+  struct Point {
+    Eigen::Vector2d q = Eigen::Vector2d::Zero();
+    Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();  ///< dq/dξ.
+    Eigen::Matrix2d H_landmark = Eigen::Matrix2d::Zero();  ///< dq/dp_map_landmark.
+    StateByPoint cov_state_q = StateByPoint::Zero();       ///< Of the state's error with q's.
+    Eigen::Matrix2d cov_q = Eigen::Matrix2d::Zero();       ///< Of pose and mode, without sensor.
+
+    /// Where it is seen, (range, bearing), and the covariance of that. [m, rad]
+    Eigen::Vector2d RangeBearing() const;
+    Eigen::Matrix2d CovRangeBearing() const;
+  };
+  Point PredictPoint(ModeRef mode, const MapSnapshot& snapshot) const;
+
+  /// An observation against a mode, both as positions in the vehicle frame.
   struct Prediction {
-    Innovation innovation;
-    Eigen::Matrix2d S = Eigen::Matrix2d::Identity();  ///< Of the innovation, in z's units.
-    StateByPoint cov_state_z = StateByPoint::Zero();  ///< P Hᵀ: of the state with z.
-    double nis = 0.0;                                 ///< νᵀ S⁻¹ ν.
+    Point point;
+    Eigen::Vector2d nu = Eigen::Vector2d::Zero();         ///< Observed - expected position. [m]
+    Eigen::Matrix2d S = Eigen::Matrix2d::Identity();      ///< Of nu. [m²]
+    StateByPoint cov_state_z = StateByPoint::Zero();      ///< Of the state's error with z's.
+    Eigen::Matrix2d dq_dz = Eigen::Matrix2d::Zero();      ///< From z's own units to positions.
+    double log_m2_per_unit = 0.0;                         ///< log |dq/dz|.
+    Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();  ///< Of nu, the sensor's alone.
+    double nis = 0.0;                                     ///< νᵀ S⁻¹ ν.
     Observation::Kind kind = Observation::Kind::kRangeBearing;
 
-    /// log N(ν; 0, S), a density in z's own units.
-    double LogLikelihood() const { return LogGaussian(innovation.nu, S); }
+    /// log of the density of z, in z's own units, with the errors of map and sensor as they were
+    /// before the first observation.
+    double LogLikelihood() const { return LogGaussian(nu, S) + log_m2_per_unit; }
   };
   Prediction PredictObservation(const Observation& observation,
                                 const Eigen::Matrix2d& cov_z,
+                                const Point& point) const;
+  Prediction PredictObservation(const Observation& observation,
+                                const Eigen::Matrix2d& cov_z,
                                 ModeRef mode,
-                                const MapSnapshot& snapshot) const;
+                                const MapSnapshot& snapshot) const {
+    return PredictObservation(observation, cov_z, PredictPoint(mode, snapshot));
+  }
+
+  /// log p(z | all observations before), in z's own units; see SharedErrors.
+  /// @param prediction  Of this filter in its present state, for the same mode.
+  double LogLikelihood(const Prediction& prediction,
+                       ModeRef mode,
+                       const MapSnapshot& snapshot) const;
 
   /// Corrects the state with an observation of a mode.
   /// @param prediction  Of this filter in its present state, for the same mode.
-  void Update(const Prediction& prediction, ModeRef mode, const MapSnapshot& snapshot);
-
-  /// Where a mode is seen: (range, bearing) and its covariance without sensor noise.
-  struct Sight {
-    Eigen::Vector2d range_bearing;
-    Eigen::Matrix2d cov;
-  };
-  Sight PredictSight(ModeRef mode, const MapSnapshot& snapshot) const;
+  /// @param weight  What one of several observations that are alike counts for LogLikelihood(), in
+  ///                (0, 1].
+  void Update(const Prediction& prediction,
+              ModeRef mode,
+              const MapSnapshot& snapshot,
+              double weight = 1.0);
 
   PoseWithCovariance Pose() const;
   const Se2& T_map_vehicle() const { return T_map_vehicle_; }
@@ -109,6 +138,11 @@ class KnownMapFilter {
   // E[(state error) (mode error)ᵀ].
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
+  SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
+  // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
+  // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
+  // unknown to the next one.
+  void Move(const Eigen::Matrix<double, kStates, 1>& correction);
   void LetGoOfWeakest(int except);
 
   Se2 T_map_vehicle_;
@@ -117,6 +151,7 @@ class KnownMapFilter {
   SensorBias range_bearing_bias_;
   SensorBias position_bias_;
   std::vector<ConsideredMode> considered_;  // By index.
+  SharedErrors shared_errors_;
 };
 
 }  // namespace shiftmap

@@ -147,9 +147,9 @@ std::size_t HypothesisBank::BeliefIndex(int group) const {
 bool HypothesisBank::InView(int group, double threshold) const {
   const int modes = static_cast<int>(GroupAt(group).modes.size());
   for (int state = 1; state <= modes; ++state) {
-    const KnownMapFilter::Sight sight = best().filter.PredictSight({group, state}, snapshot_);
-    const double p =
-        SectorFieldOfView(sight.range_bearing, sight.cov, snapshot_.calibration().sensor);
+    const KnownMapFilter::Point point = best().filter.PredictPoint({group, state}, snapshot_);
+    const double p = SectorFieldOfView(
+        point.RangeBearing(), point.CovRangeBearing(), snapshot_.calibration().sensor);
     if (p > threshold) return true;
   }
   return false;
@@ -278,14 +278,8 @@ void HypothesisBank::Test(BankEvents* events) {
       int favourite = 0;
       visit.log_prior.maxCoeff(&favourite);
       const LandmarkGroup& landmark = GroupAt(visit.group);
-      double runner_up = kLogZero;
-      for (int state = 0; state < log_p.size(); ++state) {
-        if (state != *visit.decided) runner_up = std::max(runner_up, log_p[state]);
-      }
-      events->decisions.push_back({landmark.signature,
-                                   landmark.NumberOf(*visit.decided),
-                                   stamp_,
-                                   log_p[*visit.decided] - runner_up});
+      events->decisions.push_back(
+          {landmark.signature, landmark.NumberOf(*visit.decided), stamp_, outcome.log_odds});
       events->surprising.push_back(favourite != *visit.decided);
       ConditionOn(index, *visit.decided, &leaves_);
       Reduce();

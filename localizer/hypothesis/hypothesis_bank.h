@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "localizer/hypothesis/leaf.h"
@@ -18,7 +17,7 @@ struct HypothesisOptions {
   /// Leaves kept at most, >= 1. More cost time in proportion and drop less probability. [-]
   int max_leaves = 16;
   /// An observation gates with a mode if its innovation is inside this share of its distribution,
-  /// in (0, 1). [-]
+  /// in (0, 1): for ObservationOutcome. What leaves make of it is weighed, not gated. [-]
   double gate_probability = 0.999;
   /// P_FOV above which a group enters the field of view, γ1 of T-IV VIII-A. [-]
   double fov_enter = 0.5;
@@ -92,7 +91,7 @@ class HypothesisBank {
   };
   struct GatedMode {
     int state = 0;
-    double log_likelihood = 0.0;  // log P_D + log N.
+    double log_likelihood = 0.0;  // log P_D + log p(z | observations before).
     KnownMapFilter::Prediction prediction;
   };
 
@@ -109,10 +108,10 @@ class HypothesisBank {
                     const Eigen::Matrix2d& cov_z,
                     ModeRef mode,
                     GroupBelief* belief) const;
-  std::optional<GatedMode> Gate(const Leaf& leaf,
-                                const Observation& observation,
-                                const Eigen::Matrix2d& cov_z,
-                                ModeRef mode) const;
+  GatedMode Predict(const Leaf& leaf,
+                    const Observation& observation,
+                    const Eigen::Matrix2d& cov_z,
+                    ModeRef mode) const;
 
   void OpenVisitsInView(const Scan& scan);
   void OpenVisit(int group);

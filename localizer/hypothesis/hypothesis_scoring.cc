@@ -18,6 +18,9 @@ namespace {
 constexpr double kMisjudgedShare = 0.03;
 constexpr double kMisjudgedSigmas = 6.0;
 
+// A mode whose innovation is farther out starts no leaf: it would weigh e⁻²⁰ of others. [-]
+constexpr double kMaxForkNis = 40.0;
+
 // Errors of consecutive observations from one place are alike (the same misjudged edge of the same
 // image): a repetition weighs a quarter, as if its likelihood were raised to that power.
 constexpr double kRepetitionWeight = 0.25;
@@ -40,29 +43,29 @@ ClutterDensity ClutterOf(const Observation& observation, const SensorCalibration
 
 double HypothesisBank::LogMiss(const Leaf& leaf, int group, int state) const {
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const KnownMapFilter::Sight sight = leaf.filter.PredictSight({group, state}, snapshot_);
-  const double in_view = SectorFieldOfView(sight.range_bearing, sight.cov, sensor);
+  const KnownMapFilter::Point point = leaf.filter.PredictPoint({group, state}, snapshot_);
+  const double in_view = SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor);
   return std::log1p(-sensor.detection_probability * in_view);
 }
 
-std::optional<HypothesisBank::GatedMode> HypothesisBank::Gate(const Leaf& leaf,
-                                                              const Observation& observation,
-                                                              const Eigen::Matrix2d& cov_z,
-                                                              ModeRef mode) const {
+HypothesisBank::GatedMode HypothesisBank::Predict(const Leaf& leaf,
+                                                  const Observation& observation,
+                                                  const Eigen::Matrix2d& cov_z,
+                                                  ModeRef mode) const {
   GatedMode gated;
   gated.state = mode.state;
   gated.prediction = leaf.filter.PredictObservation(observation, cov_z, mode, snapshot_);
-  if (gated.prediction.nis > gate_) return std::nullopt;
-  gated.log_likelihood = LogDetection(leaf, mode) + gated.prediction.LogLikelihood();
+  gated.log_likelihood =
+      LogDetection(leaf, mode) + leaf.filter.LogLikelihood(gated.prediction, mode, snapshot_);
   return gated;
 }
 
 double HypothesisBank::LogDetection(const Leaf& leaf, ModeRef mode) const {
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const KnownMapFilter::Sight sight = leaf.filter.PredictSight(mode, snapshot_);
+  const KnownMapFilter::Point point = leaf.filter.PredictPoint(mode, snapshot_);
   // What is seen is in view, T-IV VI-D, whatever the model of the field of view says.
-  const double in_view =
-      std::max(SectorFieldOfView(sight.range_bearing, sight.cov, sensor), options_.fov_leave);
+  const double in_view = std::max(
+      SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor), options_.fov_leave);
   return std::log(sensor.detection_probability * in_view);
 }
 
@@ -90,14 +93,14 @@ ObservationOutcome HypothesisBank::Judge(const Observation& observation, int gro
   outcome.group = group;
   double best_score = kLogZero;
   for (int state = 1; state < belief.log_p.size(); ++state) {
-    const auto gated = Gate(best(), observation, cov_z, {group, state});
-    if (!gated) continue;
+    const GatedMode seen = Predict(best(), observation, cov_z, {group, state});
+    if (seen.prediction.nis > gate_) continue;
     outcome.gated_any = true;
-    const double score = belief.LogProbability(state) + gated->log_likelihood;
+    const double score = belief.LogProbability(state) + seen.log_likelihood;
     if (score <= best_score) continue;
     best_score = score;
     outcome.gated = true;
-    outcome.nis = gated->prediction.nis;
+    outcome.nis = seen.prediction.nis;
   }
   return outcome;
 }
@@ -134,7 +137,7 @@ void HypothesisBank::Branch(const Leaf& leaf,
     Leaf& child = next->emplace_back(leaf);
     GroupBelief& belief = child.beliefs[belief_index];
     child.log_weight += belief.LogProbability(gated.state) + weight * gated.log_likelihood;
-    child.filter.Update(gated.prediction, {group, gated.state}, snapshot_);
+    child.filter.Update(gated.prediction, {group, gated.state}, snapshot_, weight);
     belief.resolved = gated.state;
     belief.log_missed[gated.state] = 0.0;
   };
@@ -145,12 +148,18 @@ void HypothesisBank::Branch(const Leaf& leaf,
   const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
   for (int state = 1; state < belief.log_p.size(); ++state) {
     if (leaf.beliefs[belief_index].LogProbability(state) == kLogZero) continue;
-    const auto gated = Gate(leaf, observation, cov_z, {group, state});
-    if (gated) add_seen(*gated);
-    // A resolved leaf takes what gates for what it is; for others it may still be clutter.
-    if (gated && !unresolved) return;
-    (unresolved ? belief.log_p[state] : rest.log_weight) +=
-        weight * LogUngated(leaf, observation, cov_z, {group, state}, &belief);
+    const GatedMode seen = Predict(leaf, observation, cov_z, {group, state});
+    const double log_ungated = LogUngated(leaf, observation, cov_z, {group, state}, &belief);
+    if (unresolved) {
+      if (seen.prediction.nis < kMaxForkNis) add_seen(seen);
+      belief.log_p[state] += weight * log_ungated;
+    } else if (seen.log_likelihood >= log_ungated) {
+      // A resolved leaf takes an observation for what it likelier is; for others it may be either.
+      add_seen(seen);
+      return;
+    } else {
+      rest.log_weight += weight * log_ungated;
+    }
   }
   if (!unresolved) {
     if (belief.resolved == 0) rest.log_weight += weight * clutter.log_any;

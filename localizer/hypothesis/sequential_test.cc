@@ -8,6 +8,12 @@
 #include "proto/core/check.h"
 
 namespace shiftmap {
+namespace {
+
+// What giving states up may add to the probability of a wrong decision: a hundredth of α each.
+constexpr double kGiveUpMargin = 4.6;  // log 100
+
+}  // namespace
 
 double DecisionThreshold(double alpha) {
   SHIFTMAP_CHECK(alpha > 0.0 && alpha < 0.5, "alpha {}", alpha);
@@ -18,13 +24,15 @@ TestOutcome TestStates(const Eigen::VectorXd& scores, double threshold) {
   TestOutcome outcome;
   Eigen::Index best = 0;
   const double top = scores.maxCoeff(&best);
-  double second = kLogZero;
+  double others = kLogZero;
   for (Eigen::Index i = 0; i < scores.size(); ++i) {
     if (i == best) continue;
-    second = std::max(second, scores[i]);
-    if (top - scores[i] > threshold) outcome.hopeless.push_back(static_cast<int>(i));
+    others = LogAdd(others, scores[i]);
+    const bool hopeless = top - scores[i] > threshold + kGiveUpMargin;
+    if (hopeless) outcome.hopeless.push_back(static_cast<int>(i));
   }
-  outcome.log_odds = top - second;
+  // Where all others were given up, no more is known than what they were given up at.
+  outcome.log_odds = others == kLogZero ? threshold + kGiveUpMargin : top - others;
   if (outcome.log_odds > threshold) outcome.decided = static_cast<int>(best);
   return outcome;
 }

@@ -12,11 +12,15 @@ namespace shiftmap {
 /// @param alpha  Accepted probability of a wrong decision, in (0, 0.5).
 double DecisionThreshold(double alpha);
 
-/// Outcome of the multi-hypothesis sequential probability ratio test, T-IV (17, 18).
+/// Outcome of the multi-hypothesis sequential probability ratio test.
+///
+/// T-IV (17) asks the best state to beat each other one by the threshold. With n alternatives that
+/// are equally likely the decision is then wrong with nearly n α. Here it has to beat all of them
+/// together: its posterior is above 1 - α.
 struct TestOutcome {
-  std::optional<int> decided;  ///< The state that beats every other one by the threshold.
-  double log_odds = 0.0;       ///< Of the best state to the second best. [nat]
-  std::vector<int> hopeless;   ///< States that the best one beats by the threshold.
+  std::optional<int> decided;  ///< The state that beats the sum of all others by the threshold.
+  double log_odds = 0.0;       ///< Of the best state to all others, finite. [nat]
+  std::vector<int> hopeless;   ///< States below a hundredth of α of the best one.
 };
 
 /// @param scores     Unnormalized log-posterior per state; -∞ for states dropped before.

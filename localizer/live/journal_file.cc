@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <utility>
@@ -91,16 +92,19 @@ StatusOr<JournalFile> JournalFile::Resume(const std::string& path, std::uint64_t
 JournalFile::JournalFile(JournalFile&& other) noexcept
     : path_(std::move(other.path_)),
       fd_(std::exchange(other.fd_, -1)),
-      unwritten_(std::move(other.unwritten_)) {}
+      unwritten_(std::move(other.unwritten_)),
+      syncing_(std::move(other.syncing_)) {}
 
 JournalFile& JournalFile::operator=(JournalFile&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(fd_, other.fd_);
   std::swap(unwritten_, other.unwritten_);
+  std::swap(syncing_, other.syncing_);
   return *this;
 }
 
 JournalFile::~JournalFile() {
+  if (syncing_.valid()) syncing_.wait();
   if (fd_ >= 0) close(fd_);
 }
 
@@ -131,8 +135,22 @@ Status JournalFile::Write() {
 
 Status JournalFile::Sync() {
   SHIFTMAP_RETURN_IF_ERROR(Write());
+  const Status before = syncing_.valid() ? syncing_.get() : OkStatus();
   if (fdatasync(fd_) != 0) return ErrnoStatus(path_, "sync");
-  return OkStatus();
+  return before;
+}
+
+Status JournalFile::StartSync() {
+  SHIFTMAP_RETURN_IF_ERROR(Write());
+  Status before = OkStatus();
+  if (syncing_.valid()) {
+    if (syncing_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return OkStatus();
+    before = syncing_.get();
+  }
+  syncing_ = std::async(std::launch::async, [fd = fd_, path = path_] {
+    return fdatasync(fd) == 0 ? OkStatus() : ErrnoStatus(path, "sync");
+  });
+  return before;
 }
 
 StatusOr<JournalEnd> ReadJournal(const std::string& path,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <future>
 #include <string>
 #include <string_view>
 
@@ -17,7 +18,8 @@ namespace shiftmap::live {
 ///            little-endian
 ///
 /// Append() only remembers; Write() hands what was remembered to the operating system, where it
-/// survives the end of this process; Sync() makes it survive a power failure.
+/// survives the end of this process; Sync() makes it survive a power failure. StartSync() leaves
+/// the waiting for the disk to a thread of its own.
 ///
 /// Errors: kUnavailable if the disk does not take it. Messages start with `journal '<path>': `.
 class JournalFile {
@@ -38,6 +40,11 @@ class JournalFile {
   Status Write();
   Status Sync();
 
+  /// Writes, and has a thread make durable what was written; while one still waits for the disk, no
+  /// other is started. Returns without waiting.
+  /// Errors also: what the thread before this one ended with, once.
+  Status StartSync();
+
   static constexpr std::size_t kMaxRecordBytes = std::size_t{4} << 20;
 
  private:
@@ -46,6 +53,7 @@ class JournalFile {
   std::string path_;
   int fd_ = -1;
   std::string unwritten_;
+  std::future<Status> syncing_;  // Invalid: nothing under way.
 };
 
 /// What was found in a journal.

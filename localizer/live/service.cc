@@ -172,7 +172,7 @@ Status Service::Do(const Start& start, std::vector<Event>*) {
   overruns_ = 0;
   last_uuid_ = header.uuid;
   if (given_start_) InitializeShift(*given_start_);
-  SyncJournal();
+  CheckJournal(journal_->Sync());
   return OkStatus();
 }
 
@@ -231,7 +231,7 @@ void Service::WriteJournal() {
 }
 
 void Service::SyncJournal() {
-  if (journal_) CheckJournal(journal_->Sync());
+  if (journal_) CheckJournal(journal_->StartSync());
 }
 
 ServiceState Service::State() const {

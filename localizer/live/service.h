@@ -68,8 +68,9 @@ class Service {
     dropped_.Add(reason, count);
   }
 
-  /// Hands the steps since the last call to the operating system, or makes them durable. A disk
-  /// that does not take them does not stop the vehicle: it is counted and warned of.
+  /// Hands the steps since the last call to the operating system, or has a thread make them
+  /// durable; neither waits for the disk. A disk that does not take them does not stop the vehicle:
+  /// it is counted and warned of.
   void WriteJournal();
   void SyncJournal();
 

@@ -17,13 +17,14 @@ constexpr double kApart = 0.5;  // [m]
 
 }  // namespace
 
-std::int64_t SightingCollector::Add(const Signature& signature,
-                                    const Eigen::Vector2d& p_map,
-                                    const Eigen::Matrix2d& cov,
-                                    const Eigen::Vector2d& p_map_vehicle,
-                                    Stamp stamp) {
+SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
+                                                     const Eigen::Vector2d& p_map,
+                                                     const Eigen::Matrix2d& cov,
+                                                     const Eigen::Vector2d& p_map_vehicle,
+                                                     Stamp stamp) {
   std::vector<Place>& places = places_[signature];
-  for (Place& place : places) {
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    Place& place = places[i];
     UnmappedSighting& sighting = place.sighting;
     const Eigen::Vector2d d = p_map - sighting.p_map_landmark;
     if (SquaredMahalanobis(d, sighting.cov_p_map_landmark + cov) > kSamePlace) continue;
@@ -34,15 +35,31 @@ std::int64_t SightingCollector::Add(const Signature& signature,
     sighting.cov_p_map_landmark += share * (cov - sighting.cov_p_map_landmark);
     sighting.last = stamp;
     place.from_apart |= (p_map_vehicle - place.p_map_first_vehicle).norm() > kApart;
-    return place.from_apart ? sighting.count : 1;
+    return {i,
+            sighting.count,
+            sighting.p_map_landmark,
+            sighting.first,
+            sighting.last,
+            place.from_apart,
+            place.confirmed};
   }
   if (places.size() == kMaxPlaces) {
     places.erase(std::min_element(places.begin(), places.end(), [](const Place& a, const Place& b) {
       return a.sighting.count < b.sighting.count;
     }));
   }
-  places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false});
-  return 1;
+  places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false, false});
+  return {places.size() - 1, 1, p_map, stamp, stamp, false, false};
+}
+
+void SightingCollector::Confirm(const Signature& signature, std::size_t place) {
+  places_.at(signature).at(place).confirmed = true;
+}
+
+void SightingCollector::ForgetSince(Stamp stamp) {
+  for (auto& [signature, places] : places_) {
+    std::erase_if(places, [&](const Place& place) { return place.sighting.first >= stamp; });
+  }
 }
 
 std::vector<UnmappedSighting> SightingCollector::Sightings() const {

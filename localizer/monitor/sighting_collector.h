@@ -13,15 +13,30 @@ namespace shiftmap {
 /// Memory: bounded per signature; the place seen least makes room.
 class SightingCollector {
  public:
+  /// What is known by now of the place where something was seen.
+  struct PlaceState {
+    std::size_t place = 0;   ///< Valid until the next Add() of the signature.
+    std::int64_t count = 0;  ///< Sightings.
+    Eigen::Vector2d p_map = Eigen::Vector2d::Zero();  ///< Mean of the sightings. [m]
+    Stamp first;
+    Stamp last;
+    bool from_apart = false;  ///< From half a metre apart: not one misjudged view, repeated.
+    bool confirmed = false;   ///< By Confirm().
+  };
+
   /// @param p_map, cov     Position and its covariance, pose error included. [m], [m²]
   /// @param p_map_vehicle  From where it was seen. [m]
-  /// @return How often something was seen at this place by now, counting from when it had been
-  ///         seen from half a metre apart: before that it may be one misjudged view, repeated.
-  std::int64_t Add(const Signature& signature,
-                   const Eigen::Vector2d& p_map,
-                   const Eigen::Matrix2d& cov,
-                   const Eigen::Vector2d& p_map_vehicle,
-                   Stamp stamp);
+  PlaceState Add(const Signature& signature,
+                 const Eigen::Vector2d& p_map,
+                 const Eigen::Matrix2d& cov,
+                 const Eigen::Vector2d& p_map_vehicle,
+                 Stamp stamp);
+
+  /// Takes a place for the one where the landmark stands now.
+  void Confirm(const Signature& signature, std::size_t place);
+
+  /// Drops the places found at `stamp` or later: the pose was wrong then.
+  void ForgetSince(Stamp stamp);
 
   /// All of them, by signature, then time.
   std::vector<UnmappedSighting> Sightings() const;
@@ -31,6 +46,7 @@ class SightingCollector {
     UnmappedSighting sighting;
     Eigen::Vector2d p_map_first_vehicle = Eigen::Vector2d::Zero();
     bool from_apart = false;
+    bool confirmed = false;
   };
 
   std::map<Signature, std::vector<Place>> places_;

@@ -37,7 +37,11 @@ Status ExperimentOutput::WriteTable(const ResultTable& table) {
 }
 
 Status ExperimentOutput::WriteFigure(const std::string& figure, const Chart& chart) {
-  return Write(fmt::format("{}-{}.svg", name_, figure), DrawChart(chart));
+  return WritePicture(figure, DrawChart(chart));
+}
+
+Status ExperimentOutput::WritePicture(const std::string& figure, const std::string& svg) {
+  return Write(fmt::format("{}-{}.svg", name_, figure), svg);
 }
 
 StatusOr<Json> ExperimentOutput::WriteDocument(const Json& options, const ResultTable& table) {

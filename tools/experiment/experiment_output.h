@@ -23,6 +23,9 @@ class ExperimentOutput {
   /// `<name>-<figure>.svg`.
   Status WriteFigure(const std::string& figure, const Chart& chart);
 
+  /// The same from an SVG document.
+  Status WritePicture(const std::string& figure, const std::string& svg);
+
   /// `<name>.json`: {"experiment", "version", "options", "rows": [{column: value, ...}, ...]}.
   /// Returns the document with the list of all files so far under "files", for the standard output.
   StatusOr<Json> WriteDocument(const Json& options, const ResultTable& table);

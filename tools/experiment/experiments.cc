@@ -2,9 +2,25 @@
 #include "tools/experiment/experiments.h"
 
 #include "tools/experiment/ijrr_selectors_command.h"
+#include "tools/experiment/ijrr_utias_command.h"
+#include "tools/experiment/localizer_consistency_command.h"
+#include "tools/experiment/localizer_decisions_command.h"
+#include "tools/experiment/localizer_states_command.h"
+#include "tools/experiment/localizer_utias_command.h"
+#include "tools/experiment/recurring_chains_command.h"
+#include "tools/experiment/scale_command.h"
 
 namespace shiftmap {
 
-void AddExperiments(Application* application) { AddIjrrSelectorsExperiment(application); }
+void AddExperiments(Application* application) {
+  AddIjrrSelectorsExperiment(application);
+  AddIjrrUtiasExperiment(application);
+  AddLocalizerConsistencyExperiment(application);
+  AddLocalizerDecisionsExperiment(application);
+  AddLocalizerUtiasExperiment(application);
+  AddLocalizerStatesExperiment(application);
+  AddRecurringChainsExperiment(application);
+  AddScaleExperiment(application);
+}
 
 }  // namespace shiftmap

@@ -74,20 +74,33 @@ class DenseFilter {
     const Eigen::Index n = P_.rows();
     const LandmarkGroup& group = snapshot_.groups()[static_cast<std::size_t>(mode.group)];
     const Mode& landmark = group.modes[static_cast<std::size_t>(mode.state) - 1];
-    const Innovation innovation = Linearize(observation, T_, landmark.p_map_landmark);
+    const Eigen::Matrix2d cov_z = ObservationNoise(observation, snapshot_.calibration().sensor);
+    // z as a position: its errors turn and scale with the bearing and the range.
+    const double range = std::sqrt(observation.z.x() * observation.z.x() + cov_z(0, 0));
+    const Eigen::Matrix2d turn = Eigen::Rotation2Dd(observation.z.y()).toRotationMatrix();
+    const Eigen::Matrix2d dq_dz = turn * Eigen::Vector2d(1.0, range).asDiagonal();
+    Observation position = observation;
+    position.kind = Observation::Kind::kCartesian;
+    position.z = turn * Eigen::Vector2d(observation.z.x(), 0.0);
+    const Innovation innovation = Linearize(position, T_, landmark.p_map_landmark);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, n);
     H.leftCols<3>() = innovation.H_pose;
-    H.block<2, 2>(0, 5).setIdentity();
+    H.block<2, 2>(0, 5) = dq_dz;
     H.block<2, 2>(0, 7 + 2 * snapshot_.ModeIndex(mode.group, mode.state)) = innovation.H_landmark;
-    const Eigen::Matrix2d R = ObservationNoise(observation, snapshot_.calibration().sensor);
+    const Eigen::Matrix2d R = dq_dz * cov_z * dq_dz.transpose();
     const Eigen::Matrix2d S = H * P_ * H.transpose() + R;
     Eigen::MatrixXd K = P_ * H.transpose() * S.inverse();
     K.bottomRows(n - 5).setZero();
     const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(n, n) - K * H;
     P_ = I_KH * P_ * I_KH.transpose() + K * R * K.transpose();
     const Eigen::VectorXd correction = K * innovation.nu;
-    T_ = T_ * Se2::Exp(correction.head<3>());
+    const Se2 step = Se2::Exp(correction.head<3>());
+    T_ = T_ * step;
     scale_ += correction.segment<2>(3);
+    // The error of the map frame's origin stays what it is.
+    Eigen::MatrixXd A = Eigen::MatrixXd::Identity(n, n);
+    A.topLeftCorner<3, 3>() = step.Inverse().Adjoint();
+    P_ = A * P_ * A.transpose();
   }
 
   const Se2& T_map_vehicle() const { return T_; }

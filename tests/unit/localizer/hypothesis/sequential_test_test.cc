@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "localizer/hypothesis/leaf_reduction.h"
 #include "localizer/hypothesis/visit.h"
@@ -23,7 +24,18 @@ TEST(SequentialTest, DecidesOnlyAgainstEveryOther) {
   EXPECT_THAT(open.hopeless, ElementsAre(2));
   const TestOutcome closed = TestStates(Eigen::Vector3d(-9.0, 0.0, -10.0), threshold);
   EXPECT_EQ(closed.decided, 1);
-  EXPECT_NEAR(closed.log_odds, 9.0, 1e-12);
+  EXPECT_NEAR(closed.log_odds, -std::log(std::exp(-9.0) + std::exp(-10.0)), 1e-12);
+}
+
+TEST(SequentialTest, ManyAlternativesCountTogether) {
+  // Each of the others is below α of the first, but not all four of them.
+  const double threshold = DecisionThreshold(0.01);
+  Eigen::VectorXd scores = Eigen::VectorXd::Constant(5, -threshold - 0.5);
+  scores[2] = 0.0;
+  EXPECT_FALSE(TestStates(scores, threshold).decided);
+  scores.array() -= std::log(4.0);
+  scores[2] = 0.0;
+  EXPECT_EQ(TestStates(scores, threshold).decided, 2);
 }
 
 TEST(SequentialTest, TwoEquallyHopelessStatesDoNotKeepEachOther) {
@@ -77,6 +89,15 @@ TEST(LeafReduction, ReportsWhatTheBoundDropped) {
   EXPECT_NEAR(KeepHeaviest(2, 1e-6, &leaves), 0.1, 1e-12);
   ASSERT_EQ(leaves.size(), 2u);
   EXPECT_EQ(leaves[0].beliefs[0].resolved, 1);
+}
+
+TEST(SequentialTest, OddsAreFiniteWhereAllOthersWereGivenUp) {
+  const double threshold = DecisionThreshold(1e-4);
+  const double gone = -std::numeric_limits<double>::infinity();
+  const TestOutcome outcome = TestStates(Eigen::Vector3d(gone, -2.0, gone), threshold);
+  EXPECT_EQ(outcome.decided, 1);
+  EXPECT_TRUE(std::isfinite(outcome.log_odds));
+  EXPECT_GT(outcome.log_odds, threshold);
 }
 
 TEST(Visit, EvidenceLeavesThePriorOut) {

@@ -95,6 +95,27 @@ TEST_F(JournalFileTest, FlippedBitEndsTheReadingThere) {
   }
 }
 
+TEST_F(JournalFileTest, SyncsInTheBackgroundWhileItGrows) {
+  JournalEnd end;
+  std::vector<std::string> expected = Read(&end);
+  {
+    auto journal = JournalFile::Resume(path_, end.whole_bytes);
+    ASSERT_THAT(journal, IsOk());
+    for (int i = 0; i < 200; ++i) {
+      expected.push_back(std::to_string(i));
+      journal->Append(expected.back());
+      ASSERT_THAT(journal->StartSync(), IsOk());
+    }
+    ASSERT_EQ(Read(&end), expected);
+    JournalFile moved = *std::move(journal);
+    ASSERT_THAT(moved.Sync(), IsOk());
+    moved.Append("last");
+    ASSERT_THAT(moved.StartSync(), IsOk());
+  }
+  expected.emplace_back("last");
+  EXPECT_EQ(Read(&end), expected);
+}
+
 TEST_F(JournalFileTest, OtherFilesAreNoJournals) {
   const auto take = [](std::string_view) { return OkStatus(); };
   WriteFile(path_, "SHMJRNL9 and more");

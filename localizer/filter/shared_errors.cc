@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/filter/shared_errors.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// A bias lasts for about as long: what a camera misjudges changes with the scene. [s]
+constexpr double kBiasTime = 60.0;
+
+}  // namespace
+
+SharedErrors::SharedErrors(const StateMatrix& cov_state)
+    : mean_(Vector::Zero(kFixed)), cov_(Matrix::Zero(kFixed, kFixed)) {
+  cov_.topLeftCorner<kStates, kStates>() = cov_state;
+}
+
+void SharedErrors::Predict(const StateMatrix& F, const StateMatrix& noise, double elapsed_s) {
+  const auto n = cov_.rows();
+  mean_.head<kStates>() = (F * mean_.head<kStates>()).eval();
+  cov_.topRows<kStates>() = (F * cov_.topRows<kStates>()).eval();
+  cov_.leftCols<kStates>() = (cov_.leftCols<kStates>() * F.transpose()).eval();
+  cov_.topLeftCorner<kStates, kStates>() += noise;
+  if (!has_bias_) return;
+  const double keep = std::exp(-elapsed_s / kBiasTime);
+  mean_.segment<2>(kBias) *= keep;
+  cov_.block(kBias, 0, 2, n) *= keep;
+  cov_.block(0, kBias, n, 2) *= keep;
+  cov_.block<2, 2>(kBias, kBias) += (1.0 - keep * keep) * cov_bias_;
+}
+
+void SharedErrors::Move(const StateMatrix& A, const StateVector& correction) {
+  mean_.head<kStates>() = (A * (mean_.head<kStates>() - correction)).eval();
+  cov_.topRows<kStates>() = (A * cov_.topRows<kStates>()).eval();
+  cov_.leftCols<kStates>() = (cov_.leftCols<kStates>() * A.transpose()).eval();
+}
+
+double SharedErrors::LogLikelihood(const Observed& observed,
+                                   const JointCovariance& covariance) const {
+  if (!has_bias_ || kind_ != observed.kind) {
+    SharedErrors other = *this;
+    other.UseBiasOf(observed);
+    return other.LogLikelihood(observed, covariance);
+  }
+  const Expected expected = Expect(observed, ErrorOf(observed.mode_index, covariance));
+  return LogGaussian(observed.nu - expected.nu, expected.S);
+}
+
+void SharedErrors::Update(const Observed& observed, const JointCovariance& covariance) {
+  UseBiasOf(observed);
+  if (Place(observed.mode_index) < 0) {
+    if (modes_ == kMaxModes) RemoveOldest();
+    Add(observed.mode_index, ErrorOfNew(observed.mode_index, covariance));
+  }
+  const int place = Place(observed.mode_index);
+  last_used_[static_cast<std::size_t>((place - kFixed) / 2)] = ++uses_;
+  const Expected expected = Expect(observed, ErrorOf(observed.mode_index, covariance));
+  const Columns K = expected.cross * expected.S.inverse();
+  mean_ += K * (observed.nu - expected.nu);
+  cov_.noalias() -= K * expected.cross.transpose();
+}
+
+int SharedErrors::Place(int mode_index) const {
+  const auto end = mode_indices_.begin() + modes_;
+  const auto found = std::find(mode_indices_.begin(), end, mode_index);
+  return found == end ? -1 : kFixed + 2 * static_cast<int>(found - mode_indices_.begin());
+}
+
+SharedErrors::ModeError SharedErrors::ErrorOf(int mode_index,
+                                              const JointCovariance& covariance) const {
+  const int place = Place(mode_index);
+  if (place < 0) return ErrorOfNew(mode_index, covariance);
+  return {mean_.segment<2>(place), cov_.block<2, 2>(place, place), cov_.middleCols<2>(place)};
+}
+
+SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
+                                                 const JointCovariance& covariance) const {
+  const Eigen::Matrix2d prior = covariance.Block(mode_index, mode_index);
+  ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero(cov_.rows(), 2)};
+  // Of the modes in use with the new one, and its regression on them.
+  Columns with_new(2 * modes_, 2);
+  for (int i = 0; i < modes_; ++i) {
+    const int index = mode_indices_[static_cast<std::size_t>(i)];
+    with_new.middleRows<2>(2 * i) = covariance.Block(index, mode_index);
+  }
+  if (with_new.isZero(0.0)) return mode;
+  Matrix joint(2 * modes_, 2 * modes_);
+  for (int i = 0; i < modes_; ++i) {
+    for (int j = 0; j < modes_; ++j) {
+      joint.block<2, 2>(2 * i, 2 * j) = covariance.Block(
+          mode_indices_[static_cast<std::size_t>(i)], mode_indices_[static_cast<std::size_t>(j)]);
+    }
+  }
+  const Columns regression = joint.llt().solve(with_new);
+  const Eigen::Index used = 2 * modes_;
+  mode.mean = regression.transpose() * mean_.tail(used);
+  mode.cross = cov_.rightCols(used) * regression;
+  mode.cov = prior - with_new.transpose() * regression +
+             regression.transpose() * cov_.bottomRightCorner(used, used) * regression;
+  return mode;
+}
+
+SharedErrors::Expected SharedErrors::Expect(const Observed& observed, const ModeError& mode) const {
+  Expected expected;
+  expected.nu = observed.H_pose * mean_.head<3>() + observed.H_bias * mean_.segment<2>(kBias) +
+                observed.H_mode * mode.mean;
+  expected.cross = cov_.leftCols<3>() * observed.H_pose.transpose() +
+                   cov_.middleCols<2>(kBias) * observed.H_bias.transpose() +
+                   mode.cross * observed.H_mode.transpose();
+  const Eigen::Matrix2d cross_mode =
+      mode.cross.topRows<3>().transpose() * observed.H_pose.transpose() +
+      mode.cross.middleRows<2>(kBias).transpose() * observed.H_bias.transpose() +
+      mode.cov * observed.H_mode.transpose();
+  expected.S = Symmetrized(Eigen::Matrix2d(observed.H_pose * expected.cross.topRows<3>() +
+                                           observed.H_bias * expected.cross.middleRows<2>(kBias) +
+                                           observed.H_mode * cross_mode + observed.cov_noise));
+  return expected;
+}
+
+void SharedErrors::Add(int mode_index, const ModeError& mode) {
+  const auto n = cov_.rows();
+  mean_.conservativeResize(n + 2);
+  cov_.conservativeResize(n + 2, n + 2);
+  mean_.tail<2>() = mode.mean;
+  cov_.topRightCorner(n, 2) = mode.cross;
+  cov_.bottomLeftCorner(2, n) = mode.cross.transpose();
+  cov_.bottomRightCorner<2, 2>() = mode.cov;
+  mode_indices_[static_cast<std::size_t>(modes_)] = mode_index;
+  last_used_[static_cast<std::size_t>(modes_)] = ++uses_;
+  ++modes_;
+}
+
+void SharedErrors::RemoveOldest() {
+  const auto oldest = std::min_element(last_used_.begin(), last_used_.begin() + modes_);
+  const auto slot = oldest - last_used_.begin();
+  const Eigen::Index row = kFixed + 2 * slot;
+  const Eigen::Index n = cov_.rows();
+  const Eigen::Index after = n - row - 2;
+  mean_.segment(row, after) = mean_.tail(after).eval();
+  cov_.middleRows(row, after) = Matrix(cov_.bottomRows(after));
+  cov_.middleCols(row, after) = Matrix(cov_.rightCols(after));
+  mean_.conservativeResize(n - 2);
+  cov_.conservativeResize(n - 2, n - 2);
+  std::copy(oldest + 1, last_used_.begin() + modes_, oldest);
+  const auto index = mode_indices_.begin() + slot;
+  std::copy(index + 1, mode_indices_.begin() + modes_, index);
+  --modes_;
+}
+
+void SharedErrors::UseBiasOf(const Observed& observed) {
+  if (has_bias_ && kind_ == observed.kind) return;
+  has_bias_ = true;
+  kind_ = observed.kind;
+  cov_bias_ = observed.cov_bias;
+  mean_.segment<2>(kBias).setZero();
+  cov_.middleRows<2>(kBias).setZero();
+  cov_.middleCols<2>(kBias).setZero();
+  cov_.block<2, 2>(kBias, kBias) = cov_bias_;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "mapstore/map/joint_covariance.h"
+#include "mapstore/run/run.h"
+
+namespace shiftmap {
+
+/// What a filter that considers the errors of map and sensor leaves in its innovations.
+///
+/// A Schmidt-Kalman filter estimates neither the errors of the modes nor the sensor's bias, so its
+/// innovations are not white: the product of their densities would count an error that all of them
+/// share once for each of them, and a landmark some decimetres off its place in the map would prove
+/// itself at another mode within seconds. Here those errors *are* estimated, together with the
+/// error of the filter's state, for the likelihood of what is seen and for nothing else. It is the
+/// Kalman filter of a = (state error, bias, error of each mode in use), linearized where the
+/// Schmidt filter is.
+///
+/// Without heap allocations: at most kMaxModes modes, of which the one unused for longest goes.
+class SharedErrors {
+ public:
+  static constexpr int kStates = 5;
+  static constexpr int kMaxModes = 12;
+  using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
+  using StateVector = Eigen::Matrix<double, kStates, 1>;
+
+  explicit SharedErrors(const StateMatrix& cov_state);
+
+  /// As the state of the filter: its error becomes F times what it was, plus noise. The bias drifts
+  /// within its distribution.
+  void Predict(const StateMatrix& F, const StateMatrix& noise, double elapsed_s);
+
+  /// The filter's state was corrected, and its error is A (what it was - correction).
+  void Move(const StateMatrix& A, const StateVector& correction);
+
+  /// An innovation ν = H_state x̃ + H_bias b + H_mode e + v of a mode, v ~ N(0, cov_noise).
+  struct Observed {
+    int mode_index = 0;  ///< Row in the map's covariance.
+    Observation::Kind kind = Observation::Kind::kRangeBearing;
+    Eigen::Vector2d nu = Eigen::Vector2d::Zero();
+    Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();
+    Eigen::Matrix2d H_bias = Eigen::Matrix2d::Zero();
+    Eigen::Matrix2d H_mode = Eigen::Matrix2d::Zero();
+    Eigen::Matrix2d cov_bias = Eigen::Matrix2d::Zero();  ///< Prior of b.
+    Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();
+  };
+
+  /// log p(ν | everything taken in before).
+  double LogLikelihood(const Observed& observed, const JointCovariance& covariance) const;
+
+  /// Takes an observation in.
+  void Update(const Observed& observed, const JointCovariance& covariance);
+
+ private:
+  static constexpr int kBias = kStates;
+  static constexpr int kFixed = kStates + 2;
+  static constexpr int kMax = kFixed + 2 * kMaxModes;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
+  using Columns = Eigen::Matrix<double, Eigen::Dynamic, 2, 0, kMax, 2>;
+
+  // The error of a mode given all that was seen.
+  struct ModeError {
+    Eigen::Vector2d mean;
+    Eigen::Matrix2d cov;
+    Columns cross;  // Of a with it.
+  };
+  struct Expected {
+    Eigen::Vector2d nu;
+    Eigen::Matrix2d S;
+    Columns cross;  // Of a with ν.
+    Eigen::Matrix2d cross_mode;
+  };
+
+  int Place(int mode_index) const;  // Of its first row in a, or -1.
+  ModeError ErrorOf(int mode_index, const JointCovariance& covariance) const;
+  ModeError ErrorOfNew(int mode_index, const JointCovariance& covariance) const;
+  Expected Expect(const Observed& observed, const ModeError& mode) const;
+  void Add(int mode_index, const ModeError& mode);
+  void RemoveOldest();
+  void UseBiasOf(const Observed& observed);
+
+  int modes_ = 0;
+  std::array<int, kMaxModes> mode_indices_{};
+  std::array<int, kMaxModes> last_used_{};
+  int uses_ = 0;
+  bool has_bias_ = false;
+  Observation::Kind kind_ = Observation::Kind::kRangeBearing;
+  Eigen::Matrix2d cov_bias_ = Eigen::Matrix2d::Zero();
+  Vector mean_;
+  Matrix cov_;
+};
+
+}  // namespace shiftmap

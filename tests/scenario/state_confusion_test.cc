@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "localizer/localizer.h"
+#include "proto/core/check.h"
+#include "tools/experiment/localizer_states.h"
+
+namespace shiftmap {
+namespace {
+
+// SHIFTMAP_LONG_TESTS: as many shifts as the claim of one in a hundred needs.
+int ShiftsPerCause() { return std::getenv("SHIFTMAP_LONG_TESTS") != nullptr ? 200 : 12; }
+
+// The least k with P(X > k) < `tail` for X ~ B(n, p).
+std::int64_t BinomialBound(std::int64_t n, double p, double tail) {
+  double term = std::pow(1.0 - p, static_cast<double>(n));
+  double below = term;
+  std::int64_t k = 0;
+  while (1.0 - below >= tail && k < n) {
+    term *= p / (1.0 - p) * static_cast<double>(n - k) / static_cast<double>(k + 1);
+    below += term;
+    ++k;
+  }
+  return k;
+}
+
+class StateConfusion : public testing::TestWithParam<int> {};
+
+TEST_P(StateConfusion, LostAndUnknownChangeAreNotTakenForEachOther) {
+  const auto cause = static_cast<ShiftCause>(GetParam());
+  const CauseTally tally = TallyCause(cause, 20001, ShiftsPerCause(), 2, LocalizerOptions());
+  std::string seeds;
+  for (const std::uint64_t seed : tally.confused_seeds) seeds += " " + std::to_string(seed);
+  EXPECT_LE(tally.confused, BinomialBound(tally.shifts, 0.01, 1e-3)) << "seeds" << seeds;
+  EXPECT_LE(tally.said_before, BinomialBound(tally.shifts, 0.01, 1e-3));
+  EXPECT_LE(tally.shifts - tally.recovered, BinomialBound(tally.shifts, 0.02, 1e-3));
+
+  // What the cause must lead to, where it must lead to something.
+  const auto reported = [&](LocalizerState state) {
+    return tally.reported[static_cast<std::size_t>(state)];
+  };
+  const std::int64_t most = tally.shifts - BinomialBound(tally.shifts, 0.05, 1e-3);
+  if (cause == ShiftCause::kNothing) {
+    EXPECT_GE(reported(LocalizerState::kTracking), most);
+  }
+  if (cause == ShiftCause::kModeChange) {
+    EXPECT_GE(reported(LocalizerState::kModeChanged), most);
+  }
+  if (cause == ShiftCause::kMoved) {
+    EXPECT_GE(reported(LocalizerState::kUnknownChange), most);
+  }
+  if (cause == ShiftCause::kKidnapped) {
+    EXPECT_GE(reported(LocalizerState::kLost), most);
+  }
+  if (cause == ShiftCause::kDuplicate) {
+    EXPECT_GE(tally.reported.back(), most);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Causes,
+                         StateConfusion,
+                         testing::Range(0, static_cast<int>(kShiftCauses)),
+                         [](const testing::TestParamInfo<int>& param) {
+                           std::string name = ToString(static_cast<ShiftCause>(param.param));
+                           std::replace(name.begin(), name.end(), ' ', '_');
+                           return name;
+                         });
+
+TEST(InnovationQualityOfShifts, IsUniformWhereNothingIsAmiss) {
+  constexpr int kShifts = 80;
+  std::vector<double> qualities;
+  for (int i = 0; i < kShifts; ++i) {
+    const CausedShift shift =
+        DrawShift(ShiftCause::kNothing, 30000 + static_cast<std::uint64_t>(i));
+    LocalizerOptions options;
+    options.initial_pose = shift.start;
+    Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), options);
+    for (const RunEvent& event : shift.events) ASSERT_TRUE(localizer.Process(event).ok());
+    qualities.push_back(localizer.Estimate()->quality);
+  }
+  std::sort(qualities.begin(), qualities.end());
+  double distance = 0.0;
+  for (std::size_t i = 0; i < qualities.size(); ++i) {
+    const double below = static_cast<double>(i) / kShifts;
+    const double above = static_cast<double>(i + 1) / kShifts;
+    distance = std::max({distance, qualities[i] - below, above - qualities[i]});
+  }
+  // Kolmogorov-Smirnov, level 0.001.
+  EXPECT_LT(distance, 1.95 / std::sqrt(static_cast<double>(kShifts)));
+}
+
+TEST(StatesOfShifts, EachChangeHasItsEvidence) {
+  const CausedShift shift = DrawShift(ShiftCause::kKidnapped, 1);
+  LocalizerOptions options;
+  options.initial_pose = shift.start;
+  Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), options);
+  for (const RunEvent& event : shift.events) ASSERT_TRUE(localizer.Process(event).ok());
+  bool lost = false;
+  bool found = false;
+  for (const StateChange& change : localizer.state_changes()) {
+    const PoseSupport& support = change.evidence.support;
+    if (change.to == LocalizerState::kLost) {
+      lost = true;
+      EXPECT_GE(change.stamp, shift.cause);
+      EXPECT_GE(support.failing, 3);
+      EXPECT_GT(support.failing, support.agreeing);
+    }
+    if (change.from == LocalizerState::kLost && change.to == LocalizerState::kTracking) {
+      found = true;
+      EXPECT_GE(support.agreeing, support.failing);
+    }
+  }
+  EXPECT_TRUE(lost);
+  EXPECT_TRUE(found);
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/ijrr_utias.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "localizer/models/observation_model.h"
+#include "mapstore/geometry/covariance.h"
+#include "tests/support/status_matchers.h"
+#include "tools/experiment/ijrr_utias_data.h"
+#include "tools/experiment/ijrr_utias_filter.h"
+#include "tools/experiment/ijrr_utias_score.h"
+#include "tools/experiment/ijrr_utias_static.h"
+
+namespace shiftmap {
+namespace {
+
+using testing::IsOk;
+using testing::StatusIs;
+
+Observation Seen(const std::string& signature, double range_m, double bearing_rad) {
+  Observation observation;
+  observation.signature = Signature(signature);
+  observation.z = {range_m, bearing_rad};
+  return observation;
+}
+
+// A vehicle that stands at the origin for `scans` scans, a second apart, and sees one landmark.
+UtiasCase StandingCase(int scans) {
+  UtiasCase data;
+  data.landmarks[Signature("a")] = {2.0, 0.0};
+  data.signatures = {Signature("a")};
+  for (int i = 0; i < scans; ++i) {
+    const Stamp stamp = StampFromSeconds(100.0 + i);
+    data.run.odometry.push_back({stamp, 0.0, 0.0});
+    data.run.scans.push_back({stamp, {Seen("a", 2.0, 0.0)}});
+    data.truth.push_back({stamp, Se2()});
+  }
+  data.frames = MakeMappingRun(data.run, data.signatures, {});
+  return data;
+}
+
+TEST(IjrrUtiasTest, OnlyTheFieldOfViewTakesPart) {
+  shiftmap::Run run;
+  run.scans.push_back({Stamp(), {Seen("in", 4.9, 0.39), Seen("far", 5.1, 0.0)}});
+  run.scans.push_back({Stamp(), {Seen("left", 1.0, 0.41), Seen("right", 1.0, -0.41)}});
+  run = WithinFieldOfView(run, 5.0, 0.4);
+  ASSERT_EQ(run.scans.size(), 2u);
+  ASSERT_EQ(run.scans[0].observations.size(), 1u);
+  EXPECT_EQ(run.scans[0].observations[0].signature.text(), "in");
+  EXPECT_TRUE(run.scans[1].observations.empty());
+}
+
+TEST(IjrrUtiasTest, TheGroupStandsClosestTogether) {
+  LandmarkPlaces places;
+  places[Signature("a")] = {0.0, 0.0};
+  places[Signature("b")] = {5.0, 5.0};
+  places[Signature("c")] = {1.0, 0.0};
+  places[Signature("d")] = {5.0, 6.5};
+  places[Signature("e")] = {0.0, 1.0};
+  const std::vector<Signature> expected = {Signature("a"), Signature("c"), Signature("e")};
+  EXPECT_EQ(ClosestTogether(places, 3), expected);
+  const LandmarkPlaces displaced = Displaced(places, expected, 0.5);
+  EXPECT_EQ(displaced.at(Signature("c")), Eigen::Vector2d(1.5, 0.0));
+  EXPECT_EQ(displaced.at(Signature("b")), places.at(Signature("b")));
+}
+
+TEST(IjrrUtiasTest, TheSurveyIsAValidMap) {
+  LandmarkPlaces places;
+  places[Signature("a")] = {0.0, 0.0};
+  places[Signature("b")] = {5.0, 5.0};
+  EXPECT_THAT(ValidateMapContent(SurveyMap(places, 0.05, StampFromSeconds(1.0))), IsOk());
+}
+
+TEST(IjrrUtiasTest, OneMisreadSightingWeighsAsOneInItsVisit) {
+  const UtiasCase data = StandingCase(10);
+  ASSERT_EQ(data.frames.visits.size(), 1u);
+  UtiasEstimate estimate;
+  estimate.poses.assign(10, Se2(0.3, 0.4, 0.0));
+  estimate.modes = {{{2.0, 0.1}, {12.0, 0.0}, {99.0, 0.0}}};
+  estimate.sighting_modes.assign(10, 0);
+  estimate.sighting_modes.back() = 1;
+  const UtiasScore score = ScoreUtias(data, estimate);
+  EXPECT_NEAR(score.pose_rmse_m, 0.5, 1e-12);
+  EXPECT_NEAR(score.landmark_rmse_m, std::sqrt(0.9 * 0.01 + 0.1 * 100.0), 1e-12);
+  EXPECT_EQ(score.modes, 3);
+  EXPECT_EQ(score.poses, 10);
+}
+
+TEST(IjrrUtiasTest, AVisitCountsOneHoweverLongItIs) {
+  UtiasCase data = StandingCase(30);
+  // Between the first and the last twenty sightings nothing is seen for eleven seconds.
+  data.run.scans.erase(data.run.scans.begin() + 1, data.run.scans.begin() + 11);
+  data.frames = MakeMappingRun(data.run, data.signatures, {});
+  ASSERT_EQ(data.frames.visits.size(), 2u);
+  UtiasEstimate estimate;
+  estimate.poses.assign(data.frames.frames.size(), Se2());
+  estimate.modes = {{{3.0, 0.0}, {2.0, 0.0}}};
+  estimate.sighting_modes.assign(data.frames.sightings.size(), 1);
+  estimate.sighting_modes.front() = 0;
+  EXPECT_NEAR(ScoreUtias(data, estimate).landmark_rmse_m, std::sqrt(0.5), 1e-12);
+}
+
+TEST(IjrrUtiasTest, WhatNothingExplainsStandsAtItsFirstMode) {
+  const UtiasCase data = StandingCase(3);
+  UtiasEstimate estimate;
+  estimate.poses.assign(3, Se2());
+  estimate.modes = {{{2.5, 0.0}, {2.0, 0.0}}};
+  estimate.sighting_modes.assign(3, -1);
+  EXPECT_NEAR(ScoreUtias(data, estimate).landmark_rmse_m, 0.5, 1e-12);
+}
+
+TEST(IjrrUtiasTest, PrintedNoiseOfTheOdometryGrowsBySamples) {
+  const UtiasCase data = StandingCase(2);
+  const std::vector<MotionIncrement> motions = UtiasMotions(data, PrintedNoise(1));
+  ASSERT_EQ(motions.size(), 1u);
+  // 50 samples of (0.02 · 0.01)² in a second.
+  EXPECT_TRUE(motions[0].cov.isApprox(Eigen::Matrix3d::Identity() * 50.0 * 4e-8, 1e-9));
+}
+
+TEST(IjrrUtiasTest, FilterGatesWithTheJointMarginal) {
+  // Both the pose's error along x and the mode's are in the innovation of a landmark straight
+  // ahead.
+  ModeFilter filter(Se2(), {0.3, 0.1, 1e-6});
+  const int mode = filter.AddKnown({2.0, 0.0}, 0.4);
+  const Eigen::Matrix2d cov_z = Eigen::Vector2d(0.01, 1.0).asDiagonal();
+  const double squared = filter.SquaredDistance(Seen("a", 2.5, 0.0), cov_z, mode);
+  EXPECT_NEAR(squared, 0.25 / (0.09 + 0.16 + 0.01), 1e-6);
+}
+
+TEST(IjrrUtiasTest, FilterKeepsWhatAModeSharesWithThePoseItWasSeenFrom) {
+  ModeFilter filter(Se2(1.0, 2.0, 0.7), {0.5, 0.5, 0.1});
+  const Observation observation = Seen("a", 3.0, 0.2);
+  const Eigen::Matrix2d cov_z = Eigen::Vector2d(0.01, 0.0004).asDiagonal();
+  const int mode = filter.AddSeen(observation, cov_z);
+  EXPECT_NEAR(filter.SquaredDistance(observation, cov_z, mode), 0.0, 1e-18);
+  // The pose's error cancels: the innovation has twice the noise of an observation, no more.
+  const Observation longer = Seen("a", 3.2, 0.2);
+  EXPECT_NEAR(filter.SquaredDistance(longer, cov_z, mode), 0.04 / 0.02, 1e-6);
+}
+
+TEST(IjrrUtiasTest, RejectsWhatIsOutOfRange) {
+  IjrrUtiasOptions options;
+  options.methods = {"magic"};
+  EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "magic"));
+  options = {};
+  options.deltas_m = {};
+  EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "displacements"));
+}
+
+TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
+  const char* data = std::getenv("SHIFTMAP_DATA");
+  IjrrUtiasOptions options;
+  options.data = std::string(data == nullptr ? "" : data) + "/utias";
+  if (!std::filesystem::exists(options.data + "/MRCLAM_Dataset1")) {
+    GTEST_SKIP() << "no UTIAS data: set SHIFTMAP_DATA to the folder that holds utias";
+  }
+  options.datasets = {1};
+  options.deltas_m = {0.0, 1.0, 2.5};
+  options.methods = {"ours", "oracle"};
+  const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+  ASSERT_THAT(result, IsOk());
+  ASSERT_EQ(result->rows.size(), 6u);
+  for (std::size_t i = 0; i < result->rows.size(); i += 2) {
+    const IjrrUtiasRow& ours = result->rows[i];
+    const IjrrUtiasRow& oracle = result->rows[i + 1];
+    SCOPED_TRACE(ours.delta_m);
+    const auto bound = [](double rmse_m) { return std::max(1.15 * rmse_m, rmse_m + 0.02); };
+    EXPECT_LE(ours.pose_rmse_m, bound(oracle.pose_rmse_m));
+    EXPECT_LE(ours.landmark_rmse_m, bound(oracle.landmark_rmse_m));
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

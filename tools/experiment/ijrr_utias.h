@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "proto/core/status.h"
+#include "tools/experiment/ijrr_utias_data.h"
+
+namespace shiftmap {
+
+/// The experiment of IJRR 8.2 on recorded data: figures 9 to 11 and table 1.
+struct IjrrUtiasOptions {
+  std::string data;  ///< Holds MRCLAM_Dataset<N>.
+  std::vector<int> datasets = {1, 2, 3};
+  std::vector<int> robots = {1};
+  std::vector<double> deltas_m = {0.0, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, 2.1, 2.5};
+  UtiasProtocol protocol;
+
+  /// Names of IjrrUtiasMethods(); empty for all. Selectors run as calibrated, and with `-printed`
+  /// as the paper prints odometry and noise.
+  std::vector<std::string> methods;
+
+  /// IJRR 8.2.4 instead of 8.2.2: change probability 0.1 and gate 0.8, many more modes.
+  bool more_modes = false;
+
+  /// Gate of the paper's selectors instead of the 0.95 of IJRR 8.2.2. In (0, 1).
+  std::optional<double> gate_probability;
+
+  std::uint64_t seed = 1;
+
+  /// Errors: kInvalidArgument naming the first member out of range.
+  Status Validate() const;
+};
+
+/// One method on one run with one displacement.
+struct IjrrUtiasRow {
+  int dataset = 0;
+  int robot = 0;
+  double delta_m = 0.0;
+  std::string method;
+  double pose_rmse_m = 0.0;      ///< Not finite if the method failed.
+  double landmark_rmse_m = 0.0;  ///< The same.
+  int modes = 0;
+  int created = 0;
+  double wall_s = 0.0;
+  int frames = 0;  ///< Key frames.
+};
+
+/// A method as the experiment names it.
+struct IjrrUtiasMethod {
+  std::string name;
+  bool fine_deltas = false;  ///< Also at displacements that are not in the paper's series.
+  bool slow = false;         ///< Left out in a quick run.
+};
+
+/// All methods, in the order of the rows.
+std::vector<IjrrUtiasMethod> IjrrUtiasMethods();
+
+struct IjrrUtiasResult {
+  std::vector<UtiasCase> cases;    ///< By data set, then robot; one that is absent is left out.
+  std::vector<IjrrUtiasRow> rows;  ///< By case, displacement, method.
+};
+
+/// Determinism: the same options give the same rows but for the times. Errors: as Validate(); those
+/// of reading the data; kNotFound if none of the runs is there.
+StatusOr<IjrrUtiasResult> RunIjrrUtias(
+    const IjrrUtiasOptions& options,
+    const std::function<void(const std::string& what, double done)>& progress);
+
+}  // namespace shiftmap

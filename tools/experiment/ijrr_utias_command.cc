@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/ijrr_utias_command.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tools/experiment/experiment_output.h"
+#include "tools/experiment/ijrr_utias.h"
+
+namespace shiftmap {
+namespace {
+
+// Of the displacements of IJRR figure 9, those of a quick run.
+const std::vector<double> kQuickDeltas = {0.0, 0.3, 1.0, 2.5};
+
+struct Arguments {
+  std::string output;
+  std::vector<std::string> datasets;
+  std::vector<std::string> robots;
+  bool quick = false;
+  IjrrUtiasOptions options;
+};
+
+StatusOr<std::vector<int>> ParseNumbers(const std::vector<std::string>& texts, const char* what) {
+  std::vector<int> numbers;
+  for (const std::string& text : texts) {
+    int number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc() || end != text.data() + text.size() || number < 1) {
+      return InvalidArgument("{} '{}', expected a number from 1 on", what, text);
+    }
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
+StatusOr<IjrrUtiasOptions> MakeOptions(const Arguments& arguments) {
+  IjrrUtiasOptions options = arguments.options;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<int> datasets,
+                            ParseNumbers(arguments.datasets, "data set"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<int> robots, ParseNumbers(arguments.robots, "robot"));
+  if (!datasets.empty()) options.datasets = datasets;
+  if (!robots.empty()) options.robots = robots;
+  if (options.more_modes && datasets.empty()) options.datasets = {1};
+  if (arguments.quick) {
+    options.deltas_m = kQuickDeltas;
+    if (options.methods.empty()) {
+      for (const IjrrUtiasMethod& method : IjrrUtiasMethods()) {
+        if (!method.slow) options.methods.push_back(method.name);
+      }
+    }
+  }
+  return options;
+}
+
+// Wall time of the least-squares static solve on the same run with the same displacement.
+double StaticSeconds(const std::vector<IjrrUtiasRow>& rows, const IjrrUtiasRow& of) {
+  for (const IjrrUtiasRow& row : rows) {
+    if (row.dataset == of.dataset && row.robot == of.robot && row.delta_m == of.delta_m &&
+        row.method == "static") {
+      return row.wall_s;
+    }
+  }
+  return std::nan("");
+}
+
+ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
+  ResultTable table({"dataset",
+                     "robot",
+                     "delta_m",
+                     "method",
+                     "pose_rmse_m",
+                     "landmark_rmse_m",
+                     "modes",
+                     "created",
+                     "wall_s",
+                     "frames",
+                     "frames_per_s",
+                     "times_static"});
+  for (const IjrrUtiasRow& row : rows) {
+    table.AddRow({static_cast<double>(row.dataset),
+                  static_cast<double>(row.robot),
+                  row.delta_m,
+                  row.method,
+                  row.pose_rmse_m,
+                  row.landmark_rmse_m,
+                  static_cast<double>(row.modes),
+                  static_cast<double>(row.created),
+                  row.wall_s,
+                  static_cast<double>(row.frames),
+                  row.frames / row.wall_s,
+                  row.wall_s / StaticSeconds(rows, row)});
+  }
+  return table;
+}
+
+// IJRR table 1: mean wall time per method and data set over displacements and robots.
+Json TimesJson(const std::vector<IjrrUtiasRow>& rows) {
+  Json times = Json::array();
+  for (const IjrrUtiasMethod& method : IjrrUtiasMethods()) {
+    std::map<int, std::pair<double, double>> sums;  // Per data set: seconds, frames.
+    std::map<int, int> counts;
+    for (const IjrrUtiasRow& row : rows) {
+      if (row.method != method.name) continue;
+      sums[row.dataset].first += row.wall_s;
+      sums[row.dataset].second += row.frames;
+      ++counts[row.dataset];
+    }
+    for (const auto& [dataset, sum] : sums) {
+      times.push_back({{"method", method.name},
+                       {"dataset", dataset},
+                       {"mean_wall_s", sum.first / counts[dataset]},
+                       {"frames_per_s", sum.second / sum.first}});
+    }
+  }
+  return times;
+}
+
+// A line per method: one member of the rows of a data set over the displacement, mean over robots.
+Chart OverDisplacement(const std::vector<IjrrUtiasRow>& rows,
+                       int dataset,
+                       double IjrrUtiasRow::*member,
+                       Chart chart) {
+  for (const IjrrUtiasMethod& method : IjrrUtiasMethods()) {
+    std::map<double, std::pair<double, int>> sums;
+    for (const IjrrUtiasRow& row : rows) {
+      if (row.dataset != dataset || row.method != method.name) continue;
+      if (!std::isfinite(row.*member)) continue;
+      sums[row.delta_m].first += row.*member;
+      ++sums[row.delta_m].second;
+    }
+    if (sums.empty()) continue;
+    ChartSeries& series = chart.series.emplace_back();
+    series.name = method.name;
+    for (const auto& [delta_m, sum] : sums) {
+      series.points.emplace_back(delta_m, sum.first / sum.second);
+    }
+  }
+  return chart;
+}
+
+Status WriteFigures(const IjrrUtiasOptions& options,
+                    const std::vector<IjrrUtiasRow>& rows,
+                    ExperimentOutput* output) {
+  const std::vector<std::pair<std::string, double IjrrUtiasRow::*>> members = {
+      {"pose", &IjrrUtiasRow::pose_rmse_m}, {"landmark", &IjrrUtiasRow::landmark_rmse_m}};
+  for (const int dataset : options.datasets) {
+    for (const auto& [name, member] : members) {
+      const Chart chart{.title = fmt::format("Data set {}: {} RMSE", dataset, name),
+                        .x_label = "displacement of the moved landmarks [m]",
+                        .y_label = "RMSE [m]",
+                        .log_y = true};
+      SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(fmt::format("set{}-{}", dataset, name),
+                                                   OverDisplacement(rows, dataset, member, chart)));
+    }
+  }
+  return OkStatus();
+}
+
+Json OptionsJson(const IjrrUtiasOptions& options, const IjrrUtiasResult& result) {
+  Json cases = Json::array();
+  for (const UtiasCase& data : result.cases) {
+    Json moved = Json::array();
+    for (const Signature& signature : data.moved) moved.push_back(signature.text());
+    cases.push_back({{"dataset", data.dataset},
+                     {"robot", data.robot},
+                     {"begin_s", ToSecondsSinceEpoch(data.run.odometry.front().stamp)},
+                     {"frames", data.frames.frames.size()},
+                     {"sightings", data.frames.sightings.size()},
+                     {"moved", moved}});
+  }
+  return {{"cases", cases},
+          {"duration_s", options.protocol.duration_s},
+          {"max_range_m", options.protocol.max_range_m},
+          {"max_bearing_rad", options.protocol.max_bearing_rad},
+          {"prior_sd_m", options.protocol.prior_sd_m},
+          {"more_modes", options.more_modes},
+          {"gate", options.gate_probability ? Json(*options.gate_probability) : Json(nullptr)},
+          {"seed", options.seed},
+          {"times", TimesJson(result.rows)}};
+}
+
+Status RunExperiment(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const IjrrUtiasOptions options, MakeOptions(arguments));
+  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  SHIFTMAP_ASSIGN_OR_RETURN(const IjrrUtiasResult result,
+                            RunIjrrUtias(options, [&](const std::string& what, double done) {
+                              progress->Update(what, done);
+                            }));
+  ExperimentOutput output("ijrr-utias", arguments.output, context.dry_run());
+  const ResultTable table = MakeTable(result.rows);
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
+                            output.WriteDocument(OptionsJson(options, result), table));
+  context.Report(document, table.ToText());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddIjrrUtiasExperiment(Application* application) {
+  auto arguments = std::make_shared<Arguments>();
+  application
+      ->AddCommand("ijrr-utias",
+                   "Recorded runs among displaced landmarks, IJRR 8.2 and 8.3: every method",
+                   [arguments](Context& context) { return RunExperiment(*arguments, context); })
+      .Option("--data", &arguments->options.data, "Folder that holds MRCLAM_Dataset<N>")
+      .Required()
+      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Required()
+      .Option("--datasets", &arguments->datasets, "Numbers of the data sets; default 1 2 3")
+      .Option("--robots", &arguments->robots, "Numbers of the robots; default 1")
+      .Option("--methods", &arguments->options.methods, "Only these methods")
+      .Option("--prior-sd-m",
+              &arguments->options.protocol.prior_sd_m,
+              "Standard deviation of each coordinate in the map")
+      .InRange(1e-4, 1e2)
+      .Option("--gate",
+              &arguments->options.gate_probability,
+              "Gate of the paper's selectors; default 0.95")
+      .Option("--seed", &arguments->options.seed, "Seed of everything random")
+      .Flag("--more-modes",
+            &arguments->options.more_modes,
+            "Change probability 0.1 and gate 0.8 as in IJRR 8.2.4; data set 1")
+      .Flag("--quick", &arguments->quick, "Fewer displacements, and no tree search")
+      .Writes();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/ijrr_utias_static.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "localizer/models/observation_model.h"
+#include "mapper/frontend/ekf_slam.h"
+#include "mapper/graph/graph.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kSolverIterations = 50;
+
+// Reweightings of the map's places, each with a solve that starts from the last.
+constexpr int kReweightings = 30;
+constexpr double kSettledM = 1e-3;
+
+// Distance from the map at which Cauchy's loss turns from square to logarithm, in standard
+// deviations: 95 % efficient on Gaussian errors.
+constexpr double kCauchyScale = 2.385;
+
+// Of what the graph could also estimate and is known here.
+constexpr double kHeldSd = 1e-9;
+
+constexpr double kOdometryPeriodSeconds = 0.02;  // IJRR 8.2.1.
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Graph StaticGraph(const UtiasCase& data,
+                  const UtiasNoise& noise,
+                  const LandmarkPlaces& map,
+                  double prior_sd_m) {
+  Graph graph;
+  graph.loss_scale = noise.loss_scale;
+  GraphRun run;
+  run.poses = StartPoses(data, noise, map);
+  run.motions = UtiasMotions(data, noise);
+  run.correction_prior_sd.setConstant(kHeldSd);
+  run.sensor_bias_sd.setConstant(kHeldSd);
+  graph.runs.push_back(std::move(run));
+  const std::vector<Observation> observations = UtiasObservations(data, noise);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const Sighting& sighting = data.frames.sightings[i];
+    graph.observations.push_back(
+        {0,
+         sighting.frame,
+         data.frames.visits[static_cast<std::size_t>(sighting.visit)].group,
+         observations[i],
+         ObservationNoise(observations[i], noise.sensor),
+         0.0});
+  }
+  graph.prior.mean.resize(2 * std::ssize(map));
+  for (const auto& [signature, place] : map) {
+    graph.prior.mean.segment<2>(2 * std::ssize(graph.modes)) = place;
+    graph.prior.modes.push_back(static_cast<int>(graph.modes.size()));
+    graph.modes.push_back(place);
+  }
+  graph.prior.sqrt_information =
+      Eigen::MatrixXd::Identity(graph.prior.mean.size(), graph.prior.mean.size()) / prior_sd_m;
+  return graph;
+}
+
+// Weights of Cauchy's loss at the present distances: w = 1 / (1 + (d / c sd)²).
+void Reweight(double prior_sd_m, Graph* graph) {
+  for (std::size_t i = 0; i < graph->modes.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    const double distance = (graph->modes[i] - graph->prior.mean.segment<2>(at)).norm();
+    const double ratio = distance / (kCauchyScale * prior_sd_m);
+    graph->prior.sqrt_information.diagonal().segment<2>(at).setConstant(
+        1.0 / (prior_sd_m * std::sqrt(1.0 + ratio * ratio)));
+  }
+}
+
+// Iteratively reweighted least squares: the fixed point is a minimum of the robust cost.
+void SolveReweighted(double prior_sd_m, Graph* graph) {
+  for (int i = 0; i < kReweightings; ++i) {
+    const std::vector<Eigen::Vector2d> before = graph->modes;
+    Reweight(prior_sd_m, graph);
+    SolveGraph(kSolverIterations, graph);
+    double moved = 0.0;
+    for (std::size_t k = 0; k < before.size(); ++k) {
+      moved = std::max(moved, (graph->modes[k] - before[k]).norm());
+    }
+    if (moved < kSettledM) return;
+  }
+}
+
+}  // namespace
+
+UtiasNoise CalibratedNoise(const MapperResult& without_map) {
+  UtiasNoise noise;
+  noise.odometry = without_map.runs.front().odometry;
+  noise.sensor = without_map.content.calibration.sensor;
+  noise.bias = without_map.runs.front().sensor_bias;
+  return noise;
+}
+
+UtiasNoise PrintedNoise(int dataset) {
+  UtiasNoise noise;
+  noise.sensor.sd_range_m = 0.2;
+  noise.sensor.sd_bearing_rad = 0.11;
+  noise.printed_process_sd = dataset == 2 ? 0.03 : 0.01;
+  noise.loss_scale = 1e6;
+  return noise;
+}
+
+std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNoise& noise) {
+  std::vector<MotionIncrement> motions;
+  std::size_t hint = 0;
+  const std::vector<KeyFrame>& frames = data.frames.frames;
+  for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
+    MotionIncrement motion = IntegrateMotion(
+        data.frames.odometry, frames[i].stamp, frames[i + 1].stamp, noise.odometry, &hint);
+    if (noise.printed_process_sd) {
+      const double samples =
+          ToSeconds(frames[i + 1].stamp - frames[i].stamp) / kOdometryPeriodSeconds;
+      const double sd = kOdometryPeriodSeconds * *noise.printed_process_sd;
+      motion.cov = Eigen::Matrix3d::Identity() * (std::max(1.0, samples) * sd * sd);
+    }
+    motions.push_back(std::move(motion));
+  }
+  return motions;
+}
+
+std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoise& noise) {
+  std::vector<Observation> observations;
+  for (const Sighting& sighting : data.frames.sightings) {
+    Observation observation = sighting.observation;
+    const double bearing_rad = observation.z.y() - noise.bias[0];
+    const double curvature =
+        noise.bias[1] * (bearing_rad * bearing_rad - data.frames.mean_squared_bearing);
+    observation.z = {observation.z.x() / (1.0 + curvature), bearing_rad};
+    observations.push_back(std::move(observation));
+  }
+  return observations;
+}
+
+std::vector<Se2> StartPoses(const UtiasCase& data,
+                            const UtiasNoise& noise,
+                            const LandmarkPlaces& map) {
+  std::vector<Se2> poses = EstimateTrajectoryByEkf(data.frames, {noise.odometry, noise.sensor});
+  std::vector<std::vector<double>> x(data.signatures.size());
+  std::vector<std::vector<double>> y(data.signatures.size());
+  for (const Sighting& sighting : data.frames.sightings) {
+    const auto group = static_cast<std::size_t>(
+        data.frames.visits[static_cast<std::size_t>(sighting.visit)].group);
+    const Eigen::Vector2d p_start_landmark =
+        LandmarkPosition(sighting.observation, poses[static_cast<std::size_t>(sighting.frame)]);
+    x[group].push_back(p_start_landmark.x());
+    y[group].push_back(p_start_landmark.y());
+  }
+  std::vector<PointPair> pairs;
+  for (std::size_t group = 0; group < data.signatures.size(); ++group) {
+    if (x[group].empty()) continue;
+    pairs.push_back({map.at(data.signatures[group]), {Median(x[group]), Median(y[group])}});
+  }
+  const StatusOr<Se2> T_map_start = AlignRigid2d(pairs);
+  if (!T_map_start.ok()) return poses;
+  for (Se2& pose : poses) pose = *T_map_start * pose;
+  return poses;
+}
+
+UtiasEstimate SolveStatic(const UtiasCase& data,
+                          const UtiasNoise& noise,
+                          const LandmarkPlaces& map,
+                          double prior_sd_m,
+                          StaticLoss loss) {
+  Graph graph = StaticGraph(data, noise, map, prior_sd_m);
+  if (loss == StaticLoss::kCauchy) {
+    SolveReweighted(prior_sd_m, &graph);
+  } else {
+    SolveGraph(kSolverIterations, &graph);
+  }
+  UtiasEstimate estimate;
+  estimate.poses = graph.runs.front().poses;
+  for (const Eigen::Vector2d& mode : graph.modes) estimate.modes.push_back({mode});
+  estimate.sighting_modes.assign(data.frames.sightings.size(), 0);
+  return estimate;
+}
+
+}  // namespace shiftmap

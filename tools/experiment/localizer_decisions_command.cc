@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/localizer_decisions_command.h"
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "tools/experiment/experiment_output.h"
+#include "tools/experiment/localizer_decisions.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kAlphas[] = {1e-1, 1e-2, 1e-3};
+
+struct Arguments {
+  std::string output;
+  int visits = 2000;
+  int threads = 1;
+  int groups = 3;
+  double sd_mode_m = 0.05;
+  double misjudged_share = 0.0;
+  std::uint64_t seed = 1;
+};
+
+struct Row {
+  VisitScene scene;
+  double alpha = 0.0;
+  DecisionTally tally;
+};
+
+std::vector<VisitScene> Scenes(const Arguments& arguments) {
+  std::vector<VisitScene> scenes;
+  for (const double sd_pose : {0.02, 0.1, 0.3, 1.0}) {
+    for (const int modes : {2, 3, 4}) {
+      for (const double clutter : {1e-4, 1e-3}) {
+        VisitScene scene;
+        scene.sd_pose_m = sd_pose;
+        scene.sd_yaw_rad = 0.02 + 0.08 * sd_pose;
+        scene.sd_mode_m = arguments.sd_mode_m;
+        scene.groups = arguments.groups;
+        scene.modes = modes;
+        scene.clutter_density_per_m2 = clutter;
+        scene.misjudged_share = arguments.misjudged_share;
+        scenes.push_back(scene);
+      }
+    }
+  }
+  return scenes;
+}
+
+ResultTable MakeTable(const std::vector<Row>& rows) {
+  ResultTable table({"alpha",
+                     "sd_pose_m",
+                     "modes",
+                     "clutter_per_m2",
+                     "decisions",
+                     "wrong",
+                     "wrong_share",
+                     "low",
+                     "high",
+                     "undecided_share",
+                     "mean_delay",
+                     "wald_bound"});
+  for (const Row& row : rows) {
+    const ShareInterval interval = WilsonInterval(row.tally.wrong, row.tally.decided, 1.96);
+    table.AddRow({row.alpha,
+                  row.scene.sd_pose_m,
+                  static_cast<double>(row.scene.modes),
+                  row.scene.clutter_density_per_m2,
+                  static_cast<double>(row.tally.decided),
+                  static_cast<double>(row.tally.wrong),
+                  row.tally.WrongShare(),
+                  interval.low,
+                  interval.high,
+                  row.tally.UndecidedShare(),
+                  row.tally.MeanDelay(),
+                  row.tally.WaldDelay()});
+  }
+  return table;
+}
+
+// Wrong share over pose uncertainty, a line per α and number of modes.
+Chart WrongShareChart(const std::vector<Row>& rows) {
+  Chart chart{.title = "Wrong decisions",
+              .x_label = "standard deviation of the pose at the start [log10 m]",
+              .y_label = "share of decisions that are wrong",
+              .log_y = true};
+  for (const Row& row : rows) {
+    if (row.scene.clutter_density_per_m2 > 1e-4) continue;
+    const std::string name = fmt::format("α {}, {} modes", row.alpha, row.scene.modes);
+    auto series = chart.series.begin();
+    while (series != chart.series.end() && series->name != name) ++series;
+    if (series == chart.series.end()) series = chart.series.insert(series, {name});
+    series->points.emplace_back(std::log10(row.scene.sd_pose_m), row.tally.WrongShare());
+  }
+  return chart;
+}
+
+Status Measure(const Arguments& arguments, Context& context) {
+  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  const std::vector<VisitScene> scenes = Scenes(arguments);
+  std::vector<Row> rows;
+  for (const double alpha : kAlphas) {
+    for (const VisitScene& scene : scenes) {
+      HypothesisOptions options;
+      options.alpha = alpha;
+      rows.push_back(
+          {scene,
+           alpha,
+           TallyDecisions(scene, options, arguments.seed, arguments.visits, arguments.threads)});
+      progress->Update("visits",
+                       static_cast<double>(rows.size()) /
+                           static_cast<double>(std::size(kAlphas) * scenes.size()));
+    }
+  }
+  ExperimentOutput output("localizer-decisions", arguments.output, context.dry_run());
+  const ResultTable table = MakeTable(rows);
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));
+  const Json options{{"visits", arguments.visits},
+                     {"seed", arguments.seed},
+                     {"groups", arguments.groups},
+                     {"sd_mode_m", arguments.sd_mode_m},
+                     {"misjudged_share", arguments.misjudged_share}};
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
+  context.Report(document, table.ToText());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddLocalizerDecisionsExperiment(Application* application) {
+  auto arguments = std::make_shared<Arguments>();
+  application
+      ->AddCommand("localizer-decisions",
+                   "Share of wrong decisions and their delay over simulated visits",
+                   [arguments](Context& context) { return Measure(*arguments, context); })
+      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Required()
+      .Option("--visits", &arguments->visits, "Simulated visits per row")
+      .InRange(1, 10000000)
+      .Option("--groups", &arguments->groups, "Landmarks per visit")
+      .InRange(1, 12)
+      .Option("--sd-mode-m", &arguments->sd_mode_m, "Uncertainty of the map [m]")
+      .InRange(1e-3, 1.0)
+      .Option("--misjudged-share", &arguments->misjudged_share, "Share of detections at six sigma")
+      .InRange(0.0, 0.5)
+      .Option("--threads", &arguments->threads, "Threads; the results do not depend on it")
+      .InRange(1, 64)
+      .Option("--seed", &arguments->seed, "Seed of the first visit")
+      .Writes();
+}
+
+}  // namespace shiftmap

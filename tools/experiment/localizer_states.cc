@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/localizer_states.h"
+
+#include "localizer/localizer.h"
+#include "proto/core/check.h"
+#include "tools/experiment/monte_carlo.h"
+
+namespace shiftmap {
+namespace {
+
+enum Column : std::size_t {
+  kInitializingColumn,
+  kTrackingColumn,
+  kModeChangedColumn,
+  kUnknownChangeColumn,
+  kLostColumn,
+  kDuplicateColumn,
+};
+
+}  // namespace
+
+bool ReportedShift::Confused(ShiftCause cause) const {
+  return Said(IsPoseFailure(cause) ? LocalizerState::kUnknownChange : LocalizerState::kLost);
+}
+
+const char* ReportColumn(std::size_t column) {
+  if (column == kDuplicateColumn) return "DUPLICATE_SIGNATURE";
+  return ToString(static_cast<LocalizerState>(column));
+}
+
+std::size_t ColumnOf(const ReportedShift& reported, ShiftCause cause) {
+  if (reported.Confused(cause)) return IsPoseFailure(cause) ? kUnknownChangeColumn : kLostColumn;
+  if (reported.Said(LocalizerState::kLost)) return kLostColumn;
+  if (cause == ShiftCause::kDuplicate && reported.duplicate_alarm) return kDuplicateColumn;
+  if (reported.Said(LocalizerState::kUnknownChange)) return kUnknownChangeColumn;
+  if (reported.Said(LocalizerState::kModeChanged)) return kModeChangedColumn;
+  return reported.Said(LocalizerState::kTracking) ? kTrackingColumn : kInitializingColumn;
+}
+
+ReportedShift LocalizeShift(const CausedShift& shift, const LocalizerOptions& options) {
+  LocalizerOptions started = options;
+  started.initial_pose = shift.start;
+  Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), started);
+  ReportedShift reported;
+  reported.first_s.fill(-1.0);
+  for (const RunEvent& event : shift.events) {
+    const Status status = localizer.Process(event);
+    SHIFTMAP_CHECK(status.ok(), "{}", Message(status));
+    const LocalizerState state = localizer.state();
+    const Stamp stamp = StampOf(event);
+    if (stamp < shift.cause) {
+      reported.said_before |=
+          state == LocalizerState::kLost || state == LocalizerState::kUnknownChange;
+      continue;
+    }
+    double& first = reported.first_s[static_cast<std::size_t>(state)];
+    if (first < 0.0) first = ToSeconds(stamp - shift.cause);
+  }
+  reported.duplicate_alarm = localizer.Statistics().duplicate_signatures > 0;
+  reported.last = localizer.state();
+  const auto estimate = localizer.Estimate();
+  SHIFTMAP_CHECK(estimate.has_value(), "a shift with a given start has no pose");
+  reported.error_m =
+      (estimate->pose.T_map_vehicle.translation() - shift.T_map_vehicle.back().translation())
+          .norm();
+  return reported;
+}
+
+CauseTally TallyCause(ShiftCause cause,
+                      std::uint64_t first_seed,
+                      int shifts,
+                      int threads,
+                      const LocalizerOptions& options) {
+  std::vector<ReportedShift> all(static_cast<std::size_t>(shifts));
+  ForEachRealization(shifts, threads, [&](int i) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
+    all[static_cast<std::size_t>(i)] = LocalizeShift(DrawShift(cause, seed), options);
+  });
+  CauseTally tally;
+  tally.cause = cause;
+  tally.shifts = shifts;
+  double delays = 0.0;
+  int said = 0;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const ReportedShift& reported = all[i];
+    ++tally.reported[ColumnOf(reported, cause)];
+    tally.said_before += reported.said_before;
+    if (reported.Confused(cause)) {
+      ++tally.confused;
+      tally.confused_seeds.push_back(first_seed + i);
+    }
+    constexpr double kRight = 0.5;  // [m]
+    tally.recovered += reported.last != LocalizerState::kLost && reported.error_m < kRight;
+    const auto right = static_cast<std::size_t>(
+        IsPoseFailure(cause) ? LocalizerState::kLost : LocalizerState::kUnknownChange);
+    if (reported.first_s[right] < 0.0) continue;
+    delays += reported.first_s[right];
+    ++said;
+  }
+  if (said > 0) tally.delay_s = delays / said;
+  return tally;
+}
+
+}  // namespace shiftmap

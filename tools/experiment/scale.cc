@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/scale.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <set>
+#include <utility>
+
+#include "mapper/mapper.h"
+#include "tools/sim/open_world.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kScanRate = 2.0;       // [1/s]
+constexpr double kSquareMetres = 80.0;  // Of floor for each landmark. [m²]
+constexpr double kMib = 1024.0 * 1024.0;
+
+double ProcessorSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double PeakMib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024.0 / kMib;
+}
+
+double ResidentMib() {
+  long pages = 0;
+  if (std::FILE* file = std::fopen("/proc/self/statm", "r")) {
+    if (std::fscanf(file, "%*d %ld", &pages) != 1) pages = 0;
+    std::fclose(file);
+  }
+  return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / kMib;
+}
+
+OpenWorldOptions SiteOptions(const ScaleOptions& options, int key_frames) {
+  OpenWorldOptions site;
+  site.seed = options.seed;
+  site.runs = std::max(1, key_frames / options.key_frames_per_run);
+  site.duration_s = key_frames / site.runs / kScanRate;
+  site.scan_rate_hz = kScanRate;
+  site.groups = std::clamp(key_frames / options.key_frames_per_group, 20, options.max_groups);
+  site.size_m = std::sqrt(kSquareMetres * site.groups);
+  site.mode_change_probability = 0.1;
+  return site;
+}
+
+StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
+  SHIFTMAP_ASSIGN_OR_RETURN(SimulatedWorld world, SimulateOpen(SiteOptions(options, key_frames)));
+  ScaleRow row;
+  std::set<std::pair<std::size_t, ModeNumber>> places;
+  std::vector<MapperInput> inputs;
+  for (SimulatedRun& run : world.runs) {
+    for (std::size_t group = 0; group < run.active_mode.size(); ++group) {
+      if (run.active_mode[group] != kAbsent) places.emplace(group, run.active_mode[group]);
+    }
+    const std::string name = fmt::format("run{}", inputs.size() + 1);
+    inputs.push_back({name, name, std::move(run.run)});
+  }
+  world = SimulatedWorld();
+  row.true_modes = static_cast<int>(places.size());
+  row.logs_mib = ResidentMib();
+  const double begin = ProcessorSeconds();
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
+                            BuildMap(std::move(inputs), std::nullopt, MapperOptions()));
+  row.build_s = ProcessorSeconds() - begin;
+  for (const MappedRun& run : result.runs) row.key_frames += run.poses;
+  row.runs = static_cast<int>(result.runs.size());
+  row.rejected = static_cast<int>(result.rejected.size());
+  row.groups = static_cast<int>(result.content.groups.size());
+  for (const LandmarkGroup& group : result.content.groups) {
+    row.modes += static_cast<int>(group.modes.size());
+  }
+  row.us_per_frame = 1e6 * row.build_s / std::max(1, row.key_frames);
+  row.peak_mib = PeakMib();
+  return row;
+}
+
+}  // namespace
+
+Status ScaleOptions::Validate() const {
+  if (key_frames.empty() || !std::is_sorted(key_frames.begin(), key_frames.end()) ||
+      key_frames.front() < 100) {
+    return InvalidArgument("key_frames: expected ascending numbers of 100 or more");
+  }
+  if (key_frames_per_run < 100 || key_frames_per_group < 1 || max_groups < 20) {
+    return InvalidArgument(
+        "key_frames_per_run, key_frames_per_group, max_groups: expected at least 100, 1 and 20");
+  }
+  return OkStatus();
+}
+
+StatusOr<std::vector<ScaleRow>> RunScale(const ScaleOptions& options,
+                                         const ScaleProgress& progress) {
+  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
+  std::vector<ScaleRow> rows;
+  for (const int key_frames : options.key_frames) {
+    if (progress) {
+      progress(static_cast<double>(rows.size()) / static_cast<double>(options.key_frames.size()));
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(ScaleRow row, BuildSite(options, key_frames));
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace shiftmap

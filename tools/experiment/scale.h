@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+struct ScaleOptions {
+  std::vector<int> key_frames = {1000, 3000, 10000};  ///< About as many in each site; ascending.
+  int key_frames_per_run = 2000;
+  int key_frames_per_group = 50;  ///< A site grows with its key frames, up to max_groups landmarks.
+  int max_groups = 5000;
+  std::uint64_t seed = 1;
+
+  /// Errors: kInvalidArgument naming the first member out of range.
+  Status Validate() const;
+};
+
+/// One simulated site, built as a whole.
+struct ScaleRow {
+  int key_frames = 0;
+  int runs = 0;
+  int rejected = 0;           ///< Runs that tied to nothing.
+  int groups = 0;             ///< In the map.
+  int modes = 0;              ///< In the map.
+  int true_modes = 0;         ///< Places at which a landmark stood in some run.
+  double build_s = 0.0;       ///< Processor time of BuildMap.
+  double us_per_frame = 0.0;  ///< [µs]
+  double logs_mib = 0.0;      ///< Resident before the build: the program and the logs.
+  double peak_mib = 0.0;      ///< Largest resident size of the process so far.
+};
+
+using ScaleProgress = std::function<void(double done)>;
+
+/// Time and memory of a build over the size of the site, at a constant density of landmarks.
+StatusOr<std::vector<ScaleRow>> RunScale(const ScaleOptions& options,
+                                         const ScaleProgress& progress);
+
+}  // namespace shiftmap

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/scale_command.h"
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tools/experiment/experiment_output.h"
+#include "tools/experiment/scale.h"
+
+namespace shiftmap {
+namespace {
+
+struct Arguments {
+  std::string output;
+  int max_key_frames = 10000;
+  ScaleOptions options;
+};
+
+// 1000, 3000, 10000, … up to the largest.
+std::vector<int> Sizes(int largest) {
+  std::vector<int> sizes;
+  for (int decade = 1000; decade <= largest; decade *= 10) {
+    sizes.push_back(decade);
+    if (3 * decade <= largest) sizes.push_back(3 * decade);
+  }
+  return sizes;
+}
+
+ResultTable MakeTable(const std::vector<ScaleRow>& rows) {
+  ResultTable table({"key_frames",
+                     "runs",
+                     "rejected",
+                     "groups",
+                     "modes",
+                     "true_modes",
+                     "build_s",
+                     "us_per_frame",
+                     "logs_mib",
+                     "peak_mib"});
+  for (const ScaleRow& row : rows) {
+    table.AddRow({static_cast<double>(row.key_frames),
+                  static_cast<double>(row.runs),
+                  static_cast<double>(row.rejected),
+                  static_cast<double>(row.groups),
+                  static_cast<double>(row.modes),
+                  static_cast<double>(row.true_modes),
+                  row.build_s,
+                  row.us_per_frame,
+                  row.logs_mib,
+                  row.peak_mib});
+  }
+  return table;
+}
+
+Status Run(const Arguments& arguments, Context& context) {
+  ScaleOptions options = arguments.options;
+  options.key_frames = Sizes(arguments.max_key_frames);
+  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScaleRow> rows, RunScale(options, [&](double done) {
+                              progress->Update("sites", done);
+                            }));
+  ExperimentOutput output("scale", arguments.output, context.dry_run());
+  const ResultTable table = MakeTable(rows);
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  Chart chart{.title = "Processor time of a build per key frame",
+              .x_label = "key frames",
+              .y_label = "time per key frame [µs]",
+              .series = {{"", {}, true}},
+              .log_y = true};
+  for (const ScaleRow& row : rows) {
+    chart.series.front().points.emplace_back(row.key_frames, row.us_per_frame);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("time", chart));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const Json document,
+      output.WriteDocument({{"seed", options.seed},
+                            {"key_frames_per_run", options.key_frames_per_run},
+                            {"key_frames_per_group", options.key_frames_per_group},
+                            {"max_groups", options.max_groups}},
+                           table));
+  context.Report(document, table.ToText());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddScaleExperiment(Application* application) {
+  auto arguments = std::make_shared<Arguments>();
+  application
+      ->AddCommand("scale",
+                   "Time and memory of builds over the size of simulated sites",
+                   [arguments](Context& context) { return Run(*arguments, context); })
+      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Required()
+      .Option("--max-key-frames", &arguments->max_key_frames, "Largest site")
+      .InRange(1000, 1e7)
+      .Option("--seed", &arguments->options.seed, "Seed of the sites")
+      .Writes();
+}
+
+}  // namespace shiftmap

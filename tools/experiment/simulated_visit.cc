@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/simulated_visit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <utility>
+
+#include "localizer/filter/known_map_filter.h"
+#include "localizer/models/observation_model.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kSpeed = 0.5;        // [m/s]
+constexpr double kMaxYawRate = 0.15;  // [rad/s]
+constexpr double kMisjudgedSigmas = 6.0;
+
+// Everything random, from one generator in a fixed order.
+class Dice {
+ public:
+  explicit Dice(std::uint64_t seed) : random_(seed) {}
+
+  double Uniform(double low, double high) { return low + (high - low) * uniform_(random_); }
+  bool Coin(double probability) { return uniform_(random_) < probability; }
+  double Normal() { return normal_(random_); }
+  Eigen::Vector2d Normal2() {
+    const double x = Normal();
+    return {x, Normal()};
+  }
+  Eigen::Vector3d Normal3(const Eigen::Matrix3d& cov) {
+    const Eigen::Vector2d xy = Normal2();
+    return Eigen::Matrix3d(cov.llt().matrixL()) * Eigen::Vector3d(xy.x(), xy.y(), Normal());
+  }
+  int Index(const Eigen::VectorXd& probabilities) {
+    double left = uniform_(random_);
+    for (int i = 0; i + 1 < probabilities.size(); ++i) {
+      left -= probabilities[i];
+      if (left < 0.0) return i;
+    }
+    return static_cast<int>(probabilities.size()) - 1;
+  }
+
+ private:
+  std::mt19937_64 random_;
+  std::uniform_real_distribution<double> uniform_;
+  std::normal_distribution<double> normal_;
+};
+
+bool TooNear(const std::vector<Mode>& modes, const Eigen::Vector2d& p, double spacing) {
+  for (const Mode& mode : modes) {
+    if ((mode.p_map_landmark - p).norm() < spacing) return true;
+  }
+  return false;
+}
+
+LandmarkGroup DrawGroup(const VisitScene& scene, int number, Dice* dice) {
+  LandmarkGroup group;
+  group.signature = Signature(std::to_string(100 + number));
+  const double range = dice->Uniform(3.0, 7.0);
+  const double bearing = dice->Uniform(-0.7, 0.7);
+  const Eigen::Vector2d first = range * Eigen::Vector2d(std::cos(bearing), std::sin(bearing));
+  while (static_cast<int>(group.modes.size()) < scene.modes) {
+    Mode mode;
+    mode.number = ModeNumber(static_cast<std::int64_t>(group.modes.size()) + 1);
+    mode.cov_p_map_landmark = Eigen::Matrix2d::Identity() * (scene.sd_mode_m * scene.sd_mode_m);
+    mode.p_map_landmark = first;
+    if (!group.modes.empty()) {
+      const double distance = dice->Uniform(scene.spacing_min_m, scene.spacing_max_m);
+      const double direction = dice->Uniform(-std::numbers::pi, std::numbers::pi);
+      mode.p_map_landmark += distance * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+    }
+    if (!TooNear(group.modes, mode.p_map_landmark, scene.spacing_min_m))
+      group.modes.push_back(mode);
+  }
+  group.probabilities.resize(scene.modes + 1);
+  for (int state = 1; state <= scene.modes; ++state) {
+    group.probabilities[state] = dice->Uniform(0.1, 1.0);
+  }
+  group.probabilities[0] = 0.0;
+  group.probabilities *= (1.0 - scene.absent_share) / group.probabilities.sum();
+  group.probabilities[0] = scene.absent_share;
+  group.chain = ModeChain::Uniform(scene.modes, 1e-9);
+  return group;
+}
+
+MapContent DrawMap(const VisitScene& scene, Dice* dice) {
+  MapContent content;
+  content.stamp = VisitStamp(-1);
+  SensorCalibration& sensor = content.calibration.sensor;
+  sensor.max_range_m = 8.0;
+  sensor.detection_probability = scene.detection_probability;
+  sensor.clutter_density_per_m2 = scene.clutter_density_per_m2;
+  sensor.new_landmark_density_per_m2 = scene.clutter_density_per_m2;
+  std::vector<Eigen::Matrix2d> marginals;
+  for (int i = 0; i < scene.groups; ++i) {
+    content.groups.push_back(DrawGroup(scene, i, dice));
+    for (const Mode& mode : content.groups.back().modes) {
+      marginals.push_back(mode.cov_p_map_landmark);
+    }
+  }
+  content.covariance = JointCovariance(marginals, {});
+  return content;
+}
+
+// What is true of the vehicle for the whole visit.
+struct Truth {
+  Eigen::Vector2d log_scale;
+  Eigen::Vector2d bias;  // Of (range, bearing).
+  std::vector<bool> occluded;
+};
+
+// A false alarm: evenly over the sector.
+Eigen::Vector2d DrawFalseAlarm(const SensorCalibration& sensor, Dice* dice) {
+  const double range = sensor.max_range_m * std::sqrt(dice->Uniform(0.0, 1.0));
+  return {range, dice->Uniform(-sensor.max_bearing_rad, sensor.max_bearing_rad)};
+}
+
+void LookAt(
+    const VisitScene& scene, const Truth& truth, int group, SimulatedVisit* visit, Dice* dice) {
+  const SensorCalibration& sensor = visit->content.calibration.sensor;
+  const auto index = static_cast<std::size_t>(group);
+  const bool absent = visit->true_states[index] == 0;
+  Observation observation;
+  observation.signature = visit->content.groups[index].signature;
+
+  const Eigen::Vector2d q = visit->T_map_vehicle.back().Inverse() * visit->p_landmarks[index];
+  const Eigen::Vector2d expected(q.norm(), std::atan2(q.y(), q.x()));
+  const bool in_view = !absent && !truth.occluded[index] && expected.x() < sensor.max_range_m &&
+                       std::abs(expected.y()) < sensor.max_bearing_rad;
+  // A landmark that is seen hides the false alarms of its signature, those of an absent one may be
+  // a new place as well.
+  if (in_view && dice->Coin(sensor.detection_probability)) {
+    const double sigmas = dice->Coin(scene.misjudged_share) ? kMisjudgedSigmas : 1.0;
+    const Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
+    observation.z = expected + truth.bias + sigmas * sd.cwiseProduct(dice->Normal2());
+    if (observation.z.x() < 0.01) return;
+  } else {
+    const double area = sensor.max_range_m * sensor.max_range_m * sensor.max_bearing_rad;
+    double density = sensor.clutter_density_per_m2;
+    if (absent) density += sensor.new_landmark_density_per_m2;
+    if (!dice->Coin(density * area)) return;
+    observation.z = DrawFalseAlarm(sensor, dice);
+  }
+  visit->scans.back().observations.push_back(observation);
+}
+
+}  // namespace
+
+Stamp VisitStamp(int scan) { return StampFromSeconds(1000.0 + kVisitScanPeriod * (scan + 1)); }
+
+SimulatedVisit SimulateVisit(const VisitScene& scene, std::uint64_t seed) {
+  Dice dice(seed);
+  SimulatedVisit visit;
+  visit.content = DrawMap(scene, &dice);
+  const Calibration& calibration = visit.content.calibration;
+  const Eigen::Vector2d sd_z(calibration.sensor.sd_range_m, calibration.sensor.sd_bearing_rad);
+  Truth truth;
+  truth.log_scale = calibration.odometry.sd_log_scale * dice.Normal2();
+  truth.bias = KnownMapFilter::kBiasShare * sd_z.cwiseProduct(dice.Normal2());
+  for (const LandmarkGroup& group : visit.content.groups) {
+    const int state = dice.Index(group.probabilities);
+    visit.true_states.push_back(state);
+    truth.occluded.push_back(dice.Coin(calibration.sensor.occluded_visit_probability));
+    const Eigen::Vector2d error = scene.sd_mode_m * dice.Normal2();
+    const auto mode = static_cast<std::size_t>(std::max(state, 1)) - 1;
+    visit.p_landmarks.push_back(group.modes[mode].p_map_landmark + error);
+  }
+  const Eigen::Vector3d sd(scene.sd_pose_m, scene.sd_pose_m, scene.sd_yaw_rad);
+  visit.start.cov_T_map_vehicle = sd.cwiseAbs2().asDiagonal();
+  Se2 T_map_vehicle = Se2::Exp(dice.Normal3(visit.start.cov_T_map_vehicle));
+
+  const double yaw_rate = dice.Uniform(-kMaxYawRate, kMaxYawRate);
+  for (int i = 0; i < scene.scans; ++i) {
+    MotionIncrement motion;
+    AppendMotion(kSpeed, yaw_rate, FromSeconds(kVisitScanPeriod), calibration.odometry, &motion);
+    const Eigen::Vector3d twist(
+        kSpeed * std::exp(truth.log_scale.x()), 0.0, yaw_rate * std::exp(truth.log_scale.y()));
+    T_map_vehicle =
+        T_map_vehicle * Se2::Exp(kVisitScanPeriod * twist) * Se2::Exp(dice.Normal3(motion.cov));
+    visit.motions.push_back(motion);
+    visit.T_map_vehicle.push_back(T_map_vehicle);
+    visit.scans.emplace_back().stamp = VisitStamp(i);
+    for (int group = 0; group < scene.groups; ++group) {
+      LookAt(scene, truth, group, &visit, &dice);
+    }
+  }
+  return visit;
+}
+
+}  // namespace shiftmap
