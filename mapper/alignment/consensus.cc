@@ -32,17 +32,18 @@ struct Similarity {
   Eigen::Vector2d centroid_reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d centroid_other = Eigen::Vector2d::Zero();
   double yaw = 0.0;
+  Eigen::Matrix2d R = Eigen::Matrix2d::Identity();  // By yaw.
   double scale = 1.0;
   double variance = 0.0;  // Of the centroid. [m²]
   double spread = 0.0;    // Σ weight |other - centroid|². [-]
 
   Eigen::Vector2d operator*(const Eigen::Vector2d& other) const {
     const Eigen::Vector2d offset = other - centroid_other;
-    return centroid_reference + scale * (Se2(0.0, 0.0, yaw) * offset);
+    return centroid_reference + scale * (R * offset);
   }
 
   Se2 Rigid() const {
-    const Eigen::Vector2d translation = centroid_reference - Se2(0.0, 0.0, yaw) * centroid_other;
+    const Eigen::Vector2d translation = centroid_reference - R * centroid_other;
     return Se2(translation, yaw);
   }
 };
@@ -96,6 +97,7 @@ Similarity Fit(const std::vector<Correspondence>& matches,
     fit.spread += a.squaredNorm() / match.variance;
   }
   fit.yaw = std::atan2(cross, dot);
+  fit.R = Se2(0.0, 0.0, fit.yaw).Rotation();
   if (fit.spread > 0.0) {
     fit.scale = std::clamp(
         std::hypot(cross, dot) / fit.spread, 1.0 - max_scale_error, 1.0 + max_scale_error);
@@ -140,6 +142,11 @@ Candidate Refine(const std::vector<Correspondence>& matches,
   return candidate;
 }
 
+bool Supports(const Candidate& candidate, int group, int match) {
+  const auto found = candidate.support.find(group);
+  return found != candidate.support.end() && found->second == match;
+}
+
 // The area of the box around all points, at least a square metre.
 double OccupiedArea(const std::vector<AlignmentPoint>& points) {
   Eigen::AlignedBox2d box;
@@ -171,6 +178,8 @@ std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& ref
     const Correspondence& a = matches[static_cast<std::size_t>(i)];
     const Correspondence& b = matches[static_cast<std::size_t>(j)];
     if (a.group == b.group) return;
+    // Two that support the best transform so far propose nothing but that.
+    if (Supports(best, a.group, i) && Supports(best, b.group, j)) return;
     const double difference = (a.reference - b.reference).norm() - (a.other - b.other).norm();
     const double slack = options.max_scale_error * (a.reference - b.reference).norm();
     const double excess = std::max(0.0, std::abs(difference) - slack);

@@ -16,7 +16,7 @@ constexpr double kMinPairSeconds = 0.2;
 constexpr double kMaxPairSeconds = 2.0;
 constexpr std::size_t kMinPairs = 30;
 constexpr std::size_t kMaxPairs = 1500;
-constexpr std::size_t kCoarsePairs = 400;  // To find the lag on the grid.
+constexpr std::size_t kCoarsePairs = 250;  // To find the lag on the grid.
 constexpr double kCauchyScale = 2.0;
 
 struct SightingPair {
@@ -117,12 +117,14 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const Eigen::Vector3d twist(
           scale.x() * twists[i].x(), scale.x() * twists[i].y(), scale.y() * twists[i].z());
-      const Eigen::Vector2d predicted = Se2::Exp(twist).Inverse() * pairs[i].q_begin;
+      const Se2::Step step = Se2::ExpStep(twist);
+      const Eigen::Vector2d predicted =
+          step.inverse_adjoint.topLeftCorner<2, 2>() * (pairs[i].q_begin - step.T.translation());
       const Eigen::Vector2d residual = pairs[i].q_end - predicted;
       // d predicted / dξ for Exp(Sξ)·Exp(dξ), as in the observation model.
       Eigen::Matrix<double, 2, 3> dq;
       dq << -1.0, 0.0, predicted.y(), 0.0, -1.0, -predicted.x();
-      const Eigen::Matrix<double, 2, 3> dtwist = dq * Se2::RightJacobian(twist);
+      const Eigen::Matrix<double, 2, 3> dtwist = dq * step.right_jacobian;
       Eigen::Matrix2d J;
       J.col(0) = dtwist.leftCols<2>() * twist.head<2>();
       J.col(1) = dtwist.col(2) * twist.z();

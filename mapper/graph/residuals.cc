@@ -31,17 +31,16 @@ MotionResidual::MotionResidual(const MotionIncrement& motion)
 MotionResidual::Linear MotionResidual::At(const Se2& T_map_i,
                                           const Se2& T_map_j,
                                           const Eigen::Vector3d& correction) const {
-  const Eigen::Vector3d shift = J_calibration_ * correction;
+  const Se2::Step shift = Se2::ExpStep(J_calibration_ * correction);
   const Se2 T_i_j = T_map_i.Inverse() * T_map_j;
-  const Se2 error = (T_i_j_ * Se2::Exp(shift)).Inverse() * T_i_j;
+  const Se2 error = (T_i_j_ * shift.T).Inverse() * T_i_j;
   const Eigen::Vector3d r = error.Log();
   const Eigen::Matrix3d whitened = sqrt_information_ * Se2::RightJacobian(r).inverse();
   Linear linear;
   linear.r = sqrt_information_ * r;
   linear.J_i = -whitened * T_i_j.InverseAdjoint();
   linear.J_j = whitened;
-  linear.J_correction =
-      -whitened * error.InverseAdjoint() * Se2::RightJacobian(shift) * J_calibration_;
+  linear.J_correction = -whitened * error.InverseAdjoint() * shift.right_jacobian * J_calibration_;
   return linear;
 }
 

@@ -16,7 +16,7 @@ namespace {
 constexpr double kWidth = 760.0;
 constexpr double kHeight = 440.0;
 constexpr double kLeft = 70.0;
-constexpr double kRight = 130.0;  // Holds the legend.
+constexpr double kRight = 170.0;  // Holds the legend.
 constexpr double kTop = 52.0;
 constexpr double kBottom = 55.0;
 
