@@ -179,8 +179,9 @@ void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* proble
     Graph graph = MakeGraph(options, problem);
     SolveGraph(std::min(kIterations, options.max_solver_iterations), &graph);
     CopyBack(graph, problem);
-    const GraphPosterior posterior = ComputeGraphPosterior(graph, kNoiseSamples, options.seed);
-    if (UpdateNoise(posterior.statistics, problem) < kSettledNoise) return;
+    const ResidualStatistics statistics =
+        ComputeResidualStatistics(graph, kNoiseSamples, options.seed);
+    if (UpdateNoise(statistics, problem) < kSettledNoise) return;
   }
 }
 

@@ -58,7 +58,6 @@ struct MapProblem {
   /// Joint Gaussian of the prior map's modes; `modes` of it are flat indices, see FlatModes.
   GraphPrior prior;
 
-  int modes_created = 0;
   int modes_merged = 0;
 };
 

@@ -148,7 +148,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   }
   if (!prior) AnchorFrame(&problem);
   const Graph graph = MakeGraph(options, &problem);
-  Eigen::MatrixXd mode_covariance = ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
+  Eigen::MatrixXd mode_covariance = ComputeModeCovariance(graph);
   if (!prior) mode_covariance = ReferToPositions(graph.modes, mode_covariance);
   mode_covariance = AddScaleUncertainty(graph.modes, options.sd_range_scale, mode_covariance);
 

@@ -194,7 +194,6 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
       AssignmentOf(problem, ref) = mode;
     }
   }
-  problem->modes_created += created;
   return created;
 }
 
@@ -260,8 +259,7 @@ int RefineModes(const MapperOptions& options, MapProblem* problem) {
     const Graph graph = SolveContinuous(options, problem);
     solved = state;
     if (HasSeveralModes(*problem)) {
-      const Eigen::MatrixXd mode_covariance =
-          ComputeGraphPosterior(graph, 0, options.seed).mode_covariance;
+      const Eigen::MatrixXd mode_covariance = ComputeModeCovariance(graph);
       if (MergeModes(options.modes, mode_covariance, problem) > 0) {
         solved.clear();
         continue;

@@ -56,11 +56,19 @@ bool MeetsPrior(const MapProblem& problem, const Encounter& encounter) {
   return encounter.nearest != kUnassigned && NearestMode(problem, encounter).number != kAbsent;
 }
 
-// Row, in the prior's mean, of the mode that an encounter is with.
-Eigen::Index PriorRow(const MapProblem& problem, const Encounter& encounter) {
-  const int flat = FlatModes(problem).Index(static_cast<int>(encounter.group), encounter.nearest);
-  const auto found = std::find(problem.prior.modes.begin(), problem.prior.modes.end(), flat);
-  return 2 * static_cast<Eigen::Index>(found - problem.prior.modes.begin());
+// The prior's mode that each encounter is with. Precondition: MeetsPrior().
+std::vector<int> PriorModes(const MapProblem& problem, const std::vector<Encounter>& encounters) {
+  const FlatModes flat(problem);
+  std::vector<int> of_flat(static_cast<std::size_t>(flat.count), kUnassigned);
+  for (std::size_t i = 0; i < problem.prior.modes.size(); ++i) {
+    of_flat[static_cast<std::size_t>(problem.prior.modes[i])] = static_cast<int>(i);
+  }
+  std::vector<int> modes;
+  for (const Encounter& encounter : encounters) {
+    modes.push_back(of_flat[static_cast<std::size_t>(
+        flat.Index(static_cast<int>(encounter.group), encounter.nearest))]);
+  }
+  return modes;
 }
 
 // Of the encounters with modes of the prior, those of landmarks that stand elsewhere by now.
@@ -69,30 +77,30 @@ std::vector<bool> Displaced(const MapperOptions& options,
                             const Submap& submap,
                             const std::vector<Encounter>& encounters,
                             const MapProblem& problem) {
-  std::vector<std::size_t> tested;
+  std::vector<std::size_t> indices;
+  std::vector<Encounter> tested;
   std::vector<Eigen::Vector2d> positions;
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     if (!MeetsPrior(problem, encounters[i])) continue;
-    tested.push_back(i);
+    indices.push_back(i);
+    tested.push_back(encounters[i]);
     positions.push_back(NearestMode(problem, encounters[i]).p_map_landmark);
   }
   std::vector<bool> displaced(encounters.size());
   if (tested.empty()) return displaced;
 
+  const std::vector<int> prior_modes = PriorModes(problem, tested);
   const auto size = static_cast<Eigen::Index>(2 * tested.size());
   Eigen::VectorXd difference(size);
-  Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(size, size);
+  Eigen::MatrixXd cov(size, size);
   for (std::size_t a = 0; a < tested.size(); ++a) {
-    const Encounter& at = encounters[tested[a]];
     const auto row = static_cast<Eigen::Index>(2 * a);
-    const auto prior_row = static_cast<int>(PriorRow(problem, at) / 2);
     difference.segment<2>(row) =
-        submap.problem.modes[at.group][at.mode].p_map_landmark - positions[a];
+        submap.problem.modes[tested[a].group][tested[a].mode].p_map_landmark - positions[a];
     for (std::size_t b = 0; b < tested.size(); ++b) {
-      const Encounter& other = encounters[tested[b]];
       cov.block<2, 2>(row, static_cast<Eigen::Index>(2 * b)) =
-          submap.covariance.block<2, 2>(2 * at.flat, 2 * other.flat) +
-          prior_covariance.Block(prior_row, static_cast<int>(PriorRow(problem, other) / 2));
+          submap.covariance.block<2, 2>(2 * tested[a].flat, 2 * tested[b].flat) +
+          prior_covariance.Block(prior_modes[a], prior_modes[b]);
     }
   }
   cov.diagonal().array() += 2.0 * kSubmapFloor * kSubmapFloor;
@@ -100,7 +108,7 @@ std::vector<bool> Displaced(const MapperOptions& options,
   const Eigen::MatrixXd G = DatumDirections(positions);
   cov += kDatumSd * kDatumSd * G * G.transpose();
   const std::vector<int> clusters = FindDisplaced(difference, cov, options.displacement);
-  for (std::size_t a = 0; a < tested.size(); ++a) displaced[tested[a]] = clusters[a] >= 0;
+  for (std::size_t a = 0; a < indices.size(); ++a) displaced[indices[a]] = clusters[a] >= 0;
   return displaced;
 }
 
@@ -169,8 +177,7 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {
   Submap submap{std::move(problem), {}, {}};
   const Graph graph = MakeGraph(options, &submap.problem);
-  submap.covariance =
-      ReferToPositions(graph.modes, ComputeGraphPosterior(graph, 0, options.seed).mode_covariance);
+  submap.covariance = ReferToPositions(graph.modes, ComputeModeCovariance(graph));
   for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
     for (const BuildMode& mode : submap.problem.modes[group]) {
       const auto at = static_cast<Eigen::Index>(2 * submap.points.size());

@@ -58,7 +58,7 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   T_map_vehicle_ = T_map_vehicle_ * T_begin_end;
 
   StateMatrix F = StateMatrix::Identity();
-  F.topLeftCorner<3, 3>() = T_begin_end.Inverse().Adjoint();
+  F.topLeftCorner<3, 3>() = T_begin_end.InverseAdjoint();
   F.topRightCorner<3, 2>() = J;
   StateMatrix Q = StateMatrix::Zero();
   Q.topLeftCorner<3, 3>() = increment.cov;
@@ -208,7 +208,7 @@ void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
   T_map_vehicle_ = T_map_vehicle_ * step;
   log_scale_ += correction.tail<2>();
   StateMatrix A = StateMatrix::Identity();
-  A.topLeftCorner<3, 3>() = step.Inverse().Adjoint();
+  A.topLeftCorner<3, 3>() = step.InverseAdjoint();
   P_ = Symmetrized(StateMatrix(A * P_ * A.transpose()));
   shared_errors_.Move(A, correction);
   range_bearing_bias_.cross = A * range_bearing_bias_.cross;

@@ -42,7 +42,7 @@ std::optional<PoseEstimate> PosePredictor::At(Stamp now) const {
   PoseEstimate moved;
   moved.stamp = now;
   moved.pose.T_map_vehicle = corrected_->pose.T_map_vehicle * increment.T_begin_end;
-  const Eigen::Matrix3d F = increment.T_begin_end.Inverse().Adjoint();
+  const Eigen::Matrix3d F = increment.T_begin_end.InverseAdjoint();
   moved.pose.cov_T_map_vehicle =
       Symmetrized(F * corrected_->pose.cov_T_map_vehicle * F.transpose() + increment.cov);
   return moved;

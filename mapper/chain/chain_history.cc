@@ -2,38 +2,24 @@
 #include "mapper/chain/chain_history.h"
 
 #include <algorithm>
-#include <tuple>
 #include <utility>
 
 #include "proto/core/check.h"
 
 namespace shiftmap {
-namespace {
-
-auto OrderOf(const EvidenceRow& row) {
-  return std::tie(row.evidence.begin, row.evidence.end, row.report_uuid);
-}
-
-}  // namespace
 
 ChainHistory MakeChainHistory(const LandmarkGroup& group, std::vector<EvidenceRow> rows) {
-  std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
-    return OrderOf(a) < OrderOf(b);
-  });
-  const auto last = std::unique(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
-    return OrderOf(a) == OrderOf(b);
-  });
   ChainHistory history{group.signature, group.chain.states(), {}};
   Eigen::VectorXd values;
-  for (auto row = rows.begin(); row != last; ++row) {
-    if (!StateLogLikelihoods(group, row->evidence.modes, &values)) continue;
-    const Stamp end = std::max(row->evidence.begin, row->evidence.end);
-    if (!history.visits.empty() && row->evidence.begin <= history.visits.back().end) {
+  for (const EvidenceRow& row : InOrder(std::move(rows))) {
+    if (!StateLogLikelihoods(group, row.evidence.modes, &values)) continue;
+    const Stamp end = std::max(row.evidence.begin, row.evidence.end);
+    if (!history.visits.empty() && row.evidence.begin <= history.visits.back().end) {
       ChainVisit& visit = history.visits.back();
       visit.log_likelihoods += values;
       visit.end = std::max(visit.end, end);
     } else {
-      history.visits.push_back({row->evidence.begin, end, values});
+      history.visits.push_back({row.evidence.begin, end, values});
     }
   }
   return history;

@@ -85,18 +85,15 @@ struct ResidualStatistics {
   Eigen::Array<double, kKinds, 1> redundancy = Eigen::Array<double, kKinds, 1>::Zero();
 };
 
-/// The Gaussian around the solution.
-struct GraphPosterior {
-  /// Joint covariance of all modes, order of Graph::modes, (x, y) each. [m²]
-  Eigen::MatrixXd mode_covariance;
-  ResidualStatistics statistics;
-};
-
-/// Linearizes the graph at its present values. The poses are eliminated first (sparse), which
-/// leaves a dense problem over modes and calibrations. The redundancy of each kind of residual is
-/// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` draws of the posterior (seeded).
+/// Joint covariance of all modes in the Gaussian around the graph's present values, order of
+/// Graph::modes, (x, y) each. [m²]
 /// Precondition: every mode is observed or in the prior.
-GraphPosterior ComputeGraphPosterior(const Graph& graph, int samples, std::uint64_t seed);
+Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
+
+/// The statistics at the graph's present values. The redundancy of each kind of residual is
+/// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the Gaussian around
+/// them (seeded). Precondition: every mode is observed or in the prior.
+ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed);
 
 /// Squared standardized residual of one observation at the graph's present values.
 double SquaredResidual(const Graph& graph, const GraphObservation& observation);

@@ -13,6 +13,8 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
+constexpr char kNotDetermined[] = "the graph does not determine its poses and modes";
+
 Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t frame) {
   return step.poses[run].segment<3>(static_cast<Eigen::Index>(3 * frame));
 }
@@ -80,19 +82,23 @@ void CountObservations(const Graph& graph,
 
 }  // namespace
 
-GraphPosterior ComputeGraphPosterior(const Graph& graph, int samples, std::uint64_t seed) {
+Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
   GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), "the graph does not determine its poses and modes");
-  GraphPosterior posterior;
-  posterior.mode_covariance = elimination.ModeCovariance();
-  if (samples == 0) return posterior;
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  return elimination.ModeCovariance();
+}
 
+ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed) {
+  SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   std::mt19937_64 random(seed);
   std::vector<GraphStep> draws;
   for (int i = 0; i < samples; ++i) draws.push_back(elimination.Draw(random));
-  CountMotions(graph, elimination, draws, &posterior.statistics);
-  CountObservations(graph, elimination, draws, &posterior.statistics);
-  return posterior;
+  ResidualStatistics statistics;
+  CountMotions(graph, elimination, draws, &statistics);
+  CountObservations(graph, elimination, draws, &statistics);
+  return statistics;
 }
 
 }  // namespace shiftmap

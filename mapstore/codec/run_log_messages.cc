@@ -3,23 +3,11 @@
 
 #include <google/protobuf/descriptor.pb.h>
 
-#include <climits>
-
-#include "proto/run_log.pb.h"
+#include "mapstore/codec/parse_proto.h"
+#include "mapstore/codec/run_log_proto.h"
 
 namespace shiftmap {
 namespace {
-
-template <typename Proto>
-StatusOr<Proto> Parse(std::string_view bytes) {
-  Proto message;
-  if (bytes.size() > INT_MAX ||
-      !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return InvalidArgument(
-        "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
-  }
-  return message;
-}
 
 void ToProto(const Observation& observation, proto::LandmarkObservation* out) {
   out->set_signature(observation.signature.text());
@@ -83,43 +71,44 @@ std::string EncodeRunInfo(const RunInfo& info) {
 
 std::string EncodeOdometry(const OdometrySample& sample) {
   proto::Odometry message;
-  message.set_stamp_ns(ToNanoseconds(sample.stamp));
-  message.set_v_mps(sample.v_mps);
-  message.set_omega_radps(sample.omega_radps);
+  ToProto(sample, &message);
   return message.SerializeAsString();
 }
 
 std::string EncodeScan(const Scan& scan) {
   proto::LandmarkScan message;
-  message.set_stamp_ns(ToNanoseconds(scan.stamp));
-  for (const Observation& observation : scan.observations) {
-    ToProto(observation, message.add_observation());
-  }
+  ToProto(scan, &message);
   return message.SerializeAsString();
 }
 
-StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const proto::RunInfo message, Parse<proto::RunInfo>(bytes));
-  return RunInfo{message.vehicle(), message.source()};
+void ToProto(const OdometrySample& sample, proto::Odometry* out) {
+  out->set_stamp_ns(ToNanoseconds(sample.stamp));
+  out->set_v_mps(sample.v_mps);
+  out->set_omega_radps(sample.omega_radps);
 }
 
-StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const proto::Odometry message, Parse<proto::Odometry>(bytes));
+void ToProto(const Scan& scan, proto::LandmarkScan* out) {
+  out->set_stamp_ns(ToNanoseconds(scan.stamp));
+  for (const Observation& observation : scan.observations) {
+    ToProto(observation, out->add_observation());
+  }
+}
+
+StatusOr<OdometrySample> FromProto(const proto::Odometry& in) {
   OdometrySample sample;
-  sample.stamp = StampFromNanoseconds(message.stamp_ns());
-  sample.v_mps = message.v_mps();
-  sample.omega_radps = message.omega_radps();
+  sample.stamp = StampFromNanoseconds(in.stamp_ns());
+  sample.v_mps = in.v_mps();
+  sample.omega_radps = in.omega_radps();
   SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(sample));
   return sample;
 }
 
-StatusOr<Scan> DecodeScan(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const proto::LandmarkScan message, Parse<proto::LandmarkScan>(bytes));
+StatusOr<Scan> FromProto(const proto::LandmarkScan& in) {
   Scan scan;
-  scan.stamp = StampFromNanoseconds(message.stamp_ns());
-  scan.observations.reserve(static_cast<std::size_t>(message.observation_size()));
-  for (const proto::LandmarkObservation& in : message.observation()) {
-    auto observation = FromProto(in);
+  scan.stamp = StampFromNanoseconds(in.stamp_ns());
+  scan.observations.reserve(static_cast<std::size_t>(in.observation_size()));
+  for (const proto::LandmarkObservation& item : in.observation()) {
+    auto observation = FromProto(item);
     if (!observation.ok()) {
       return InvalidArgument(
           "scan at {:.6f} s: {}", ToSecondsSinceEpoch(scan.stamp), Message(observation.status()));
@@ -128,6 +117,21 @@ StatusOr<Scan> DecodeScan(std::string_view bytes) {
   }
   SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(scan));
   return scan;
+}
+
+StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::RunInfo>(bytes));
+  return RunInfo{message.vehicle(), message.source()};
+}
+
+StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::Odometry>(bytes));
+  return FromProto(message);
+}
+
+StatusOr<Scan> DecodeScan(std::string_view bytes) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::LandmarkScan>(bytes));
+  return FromProto(message);
 }
 
 }  // namespace shiftmap

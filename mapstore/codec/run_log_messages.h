@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The messages of a run log, to and from values. Inside codec/ only: it names generated types.
+// The messages of a run log, to and from bytes. Inside codec/ only.
 #pragma once
 
 #include <string>

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "proto/core/check.h"
 
@@ -114,17 +115,22 @@ ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {
   return {Log(group.chain.Propagate(uniform, kForever)), stamp, false};
 }
 
-ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows) {
+std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows) {
   std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
     return OrderOf(a) < OrderOf(b);
   });
   const auto end = std::unique(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
     return OrderOf(a) == OrderOf(b);
   });
+  rows.erase(end, rows.end());
+  return rows;
+}
+
+ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows) {
   Eigen::VectorXd log_likelihoods;
-  for (auto row = rows.begin(); row != end; ++row) {
-    if (!StateLogLikelihoods(group, row->evidence.modes, &log_likelihoods)) continue;
-    AddVisit(group, row->evidence.begin, row->evidence.end, log_likelihoods, &start);
+  for (const EvidenceRow& row : InOrder(std::move(rows))) {
+    if (!StateLogLikelihoods(group, row.evidence.modes, &log_likelihoods)) continue;
+    AddVisit(group, row.evidence.begin, row.evidence.end, log_likelihoods, &start);
   }
   return start;
 }

@@ -70,10 +70,12 @@ struct EvidenceRow {
   VisitEvidence evidence;
 };
 
+/// The rows by (begin, end, report UUID), each once.
+std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows);
+
 /// AddVisit over all rows that do not favour a mode that the group does not have.
-/// @param rows  Of the group's landmark, in any order: taken by (begin, end, report UUID), bit by
-/// bit
-///              the same result. A row given twice counts once.
+/// @param rows  Of the group's landmark, in any order and with repetitions: taken InOrder, so the
+///              result is the same bit by bit.
 ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows);
 
 /// The distribution at a time not before `state.stamp`; for an earlier one, the state's own.

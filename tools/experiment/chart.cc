@@ -198,6 +198,13 @@ std::vector<double> LogTicks(double min, double max) {
   return ticks;
 }
 
+ChartSeries& SeriesNamed(const std::string& name, Chart* chart) {
+  for (ChartSeries& series : chart->series) {
+    if (series.name == name) return series;
+  }
+  return chart->series.emplace_back(ChartSeries{name});
+}
+
 std::string DrawChart(const Chart& chart) {
   const Axes axes = FitAxes(chart);
   Svg svg(kWidth, kHeight);

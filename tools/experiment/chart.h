@@ -26,6 +26,10 @@ struct Chart {
   bool equal_axes = false;  ///< One unit is as long on either axis, as on a map.
 };
 
+/// The chart's series of that name; a new one, joined by a line, if there is none.
+/// @return Valid until the chart's series change.
+ChartSeries& SeriesNamed(const std::string& name, Chart* chart);
+
 /// The chart as an SVG document.
 std::string DrawChart(const Chart& chart);
 

@@ -55,15 +55,7 @@ Chart OverNoise(const std::vector<IjrrSelectorsRow>& rows,
                 const std::string& y_label) {
   Chart chart{.title = title, .x_label = "variance r of an observation [m²]", .y_label = y_label};
   for (const IjrrSelectorsRow& row : rows) {
-    auto series =
-        std::find_if(chart.series.begin(), chart.series.end(), [&](const ChartSeries& other) {
-          return other.name == row.selector;
-        });
-    if (series == chart.series.end()) {
-      chart.series.push_back({row.selector, {}, true});
-      series = chart.series.end() - 1;
-    }
-    series->points.emplace_back(row.noise_m2, row.*member);
+    SeriesNamed(row.selector, &chart).points.emplace_back(row.noise_m2, row.*member);
   }
   return chart;
 }

@@ -53,20 +53,9 @@ StatusOr<UtiasEstimate> RunOracle(const Trial& trial) {
   return RunMapper(trial, known);
 }
 
-StatusOr<UtiasEstimate> RunStatic(const Trial& trial) {
-  return SolveStatic(*trial.data,
-                     trial.calibrated,
-                     trial.map,
-                     trial.options->protocol.prior_sd_m,
-                     StaticLoss::kSquare);
-}
-
-StatusOr<UtiasEstimate> RunStaticCauchy(const Trial& trial) {
-  return SolveStatic(*trial.data,
-                     trial.calibrated,
-                     trial.map,
-                     trial.options->protocol.prior_sd_m,
-                     StaticLoss::kCauchy);
+StatusOr<UtiasEstimate> RunStatic(const Trial& trial, StaticLoss loss) {
+  return SolveStatic(
+      *trial.data, trial.calibrated, trial.map, trial.options->protocol.prior_sd_m, loss);
 }
 
 struct Method {
@@ -91,10 +80,13 @@ UtiasEstimate RunSelector(const Trial& trial, SelectorKind kind, const UtiasNois
 }
 
 std::vector<Method> Methods() {
-  std::vector<Method> methods = {{{"ours", true, false}, RunOurs},
-                                 {{"oracle", true, false}, RunOracle},
-                                 {{"static", true, false}, RunStatic},
-                                 {{"static-cauchy", true, false}, RunStaticCauchy}};
+  std::vector<Method> methods = {
+      {{"ours", true, false}, RunOurs},
+      {{"oracle", true, false}, RunOracle},
+      {{"static", true, false},
+       [](const Trial& trial) { return RunStatic(trial, StaticLoss::kSquare); }},
+      {{"static-cauchy", true, false},
+       [](const Trial& trial) { return RunStatic(trial, StaticLoss::kCauchy); }}};
   for (const SelectorKind kind : {SelectorKind::kNearestNeighbor,
                                   SelectorKind::kEm,
                                   SelectorKind::kMcts,
@@ -202,11 +194,10 @@ StatusOr<IjrrUtiasResult> RunIjrrUtias(
   double done = 0.0;
   for (const UtiasCase& data : result.cases) {
     SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult without_map, Build(data, std::nullopt));
+    const UtiasNoise calibrated = CalibratedNoise(without_map);
     for (const double delta_m : options.deltas_m) {
-      const Trial trial{&data,
-                        Displaced(data.landmarks, data.moved, delta_m),
-                        CalibratedNoise(without_map),
-                        &options};
+      const Trial trial{
+          &data, Displaced(data.landmarks, data.moved, delta_m), calibrated, &options};
       for (const Method& method : Methods()) {
         if (!Selected(options, method.about, delta_m)) continue;
         if (progress) {

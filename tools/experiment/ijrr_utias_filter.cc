@@ -60,7 +60,7 @@ int ModeFilter::AddSeen(const Observation& observation, const Eigen::Matrix2d& c
 }
 
 void ModeFilter::Move(const MotionIncrement& motion) {
-  const Eigen::Matrix3d F = motion.T_begin_end.Inverse().Adjoint();
+  const Eigen::Matrix3d F = motion.T_begin_end.InverseAdjoint();
   cov_.topRows<3>() = (F * cov_.topRows<3>()).eval();
   cov_.leftCols<3>() = (cov_.leftCols<3>() * F.transpose()).eval();
   cov_.topLeftCorner<3, 3>() += motion.cov;

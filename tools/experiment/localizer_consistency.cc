@@ -4,12 +4,12 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "localizer/filter/known_map_filter.h"
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "tools/experiment/dice.h"
 #include "tools/experiment/monte_carlo.h"
 
 namespace shiftmap {
@@ -21,22 +21,6 @@ constexpr double kYawRate = 0.2;      // [rad/s]
 constexpr double kHalfSize = 8.0;     // [m]
 constexpr double kMinRange = 1.0;     // Nearer ones are below the sensor. [m]
 constexpr double kMinSd = 1e-4;       // A map's covariance is positive definite. [m]
-
-class Dice {
- public:
-  explicit Dice(std::uint64_t seed) : random_(seed) {}
-  double Normal() { return normal_(random_); }
-  double Uniform(double low, double high) { return low + (high - low) * uniform_(random_); }
-  Eigen::Vector2d Normal2() {
-    const double x = Normal();
-    return {x, Normal()};
-  }
-
- private:
-  std::mt19937_64 random_;
-  std::normal_distribution<double> normal_;
-  std::uniform_real_distribution<double> uniform_;
-};
 
 MapContent DrawMap(const ConsistencyScene& scene, Dice* dice) {
   const double sd = std::max(scene.sd_map_m, kMinSd);
@@ -85,7 +69,7 @@ class ExactMapFilter {
 
   void Predict(const MotionIncrement& increment) {
     T_map_vehicle_ = T_map_vehicle_ * increment.T_begin_end;
-    const Eigen::Matrix3d F = increment.T_begin_end.Inverse().Adjoint();
+    const Eigen::Matrix3d F = increment.T_begin_end.InverseAdjoint();
     P_ = F * P_ * F.transpose() + increment.cov;
   }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -64,14 +65,8 @@ Chart OverGap(const std::vector<RecurringChainsRow>& rows,
         });
     if (spacing == options.train.end() || !(spacing->gap_s > 0.0)) continue;
     if (!std::isfinite(row.*member)) continue;
-    auto series = std::find_if(chart.series.begin(),
-                               chart.series.end(),
-                               [&](const ChartSeries& other) { return other.name == row.method; });
-    if (series == chart.series.end()) {
-      chart.series.push_back({row.method, {}, true});
-      series = chart.series.end() - 1;
-    }
-    series->points.emplace_back(std::log10(spacing->gap_s / 60.0), row.*member);
+    SeriesNamed(row.method, &chart)
+        .points.emplace_back(std::log10(spacing->gap_s / 60.0), row.*member);
   }
   return chart;
 }
@@ -108,14 +103,22 @@ Status WriteFigures(const std::vector<RecurringChainsRow>& rows,
   return OkStatus();
 }
 
+ChainHistory WholeHistory(const RecurringRecord& record) {
+  std::vector<std::size_t> all(record.stamps.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return VisitRecord(record, all);
+}
+
+StatusOr<LearnedChain> LearnGeneralChain(const ChainHistory& history,
+                                         ChainLearningOptions learning) {
+  learning.structure = ChainStructure::kGeneral;
+  return LearnChain(history, learning);
+}
+
 // How the door's rates go with the hour.
 StatusOr<Chart> RhythmChart(const RecurringRecord& door, const RecurringChainsOptions& options) {
-  std::vector<std::size_t> all(door.stamps.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
-  const ChainHistory history = VisitRecord(door, all);
-  ChainLearningOptions learning = options.learning;
-  learning.structure = ChainStructure::kGeneral;
-  SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnChain(history, learning));
+  const ChainHistory history = WholeHistory(door);
+  SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnGeneralChain(history, options.learning));
   DailyRhythmOptions rhythm;
   rhythm.phases = options.phases;
   const std::vector<ModeChain> chains = FitDailyRates(history, whole.chain(), rhythm);
@@ -152,12 +155,8 @@ Status Run(const Arguments& arguments, Context& context) {
   const RecurringChainsOptions& options = arguments.options;
 
   // The truth of the simulated record is the chain of the real one.
-  std::vector<std::size_t> all(rooms.stamps.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
-  ChainLearningOptions learning = options.learning;
-  learning.structure = ChainStructure::kGeneral;
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain truth,
-                            LearnChain(VisitRecord(rooms, all), learning));
+                            LearnGeneralChain(WholeHistory(rooms), options.learning));
   const RecurringRecord simulated = SimulateRecord(rooms, truth.chain(), options.seed);
 
   const std::unique_ptr<Progress> progress = context.MakeProgress();

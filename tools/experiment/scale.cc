@@ -7,11 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <set>
 #include <utility>
 
 #include "mapper/mapper.h"
+#include "tools/experiment/monte_carlo.h"
 #include "tools/sim/open_world.h"
 
 namespace shiftmap {
@@ -20,12 +20,6 @@ namespace {
 constexpr double kScanRate = 2.0;       // [1/s]
 constexpr double kSquareMetres = 80.0;  // Of floor for each landmark. [m²]
 constexpr double kMib = 1024.0 * 1024.0;
-
-double ProcessorSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 double PeakMib() {
   rusage usage{};
@@ -69,10 +63,10 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   world = SimulatedWorld();
   row.true_modes = static_cast<int>(places.size());
   row.logs_mib = ResidentMib();
-  const double begin = ProcessorSeconds();
+  const double begin = ThreadProcessorSeconds();
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
                             BuildMap(std::move(inputs), std::nullopt, MapperOptions()));
-  row.build_s = ProcessorSeconds() - begin;
+  row.build_s = ThreadProcessorSeconds() - begin;
   for (const MappedRun& run : result.runs) row.key_frames += run.poses;
   row.runs = static_cast<int>(result.runs.size());
   row.rejected = static_cast<int>(result.rejected.size());

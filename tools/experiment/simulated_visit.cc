@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/simulated_visit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <random>
 #include <utility>
 
 #include "localizer/filter/known_map_filter.h"
 #include "localizer/models/observation_model.h"
+#include "tools/experiment/dice.h"
 
 namespace shiftmap {
 namespace {
@@ -17,37 +16,6 @@ namespace {
 constexpr double kSpeed = 0.5;        // [m/s]
 constexpr double kMaxYawRate = 0.15;  // [rad/s]
 constexpr double kMisjudgedSigmas = 6.0;
-
-// Everything random, from one generator in a fixed order.
-class Dice {
- public:
-  explicit Dice(std::uint64_t seed) : random_(seed) {}
-
-  double Uniform(double low, double high) { return low + (high - low) * uniform_(random_); }
-  bool Coin(double probability) { return uniform_(random_) < probability; }
-  double Normal() { return normal_(random_); }
-  Eigen::Vector2d Normal2() {
-    const double x = Normal();
-    return {x, Normal()};
-  }
-  Eigen::Vector3d Normal3(const Eigen::Matrix3d& cov) {
-    const Eigen::Vector2d xy = Normal2();
-    return Eigen::Matrix3d(cov.llt().matrixL()) * Eigen::Vector3d(xy.x(), xy.y(), Normal());
-  }
-  int Index(const Eigen::VectorXd& probabilities) {
-    double left = uniform_(random_);
-    for (int i = 0; i + 1 < probabilities.size(); ++i) {
-      left -= probabilities[i];
-      if (left < 0.0) return i;
-    }
-    return static_cast<int>(probabilities.size()) - 1;
-  }
-
- private:
-  std::mt19937_64 random_;
-  std::uniform_real_distribution<double> uniform_;
-  std::normal_distribution<double> normal_;
-};
 
 bool TooNear(const std::vector<Mode>& modes, const Eigen::Vector2d& p, double spacing) {
   for (const Mode& mode : modes) {

@@ -20,12 +20,10 @@ void Fill(const ShiftHeader& header, proto::JournalRecord* record) {
 }
 
 void Fill(const OdometrySample& sample, proto::JournalRecord* record) {
-  FillFrom(EncodeOdometry(sample), record->mutable_odometry());
+  ToProto(sample, record->mutable_odometry());
 }
 
-void Fill(const Scan& scan, proto::JournalRecord* record) {
-  FillFrom(EncodeScan(scan), record->mutable_scan());
-}
+void Fill(const Scan& scan, proto::JournalRecord* record) { ToProto(scan, record->mutable_scan()); }
 
 void Fill(const InitializePose& start, proto::JournalRecord* record) {
   ToProto(start.pose, record->mutable_initialize_pose()->mutable_pose());

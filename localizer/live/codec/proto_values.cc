@@ -53,13 +53,13 @@ StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in) {
 }
 
 StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const OdometrySample sample, DecodeOdometry(in.SerializeAsString()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const OdometrySample sample, shiftmap::FromProto(in));
   SHIFTMAP_RETURN_IF_ERROR(CheckStamp(sample.stamp));
   return sample;
 }
 
 StatusOr<Scan> ScanFromProto(const proto::LandmarkScan& in) {
-  SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, DecodeScan(in.SerializeAsString()));
+  SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, shiftmap::FromProto(in));
   SHIFTMAP_RETURN_IF_ERROR(CheckStamp(scan.stamp));
   for (const Observation& observation : scan.observations) {
     const std::size_t length = observation.signature.text().size();

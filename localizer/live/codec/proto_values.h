@@ -3,36 +3,16 @@
 // Values that several messages share. Inside codec/ only: it names generated types.
 #pragma once
 
-#include <climits>
 #include <cmath>
 #include <optional>
-#include <string>
-#include <string_view>
 
 #include "localizer/live/messages.h"
-#include "mapstore/codec/run_log_messages.h"
-#include "proto/core/check.h"
+#include "mapstore/codec/parse_proto.h"
+#include "mapstore/codec/run_log_proto.h"
 #include "proto/core/status.h"
 #include "proto/live.pb.h"
 
 namespace shiftmap::live {
-
-template <typename Proto>
-StatusOr<Proto> ParseProto(std::string_view bytes) {
-  Proto message;
-  if (bytes.size() > INT_MAX ||
-      !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return InvalidArgument(
-        "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
-  }
-  return message;
-}
-
-/// Fills `out` with what `encoded`, made by the codec of run logs, says.
-template <typename Proto>
-void FillFrom(const std::string& encoded, Proto* out) {
-  SHIFTMAP_CHECK(out->ParseFromString(encoded), "{} bytes of our own", encoded.size());
-}
 
 void ToProto(const PoseWithCovariance& pose, proto::Pose* out);
 

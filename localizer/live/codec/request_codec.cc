@@ -7,12 +7,10 @@ namespace shiftmap::live {
 namespace {
 
 void Fill(const OdometrySample& sample, proto::Request* out) {
-  FillFrom(EncodeOdometry(sample), out->mutable_odometry());
+  ToProto(sample, out->mutable_odometry());
 }
 
-void Fill(const Scan& scan, proto::Request* out) {
-  FillFrom(EncodeScan(scan), out->mutable_scan());
-}
+void Fill(const Scan& scan, proto::Request* out) { ToProto(scan, out->mutable_scan()); }
 
 void Fill(const GetState&, proto::Request* out) { out->mutable_get_state(); }
 

@@ -38,7 +38,7 @@ std::set<int> AssignedModes(const MapProblem& problem, int group) {
 }
 
 Eigen::MatrixXd ModeCovariance(const MapperOptions& options, MapProblem* problem) {
-  return ComputeGraphPosterior(SolveContinuous(options, problem), 0, 1).mode_covariance;
+  return ComputeModeCovariance(SolveContinuous(options, problem));
 }
 
 TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {

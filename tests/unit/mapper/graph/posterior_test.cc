@@ -193,7 +193,7 @@ TEST_F(Posterior, TwoPosesHaveTheClosedFormSolution) {
   const Eigen::Vector2d p =
       cov * (R.inverse() * z[0] + via.inverse() * (Eigen::Vector2d(1.0, 0.0) + z[1]));
   EXPECT_THAT(graph.modes[0], testing::IsNearMatrix(p, 1e-4));
-  EXPECT_THAT(ComputeGraphPosterior(graph, 0, 1).mode_covariance, testing::IsNearMatrix(cov, 1e-6));
+  EXPECT_THAT(ComputeModeCovariance(graph), testing::IsNearMatrix(cov, 1e-6));
 }
 
 TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
@@ -205,7 +205,7 @@ TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
     const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
     const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
     const Eigen::MatrixXd expected = cov.bottomRightCorner(rows, rows);
-    EXPECT_THAT(ComputeGraphPosterior(graph, 0, 1).mode_covariance,
+    EXPECT_THAT(ComputeModeCovariance(graph),
                 testing::IsNearMatrix(expected, 1e-5 * expected.cwiseAbs().maxCoeff()));
     // The gradient vanishes at what the solver calls the solution.
     const Eigen::VectorXd gradient = J.transpose() * dense.Residuals();
@@ -222,7 +222,7 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
   const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
   const Eigen::MatrixXd J_measured = J.topRows(dense.measured());
   const double explained = (J_measured * cov * J_measured.transpose()).trace();
-  const ResidualStatistics statistics = ComputeGraphPosterior(graph, kSamples, 7).statistics;
+  const ResidualStatistics statistics = ComputeResidualStatistics(graph, kSamples, 7);
   // The trace's estimate scatters by √(2 explained / samples).
   const double sd = std::sqrt(2.0 * explained / kSamples);
   EXPECT_NEAR(
@@ -239,7 +239,7 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
 TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   SolveGraph(100, &graph);
-  const ResidualStatistics statistics = ComputeGraphPosterior(graph, 30, 7).statistics;
+  const ResidualStatistics statistics = ComputeResidualStatistics(graph, 30, 7);
   for (const auto kind : {ResidualStatistics::kTranslation,
                           ResidualStatistics::kYaw,
                           ResidualStatistics::kRange,
@@ -255,7 +255,7 @@ TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   for (GraphObservation& item : graph.observations) item.cov_z(1, 1) *= 4.0;
   SolveGraph(100, &graph);
-  const ResidualStatistics statistics = ComputeGraphPosterior(graph, 30, 7).statistics;
+  const ResidualStatistics statistics = ComputeResidualStatistics(graph, 30, 7);
   const auto ratio = [&](ResidualStatistics::Kind kind) {
     return statistics.sum_of_squares[kind] / statistics.redundancy[kind];
   };
@@ -281,8 +281,8 @@ TEST_F(Posterior, SolvesToTheSameBits) {
   SolveGraph(100, &first);
   SolveGraph(100, &second);
   EXPECT_EQ(first.modes, second.modes);
-  EXPECT_EQ(ComputeGraphPosterior(first, 3, 5).statistics.redundancy.matrix(),
-            ComputeGraphPosterior(second, 3, 5).statistics.redundancy.matrix());
+  EXPECT_EQ(ComputeResidualStatistics(first, 3, 5).redundancy.matrix(),
+            ComputeResidualStatistics(second, 3, 5).redundancy.matrix());
 }
 
 }  // namespace

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Inside codec/ only: it is for generated types.
+#pragma once
+
+#include <climits>
+#include <string_view>
+
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Errors: kInvalidArgument if the bytes are not such a message.
+template <typename Proto>
+StatusOr<Proto> ParseProto(std::string_view bytes) {
+  Proto message;
+  if (bytes.size() > INT_MAX ||
+      !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    return InvalidArgument(
+        "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
+  }
+  return message;
+}
+
+}  // namespace shiftmap
