@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <utility>
 #include <variant>
 
@@ -40,25 +39,55 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
       changes_(snapshot_.groups().size(), options.min_sightings) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
+  if (options.max_delay_s > 0.0) buffer_.emplace(FromSeconds(options.max_delay_s));
 }
 
 Status Localizer::Process(const RunEvent& event) {
   SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(event));
   const Stamp stamp = StampOf(event);
-  if (begin_ && stamp < now_) {
+  if (TooLate(stamp)) {
+    ++statistics_.late;
     return InvalidArgument("event at {:.6f} s comes after one at {:.6f} s, expected time order",
                            ToSecondsSinceEpoch(stamp),
                            ToSecondsSinceEpoch(now_));
   }
   new_estimates_.clear();
-  AccountTime(stamp);
-  if (const auto* sample = std::get_if<OdometrySample>(&event)) {
-    odometry_.Add(*sample);
+  if (buffer_) {
+    buffer_->Add(event);
+    LocalizeDue();
   } else {
-    ProcessScan(std::get<Scan>(event));
+    std::visit([&](const auto& item) { Localize(item); }, event);
   }
-  SetState(JudgeState());
   return OkStatus();
+}
+
+void Localizer::Flush() {
+  new_estimates_.clear();
+  if (!buffer_) return;
+  buffer_->Flush();
+  LocalizeDue();
+}
+
+void Localizer::LocalizeDue() {
+  while (const HeldEvent* due = buffer_->Next()) {
+    if (due->is_scan) {
+      Localize(due->scan);
+    } else {
+      Localize(due->sample);
+    }
+  }
+}
+
+void Localizer::Localize(const OdometrySample& sample) {
+  AccountTime(sample.stamp);
+  odometry_.Add(sample);
+  SetState(JudgeState());
+}
+
+void Localizer::Localize(const Scan& scan) {
+  AccountTime(scan.stamp);
+  ProcessScan(scan);
+  SetState(JudgeState());
 }
 
 void Localizer::AccountTime(Stamp stamp) {
@@ -72,57 +101,70 @@ void Localizer::AccountTime(Stamp stamp) {
 
 void Localizer::ProcessScan(const Scan& scan) {
   ++statistics_.scans;
-  WindowScan step{UsableObservations(scan), odometry_.Take(scan.stamp)};
+  TakeUsableObservations(scan);
+  step_.motion = odometry_.Take(scan.stamp);
   if (next_start_) {
     window_.clear();
-    window_.push_back(std::move(step));
+    window_.push_back(step_);
     StartAt(*std::exchange(next_start_, std::nullopt), 0);
     return;
   }
   const bool searching = !bank_ || health_.lost();
-  if (bank_) Step(step);
+  if (bank_) Step(step_);
   if (bank_ && !health_.lost()) {
     window_.clear();
     return;
   }
-  window_.push_back(std::move(step));
+  window_.push_back(step_);
   const Duration kept = FromSeconds(options_.global_start.window_s);
   while (window_.front().scan.stamp < scan.stamp - kept) window_.pop_front();
   // The scan that shows that the pose is lost is reported as such.
   if (searching && !window_.back().scan.observations.empty()) TryGlobalStart();
 }
 
-Scan Localizer::UsableObservations(const Scan& scan) {
-  std::map<Signature, std::vector<const Observation*>> by_signature;
+void Localizer::TakeUsableObservations(const Scan& scan) {
+  by_signature_.clear();
   for (const Observation& observation : scan.observations) {
     if (observation.signature.anonymous()) {
       ++statistics_.anonymous;
     } else {
-      by_signature[observation.signature].push_back(&observation);
+      by_signature_.push_back(&observation);
     }
   }
-  Scan usable;
-  usable.stamp = scan.stamp;
-  for (const Observation& observation : scan.observations) {
-    if (observation.signature.anonymous()) continue;
-    const std::vector<const Observation*>& same = by_signature[observation.signature];
-    if (same.front() != &observation) continue;
-    const bool two_places = std::any_of(same.begin(), same.end(), [&](const Observation* other) {
-      return AtTwoPlaces(observation, *other, snapshot_.calibration().sensor);
+  // Those of one signature side by side, in the order of the scan.
+  std::sort(by_signature_.begin(), by_signature_.end(), [](const auto* a, const auto* b) {
+    const int order = a->signature.text().compare(b->signature.text());
+    return order != 0 ? order < 0 : a < b;
+  });
+  const SensorCalibration& sensor = snapshot_.calibration().sensor;
+  const auto end = by_signature_.end();
+  auto kept = by_signature_.begin();
+  for (auto first = by_signature_.begin(); first != end;) {
+    const auto next = std::find_if(first, end, [&](const Observation* other) {
+      return other->signature != (*first)->signature;
     });
-    if (two_places) {
+    const Observation* const seen = *first;
+    if (std::any_of(first + 1, next, [&](const Observation* other) {
+          return AtTwoPlaces(*seen, *other, sensor);
+        })) {
       ++statistics_.duplicate_signatures;
-      at_two_places_.insert(observation.signature);
+      at_two_places_.insert(seen->signature);
     } else {
-      usable.observations.push_back(Corrected(observation, snapshot_.calibration().sensor));
+      *kept++ = seen;
     }
+    first = next;
   }
-  return usable;
+  std::sort(by_signature_.begin(), kept);
+  step_.scan.stamp = scan.stamp;
+  step_.scan.observations.resize(static_cast<std::size_t>(kept - by_signature_.begin()));
+  for (std::size_t i = 0; i < step_.scan.observations.size(); ++i) {
+    step_.scan.observations[i] = Corrected(*by_signature_[i], sensor);
+  }
 }
 
 void Localizer::Step(const WindowScan& step) {
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
-  const BankEvents events = bank_->Correct(step.scan);
+  const BankEvents& events = bank_->Correct(step.scan);
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
@@ -307,7 +349,10 @@ void Localizer::ForgetSince(Stamp stamp) {
   std::erase_if(decisions_, [&](const Decision& decision) { return decision.stamp >= stamp; });
 }
 
-void Localizer::Initialize(const PoseWithCovariance& pose) { next_start_ = pose; }
+void Localizer::Initialize(const PoseWithCovariance& pose) {
+  Flush();
+  next_start_ = pose;
+}
 
 std::optional<PoseEstimate> Localizer::Estimate() const {
   if (!bank_) return std::nullopt;
@@ -316,6 +361,7 @@ std::optional<PoseEstimate> Localizer::Estimate() const {
 
 LocalizerStatistics Localizer::Statistics() const {
   LocalizerStatistics statistics = statistics_;
+  if (buffer_) statistics.jumped = buffer_->jumps();
   if (bank_) {
     statistics.leaves_max = bank_->leaves_max();
     statistics.dropped_mass_max = bank_->dropped_mass_max();
@@ -359,6 +405,7 @@ void Localizer::SetState(LocalizerState state) {
 }
 
 void Localizer::Finish() {
+  Flush();
   if (!bank_) return;
   std::vector<VisitEvidence> last = bank_->EndVisits();
   evidence_.insert(evidence_.end(), last.begin(), last.end());

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "localizer/filter/event_buffer.h"
 #include "localizer/filter/odometry_buffer.h"
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/localizer_options.h"
@@ -43,31 +44,45 @@ struct LocalizerStatistics {
   std::int64_t unknown_signatures = 0;    ///< The map has no such landmark.
   std::int64_t anonymous = 0;             ///< No signature.
   std::int64_t ungated = 0;               ///< At no place that the heaviest leaf holds possible.
+
+  // Odometry samples and scans that did not count.
+  std::int64_t late = 0;    ///< Older than what had been localized.
+  std::int64_t jumped = 0;  ///< Far ahead of everything else; only if items may be late.
 };
 
 /// Localizes one vehicle on one map version, decides which mode of each landmark holds, and keeps
 /// the evidence for the fleet. Method: T-IV III-VIII on a known map; localizer/README.md.
 ///
-/// Threads: none. Determinism: the same events give the same bits. No I/O; memory is bounded but
-/// for the evidence, decisions and sightings that Report() returns.
+/// Threads: none. Determinism: the same events give the same bits; with max_delay_s, whatever the
+/// order in which they come within it. No I/O. Memory is bounded but for the evidence, decisions
+/// and sightings that Report() returns; these records, changes of state and the search for a start
+/// allocate, and other steps do not once they have seen as much at a time before.
 class Localizer {
  public:
   /// @param options  Valid by Validate().
   Localizer(MapSnapshot snapshot, const LocalizerOptions& options);
 
   /// Takes in the next item of the log or of the live stream.
-  /// Errors: kInvalidArgument for what ValidateEvent rejects and for a stamp older than the last
-  /// one; the localizer is then as before.
+  /// Errors: kInvalidArgument for what ValidateEvent rejects and for a stamp that is TooLate(); the
+  /// localizer is then as before.
   Status Process(const RunEvent& event);
 
+  /// True for stamps older than what was localized already.
+  bool TooLate(Stamp stamp) const { return begin_ && stamp < now_; }
+
+  /// Localizes what is held for items that may be late. These are too late from then on.
+  void Flush();
+
   /// Starts again at the next scan, at a pose that somebody knows. What ended visits say stays.
+  /// Flushes first.
   void Initialize(const PoseWithCovariance& pose);
 
   /// The pose after the last scan, by the heaviest leaf; nothing while INITIALIZING.
   std::optional<PoseEstimate> Estimate() const;
 
-  /// The poses that the last Process() made: none, one, or, when the first start was just found,
-  /// one for every scan that was kept for it. Their stamps ascend over all calls.
+  /// The poses that the last Process() or Flush() made, one for every scan that was localized; when
+  /// the first start was just found, also one for every scan that was kept for it. Their stamps
+  /// ascend over all calls.
   const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
 
   LocalizerState state() const { return state_; }
@@ -83,15 +98,18 @@ class Localizer {
   std::vector<UnmappedSighting> Sightings() const { return sightings_.Sightings(); }
   const MapSnapshot& snapshot() const { return snapshot_; }
 
-  /// Ends the shift: closes all visits. Process() may not be called after it.
+  /// Ends the shift: flushes, closes all visits. Process() may not be called after it.
   void Finish();
 
   /// What the fleet is told. uuid, vehicle, run_hash and software are the caller's to fill in.
   ShiftReport Report() const;
 
  private:
+  void Localize(const OdometrySample& sample);
+  void Localize(const Scan& scan);
+  void LocalizeDue();
   void ProcessScan(const Scan& scan);
-  Scan UsableObservations(const Scan& scan);
+  void TakeUsableObservations(const Scan& scan);
   void Step(const WindowScan& step);
   void TryGlobalStart();
   void StartAt(const PoseWithCovariance& pose, std::size_t first);
@@ -113,9 +131,12 @@ class Localizer {
 
   MapSnapshot snapshot_;
   LocalizerOptions options_;
+  std::optional<EventBuffer> buffer_;  // If items may be late.
   OdometryBuffer odometry_;
   std::optional<HypothesisBank> bank_;
   std::optional<PoseWithCovariance> next_start_;  // Given, for the next scan.
+  WindowScan step_;                               // The present scan.
+  std::vector<const Observation*> by_signature_;  // Scratch.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
   HealthMonitor health_;
   ChangeMonitor changes_;

@@ -32,6 +32,10 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
+  constexpr double kMaxDelay = 60.0;
+  if (!(max_delay_s >= 0.0 && max_delay_s <= kMaxDelay)) {
+    return InvalidArgument("option max_delay_s: {}, expected in [0, {}]", max_delay_s, kMaxDelay);
+  }
   if (initial_pose && (!initial_pose->T_map_vehicle.translation().allFinite() ||
                        !std::isfinite(initial_pose->T_map_vehicle.yaw()) ||
                        !IsSymmetricPositiveDefinite(initial_pose->cov_T_map_vehicle))) {

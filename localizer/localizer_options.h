@@ -23,6 +23,10 @@ struct LocalizerOptions {
   /// Sightings of a known signature at one unknown place that raise UNKNOWN_CHANGE, >= 1. [-]
   int min_sightings = 3;
 
+  /// What an item may come later than a younger one, in [0, 60]. Everything is held for as long; 0:
+  /// nothing is, and items come in order. [s]
+  double max_delay_s = 0.0;
+
   /// Errors: kInvalidArgument, naming the first option out of range.
   Status Validate() const;
 };

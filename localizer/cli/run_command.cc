@@ -34,6 +34,7 @@ struct RunOptions {
   bool return_report = false;
   double alpha = HypothesisOptions().alpha;
   int max_leaves = HypothesisOptions().max_leaves;
+  double max_delay_s = 0.0;
   std::string run;
 };
 
@@ -59,11 +60,16 @@ StatusOr<MapSnapshot> LoadMap(const RunOptions& options) {
 class Shift {
  public:
   Shift(MapSnapshot snapshot, const LocalizerOptions& options)
-      : localizer_(std::move(snapshot), options) {}
+      : localizer_(std::move(snapshot), options), may_be_late_(options.max_delay_s > 0.0) {}
 
   Status Process(const RunEvent& event) {
+    const std::int64_t late = localizer_.Statistics().late;
     const auto begin = std::chrono::steady_clock::now();
-    SHIFTMAP_RETURN_IF_ERROR(localizer_.Process(event));
+    if (const Status status = localizer_.Process(event); !status.ok()) {
+      // Dropped and counted, if there is a bound to how late items are.
+      if (may_be_late_ && localizer_.Statistics().late > late) return OkStatus();
+      return status;
+    }
     const std::chrono::duration<double, std::milli> elapsed =
         std::chrono::steady_clock::now() - begin;
     if (std::holds_alternative<Scan>(event)) {
@@ -71,9 +77,7 @@ class Shift {
     } else {
       has_odometry_ = true;
     }
-    for (const PoseEstimate& estimate : localizer_.new_estimates()) {
-      trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
-    }
+    RecordPoses();
     return OkStatus();
   }
 
@@ -104,6 +108,7 @@ class Shift {
 
   ShiftReport Finish() {
     localizer_.Finish();
+    RecordPoses();
     ShiftReport report = localizer_.Report();
     report.uuid = RandomUuid();
     report.vehicle = vehicle_;
@@ -121,7 +126,14 @@ class Shift {
   const std::vector<StampedPose>& trajectory() const { return trajectory_; }
 
  private:
+  void RecordPoses() {
+    for (const PoseEstimate& estimate : localizer_.new_estimates()) {
+      trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
+    }
+  }
+
   Localizer localizer_;
+  bool may_be_late_;
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
@@ -150,6 +162,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   LocalizerOptions localizer_options;
   localizer_options.hypotheses.alpha = options.alpha;
   localizer_options.hypotheses.max_leaves = options.max_leaves;
+  localizer_options.max_delay_s = options.max_delay_s;
   localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot snapshot, LoadMap(options));
@@ -187,6 +200,11 @@ void AddRunCommand(Application* application) {
       .InRange(1e-12, 0.49)
       .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
       .InRange(1, 1024)
+      .Option(
+          "--max-delay-s",
+          &options->max_delay_s,
+          "Put items of a stream in order that come this late; 0: one out of order ends the run")
+      .InRange(0.0, 60.0)
       .Option("RUN", &options->run, "Run log, or - for standard input")
       .Required()
       .Check([options] { return CheckOptions(*options); })

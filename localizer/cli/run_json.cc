@@ -120,7 +120,9 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["not_counted"] = {{"duplicate_signature", statistics.duplicate_signatures},
                              {"unknown_signature", statistics.unknown_signatures},
                              {"anonymous", statistics.anonymous},
-                             {"ungated", statistics.ungated}};
+                             {"ungated", statistics.ungated},
+                             {"late", statistics.late},
+                             {"future", statistics.jumped}};
   document["truncated"] = !summary.truncation.empty();
   if (estimate) {
     document["quality"] = estimate->quality;

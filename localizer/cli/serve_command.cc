@@ -30,6 +30,8 @@ struct ServeOptions {
   double alpha = HypothesisOptions().alpha;
   int max_leaves = HypothesisOptions().max_leaves;
   double max_pose_age_s = live::SavedPoseOptions().max_age_s;
+  // Drivers of sensors deliver out of step.
+  double max_delay_s = 0.2;
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
 };
 
@@ -54,6 +56,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.localizer.hypotheses.alpha = options.alpha;
   service.localizer.hypotheses.max_leaves = options.max_leaves;
   service.localizer.initial_pose = ParseInitialPose(options.initial_pose);
+  service.localizer.max_delay_s = options.max_delay_s;
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.clock = [] {
@@ -107,6 +110,10 @@ void AddServeCommand(Application* application) {
       .InRange(1, 1024)
       .Option("--max-pose-age-s", &options->max_pose_age_s, "Oldest saved pose that is used")
       .InRange(0.0, 1e9)
+      .Option("--max-delay-s",
+              &options->max_delay_s,
+              "Wait this long for odometry and scans that come late; 0: they come in order")
+      .InRange(0.0, 60.0)
       .Option("--step-budget-ms", &options->step_budget_ms, "A longer step counts as an overrun")
       .InRange(1e-3, 1e6)
       .Check([options] { return CheckOptions(*options); });

@@ -43,6 +43,7 @@ KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, dou
 
 KnownMapFilter::KnownMapFilter(const PoseWithCovariance& start, const Calibration& calibration)
     : T_map_vehicle_(start.T_map_vehicle),
+      R_vehicle_map_(start.T_map_vehicle.Rotation().transpose()),
       P_(StartCovariance(start, calibration.odometry.sd_log_scale)),
       shared_errors_(P_) {
   const SensorCalibration& sensor = calibration.sensor;
@@ -52,10 +53,15 @@ KnownMapFilter::KnownMapFilter(const PoseWithCovariance& start, const Calibratio
   position_bias_.cov = (kBiasShare * sd_position).cwiseAbs2().asDiagonal();
 }
 
+void KnownMapFilter::MoveTo(const Se2& T_map_vehicle) {
+  T_map_vehicle_ = T_map_vehicle;
+  R_vehicle_map_ = T_map_vehicle.Rotation().transpose();
+}
+
 void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s) {
   const Eigen::Matrix<double, 3, 2> J = increment.J_calibration.leftCols<2>();
   const Se2 T_begin_end = increment.T_begin_end * Se2::Exp(J * log_scale_);
-  T_map_vehicle_ = T_map_vehicle_ * T_begin_end;
+  MoveTo(T_map_vehicle_ * T_begin_end);
 
   StateMatrix F = StateMatrix::Identity();
   F.topLeftCorner<3, 3>() = T_begin_end.InverseAdjoint();
@@ -67,28 +73,60 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   shared_errors_.Predict(F, Q, elapsed_s);
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;
   position_bias_.cross = F * position_bias_.cross;
-  for (ConsideredMode& mode : considered_) mode.gain = F * mode.gain;
+  TransformGains(F);
+  SettleGains();
+}
+
+void KnownMapFilter::TransformGains(const StateMatrix& M) {
+  pending_ = (M * pending_).eval();
+  for (ConsideredMode& mode : considered_) {
+    if (mode.current) mode.gain = (M * mode.gain).eval();
+  }
+}
+
+void KnownMapFilter::SettleGains() {
+  for (ConsideredMode& mode : considered_) {
+    if (!mode.current) mode.gain = (pending_ * mode.gain).eval();
+    mode.current = false;
+  }
+  pending_.setIdentity();
 }
 
 KnownMapFilter::StateByPoint KnownMapFilter::CrossOf(int mode_index,
                                                      const JointCovariance& covariance) const {
-  StateByPoint cross = StateByPoint::Zero();
-  for (const ConsideredMode& mode : considered_) {
-    cross += mode.gain * covariance.Block(mode.index, mode_index);
+  StateByPoint of_current = StateByPoint::Zero();
+  StateByPoint of_others = StateByPoint::Zero();
+  const auto add = [&](const ConsideredMode& mode) {
+    (mode.current ? of_current : of_others) += mode.gain * covariance.Block(mode.index, mode_index);
+  };
+  if (covariance.cross_blocks().empty()) {
+    const auto mode = Find(mode_index);
+    if (mode != considered_.end() && mode->index == mode_index) add(*mode);
+  } else {
+    std::for_each(considered_.begin(), considered_.end(), add);
   }
-  return cross;
+  return of_current + pending_ * of_others;
+}
+
+KnownMapFilter::ConsideredModes::const_iterator KnownMapFilter::Find(int mode_index) const {
+  return std::lower_bound(considered_.begin(),
+                          considered_.end(),
+                          mode_index,
+                          [](const ConsideredMode& mode, int index) { return mode.index < index; });
 }
 
 KnownMapFilter::StateByPoint& KnownMapFilter::GainOf(int mode_index) {
-  const auto place =
-      std::find_if(considered_.begin(), considered_.end(), [&](const ConsideredMode& mode) {
-        return mode.index >= mode_index;
-      });
-  if (place != considered_.end() && place->index == mode_index) return place->gain;
-  return considered_.insert(place, {mode_index, StateByPoint::Zero()})->gain;
+  const auto place = considered_.begin() + (Find(mode_index) - considered_.cbegin());
+  if (place == considered_.end() || place->index != mode_index) {
+    return considered_.insert(place, {mode_index, true, StateByPoint::Zero()})->gain;
+  }
+  if (!place->current) place->gain = (pending_ * place->gain).eval();
+  place->current = true;
+  return place->gain;
 }
 
 void KnownMapFilter::LetGoOfWeakest(int except) {
+  SettleGains();
   const auto weight = [&](const ConsideredMode& mode) {
     return mode.index == except ? std::numeric_limits<double>::infinity() : mode.gain.squaredNorm();
   };
@@ -115,11 +153,10 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(ModeRef mode,
   const Mode& landmark = ModeOf(snapshot, mode);
   const StateByPoint cross =
       CrossOf(snapshot.ModeIndex(mode.group, mode.state), snapshot.covariance());
-  const Eigen::Matrix2d R_vehicle_map = T_map_vehicle_.Rotation().transpose();
   Point point;
-  point.q = R_vehicle_map * (landmark.p_map_landmark - T_map_vehicle_.translation());
+  point.q = R_vehicle_map_ * (landmark.p_map_landmark - T_map_vehicle_.translation());
   point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
-  point.H_landmark = R_vehicle_map;
+  point.H_landmark = R_vehicle_map_;
   const StateByPoint cross_q = cross * point.H_landmark.transpose();
   point.cov_state_q = P_.leftCols<3>() * point.H_pose.transpose() + cross_q;
   const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
@@ -130,23 +167,31 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(ModeRef mode,
   return point;
 }
 
-KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Observation& observation,
-                                                              const Eigen::Matrix2d& cov_z,
+KnownMapFilter::Measurement KnownMapFilter::Measure(const Observation& observation,
+                                                    const Eigen::Matrix2d& cov_z) {
+  Measurement measurement;
+  measurement.q = observation.PositionInVehicle();
+  measurement.dq_dz = DPositionDz(observation, cov_z);
+  measurement.cov_noise = measurement.dq_dz * cov_z * measurement.dq_dz.transpose();
+  measurement.log_m2_per_unit = std::log(SquareMetresPerUnit(observation));
+  measurement.kind = observation.kind;
+  return measurement;
+}
+
+KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement& measurement,
                                                               const Point& point) const {
   Prediction prediction;
   prediction.point = point;
-  prediction.kind = observation.kind;
-  prediction.dq_dz = DPositionDz(observation, cov_z);
-  prediction.log_m2_per_unit = std::log(SquareMetresPerUnit(observation));
-  prediction.nu = observation.PositionInVehicle() - point.q;
+  prediction.measurement = measurement;
+  prediction.nu = measurement.q - point.q;
 
-  prediction.cov_noise = prediction.dq_dz * cov_z * prediction.dq_dz.transpose();
-  const SensorBias& bias = BiasOf(observation.kind);
-  const StateByPoint cross_bias = bias.cross * prediction.dq_dz.transpose();
+  const SensorBias& bias = BiasOf(measurement.kind);
+  const Eigen::Matrix2d& dq_dz = measurement.dq_dz;
+  const StateByPoint cross_bias = bias.cross * dq_dz.transpose();
   const Eigen::Matrix2d H_cross = point.H_pose * cross_bias.topRows<3>();
   prediction.cov_state_z = point.cov_state_q + cross_bias;
   prediction.S = point.cov_q + H_cross + H_cross.transpose() +
-                 prediction.dq_dz * bias.cov * prediction.dq_dz.transpose() + prediction.cov_noise;
+                 dq_dz * bias.cov * dq_dz.transpose() + measurement.cov_noise;
   prediction.S = Symmetrized(prediction.S);
   prediction.nis = SquaredMahalanobis(prediction.nu, prediction.S);
   return prediction;
@@ -156,13 +201,13 @@ SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
                                                   int mode_index) const {
   SharedErrors::Observed observed;
   observed.mode_index = mode_index;
-  observed.kind = prediction.kind;
+  observed.kind = prediction.measurement.kind;
   observed.nu = prediction.nu;
   observed.H_pose = prediction.point.H_pose;
-  observed.H_bias = prediction.dq_dz;
+  observed.H_bias = prediction.measurement.dq_dz;
   observed.H_mode = prediction.point.H_landmark;
-  observed.cov_bias = BiasOf(prediction.kind).cov;
-  observed.cov_noise = prediction.cov_noise;
+  observed.cov_bias = BiasOf(prediction.measurement.kind).cov;
+  observed.cov_noise = prediction.measurement.cov_noise;
   return observed;
 }
 
@@ -171,7 +216,7 @@ double KnownMapFilter::LogLikelihood(const Prediction& prediction,
                                      const MapSnapshot& snapshot) const {
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
   return shared_errors_.LogLikelihood(ObservedBy(prediction, mode_index), snapshot.covariance()) +
-         prediction.log_m2_per_unit;
+         prediction.measurement.log_m2_per_unit;
 }
 
 void KnownMapFilter::Update(const Prediction& prediction,
@@ -188,16 +233,16 @@ void KnownMapFilter::Update(const Prediction& prediction,
 
   // K is optimal for the state, so Joseph's form reduces to this.
   P_ -= K * prediction.S * K.transpose();
-  const bool cartesian = prediction.kind == Observation::Kind::kCartesian;
+  const bool cartesian = prediction.measurement.kind == Observation::Kind::kCartesian;
   for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
     const bool observed = (bias == &position_bias_) == cartesian;
     Eigen::Matrix2d cov_z_bias = H_x * bias->cross.topRows<3>();
-    if (observed) cov_z_bias += prediction.dq_dz * bias->cov;
+    if (observed) cov_z_bias += prediction.measurement.dq_dz * bias->cov;
     bias->cross -= K * cov_z_bias;
   }
-  for (ConsideredMode& considered : considered_) {
-    considered.gain -= K * (H_x * considered.gain.topRows<3>());
-  }
+  StateMatrix M = StateMatrix::Identity();
+  M.leftCols<3>() -= K * H_x;
+  TransformGains(M);
   GainOf(mode_index) -= K * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
   Move(K * prediction.nu);
@@ -205,7 +250,7 @@ void KnownMapFilter::Update(const Prediction& prediction,
 
 void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
   const Se2 step = Se2::Exp(correction.head<3>());
-  T_map_vehicle_ = T_map_vehicle_ * step;
+  MoveTo(T_map_vehicle_ * step);
   log_scale_ += correction.tail<2>();
   StateMatrix A = StateMatrix::Identity();
   A.topLeftCorner<3, 3>() = step.InverseAdjoint();
@@ -213,7 +258,7 @@ void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
   shared_errors_.Move(A, correction);
   range_bearing_bias_.cross = A * range_bearing_bias_.cross;
   position_bias_.cross = A * position_bias_.cross;
-  for (ConsideredMode& considered : considered_) considered.gain = A * considered.gain;
+  TransformGains(A);
 }
 
 PoseWithCovariance KnownMapFilter::Pose() const {

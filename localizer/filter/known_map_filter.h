@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+#include <boost/container/static_vector.hpp>
 
 #include "localizer/filter/shared_errors.h"
 #include "localizer/models/motion_model.h"
@@ -29,7 +29,7 @@ struct ModeRef {
 /// what a camera that is mounted askew gets wrong. Equations: localizer/README.md.
 ///
 /// Ownership: keeps no reference to the snapshot; every call must pass the same one.
-/// Threads: const-safe. Cheap to copy: a few hundred bytes and 88 bytes per mode used.
+/// Threads: const-safe. Without heap allocations; a copy copies what is in use of 14 kB.
 class KnownMapFilter {
  public:
   static constexpr int kStates = 5;  ///< x, y, yaw, log scale_v, log scale_omega.
@@ -64,30 +64,37 @@ class KnownMapFilter {
   };
   Point PredictPoint(ModeRef mode, const MapSnapshot& snapshot) const;
 
+  /// An observation as the position that it measures, with the noise turned and scaled by it: the
+  /// same for every mode and every filter.
+  struct Measurement {
+    Eigen::Vector2d q = Eigen::Vector2d::Zero();          ///< In the vehicle frame. [m]
+    Eigen::Matrix2d dq_dz = Eigen::Matrix2d::Zero();      ///< From z's own units to positions.
+    Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();  ///< Of q, the sensor's alone. [m²]
+    double log_m2_per_unit = 0.0;                         ///< log |dq/dz|.
+    Observation::Kind kind = Observation::Kind::kRangeBearing;
+  };
+  /// @param cov_z  Of the observation, in its own units.
+  static Measurement Measure(const Observation& observation, const Eigen::Matrix2d& cov_z);
+
   /// An observation against a mode, both as positions in the vehicle frame.
   struct Prediction {
     Point point;
-    Eigen::Vector2d nu = Eigen::Vector2d::Zero();         ///< Observed - expected position. [m]
-    Eigen::Matrix2d S = Eigen::Matrix2d::Identity();      ///< Of nu. [m²]
-    StateByPoint cov_state_z = StateByPoint::Zero();      ///< Of the state's error with z's.
-    Eigen::Matrix2d dq_dz = Eigen::Matrix2d::Zero();      ///< From z's own units to positions.
-    double log_m2_per_unit = 0.0;                         ///< log |dq/dz|.
-    Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();  ///< Of nu, the sensor's alone.
-    double nis = 0.0;                                     ///< νᵀ S⁻¹ ν.
-    Observation::Kind kind = Observation::Kind::kRangeBearing;
+    Measurement measurement;
+    Eigen::Vector2d nu = Eigen::Vector2d::Zero();     ///< Observed - expected position. [m]
+    Eigen::Matrix2d S = Eigen::Matrix2d::Identity();  ///< Of nu. [m²]
+    StateByPoint cov_state_z = StateByPoint::Zero();  ///< Of the state's error with z's.
+    double nis = 0.0;                                 ///< νᵀ S⁻¹ ν.
 
     /// log of the density of z, in z's own units, with the errors of map and sensor as they were
     /// before the first observation.
-    double LogLikelihood() const { return LogGaussian(nu, S) + log_m2_per_unit; }
+    double LogLikelihood() const { return LogGaussian(nu, S) + measurement.log_m2_per_unit; }
   };
-  Prediction PredictObservation(const Observation& observation,
-                                const Eigen::Matrix2d& cov_z,
-                                const Point& point) const;
+  Prediction PredictObservation(const Measurement& measurement, const Point& point) const;
   Prediction PredictObservation(const Observation& observation,
                                 const Eigen::Matrix2d& cov_z,
                                 ModeRef mode,
                                 const MapSnapshot& snapshot) const {
-    return PredictObservation(observation, cov_z, PredictPoint(mode, snapshot));
+    return PredictObservation(Measure(observation, cov_z), PredictPoint(mode, snapshot));
   }
 
   /// log p(z | all observations before), in z's own units; see SharedErrors.
@@ -121,9 +128,13 @@ class KnownMapFilter {
   // The state's error is Σ gain · (mode error) + a part independent of the map. With the gains, and
   // not the cross-covariances, at hand, a mode used for the first time starts with the correlation
   // that the map's own covariance implies.
+  //
+  // What moves the state's error transforms all gains alike. Those of modes not used since the last
+  // Predict() are left behind: the product of the transforms is theirs in common.
   struct ConsideredMode {
     int index = 0;  // Row in the snapshot's covariance().
-    StateByPoint gain;
+    bool current = false;
+    StateByPoint gain;  // If not current, times pending_.
   };
 
   // A considered bias of one kind of observation, in its units.
@@ -135,9 +146,15 @@ class KnownMapFilter {
   const SensorBias& BiasOf(Observation::Kind kind) const {
     return kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
   }
+  using ConsideredModes = boost::container::static_vector<ConsideredMode, kMaxConsideredModes + 1>;
+
+  // The first that is not before a mode.
+  ConsideredModes::const_iterator Find(int mode_index) const;
   // E[(state error) (mode error)ᵀ].
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
+  void TransformGains(const StateMatrix& M);
+  void SettleGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
@@ -145,12 +162,16 @@ class KnownMapFilter {
   void Move(const Eigen::Matrix<double, kStates, 1>& correction);
   void LetGoOfWeakest(int except);
 
+  void MoveTo(const Se2& T_map_vehicle);
+
   Se2 T_map_vehicle_;
+  Eigen::Matrix2d R_vehicle_map_;  // Of it.
   Eigen::Vector2d log_scale_ = Eigen::Vector2d::Zero();
   StateMatrix P_ = StateMatrix::Zero();
   SensorBias range_bearing_bias_;
   SensorBias position_bias_;
-  std::vector<ConsideredMode> considered_;  // By index.
+  ConsideredModes considered_;  // By index.
+  StateMatrix pending_ = StateMatrix::Identity();
   SharedErrors shared_errors_;
 };
 

@@ -8,11 +8,13 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::size_t kMaxSamples = 256;
 constexpr Duration kHold = std::chrono::seconds(1);
 
 // Where odometry is silent: per √s, what a vehicle of unknown speed can do. [m/√s], [rad/√s]
 constexpr double kUnknownMotion = 0.5;
+
+// Kept before the first scan.
+constexpr std::size_t kSamplesBeforeStart = 8192;
 
 void AppendUnknownMotion(Duration elapsed, MotionIncrement* increment) {
   increment->cov.diagonal().array() += kUnknownMotion * kUnknownMotion * ToSeconds(elapsed);
@@ -22,7 +24,14 @@ void AppendUnknownMotion(Duration elapsed, MotionIncrement* increment) {
 
 void OdometryBuffer::Add(const OdometrySample& sample) {
   samples_.push_back(sample);
-  if (samples_.size() > kMaxSamples && started_) AdvanceTo(sample.stamp);
+  if (samples_.full() && started_) AdvanceTo(sample.stamp);
+  if (!samples_.full()) return;
+  const bool needed = samples_[1].stamp + FromSeconds(calibration_.lag_s) > sample.stamp;
+  if (needed || (!started_ && samples_.size() < kSamplesBeforeStart)) {
+    samples_.set_capacity(2 * samples_.capacity());
+  } else {
+    samples_.pop_front();
+  }
 }
 
 OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {

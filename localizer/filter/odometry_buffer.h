@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
+#include <boost/circular_buffer.hpp>
+#include <cstddef>
 
 #include "localizer/models/motion_model.h"
 
@@ -13,7 +14,7 @@ namespace shiftmap {
 /// holds for a second at most: in a longer gap the vehicle counts as anywhere that it could have
 /// got to (zero velocity, with noise as large as its speed may be).
 ///
-/// Memory: samples younger than the lag, and a bounded number of others.
+/// Memory: room for 256 samples, made at once; for more if the lag asks for it or before a Take().
 class OdometryBuffer {
  public:
   explicit OdometryBuffer(const OdometryCalibration& calibration) : calibration_(calibration) {}
@@ -31,11 +32,13 @@ class OdometryBuffer {
   Motion Take(Stamp end);
 
  private:
+  static constexpr std::size_t kSamples = 256;
+
   // Integrates pending_ up to `end` and lets go of samples that nothing needs any more.
   void AdvanceTo(Stamp end);
 
   OdometryCalibration calibration_;
-  std::deque<OdometrySample> samples_;
+  boost::circular_buffer<OdometrySample> samples_{kSamples + 1};
   bool started_ = false;
   Stamp now_;  // Up to where pending_ reaches.
   Motion pending_;

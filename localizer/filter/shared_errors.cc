@@ -21,24 +21,44 @@ SharedErrors::SharedErrors(const StateMatrix& cov_state)
   cov_.topLeftCorner<kStates, kStates>() = cov_state;
 }
 
+template <int kColumns>
+auto SharedErrors::CovarianceColumns(Eigen::Index first) const -> ColumnsOf<kColumns> {
+  const Eigen::Index n = cov_.rows();
+  ColumnsOf<kColumns> columns(n, kColumns);
+  columns.topRows(first) = cov_.block(first, 0, kColumns, first).transpose();
+  columns.bottomRows(n - first) = cov_.block(first, first, n - first, kColumns);
+  for (Eigen::Index i = 0; i < kColumns; ++i) {
+    for (Eigen::Index j = i + 1; j < kColumns; ++j) columns(first + i, j) = columns(first + j, i);
+  }
+  return columns;
+}
+
+template <int kColumns>
+void SharedErrors::TransformPose(const Eigen::Matrix<double, 3, kColumns>& B) {
+  mean_.head<3>() = (B * mean_.head<kColumns>()).eval();
+  StateMatrix cov_state = cov_.topLeftCorner<kStates, kStates>().selfadjointView<Eigen::Lower>();
+  cov_state.topRows<3>() = (B * cov_state.topRows<kColumns>()).eval();
+  cov_state.leftCols<3>() = (cov_state.leftCols<kColumns>() * B.transpose()).eval();
+  cov_.topLeftCorner<kStates, kStates>() = cov_state;
+  const Eigen::Index others = cov_.rows() - kStates;
+  const ColumnsOf<3> cross = cov_.bottomLeftCorner(others, kColumns).lazyProduct(B.transpose());
+  cov_.bottomLeftCorner(others, 3) = cross;
+}
+
 void SharedErrors::Predict(const StateMatrix& F, const StateMatrix& noise, double elapsed_s) {
-  const auto n = cov_.rows();
-  mean_.head<kStates>() = (F * mean_.head<kStates>()).eval();
-  cov_.topRows<kStates>() = (F * cov_.topRows<kStates>()).eval();
-  cov_.leftCols<kStates>() = (cov_.leftCols<kStates>() * F.transpose()).eval();
+  TransformPose<kStates>(F.topRows<3>());
   cov_.topLeftCorner<kStates, kStates>() += noise;
   if (!has_bias_) return;
   const double keep = std::exp(-elapsed_s / kBiasTime);
   mean_.segment<2>(kBias) *= keep;
-  cov_.block(kBias, 0, 2, n) *= keep;
-  cov_.block(0, kBias, n, 2) *= keep;
+  cov_.block<2, kFixed>(kBias, 0) *= keep;
+  cov_.block(kBias, kBias, cov_.rows() - kBias, 2) *= keep;
   cov_.block<2, 2>(kBias, kBias) += (1.0 - keep * keep) * cov_bias_;
 }
 
 void SharedErrors::Move(const StateMatrix& A, const StateVector& correction) {
-  mean_.head<kStates>() = (A * (mean_.head<kStates>() - correction)).eval();
-  cov_.topRows<kStates>() = (A * cov_.topRows<kStates>()).eval();
-  cov_.leftCols<kStates>() = (cov_.leftCols<kStates>() * A.transpose()).eval();
+  mean_.head<kStates>() -= correction;
+  TransformPose<3>(A.topLeftCorner<3, 3>());
 }
 
 double SharedErrors::LogLikelihood(const Observed& observed,
@@ -60,10 +80,15 @@ void SharedErrors::Update(const Observed& observed, const JointCovariance& covar
   }
   const int place = Place(observed.mode_index);
   last_used_[static_cast<std::size_t>((place - kFixed) / 2)] = ++uses_;
-  const Expected expected = Expect(observed, ErrorOf(observed.mode_index, covariance));
-  const Columns K = expected.cross * expected.S.inverse();
+  const ModeError mode = ErrorOf(observed.mode_index, covariance);
+  const Expected expected = Expect(observed, mode);
+  const Columns cross = CrossWithInnovation(observed, mode);
+  const Columns K = cross.lazyProduct(expected.S.inverse().eval());
   mean_ += K * (observed.nu - expected.nu);
-  cov_.noalias() -= K * expected.cross.transpose();
+  for (Eigen::Index i = 0; i < cov_.cols(); ++i) {
+    const Eigen::Index rows = cov_.rows() - i;
+    cov_.col(i).tail(rows) -= K.bottomRows(rows).lazyProduct(cross.row(i).transpose());
+  }
 }
 
 int SharedErrors::Place(int mode_index) const {
@@ -76,7 +101,8 @@ SharedErrors::ModeError SharedErrors::ErrorOf(int mode_index,
                                               const JointCovariance& covariance) const {
   const int place = Place(mode_index);
   if (place < 0) return ErrorOfNew(mode_index, covariance);
-  return {mean_.segment<2>(place), cov_.block<2, 2>(place, place), cov_.middleCols<2>(place)};
+  const Columns cross = CovarianceColumns<2>(place);
+  return {mean_.segment<2>(place), cross.middleRows<2>(place), cross};
 }
 
 SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
@@ -100,9 +126,10 @@ SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
   const Columns regression = joint.llt().solve(with_new);
   const Eigen::Index used = 2 * modes_;
   mode.mean = regression.transpose() * mean_.tail(used);
-  mode.cross = cov_.rightCols(used) * regression;
+  const Matrix cov = cov_.selfadjointView<Eigen::Lower>();
+  mode.cross = cov.rightCols(used) * regression;
   mode.cov = prior - with_new.transpose() * regression +
-             regression.transpose() * cov_.bottomRightCorner(used, used) * regression;
+             regression.transpose() * cov.bottomRightCorner(used, used) * regression;
   return mode;
 }
 
@@ -110,17 +137,27 @@ SharedErrors::Expected SharedErrors::Expect(const Observed& observed, const Mode
   Expected expected;
   expected.nu = observed.H_pose * mean_.head<3>() + observed.H_bias * mean_.segment<2>(kBias) +
                 observed.H_mode * mode.mean;
-  expected.cross = cov_.leftCols<3>() * observed.H_pose.transpose() +
-                   cov_.middleCols<2>(kBias) * observed.H_bias.transpose() +
-                   mode.cross * observed.H_mode.transpose();
+  const Eigen::Matrix<double, kFixed, kFixed> cov =
+      cov_.topLeftCorner<kFixed, kFixed>().selfadjointView<Eigen::Lower>();
+  const Eigen::Matrix<double, kFixed, 2> cross =
+      cov.leftCols<3>() * observed.H_pose.transpose() +
+      cov.middleCols<2>(kBias) * observed.H_bias.transpose() +
+      mode.cross.topRows<kFixed>() * observed.H_mode.transpose();
   const Eigen::Matrix2d cross_mode =
       mode.cross.topRows<3>().transpose() * observed.H_pose.transpose() +
       mode.cross.middleRows<2>(kBias).transpose() * observed.H_bias.transpose() +
       mode.cov * observed.H_mode.transpose();
-  expected.S = Symmetrized(Eigen::Matrix2d(observed.H_pose * expected.cross.topRows<3>() +
-                                           observed.H_bias * expected.cross.middleRows<2>(kBias) +
+  expected.S = Symmetrized(Eigen::Matrix2d(observed.H_pose * cross.topRows<3>() +
+                                           observed.H_bias * cross.middleRows<2>(kBias) +
                                            observed.H_mode * cross_mode + observed.cov_noise));
   return expected;
+}
+
+SharedErrors::Columns SharedErrors::CrossWithInnovation(const Observed& observed,
+                                                        const ModeError& mode) const {
+  return CovarianceColumns<3>(0).lazyProduct(observed.H_pose.transpose()) +
+         CovarianceColumns<2>(kBias).lazyProduct(observed.H_bias.transpose()) +
+         mode.cross.lazyProduct(observed.H_mode.transpose());
 }
 
 void SharedErrors::Add(int mode_index, const ModeError& mode) {
@@ -128,7 +165,6 @@ void SharedErrors::Add(int mode_index, const ModeError& mode) {
   mean_.conservativeResize(n + 2);
   cov_.conservativeResize(n + 2, n + 2);
   mean_.tail<2>() = mode.mean;
-  cov_.topRightCorner(n, 2) = mode.cross;
   cov_.bottomLeftCorner(2, n) = mode.cross.transpose();
   cov_.bottomRightCorner<2, 2>() = mode.cov;
   mode_indices_[static_cast<std::size_t>(modes_)] = mode_index;

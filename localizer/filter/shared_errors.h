@@ -31,9 +31,11 @@ class SharedErrors {
 
   /// As the state of the filter: its error becomes F times what it was, plus noise. The bias drifts
   /// within its distribution.
+  /// @param F  [F_pose F_scale; 0 I]: motion changes the pose's error.
   void Predict(const StateMatrix& F, const StateMatrix& noise, double elapsed_s);
 
   /// The filter's state was corrected, and its error is A (what it was - correction).
+  /// @param A  [A_pose 0; 0 I].
   void Move(const StateMatrix& A, const StateVector& correction);
 
   /// An innovation ν = H_state x̃ + H_bias b + H_mode e + v of a mode, v ~ N(0, cov_noise).
@@ -60,7 +62,16 @@ class SharedErrors {
   static constexpr int kMax = kFixed + 2 * kMaxModes;
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
-  using Columns = Eigen::Matrix<double, Eigen::Dynamic, 2, 0, kMax, 2>;
+  template <int kColumns>
+  using ColumnsOf = Eigen::Matrix<double, Eigen::Dynamic, kColumns, 0, kMax, kColumns>;
+  using Columns = ColumnsOf<2>;
+
+  // x̃_pose <- B x̃ for the first columns of x̃.
+  template <int kColumns>
+  void TransformPose(const Eigen::Matrix<double, 3, kColumns>& B);
+  // Columns of the covariance, of which only the lower triangle is kept.
+  template <int kColumns>
+  ColumnsOf<kColumns> CovarianceColumns(Eigen::Index first) const;
 
   // The error of a mode given all that was seen.
   struct ModeError {
@@ -71,14 +82,13 @@ class SharedErrors {
   struct Expected {
     Eigen::Vector2d nu;
     Eigen::Matrix2d S;
-    Columns cross;  // Of a with ν.
-    Eigen::Matrix2d cross_mode;
   };
 
   int Place(int mode_index) const;  // Of its first row in a, or -1.
   ModeError ErrorOf(int mode_index, const JointCovariance& covariance) const;
   ModeError ErrorOfNew(int mode_index, const JointCovariance& covariance) const;
   Expected Expect(const Observed& observed, const ModeError& mode) const;
+  Columns CrossWithInnovation(const Observed& observed, const ModeError& mode) const;
   void Add(int mode_index, const ModeError& mode);
   void RemoveOldest();
   void UseBiasOf(const Observed& observed);
@@ -91,7 +101,7 @@ class SharedErrors {
   Observation::Kind kind_ = Observation::Kind::kRangeBearing;
   Eigen::Matrix2d cov_bias_ = Eigen::Matrix2d::Zero();
   Vector mean_;
-  Matrix cov_;
+  Matrix cov_;  // Its lower triangle.
 };
 
 }  // namespace shiftmap

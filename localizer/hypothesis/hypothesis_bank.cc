@@ -28,19 +28,31 @@ constexpr double kAgreement = 1e-3;
 // A state is given up only if the visit itself, and not its prior alone, speaks against it. [nat]
 constexpr double kMinEvidence = 1.0;
 
-// Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
-constexpr int kMaxContradictions = 5;
-
 Eigen::VectorXd Floored(const Eigen::VectorXd& probabilities) {
   const Eigen::VectorXd floored = probabilities.cwiseMax(kMinProbability);
   return floored / floored.sum();
 }
 
 Eigen::VectorXd LeafProbabilities(const GroupBelief& belief) {
-  Eigen::VectorXd p(belief.log_p.size());
+  Eigen::VectorXd p(belief.states());
   for (int state = 0; state < p.size(); ++state) p[state] = std::exp(belief.LogProbability(state));
   return p;
 }
+
+// True if two leaves hold nearly the same probabilities of a group.
+bool Agree(const GroupBelief& a, const GroupBelief& b) {
+  for (int state = 0; state < a.states(); ++state) {
+    const double difference = std::exp(a.LogProbability(state)) - std::exp(b.LogProbability(state));
+    if (std::abs(difference) >= kAgreement) return false;
+  }
+  return true;
+}
+
+StateValues ValuesOf(const Eigen::VectorXd& vector) {
+  return {vector.data(), vector.data() + vector.size()};
+}
+
+Eigen::VectorXd Exponential(const StateValues& log_p) { return AsVector(log_p).array().exp(); }
 
 }  // namespace
 
@@ -59,55 +71,58 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
     posteriors_.push_back({Floored(group.probabilities), snapshot_.stamp()});
   }
   Restart(start, stamp);
+  ReserveMemory();
+}
+
+void HypothesisBank::ReserveMemory() {
+  constexpr std::size_t kMostLeaves = 256;
+  constexpr std::size_t kVisits = 64;
+  std::size_t forks = 1;
+  for (const LandmarkGroup& group : snapshot_.groups()) {
+    forks = std::max(forks, group.modes.size() + 1);
+  }
+  const std::size_t leaves = forks * static_cast<std::size_t>(options_.max_leaves);
+  leaves_.Reserve(std::min(leaves, kMostLeaves), kVisits, best());
+  visits_.reserve(kVisits);
+  must_agree_.reserve(kVisits);
+  judged_.reserve(forks);
+}
+
+void BankEvents::Clear() {
+  outcomes.clear();
+  evidence.clear();
+  decisions.clear();
+  surprising.clear();
 }
 
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
+  must_agree_.clear();
   visits_.clear();
-  leaves_.clear();
-  leaves_.push_back({KnownMapFilter(start, snapshot_.calibration()), 0.0, {}});
+  leaves_.Clear();
+  leaves_.Add({KnownMapFilter(start, snapshot_.calibration()), 0.0, {}});
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {
-  for (Leaf& leaf : leaves_) leaf.filter.Predict(increment, elapsed_s);
+  for (Leaf* leaf : leaves_.all()) leaf->filter.Predict(increment, elapsed_s);
 }
 
-BankEvents HypothesisBank::Correct(const Scan& scan) {
-  BankEvents events;
+const BankEvents& HypothesisBank::Correct(const Scan& scan) {
+  events_.Clear();
   stamp_ = scan.stamp;
-  CloseStaleVisits(&events.evidence);
+  CloseStaleVisits(&events_.evidence);
   OpenVisitsInView(scan);
   for (std::size_t i = 0; i < scan.observations.size(); ++i) {
-    const Observation& observation = scan.observations[i];
-    const int group = snapshot_.GroupIndex(observation.signature);
-    if (group < 0) continue;
-    ObservationOutcome outcome = Judge(observation, group);
-    outcome.index = i;
-    events.outcomes.push_back(outcome);
-
-    Visit* visit = FindVisit(group);
-    if (visit->decided) {
-      const bool agrees = *visit->decided == 0 ? !outcome.gated_any : outcome.gated;
-      visit->contradictions = agrees ? 0 : visit->contradictions + 1;
-      if (visit->contradictions >= kMaxContradictions) {
-        events.evidence.push_back(CloseVisit(static_cast<std::size_t>(visit - visits_.data())));
-        OpenVisit(group);
-        visit = FindVisit(group);
-      }
-    }
-    visit->end = stamp_;
-    visit->seen = true;
-    ++visit->observations;
-    Observe(observation, group, ViewWeight(visit));
-    Reduce();
+    const int group = snapshot_.GroupIndex(scan.observations[i].signature);
+    if (group >= 0) Take(scan.observations[i], i, group);
   }
   for (const Visit& visit : visits_) {
     if (!visit.seen) Miss(visit.group);
   }
   Reduce();
-  Test(&events);
+  Test(&events_);
   ReleaseAgreedBeliefs();
-  return events;
+  return events_;
 }
 
 std::vector<VisitEvidence> HypothesisBank::EndVisits() {
@@ -122,35 +137,53 @@ Eigen::VectorXd HypothesisBank::Probabilities(int group) const {
     const GroupPosterior& posterior = posteriors_[static_cast<std::size_t>(group)];
     return GroupAt(group).chain.Propagate(posterior.probabilities, stamp_ - posterior.stamp);
   }
-  const Eigen::VectorXd log_p = MarginalLogProbability(leaves_, index);
+  const StateValues log_p = MarginalLogProbability(leaves_, index);
   for (const Visit& visit : visits_) {
-    if (visit.group == group) return Floored(LogPosterior(visit, log_p).array().exp());
+    if (visit.group == group) return Floored(Exponential(LogPosterior(visit, log_p)));
   }
-  return GroupAt(group).chain.Propagate(Floored(log_p.array().exp()),
+  return GroupAt(group).chain.Propagate(Floored(Exponential(log_p)),
                                         stamp_ - held_since_[static_cast<std::size_t>(group)]);
 }
 
 Visit* HypothesisBank::FindVisit(int group) {
-  const auto found = std::find_if(
-      visits_.begin(), visits_.end(), [&](const Visit& visit) { return visit.group == group; });
-  return found == visits_.end() ? nullptr : &*found;
+  const auto found =
+      std::lower_bound(visits_.begin(), visits_.end(), group, [](const Visit& visit, int wanted) {
+        return visit.group < wanted;
+      });
+  return found == visits_.end() || found->group != group ? nullptr : &*found;
 }
 
 std::size_t HypothesisBank::BeliefIndex(int group) const {
   const std::vector<GroupBelief>& beliefs = leaves_.front().beliefs;
-  const auto found = std::find_if(beliefs.begin(), beliefs.end(), [&](const GroupBelief& belief) {
-    return belief.group == group;
-  });
-  return static_cast<std::size_t>(found - beliefs.begin());
+  const auto found = std::lower_bound(
+      beliefs.begin(), beliefs.end(), group, [](const GroupBelief& belief, int wanted) {
+        return belief.group < wanted;
+      });
+  const bool held = found != beliefs.end() && found->group == group;
+  return held ? static_cast<std::size_t>(found - beliefs.begin()) : beliefs.size();
+}
+
+// By a bound on the bearing's variance that needs no correlations: Var(a + b) <= 2 Var a + 2 Var b.
+// Spares most groups near the vehicle the exact probability.
+bool HypothesisBank::FarOutsideSector(const Mode& mode) const {
+  constexpr double kSigmas = 6.0;  // P_FOV < 1e-8, below any threshold.
+  const KnownMapFilter& filter = best().filter;
+  const Eigen::Vector2d q = filter.T_map_vehicle().Inverse() * mode.p_map_landmark;
+  const double squared_range = q.squaredNorm();
+  const double of_pose =
+      filter.covariance().topLeftCorner<2, 2>().trace() + squared_range * filter.covariance()(2, 2);
+  const double variance = 4.0 * of_pose + 2.0 * mode.cov_p_map_landmark.trace();
+  const double outside =
+      std::abs(std::atan2(q.y(), q.x())) - snapshot_.calibration().sensor.max_bearing_rad;
+  return outside > 0.0 && outside * outside * squared_range > kSigmas * kSigmas * variance;
 }
 
 bool HypothesisBank::InView(int group, double threshold) const {
   const int modes = static_cast<int>(GroupAt(group).modes.size());
   for (int state = 1; state <= modes; ++state) {
+    if (FarOutsideSector(GroupAt(group).modes[static_cast<std::size_t>(state) - 1])) continue;
     const KnownMapFilter::Point point = best().filter.PredictPoint({group, state}, snapshot_);
-    const double p = SectorFieldOfView(
-        point.RangeBearing(), point.CovRangeBearing(), snapshot_.calibration().sensor);
-    if (p > threshold) return true;
+    if (InViewProbability(point) > threshold) return true;
   }
   return false;
 }
@@ -175,57 +208,64 @@ void HypothesisBank::OpenVisitsInView(const Scan& scan) {
 }
 
 void HypothesisBank::OpenVisit(int group) {
+  must_agree_.clear();
   const LandmarkGroup& landmark = GroupAt(group);
   const GroupPosterior& posterior = posteriors_[static_cast<std::size_t>(group)];
   const std::size_t held = BeliefIndex(group);
   const bool is_held = held < leaves_.front().beliefs.size();
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(landmark.probabilities.size());
-  for (Leaf& leaf : leaves_) {
+  for (Leaf* leaf : leaves_.all()) {
     const Eigen::VectorXd p =
-        is_held ? landmark.chain.Propagate(Floored(LeafProbabilities(leaf.beliefs[held])),
+        is_held ? landmark.chain.Propagate(Floored(LeafProbabilities(leaf->beliefs[held])),
                                            stamp_ - held_since_[static_cast<std::size_t>(group)])
                 : landmark.chain.Propagate(posterior.probabilities, stamp_ - posterior.stamp);
     GroupBelief belief;
     belief.group = group;
-    belief.log_p = Floored(p).array().log();
-    belief.log_missed = Eigen::VectorXd::Zero(p.size());
-    prior += std::exp(leaf.log_weight) * Floored(p);
+    belief.log_p = ValuesOf(Floored(p).array().log());
+    belief.log_missed.resize(belief.log_p.size(), 0.0);
+    prior += std::exp(leaf->log_weight) * Floored(p);
     if (is_held) {
-      leaf.beliefs[held] = belief;
+      leaf->beliefs[held] = belief;
     } else {
       const auto place =
-          std::find_if(leaf.beliefs.begin(), leaf.beliefs.end(), [&](const GroupBelief& other) {
+          std::find_if(leaf->beliefs.begin(), leaf->beliefs.end(), [&](const GroupBelief& other) {
             return other.group > group;
           });
-      leaf.beliefs.insert(place, belief);
+      leaf->beliefs.insert(place, belief);
     }
   }
   Visit visit;
   visit.group = group;
   visit.begin = stamp_;
   visit.end = stamp_;
-  visit.log_prior = (prior / prior.sum()).array().log();
-  visit.given_up.resize(static_cast<std::size_t>(prior.size()));
+  visit.log_prior = ValuesOf((prior / prior.sum()).array().log());
+  visit.given_up.resize(visit.log_prior.size());
   const auto place = std::find_if(
       visits_.begin(), visits_.end(), [&](const Visit& other) { return other.group > group; });
   visits_.insert(place, std::move(visit));
 }
 
 VisitEvidence HypothesisBank::CloseVisit(std::size_t visit_index) {
+  must_agree_.clear();
   const Visit visit = visits_[visit_index];
   const std::size_t index = BeliefIndex(visit.group);
-  const Eigen::VectorXd log_posterior = LogPosterior(visit, MarginalLogProbability(leaves_, index));
+  const StateValues log_posterior = LogPosterior(visit, MarginalLogProbability(leaves_, index));
   visits_.erase(visits_.begin() + static_cast<std::ptrdiff_t>(visit_index));
   if (visit.decided || leaves_.size() == 1) {
-    posteriors_[static_cast<std::size_t>(visit.group)] = {Floored(log_posterior.array().exp()),
+    posteriors_[static_cast<std::size_t>(visit.group)] = {Floored(Exponential(log_posterior)),
                                                           visit.end};
-    for (Leaf& leaf : leaves_) {
-      leaf.beliefs.erase(leaf.beliefs.begin() + static_cast<std::ptrdiff_t>(index));
-    }
+    EraseBelief(index);
   } else {
     held_since_[static_cast<std::size_t>(visit.group)] = visit.end;
   }
   return EvidenceOf(visit, log_posterior, GroupAt(visit.group));
+}
+
+void HypothesisBank::EraseBelief(std::size_t index) {
+  must_agree_.clear();
+  for (Leaf* leaf : leaves_.all()) {
+    leaf->beliefs.erase(leaf->beliefs.begin() + static_cast<std::ptrdiff_t>(index));
+  }
 }
 
 void HypothesisBank::CloseStaleVisits(std::vector<VisitEvidence>* evidence) {
@@ -241,21 +281,21 @@ void HypothesisBank::CloseStaleVisits(std::vector<VisitEvidence>* evidence) {
 
 void HypothesisBank::ReleaseAgreedBeliefs() {
   for (std::size_t i = 0; i < leaves_.front().beliefs.size();) {
-    const int group = leaves_.front().beliefs[i].group;
-    const Eigen::VectorXd first = LeafProbabilities(leaves_.front().beliefs[i]);
-    const bool agreed = std::all_of(leaves_.begin(), leaves_.end(), [&](const Leaf& leaf) {
-      return (LeafProbabilities(leaf.beliefs[i]) - first).cwiseAbs().maxCoeff() < kAgreement;
-    });
-    if (FindVisit(group) || !agreed) {
+    const GroupBelief& first = leaves_.front().beliefs[i];
+    const int group = first.group;
+    const bool agreed =
+        !FindVisit(group) &&
+        std::all_of(leaves_.all().begin(), leaves_.all().end(), [&](const Leaf* leaf) {
+          return Agree(leaf->beliefs[i], first);
+        });
+    if (!agreed) {
       ++i;
       continue;
     }
     posteriors_[static_cast<std::size_t>(group)] = {
-        Floored(MarginalLogProbability(leaves_, i).array().exp()),
+        Floored(Exponential(MarginalLogProbability(leaves_, i))),
         held_since_[static_cast<std::size_t>(group)]};
-    for (Leaf& leaf : leaves_) {
-      leaf.beliefs.erase(leaf.beliefs.begin() + static_cast<std::ptrdiff_t>(i));
-    }
+    EraseBelief(i);
   }
 }
 
@@ -263,20 +303,20 @@ void HypothesisBank::Test(BankEvents* events) {
   for (Visit& visit : visits_) {
     if (visit.decided || visit.observations == 0) continue;
     const std::size_t index = BeliefIndex(visit.group);
-    const Eigen::VectorXd log_alive = MarginalLogProbability(leaves_, index);
-    const Eigen::VectorXd log_p = LogPosterior(visit, log_alive);
-    const TestOutcome outcome = TestStates(log_alive, threshold_);
+    const StateValues log_alive = MarginalLogProbability(leaves_, index);
+    const StateValues log_p = LogPosterior(visit, log_alive);
+    const TestOutcome outcome = TestStates(AsVector(log_alive), threshold_);
 
     const bool seen_there =
         outcome.decided.value_or(0) == 0 || best().beliefs[index].resolved == *outcome.decided;
     if (outcome.decided && seen_there) {
       visit.decided = outcome.decided;
-      for (int state = 0; state < log_p.size(); ++state) {
-        std::optional<double>& given_up = visit.given_up[static_cast<std::size_t>(state)];
-        if (state != *visit.decided && !given_up) given_up = log_p[state];
+      for (std::size_t state = 0; state < log_p.size(); ++state) {
+        std::optional<double>& given_up = visit.given_up[state];
+        if (static_cast<int>(state) != *visit.decided && !given_up) given_up = log_p[state];
       }
       int favourite = 0;
-      visit.log_prior.maxCoeff(&favourite);
+      AsVector(visit.log_prior).maxCoeff(&favourite);
       const LandmarkGroup& landmark = GroupAt(visit.group);
       events->decisions.push_back(
           {landmark.signature, landmark.NumberOf(*visit.decided), stamp_, outcome.log_odds});
@@ -286,9 +326,9 @@ void HypothesisBank::Test(BankEvents* events) {
       continue;
     }
     for (const int state : outcome.hopeless) {
-      std::optional<double>& given_up = visit.given_up[static_cast<std::size_t>(state)];
-      if (given_up || log_p[state] > visit.log_prior[state] - kMinEvidence) continue;
-      given_up = log_p[state];
+      const auto i = static_cast<std::size_t>(state);
+      if (visit.given_up[i] || log_p[i] > visit.log_prior[i] - kMinEvidence) continue;
+      visit.given_up[i] = log_p[i];
       Exclude(index, state, &leaves_);
       Reduce();
     }
@@ -297,7 +337,12 @@ void HypothesisBank::Test(BankEvents* events) {
 
 void HypothesisBank::Reduce() {
   NormalizeWeights(&leaves_);
-  MergeLeaves([&](int group) { return FindVisit(group) != nullptr; }, &leaves_);
+  if (must_agree_.empty()) {
+    for (const GroupBelief& belief : leaves_.front().beliefs) {
+      must_agree_.push_back(FindVisit(belief.group) != nullptr);
+    }
+  }
+  MergeLeaves(must_agree_, &leaves_);
   const double dropped = KeepHeaviest(options_.max_leaves, kMinLeafWeight, &leaves_);
   dropped_mass_max_ = std::max(dropped_mass_max_, dropped);
   leaves_max_ = std::max(leaves_max_, static_cast<int>(leaves_.size()));

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
-#include "localizer/hypothesis/leaf.h"
+#include "localizer/hypothesis/leaf_set.h"
 #include "localizer/hypothesis/visit.h"
 #include "localizer/models/mode_grid.h"
 #include "mapstore/map/map_snapshot.h"
@@ -42,6 +43,8 @@ struct BankEvents {
   std::vector<VisitEvidence> evidence;  ///< Of visits that ended.
   std::vector<Decision> decisions;
   std::vector<bool> surprising;  ///< Per decision: another mode than the map's favourite.
+
+  void Clear();
 };
 
 /// The hypotheses about where the vehicle is and which mode of every group holds, Algorithm 1 of
@@ -51,6 +54,9 @@ struct BankEvents {
 /// share the leaf's filter). Cost per scan: leaves × groups near the vehicle, whatever the size of
 /// the map. Equations and the life of a visit: localizer/README.md.
 ///
+/// Memory: leaves, visits and what a scan leads to reuse what they had; after the first scans only
+/// the records of visits and decisions allocate, and a visit of a group with more states than
+/// kInlineStates.
 /// Threads: none. Determinism: the same calls give the same bits.
 class HypothesisBank {
  public:
@@ -68,13 +74,14 @@ class HypothesisBank {
 
   /// Takes a scan in. Observations of signatures that the map does not know are skipped.
   /// @param scan  At the time that the leaves were moved to; every signature at most once.
-  BankEvents Correct(const Scan& scan);
+  /// @return  Valid until the next call.
+  const BankEvents& Correct(const Scan& scan);
 
   /// Ends all visits, as at the end of a shift.
   std::vector<VisitEvidence> EndVisits();
 
   const Leaf& best() const { return leaves_.front(); }
-  const std::vector<Leaf>& leaves() const { return leaves_; }
+  const LeafSet& leaves() const { return leaves_; }
   const std::vector<Visit>& visits() const { return visits_; }
 
   /// Probability of each state of a group now; size n + 1, never exactly 0 or 1.
@@ -89,44 +96,55 @@ class HypothesisBank {
     Eigen::VectorXd probabilities;
     Stamp stamp;
   };
-  struct GatedMode {
-    int state = 0;
-    double log_likelihood = 0.0;  // log P_D + log p(z | observations before).
+  // An observation against a mode of a leaf.
+  struct ModeScore {
     KnownMapFilter::Prediction prediction;
+    double log_detection = 0.0;              // log P_D; what is seen is in view, T-IV VI-D.
+    double log_miss = 0.0;                   // log(1 - P_D).
+    std::optional<double> log_likelihood{};  // log P_D + log p(z | observations before).
   };
+  struct SeenObservation;  // What all leaves have in common about an observation.
 
   const LandmarkGroup& GroupAt(int group) const {
     return snapshot_.groups()[static_cast<std::size_t>(group)];
   }
+  void ReserveMemory();
   Visit* FindVisit(int group);
   std::size_t BeliefIndex(int group) const;  // Into Leaf::beliefs; size() if there is none.
+  bool FarOutsideSector(const Mode& mode) const;
   bool InView(int group, double threshold) const;
-  double LogMiss(const Leaf& leaf, int group, int state) const;
-  double LogDetection(const Leaf& leaf, ModeRef mode) const;
+  double InViewProbability(const KnownMapFilter::Point& point) const;
+  ModeScore Score(const Leaf& leaf, const SeenObservation& seen, int state) const;
+  double LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* score) const;
   double LogUngated(const Leaf& leaf,
-                    const Observation& observation,
-                    const Eigen::Matrix2d& cov_z,
-                    ModeRef mode,
+                    const SeenObservation& seen,
+                    const ModeScore& score,
+                    int state,
                     GroupBelief* belief) const;
-  GatedMode Predict(const Leaf& leaf,
-                    const Observation& observation,
-                    const Eigen::Matrix2d& cov_z,
-                    ModeRef mode) const;
 
   void OpenVisitsInView(const Scan& scan);
   void OpenVisit(int group);
   VisitEvidence CloseVisit(std::size_t visit_index);
+  void EraseBelief(std::size_t index);
   void CloseStaleVisits(std::vector<VisitEvidence>* evidence);
   void ReleaseAgreedBeliefs();
 
-  ObservationOutcome Judge(const Observation& observation, int group) const;
+  void Take(const Observation& observation, std::size_t index, int group);
+  ObservationOutcome Judge(const SeenObservation& seen);
   double ViewWeight(Visit* visit) const;
-  void Observe(const Observation& observation, int group, double weight);
-  void Branch(const Leaf& leaf,
-              const Observation& observation,
-              double weight,
-              std::size_t belief_index,
-              std::vector<Leaf>* next) const;
+  void Observe(const SeenObservation& seen, double weight);
+  void Branch(const SeenObservation& seen, double weight, bool heaviest, Leaf* leaf);
+  void AddChild(const Leaf& parent,
+                const SeenObservation& seen,
+                const ModeScore& score,
+                const GroupBelief& before,
+                int state,
+                double weight);
+  void Resolve(const SeenObservation& seen,
+               const ModeScore& score,
+               int state,
+               double weight,
+               Leaf* leaf) const;
   void Miss(int group);
   void AddMiss(int state, double log_miss, GroupBelief* belief, double* log_likelihood) const;
   void Test(BankEvents* events);
@@ -138,11 +156,15 @@ class HypothesisBank {
   double gate_ = 0.0;       // Chi-square quantile.
   double threshold_ = 0.0;  // Of the sequential test.
   Stamp stamp_;
-  std::vector<Leaf> leaves_;                // By descending weight.
+  LeafSet leaves_;                          // By descending weight.
   std::vector<Visit> visits_;               // Open ones, by group.
   std::vector<GroupPosterior> posteriors_;  // Per group, for those without a belief.
   std::vector<Stamp> held_since_;           // Per group: end of the visit whose belief leaves hold.
-  std::vector<int> nearby_;                 // Scratch.
+  BankEvents events_;
+  std::vector<int> nearby_;       // Scratch.
+  std::vector<bool> must_agree_;  // By belief: its visit is open. Empty if not up to date.
+  std::vector<std::optional<ModeScore>> judged_;  // Of the heaviest leaf, by state.
+  double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
   double dropped_mass_max_ = 0.0;
   int leaves_max_ = 1;
 };

@@ -21,86 +21,137 @@ constexpr double kMisjudgedSigmas = 6.0;
 // A mode whose innovation is farther out starts no leaf: it would weigh e⁻²⁰ of others. [-]
 constexpr double kMaxForkNis = 40.0;
 
+// A fork that weighs this much less than another leaf would be dropped at once. [nat]
+constexpr double kNegligible = 25.0;
+
 // Errors of consecutive observations from one place are alike (the same misjudged edge of the same
 // image): a repetition weighs a quarter, as if its likelihood were raised to that power.
 constexpr double kRepetitionWeight = 0.25;
 constexpr double kSameViewDistance = 0.1;  // [m]
 constexpr double kSameViewYaw = 0.05;      // [rad]
 
-/// Log-densities, in the observation's own units, of causes other than a known mode.
-struct ClutterDensity {
-  double log_false_alarm = 0.0;  // β_FA
-  double log_any = 0.0;          // β_FA + β_NT: `absent` leaves both open.
-};
+// Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
+constexpr int kMaxContradictions = 5;
 
-ClutterDensity ClutterOf(const Observation& observation, const SensorCalibration& sensor) {
-  const double unit = SquareMetresPerUnit(observation);
-  const double any = sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2;
-  return {std::log(sensor.clutter_density_per_m2 * unit), std::log(any * unit)};
+/// Makes the probabilities of an unresolved belief sum to 1; returns the log of their sum before.
+double Normalize(GroupBelief* belief) {
+  const double total = LogSumExp(AsVector(belief->log_p));
+  if (total != kLogZero) AsVector(belief->log_p).array() -= total;
+  return total;
 }
 
 }  // namespace
 
-double HypothesisBank::LogMiss(const Leaf& leaf, int group, int state) const {
-  const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const KnownMapFilter::Point point = leaf.filter.PredictPoint({group, state}, snapshot_);
-  const double in_view = SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor);
-  return std::log1p(-sensor.detection_probability * in_view);
+struct HypothesisBank::SeenObservation {
+  SeenObservation(const Observation& observation,
+                  int seen_group,
+                  std::size_t belief,
+                  const SensorCalibration& sensor)
+      : group(seen_group), belief_index(belief) {
+    const Eigen::Matrix2d cov_z = ObservationNoise(observation, sensor);
+    constexpr double kMisjudgedVariance = kMisjudgedSigmas * kMisjudgedSigmas;
+    measurement = KnownMapFilter::Measure(observation, cov_z);
+    misjudged = KnownMapFilter::Measure(observation, cov_z * kMisjudgedVariance);
+    const double unit = SquareMetresPerUnit(observation);
+    const double any = sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2;
+    log_false_alarm = std::log(sensor.clutter_density_per_m2 * unit);
+    log_any = std::log(any * unit);
+  }
+
+  int group;
+  std::size_t belief_index;  // Into Leaf::beliefs.
+  KnownMapFilter::Measurement measurement;
+  KnownMapFilter::Measurement misjudged;  // With the errors of the detector's tail.
+
+  // Log-densities, in the observation's own units, of causes other than a known mode.
+  double log_false_alarm;  // β_FA
+  double log_any;          // β_FA + β_NT: `absent` leaves both open.
+};
+
+void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
+  const SeenObservation seen(
+      observation, group, BeliefIndex(group), snapshot_.calibration().sensor);
+  ObservationOutcome outcome = Judge(seen);
+  outcome.index = index;
+  events_.outcomes.push_back(outcome);
+
+  Visit* visit = FindVisit(group);
+  if (visit->decided) {
+    const bool agrees = *visit->decided == 0 ? !outcome.gated_any : outcome.gated;
+    visit->contradictions = agrees ? 0 : visit->contradictions + 1;
+    if (visit->contradictions >= kMaxContradictions) {
+      events_.evidence.push_back(CloseVisit(static_cast<std::size_t>(visit - visits_.data())));
+      OpenVisit(group);
+      visit = FindVisit(group);
+    }
+  }
+  visit->end = stamp_;
+  visit->seen = true;
+  ++visit->observations;
+  Observe(seen, ViewWeight(visit));
+  Reduce();
 }
 
-HypothesisBank::GatedMode HypothesisBank::Predict(const Leaf& leaf,
-                                                  const Observation& observation,
-                                                  const Eigen::Matrix2d& cov_z,
-                                                  ModeRef mode) const {
-  GatedMode gated;
-  gated.state = mode.state;
-  gated.prediction = leaf.filter.PredictObservation(observation, cov_z, mode, snapshot_);
-  gated.log_likelihood =
-      LogDetection(leaf, mode) + leaf.filter.LogLikelihood(gated.prediction, mode, snapshot_);
-  return gated;
+double HypothesisBank::InViewProbability(const KnownMapFilter::Point& point) const {
+  return SectorFieldOfView(
+      point.RangeBearing(), point.CovRangeBearing(), snapshot_.calibration().sensor);
 }
 
-double HypothesisBank::LogDetection(const Leaf& leaf, ModeRef mode) const {
-  const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const KnownMapFilter::Point point = leaf.filter.PredictPoint(mode, snapshot_);
-  // What is seen is in view, T-IV VI-D, whatever the model of the field of view says.
-  const double in_view = std::max(
-      SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor), options_.fov_leave);
-  return std::log(sensor.detection_probability * in_view);
+HypothesisBank::ModeScore HypothesisBank::Score(const Leaf& leaf,
+                                                const SeenObservation& seen,
+                                                int state) const {
+  const double detection = snapshot_.calibration().sensor.detection_probability;
+  const KnownMapFilter::Point point = leaf.filter.PredictPoint({seen.group, state}, snapshot_);
+  const double in_view = InViewProbability(point);
+  ModeScore score;
+  score.prediction = leaf.filter.PredictObservation(seen.measurement, point);
+  score.log_detection = std::log(detection * std::max(in_view, options_.fov_leave));
+  score.log_miss = std::log1p(-detection * in_view);
+  return score;
+}
+
+double HypothesisBank::LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* score) const {
+  if (!score->log_likelihood) {
+    score->log_likelihood =
+        score->log_detection + leaf.filter.LogLikelihood(score->prediction, mode, snapshot_);
+  }
+  return *score->log_likelihood;
 }
 
 double HypothesisBank::LogUngated(const Leaf& leaf,
-                                  const Observation& observation,
-                                  const Eigen::Matrix2d& cov_z,
-                                  ModeRef mode,
+                                  const SeenObservation& seen,
+                                  const ModeScore& score,
+                                  int state,
                                   GroupBelief* belief) const {
-  const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const double log_miss = LogMiss(leaf, mode.group, mode.state);
-  double log_clutter = ClutterOf(observation, sensor).log_false_alarm;
-  AddMiss(mode.state, log_miss, belief, &log_clutter);
-  const Eigen::Matrix2d cov_misjudged = cov_z * (kMisjudgedSigmas * kMisjudgedSigmas);
-  const auto prediction =
-      leaf.filter.PredictObservation(observation, cov_misjudged, mode, snapshot_);
+  double log_clutter = seen.log_false_alarm;
+  AddMiss(state, score.log_miss, belief, &log_clutter);
+  const auto prediction = leaf.filter.PredictObservation(seen.misjudged, score.prediction.point);
   const double log_misjudged =
-      std::log(kMisjudgedShare) + LogDetection(leaf, mode) + prediction.LogLikelihood();
+      std::log(kMisjudgedShare) + score.log_detection + prediction.LogLikelihood();
   return LogAdd(log_clutter, log_misjudged);
 }
 
-ObservationOutcome HypothesisBank::Judge(const Observation& observation, int group) const {
-  const Eigen::Matrix2d cov_z = ObservationNoise(observation, snapshot_.calibration().sensor);
-  const GroupBelief& belief = best().beliefs[BeliefIndex(group)];
+ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {
+  const GroupBelief& belief = best().beliefs[seen.belief_index];
   ObservationOutcome outcome;
-  outcome.group = group;
+  outcome.group = seen.group;
   double best_score = kLogZero;
-  for (int state = 1; state < belief.log_p.size(); ++state) {
-    const GatedMode seen = Predict(best(), observation, cov_z, {group, state});
-    if (seen.prediction.nis > gate_) continue;
-    outcome.gated_any = true;
-    const double score = belief.LogProbability(state) + seen.log_likelihood;
+  judged_.assign(belief.log_p.size(), std::nullopt);
+  for (int state = 1; state < belief.states(); ++state) {
+    const double log_p = belief.LogProbability(state);
+    if (log_p == kLogZero) continue;
+    ModeScore& mode = judged_[static_cast<std::size_t>(state)].emplace(Score(best(), seen, state));
+    if (mode.prediction.nis > gate_) continue;
+    const double score = log_p + LogLikelihood(best(), {seen.group, state}, &mode);
     if (score <= best_score) continue;
     best_score = score;
     outcome.gated = true;
-    outcome.nis = seen.prediction.nis;
+    outcome.nis = mode.prediction.nis;
+  }
+  outcome.gated_any = outcome.gated;
+  for (int state = 1; state < belief.states() && !outcome.gated_any; ++state) {
+    if (belief.LogProbability(state) != kLogZero) continue;
+    outcome.gated_any = Score(best(), seen, state).prediction.nis <= gate_;
   }
   return outcome;
 }
@@ -117,77 +168,99 @@ double HypothesisBank::ViewWeight(Visit* visit) const {
   return 1.0;
 }
 
-void HypothesisBank::Observe(const Observation& observation, int group, double weight) {
-  const std::size_t index = BeliefIndex(group);
-  std::vector<Leaf> next;
-  for (const Leaf& leaf : leaves_) Branch(leaf, observation, weight, index, &next);
-  leaves_ = std::move(next);
+void HypothesisBank::Observe(const SeenObservation& seen, double weight) {
+  bool heaviest = true;
+  heaviest_fork_ = kLogZero;
+  for (Leaf* leaf : leaves_.Rebuild()) {
+    Branch(seen, weight, heaviest, leaf);
+    heaviest = false;
+  }
 }
 
-void HypothesisBank::Branch(const Leaf& leaf,
-                            const Observation& observation,
-                            double weight,
-                            std::size_t belief_index,
-                            std::vector<Leaf>* next) const {
-  const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const Eigen::Matrix2d cov_z = ObservationNoise(observation, sensor);
-  const ClutterDensity clutter = ClutterOf(observation, sensor);
-  const int group = leaf.beliefs[belief_index].group;
-  const auto add_seen = [&](const GatedMode& gated) {
-    Leaf& child = next->emplace_back(leaf);
-    GroupBelief& belief = child.beliefs[belief_index];
-    child.log_weight += belief.LogProbability(gated.state) + weight * gated.log_likelihood;
-    child.filter.Update(gated.prediction, {group, gated.state}, snapshot_, weight);
-    belief.resolved = gated.state;
-    belief.log_missed[gated.state] = 0.0;
-  };
+void HypothesisBank::AddChild(const Leaf& parent,
+                              const SeenObservation& seen,
+                              const ModeScore& score,
+                              const GroupBelief& before,
+                              int state,
+                              double weight) {
+  const double log_weight =
+      parent.log_weight + before.LogProbability(state) + weight * *score.log_likelihood;
+  if (log_weight < heaviest_fork_ - kNegligible) return;
+  heaviest_fork_ = std::max(heaviest_fork_, log_weight);
+  Leaf& child = leaves_.Add(parent);
+  child.beliefs[seen.belief_index] = before;
+  Resolve(seen, score, state, weight, &child);
+}
 
-  // The rest: the observation is no known mode, and the filter stays as it is.
-  Leaf rest = leaf;
-  GroupBelief& belief = rest.beliefs[belief_index];
-  const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
-  for (int state = 1; state < belief.log_p.size(); ++state) {
-    if (leaf.beliefs[belief_index].LogProbability(state) == kLogZero) continue;
-    const GatedMode seen = Predict(leaf, observation, cov_z, {group, state});
-    const double log_ungated = LogUngated(leaf, observation, cov_z, {group, state}, &belief);
+void HypothesisBank::Resolve(const SeenObservation& seen,
+                             const ModeScore& score,
+                             int state,
+                             double weight,
+                             Leaf* leaf) const {
+  GroupBelief& belief = leaf->beliefs[seen.belief_index];
+  leaf->log_weight += belief.LogProbability(state) + weight * *score.log_likelihood;
+  leaf->filter.Update(score.prediction, {seen.group, state}, snapshot_, weight);
+  belief.resolved = state;
+  belief.log_missed[static_cast<std::size_t>(state)] = 0.0;
+}
+
+void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool heaviest, Leaf* leaf) {
+  // The leaf itself becomes the rest: the observation is no known mode, and the filter stays.
+  GroupBelief& belief = leaf->beliefs[seen.belief_index];
+  const GroupBelief before = belief;
+  const bool unresolved = before.resolved == GroupBelief::kUnresolved;
+  for (int state = 1; state < before.states(); ++state) {
+    if (before.LogProbability(state) == kLogZero) continue;
+    std::optional<ModeScore> own;
+    std::optional<ModeScore>& known = heaviest ? judged_[static_cast<std::size_t>(state)] : own;
+    if (!known) known = Score(*leaf, seen, state);
+    ModeScore& score = *known;
+    const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
     if (unresolved) {
-      if (seen.prediction.nis < kMaxForkNis) add_seen(seen);
-      belief.log_p[state] += weight * log_ungated;
-    } else if (seen.log_likelihood >= log_ungated) {
+      if (score.prediction.nis < kMaxForkNis) {
+        LogLikelihood(*leaf, {seen.group, state}, &score);
+        AddChild(*leaf, seen, score, before, state, weight);
+      }
+      belief.log_p[static_cast<std::size_t>(state)] += weight * log_ungated;
+    } else if (LogLikelihood(*leaf, {seen.group, state}, &score) >= log_ungated) {
       // A resolved leaf takes an observation for what it likelier is; for others it may be either.
-      add_seen(seen);
+      belief = before;
+      Resolve(seen, score, state, weight, leaf);
+      leaves_.Keep(leaf);
       return;
     } else {
-      rest.log_weight += weight * log_ungated;
+      leaf->log_weight += weight * log_ungated;
     }
   }
   if (!unresolved) {
-    if (belief.resolved == 0) rest.log_weight += weight * clutter.log_any;
+    if (belief.resolved == 0) leaf->log_weight += weight * seen.log_any;
   } else {
-    belief.log_p[0] += weight * clutter.log_any;
-    const double total = LogSumExp(belief.log_p);
-    rest.log_weight += total;
-    if (total != kLogZero) belief.log_p.array() -= total;
+    belief.log_p[0] += weight * seen.log_any;
+    leaf->log_weight += Normalize(&belief);
   }
-  if (rest.log_weight != kLogZero) next->push_back(std::move(rest));
+  if (leaf->log_weight == kLogZero) {
+    leaves_.Drop(leaf);
+  } else {
+    leaves_.Keep(leaf);
+  }
 }
 
 void HypothesisBank::Miss(int group) {
   const std::size_t index = BeliefIndex(group);
-  for (Leaf& leaf : leaves_) {
-    GroupBelief& belief = leaf.beliefs[index];
+  const double detection = snapshot_.calibration().sensor.detection_probability;
+  for (Leaf* leaf : leaves_.all()) {
+    GroupBelief& belief = leaf->beliefs[index];
     const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
-    for (int state = 1; state < belief.log_p.size(); ++state) {
+    for (int state = 1; state < belief.states(); ++state) {
       if (belief.LogProbability(state) == kLogZero) continue;
-      AddMiss(state,
-              LogMiss(leaf, group, state),
-              &belief,
-              unresolved ? &belief.log_p[state] : &leaf.log_weight);
+      const double in_view =
+          InViewProbability(leaf->filter.PredictPoint({group, state}, snapshot_));
+      if (in_view == 0.0) continue;
+      double* const log_likelihood =
+          unresolved ? &belief.log_p[static_cast<std::size_t>(state)] : &leaf->log_weight;
+      AddMiss(state, std::log1p(-detection * in_view), &belief, log_likelihood);
     }
-    if (!unresolved) continue;
-    const double total = LogSumExp(belief.log_p);
-    leaf.log_weight += total;
-    belief.log_p.array() -= total;
+    if (unresolved) leaf->log_weight += Normalize(&belief);
   }
 }
 
@@ -196,7 +269,7 @@ void HypothesisBank::AddMiss(int state,
                              GroupBelief* belief,
                              double* log_likelihood) const {
   const double occluded = snapshot_.calibration().sensor.occluded_visit_probability;
-  double& run = belief->log_missed[state];
+  double& run = belief->log_missed[static_cast<std::size_t>(state)];
   *log_likelihood += LogMissedRun(run + log_miss, occluded) - LogMissedRun(run, occluded);
   run += log_miss;
 }

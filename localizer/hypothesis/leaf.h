@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "localizer/filter/known_map_filter.h"
 #include "localizer/hypothesis/log_math.h"
+#include "localizer/hypothesis/state_values.h"
 
 namespace shiftmap {
 
@@ -19,11 +21,13 @@ struct GroupBelief {
 
   int group = 0;               ///< Index into MapSnapshot::groups().
   int resolved = kUnresolved;  ///< State 0..n.
-  Eigen::VectorXd log_p;       ///< Unresolved: log-probability per state given the leaf, sums to 1.
-  Eigen::VectorXd log_missed;  ///< Σ log(1 - P_D) of the present run of misses, per state.
+  StateValues log_p;           ///< Unresolved: log-probability per state given the leaf, sums to 1.
+  StateValues log_missed;      ///< Σ log(1 - P_D) of the present run of misses, per state.
+
+  int states() const { return static_cast<int>(log_p.size()); }
 
   double LogProbability(int state) const {
-    if (resolved == kUnresolved) return log_p[state];
+    if (resolved == kUnresolved) return log_p[static_cast<std::size_t>(state)];
     return state == resolved ? 0.0 : kLogZero;
   }
 };
@@ -34,6 +38,7 @@ struct Leaf {
   KnownMapFilter filter;
   double log_weight = 0.0;
   std::vector<GroupBelief> beliefs;  ///< By group.
+  std::uint64_t agreement_key = 0;   ///< Scratch of MergeLeaves().
 };
 
 }  // namespace shiftmap

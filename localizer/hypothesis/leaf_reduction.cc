@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <cstdint>
 
 #include "proto/core/check.h"
 
@@ -14,11 +14,22 @@ namespace {
 // Squared Mahalanobis distance of two poses that count as one, κ² of T-IV (26).
 constexpr double kSamePose = 0.05;
 
-bool SameHypothesis(const Leaf& a, const Leaf& b, const std::function<bool(int)>& must_agree) {
+// Equal for leaves that agree where they must: spares most comparisons of two leaves.
+std::uint64_t AgreementKey(const Leaf& leaf, const std::vector<bool>& must_agree) {
+  std::uint64_t key = 0;
+  for (std::size_t i = 0; i < leaf.beliefs.size(); ++i) {
+    constexpr std::uint64_t kOddFactor = 0x9E3779B97F4A7C15;
+    if (must_agree[i])
+      key = (key + static_cast<std::uint64_t>(leaf.beliefs[i].resolved)) * kOddFactor;
+  }
+  return key;
+}
+
+bool SameHypothesis(const Leaf& a, const Leaf& b, const std::vector<bool>& must_agree) {
   bool all_equal = true;
   for (std::size_t i = 0; i < a.beliefs.size(); ++i) {
     if (a.beliefs[i].resolved == b.beliefs[i].resolved) continue;
-    if (must_agree(a.beliefs[i].group)) return false;
+    if (must_agree[i]) return false;
     all_equal = false;
   }
   if (all_equal) return true;
@@ -38,98 +49,98 @@ void Absorb(const Leaf& from, Leaf* into) {
     GroupBelief& belief = into->beliefs[i];
     const GroupBelief& other = from.beliefs[i];
     if (belief.resolved == other.resolved && belief.resolved != GroupBelief::kUnresolved) continue;
-    Eigen::VectorXd mixed(belief.log_p.size());
-    for (int state = 0; state < mixed.size(); ++state) {
-      mixed[state] = LogAdd(share_into + belief.LogProbability(state),
-                            share_from + other.LogProbability(state));
+    for (int state = 0; state < belief.states(); ++state) {
+      belief.log_p[static_cast<std::size_t>(state)] = LogAdd(
+          share_into + belief.LogProbability(state), share_from + other.LogProbability(state));
     }
-    belief.log_p = mixed;
     belief.resolved = GroupBelief::kUnresolved;
   }
   into->log_weight = log_weight;
 }
 
-void SortByWeight(std::vector<Leaf>* leaves) {
-  std::stable_sort(leaves->begin(), leaves->end(), [](const Leaf& a, const Leaf& b) {
-    return a.log_weight > b.log_weight;
-  });
-}
-
-void RemoveImpossible(std::vector<Leaf>* leaves) {
-  std::erase_if(*leaves, [](const Leaf& leaf) { return leaf.log_weight == kLogZero; });
+void RemoveImpossible(LeafSet* leaves) {
+  for (Leaf* leaf : leaves->Rebuild()) {
+    if (leaf->log_weight == kLogZero) {
+      leaves->Drop(leaf);
+    } else {
+      leaves->Keep(leaf);
+    }
+  }
   SHIFTMAP_CHECK(!leaves->empty(), "no leaf left");
 }
 
 }  // namespace
 
-double NormalizeWeights(std::vector<Leaf>* leaves) {
+double NormalizeWeights(LeafSet* leaves) {
   double total = kLogZero;
-  for (const Leaf& leaf : *leaves) total = LogAdd(total, leaf.log_weight);
-  for (Leaf& leaf : *leaves) leaf.log_weight -= total;
+  for (const Leaf* leaf : leaves->all()) total = LogAdd(total, leaf->log_weight);
+  for (Leaf* leaf : leaves->all()) leaf->log_weight -= total;
   return total;
 }
 
-Eigen::VectorXd MarginalLogProbability(const std::vector<Leaf>& leaves, std::size_t index) {
-  Eigen::VectorXd marginal =
-      Eigen::VectorXd::Constant(leaves.front().beliefs[index].log_p.size(), kLogZero);
-  for (const Leaf& leaf : leaves) {
-    for (int state = 0; state < marginal.size(); ++state) {
-      marginal[state] =
-          LogAdd(marginal[state], leaf.log_weight + leaf.beliefs[index].LogProbability(state));
+StateValues MarginalLogProbability(const LeafSet& leaves, std::size_t index) {
+  StateValues marginal(leaves.front().beliefs[index].log_p.size(), kLogZero);
+  for (const Leaf* leaf : leaves.all()) {
+    const GroupBelief& belief = leaf->beliefs[index];
+    for (int state = 0; state < belief.states(); ++state) {
+      double& sum = marginal[static_cast<std::size_t>(state)];
+      sum = LogAdd(sum, leaf->log_weight + belief.LogProbability(state));
     }
   }
   return marginal;
 }
 
-void MergeLeaves(const std::function<bool(int group)>& must_agree, std::vector<Leaf>* leaves) {
-  SortByWeight(leaves);
-  std::vector<Leaf> kept;
-  for (Leaf& leaf : *leaves) {
-    const auto same = std::find_if(kept.begin(), kept.end(), [&](const Leaf& other) {
-      return SameHypothesis(other, leaf, must_agree);
+void MergeLeaves(const std::vector<bool>& must_agree, LeafSet* leaves) {
+  leaves->SortByWeight();
+  for (Leaf* leaf : leaves->all()) leaf->agreement_key = AgreementKey(*leaf, must_agree);
+  for (Leaf* leaf : leaves->Rebuild()) {
+    const auto kept = leaves->all();
+    const auto same = std::find_if(kept.begin(), kept.end(), [&](const Leaf* other) {
+      return other->agreement_key == leaf->agreement_key &&
+             SameHypothesis(*other, *leaf, must_agree);
     });
     if (same == kept.end()) {
-      kept.push_back(std::move(leaf));
+      leaves->Keep(leaf);
     } else {
-      Absorb(leaf, &*same);
+      Absorb(*leaf, *same);
+      leaves->Drop(leaf);
     }
   }
-  SortByWeight(&kept);
-  *leaves = std::move(kept);
+  leaves->SortByWeight();
 }
 
-double KeepHeaviest(int max_leaves, double min_weight, std::vector<Leaf>* leaves) {
-  SortByWeight(leaves);
+double KeepHeaviest(int max_leaves, double min_weight, LeafSet* leaves) {
+  leaves->SortByWeight();
   const double log_min = std::log(min_weight);
   double dropped = 0.0;
   while (leaves->size() > static_cast<std::size_t>(max_leaves) ||
          (leaves->size() > 1 && leaves->back().log_weight < log_min)) {
     dropped += std::exp(leaves->back().log_weight);
-    leaves->pop_back();
+    leaves->PopBack();
   }
   NormalizeWeights(leaves);
   return dropped;
 }
 
-void ConditionOn(std::size_t index, int state, std::vector<Leaf>* leaves) {
-  for (Leaf& leaf : *leaves) {
-    GroupBelief& belief = leaf.beliefs[index];
-    leaf.log_weight += belief.LogProbability(state);
+void ConditionOn(std::size_t index, int state, LeafSet* leaves) {
+  for (Leaf* leaf : leaves->all()) {
+    GroupBelief& belief = leaf->beliefs[index];
+    leaf->log_weight += belief.LogProbability(state);
     belief.resolved = state;
   }
   RemoveImpossible(leaves);
 }
 
-void Exclude(std::size_t index, int state, std::vector<Leaf>* leaves) {
-  for (Leaf& leaf : *leaves) {
-    GroupBelief& belief = leaf.beliefs[index];
+void Exclude(std::size_t index, int state, LeafSet* leaves) {
+  for (Leaf* leaf : leaves->all()) {
+    GroupBelief& belief = leaf->beliefs[index];
     if (belief.resolved == state) {
-      leaf.log_weight = kLogZero;
+      leaf->log_weight = kLogZero;
     } else if (belief.resolved == GroupBelief::kUnresolved) {
-      belief.log_p[state] = kLogZero;
-      const double left = LogSumExp(belief.log_p);
-      leaf.log_weight += left;
-      if (left != kLogZero) belief.log_p.array() -= left;
+      belief.log_p[static_cast<std::size_t>(state)] = kLogZero;
+      const double left = LogSumExp(AsVector(belief.log_p));
+      leaf->log_weight += left;
+      if (left != kLogZero) AsVector(belief.log_p).array() -= left;
     }
   }
   RemoveImpossible(leaves);

@@ -20,7 +20,7 @@ double DecisionThreshold(double alpha) {
   return std::log((1.0 - alpha) / alpha);
 }
 
-TestOutcome TestStates(const Eigen::VectorXd& scores, double threshold) {
+TestOutcome TestStates(const Eigen::Ref<const Eigen::VectorXd>& scores, double threshold) {
   TestOutcome outcome;
   Eigen::Index best = 0;
   const double top = scores.maxCoeff(&best);

@@ -3,7 +3,8 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <vector>
+
+#include "localizer/hypothesis/state_values.h"
 
 namespace shiftmap {
 
@@ -11,6 +12,8 @@ namespace shiftmap {
 /// it without the logarithm.
 /// @param alpha  Accepted probability of a wrong decision, in (0, 0.5).
 double DecisionThreshold(double alpha);
+
+using HopelessStates = boost::container::small_vector<int, kInlineStates>;
 
 /// Outcome of the multi-hypothesis sequential probability ratio test.
 ///
@@ -20,11 +23,11 @@ double DecisionThreshold(double alpha);
 struct TestOutcome {
   std::optional<int> decided;  ///< The state that beats the sum of all others by the threshold.
   double log_odds = 0.0;       ///< Of the best state to all others, finite. [nat]
-  std::vector<int> hopeless;   ///< States below a hundredth of α of the best one.
+  HopelessStates hopeless;     ///< States below a hundredth of α of the best one.
 };
 
 /// @param scores     Unnormalized log-posterior per state; -∞ for states dropped before.
 /// @param threshold  Of DecisionThreshold.
-TestOutcome TestStates(const Eigen::VectorXd& scores, double threshold);
+TestOutcome TestStates(const Eigen::Ref<const Eigen::VectorXd>& scores, double threshold);
 
 }  // namespace shiftmap

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
+#include "localizer/hypothesis/state_values.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/landmark_group.h"
@@ -23,10 +22,10 @@ struct Visit {
   /// Where the vehicle was at the last observation that was a view of its own, not a repetition.
   std::optional<Se2> T_map_viewpoint;
 
-  Eigen::VectorXd log_prior;  ///< Per state, over all leaves, at `begin`.
+  StateValues log_prior;  ///< Per state, over all leaves, at `begin`.
 
   /// Log-probability of each state when the sequential test gave it up; nothing while it is alive.
-  std::vector<std::optional<double>> given_up;
+  boost::container::small_vector<std::optional<double>, kInlineStates> given_up;
 
   std::optional<int> decided;  ///< State.
   int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
@@ -34,13 +33,13 @@ struct Visit {
 
 /// Log-probability per state over all leaves and the states given up; sums to 1.
 /// @param log_alive  Log-probability of the states that are alive.
-Eigen::VectorXd LogPosterior(const Visit& visit, const Eigen::VectorXd& log_alive);
+StateValues LogPosterior(const Visit& visit, const StateValues& log_alive);
 
 /// What the visit says about the group, prior excluded: log posterior - log prior, shifted so that
 /// the largest entry is 0, none below -50. A state that was given up counts with its value of then.
 /// @param log_posterior  Of LogPosterior.
 VisitEvidence EvidenceOf(const Visit& visit,
-                         const Eigen::VectorXd& log_posterior,
+                         const StateValues& log_posterior,
                          const LandmarkGroup& group);
 
 }  // namespace shiftmap

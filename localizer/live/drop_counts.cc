@@ -16,6 +16,8 @@ void AddDropped(const LocalizerStatistics& statistics, DropCounts* counts) {
   counts->Add("unknown_signature", statistics.unknown_signatures);
   counts->Add("anonymous", statistics.anonymous);
   counts->Add("ungated", statistics.ungated);
+  counts->Add("late", statistics.late);
+  counts->Add("future", statistics.jumped);
 }
 
 }  // namespace shiftmap::live

@@ -23,7 +23,7 @@ class DropCounts {
   std::map<std::string, std::int64_t> counts_;
 };
 
-/// Adds the observations that the localizer itself set aside.
+/// Adds the observations, samples and scans that the localizer itself set aside.
 void AddDropped(const LocalizerStatistics& statistics, DropCounts* counts);
 
 }  // namespace shiftmap::live

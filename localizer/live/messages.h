@@ -109,10 +109,11 @@ struct ShiftHeader {
   Stamp map_stamp;  ///< At which the map's probabilities held.
   double alpha = 0.0;
   int max_leaves = 0;
+  double max_delay_s = 0.0;          ///< As LocalizerOptions::max_delay_s.
   std::optional<double> odometer_m;  ///< What the vehicle's odometer showed. [m]
 };
 
-/// Everything that a shift's result depends on, in order: the header, then the localizer's inputs.
+/// Everything that a shift's result depends on, in order: the header, then the inputs as they came.
 using JournalRecord = std::variant<ShiftHeader, OdometrySample, Scan, InitializePose>;
 
 /// Where the vehicle stood at the end of a shift.

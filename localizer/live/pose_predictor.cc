@@ -7,7 +7,7 @@ namespace shiftmap::live {
 namespace {
 
 // Bounds what a long stretch without scans costs per step.
-constexpr std::size_t kMaxSamples = 128;
+constexpr std::size_t kMaxSamples = 512;
 
 }  // namespace
 

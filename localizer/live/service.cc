@@ -109,13 +109,15 @@ Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
                            ToSecondsSinceEpoch(now));
   }
   if (!start_chosen_) ChooseStart(stamp);
+  const std::int64_t late = shift_->localizer().Statistics().late;
   const auto begin = std::chrono::steady_clock::now();
   const Status status = shift_->Process(item, events);
   const std::chrono::duration<double, std::milli> elapsed =
       std::chrono::steady_clock::now() - begin;
   if (elapsed.count() > options_.step_budget_ms) ++overruns_;
   if (!status.ok()) {
-    dropped_.Add(stamp < shift_->now() ? "out_of_order" : "invalid");
+    // What is too late is counted by the localizer.
+    if (shift_->localizer().Statistics().late == late) dropped_.Add("invalid");
     return status;
   }
   journal_->Append(std::visit(
@@ -162,6 +164,7 @@ Status Service::Do(const Start& start, std::vector<Event>*) {
   header.map_stamp = map_->stamp();
   header.alpha = options_.localizer.hypotheses.alpha;
   header.max_leaves = options_.localizer.hypotheses.max_leaves;
+  header.max_delay_s = options_.localizer.max_delay_s;
   header.odometer_m = start.odometer_m;
   SHIFTMAP_ASSIGN_OR_RETURN(journal_, JournalFile::Create(File(kJournal)));
   journal_->Append(EncodeJournalRecord(header));

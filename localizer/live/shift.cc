@@ -17,6 +17,7 @@ LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
   LocalizerOptions options;
   options.hypotheses.alpha = header.alpha;
   options.hypotheses.max_leaves = header.max_leaves;
+  options.max_delay_s = header.max_delay_s;
   return options;
 }
 
@@ -28,12 +29,16 @@ Shift::Shift(MapSnapshot map, const ShiftHeader& header)
 Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
   SHIFTMAP_RETURN_IF_ERROR(localizer_.Process(item));
   now_ = std::max(now_, StampOf(item));
-  if (const auto* sample = std::get_if<OdometrySample>(&item)) {
+  // The prediction does not wait for what may still come late, and does without it.
+  const auto* sample = std::get_if<OdometrySample>(&item);
+  if (sample != nullptr && (!last_sample_ || sample->stamp >= last_sample_->stamp)) {
     predictor_.Add(*sample);
     TellOdometer(*sample);
-  } else if (const auto estimate = localizer_.Estimate()) {
-    predictor_.Correct(*estimate);
   }
+  const std::int64_t scans = localizer_.Statistics().scans;
+  const auto estimate = localizer_.Estimate();
+  if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
+  corrected_scans_ = scans;
   TellNews(events);
   return OkStatus();
 }

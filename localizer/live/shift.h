@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -55,6 +56,7 @@ class Shift {
   Stamp now_;  // Of the last item.
   std::optional<OdometrySample> last_sample_;
   double driven_m_ = 0.0;
+  std::int64_t corrected_scans_ = 0;  // Localized, as of the last item.
   LocalizerState told_state_ = LocalizerState::kInitializing;
   std::size_t told_decisions_ = 0;
 };

@@ -9,8 +9,7 @@
 namespace shiftmap {
 namespace {
 
-// Observations gone by for the support of a change, and for being lost.
-constexpr std::size_t kWindow = 48;
+// Observations gone by for being lost.
 constexpr std::size_t kLostWindow = 20;
 
 constexpr double kLostShare = 0.2;
@@ -35,7 +34,6 @@ bool PoseSupport::Confirms() const {
 
 void HealthMonitor::Add(Stamp stamp, int group, bool explained, std::optional<double> nis) {
   window_.push_back({stamp, group, explained, nis});
-  if (window_.size() > kWindow) window_.pop_front();
   JudgeLost();
 }
 
@@ -58,7 +56,6 @@ void HealthMonitor::JudgeLost() {
 
 void HealthMonitor::AddPairs(Stamp stamp, int as_in_map, int pairs) {
   pairs_.push_back({stamp, as_in_map, pairs});
-  if (pairs_.size() > kWindow) pairs_.pop_front();
 }
 
 bool HealthMonitor::LandmarksMoved(Stamp since) const {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <boost/circular_buffer.hpp>
 #include <cstddef>
-#include <deque>
 #include <optional>
 
 #include "mapstore/core/stamp.h"
@@ -71,8 +71,11 @@ class HealthMonitor {
   void JudgeLost();
   bool LandmarksMoved(Stamp since) const;
 
-  std::deque<Outcome> window_;
-  std::deque<Pairs> pairs_;
+  // Observations gone by for the support of a change, and as many scans.
+  static constexpr std::size_t kWindow = 48;
+
+  boost::circular_buffer<Outcome> window_{kWindow};  // The last ones.
+  boost::circular_buffer<Pairs> pairs_{kWindow};
   bool lost_ = false;
   Stamp failing_since_;
 };

@@ -14,10 +14,7 @@ constexpr double kCorrelation = 0.012;
 
 }  // namespace
 
-void InnovationQuality::Add(double nis) {
-  window_.push_back(nis);
-  if (window_.size() > kWindow) window_.pop_front();
-}
+void InnovationQuality::Add(double nis) { window_.push_back(nis); }
 
 double InnovationQuality::p_value() const {
   if (window_.size() < kWindow) return 1.0;

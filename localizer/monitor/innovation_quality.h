@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
+#include <boost/circular_buffer.hpp>
 
 namespace shiftmap {
 
@@ -27,7 +27,7 @@ class InnovationQuality {
   void Reset() { window_.clear(); }
 
  private:
-  std::deque<double> window_;
+  boost::circular_buffer<double> window_{kWindow};
 };
 
 }  // namespace shiftmap

@@ -16,6 +16,7 @@ void Fill(const ShiftHeader& header, proto::JournalRecord* record) {
   out->set_map_stamp_ns(ToNanoseconds(header.map_stamp));
   out->set_alpha(header.alpha);
   out->set_max_leaves(header.max_leaves);
+  out->set_max_delay_s(header.max_delay_s);
   if (header.odometer_m) out->set_odometer_m(*header.odometer_m);
 }
 
@@ -39,6 +40,7 @@ StatusOr<JournalRecord> HeaderFromProto(const proto::ShiftHeader& in) {
   header.map_stamp = StampFromNanoseconds(in.map_stamp_ns());
   header.alpha = in.alpha();
   header.max_leaves = in.max_leaves();
+  header.max_delay_s = in.max_delay_s();
   SHIFTMAP_ASSIGN_OR_RETURN(header.odometer_m, OdometerFromProto(in));
   return JournalRecord(std::move(header));
 }

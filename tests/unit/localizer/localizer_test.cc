@@ -3,8 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <random>
+#include <utility>
+#include <vector>
 
 #include "tests/unit/localizer/simulated_run.h"
 
@@ -162,6 +167,87 @@ TEST(Localizer, RejectsWhatCannotBe) {
             StatusCode::kInvalidArgument);
   EXPECT_TRUE(localizer.Process(OdometrySample{StampFromSeconds(1000.0), 0.1, 0.0}).ok());
   EXPECT_EQ(localizer.state(), LocalizerState::kInitializing);
+}
+
+// The events as they come when each is late by up to `bound_s`; equal stamps keep their order.
+std::vector<RunEvent> Delayed(const std::vector<RunEvent>& events, double bound_s, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> delay(0.0, bound_s);
+  std::vector<std::pair<double, RunEvent>> arrivals;
+  for (const RunEvent& event : events) {
+    const bool same = !arrivals.empty() && StampOf(arrivals.back().second) == StampOf(event);
+    const double at = ToSecondsSinceEpoch(StampOf(event)) + delay(random);
+    arrivals.emplace_back(same ? arrivals.back().first : at, event);
+  }
+  std::stable_sort(arrivals.begin(), arrivals.end(), [](const auto& a, const auto& b) {
+    return a.first < b.first;
+  });
+  std::vector<RunEvent> delayed;
+  for (auto& [at, event] : arrivals) delayed.push_back(std::move(event));
+  return delayed;
+}
+
+// What a localizer said, bit by bit.
+std::vector<double> SaidOf(const MapContent& content,
+                           const std::vector<RunEvent>& events,
+                           double max_delay_s,
+                           LocalizerStatistics* statistics) {
+  LocalizerOptions options;
+  options.max_delay_s = max_delay_s;
+  Localizer localizer(Snapshot(content), options);
+  std::vector<double> said;
+  const auto record = [&] {
+    for (const PoseEstimate& estimate : localizer.new_estimates()) {
+      said.push_back(ToSecondsSinceEpoch(estimate.stamp));
+      const Se2& T = estimate.pose.T_map_vehicle;
+      said.insert(said.end(), {T.x(), T.y(), T.yaw(), estimate.quality});
+      const Eigen::Matrix3d& cov = estimate.pose.cov_T_map_vehicle;
+      said.insert(said.end(), cov.data(), cov.data() + cov.size());
+    }
+  };
+  for (const RunEvent& event : events) {
+    if (localizer.Process(event).ok()) record();
+  }
+  localizer.Finish();
+  record();
+  for (const VisitEvidence& evidence : localizer.Report().evidence) {
+    for (const auto& mode : evidence.modes) said.push_back(mode.log_likelihood);
+  }
+  for (const double seconds : localizer.Statistics().seconds_in_state) said.push_back(seconds);
+  *statistics = localizer.Statistics();
+  return said;
+}
+
+TEST(Localizer, WhatComesLateWithinTheBoundChangesNoBit) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 2);
+  const std::vector<RunEvent> events =
+      MergeEvents(Simulate(content, PositionsOf(content, states), {}).run);
+  LocalizerStatistics statistics;
+  const std::vector<double> in_order = SaidOf(content, events, 0.0, &statistics);
+  ASSERT_GT(in_order.size(), 1000u);
+  EXPECT_EQ(SaidOf(content, events, 0.3, &statistics), in_order);
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const std::vector<RunEvent> delayed = Delayed(events, 0.299, seed);
+    EXPECT_EQ(SaidOf(content, delayed, 0.3, &statistics), in_order) << seed;
+    EXPECT_EQ(statistics.late, 0) << seed;
+    SaidOf(content, delayed, 0.1, &statistics);
+    EXPECT_GT(statistics.late, 0) << seed;
+  }
+}
+
+TEST(Localizer, AClockThatJumpsOnceCostsOneItem) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 2);
+  std::vector<RunEvent> events =
+      MergeEvents(Simulate(content, PositionsOf(content, states), {}).run);
+  LocalizerStatistics statistics;
+  const std::vector<double> undisturbed = SaidOf(content, events, 0.2, &statistics);
+  const OdometrySample jumped{StampOf(events[500]) + std::chrono::hours(24), 9.0, 9.0};
+  events.insert(events.begin() + 500, jumped);
+  EXPECT_EQ(SaidOf(content, events, 0.2, &statistics), undisturbed);
+  EXPECT_EQ(statistics.jumped, 1);
+  EXPECT_EQ(statistics.late, 0);
 }
 
 TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {

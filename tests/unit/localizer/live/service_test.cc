@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 
 #include "mapstore/codec/shift_report.h"
@@ -115,6 +116,76 @@ TEST_F(ServiceTest, CutJournalLosesOnlyItsTail) {
     Feed(&service, next, items_.size());
     EXPECT_TRUE(Stop(&service) == expected) << lost << " bytes lost";
   }
+}
+
+// Items that come late by less than the bound, and a crash in between: what is held then is in the
+// journal, and the report says what it says without either.
+TEST_F(ServiceTest, LateItemsAndACrashChangeNothing) {
+  const auto delayed_by = [&](double max_delay_s) {
+    ServiceOptions options = Options();
+    options.localizer.max_delay_s = max_delay_s;
+    return options;
+  };
+  const auto said = [&](Service* service) {
+    EXPECT_THAT(Do(service, live::Stop()), IsOk());
+    auto report = ReadShiftReport(service->State().report_path);
+    EXPECT_THAT(report, IsOk());
+    report->uuid.clear();
+    return EncodeShiftReport(*report);
+  };
+  std::string expected;
+  {
+    StatusOr<Service> service = Service::Open(delayed_by(0.0));
+    ASSERT_THAT(service, IsOk());
+    ASSERT_THAT(Do(&*service, Start()), IsOk());
+    Feed(&*service, 0, items_.size());
+    expected = said(&*service);
+  }
+  // Every odometry sample comes after the two that follow it.
+  for (std::size_t i = 0; i + 2 < items_.size(); i += 3) {
+    if (StampOf(items_[i]) == StampOf(items_[i + 1])) continue;
+    std::rotate(items_.begin() + static_cast<std::ptrdiff_t>(i),
+                items_.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                items_.begin() + static_cast<std::ptrdiff_t>(i) + 3);
+  }
+  const std::size_t crash = items_.size() / 2;
+  {
+    StatusOr<Service> service = Service::Open(delayed_by(0.2));
+    ASSERT_THAT(service, IsOk());
+    ASSERT_THAT(Do(&*service, Start()), IsOk());
+    Feed(&*service, 0, crash);
+  }
+  StatusOr<Service> service = Service::Open(delayed_by(0.0));
+  ASSERT_THAT(service, IsOk());
+  ASSERT_TRUE(service->State().resumed);
+  Feed(&*service, crash, items_.size());
+  EXPECT_TRUE(said(&*service) == expected);
+}
+
+TEST_F(ServiceTest, WhatIsTooLateIsCounted) {
+  Service service = Opened();
+  ASSERT_THAT(Do(&service, Start()), IsOk());
+  Feed(&service, 0, 20);
+  const OdometrySample late{StampOf(items_[0]) - std::chrono::seconds(1), 0.0, 0.0};
+  EXPECT_THAT(Do(&service, late), StatusIs(StatusCode::kInvalidArgument, "time order"));
+  const ServiceState state = service.State();
+  ASSERT_EQ(state.dropped.size(), 1u);
+  EXPECT_EQ(state.dropped[0].reason, "late");
+  EXPECT_EQ(state.dropped[0].count, 1);
+}
+
+TEST_F(ServiceTest, AStampFarAheadMakesNothingLate) {
+  ServiceOptions options = Options();
+  options.localizer.max_delay_s = 0.2;
+  StatusOr<Service> service = Service::Open(options);
+  ASSERT_THAT(service, IsOk());
+  ASSERT_THAT(Do(&*service, Start()), IsOk());
+  Feed(&*service, 0, 50);
+  const OdometrySample ahead{StampFromSeconds(1e6), 0.0, 0.0};
+  EXPECT_THAT(Do(&*service, ahead), StatusIs(StatusCode::kInvalidArgument, "expected at most"));
+  const OdometrySample within_clock{StampFromSeconds(1900.0), 0.0, 0.0};
+  EXPECT_THAT(Do(&*service, within_clock), IsOk());
+  Feed(&*service, 50, items_.size());
 }
 
 TEST_F(ServiceTest, JournalThatDoesNotFitIsKeptAside) {
