@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <utility>
 
 #include "mapstore/geometry/covariance.h"
 
@@ -12,6 +13,8 @@ namespace {
 constexpr double kFloorSd = 1e-3;  // [m]
 constexpr double kDatumSd = 1e-4;  // How firmly a prior holds the frame. [m]
 
+}  // namespace
+
 Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
   for (const Eigen::Vector2d& position : positions) {
@@ -19,8 +22,6 @@ Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
   }
   return centroid;
 }
-
-}  // namespace
 
 Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
   const auto count = static_cast<Eigen::Index>(positions.size());
@@ -40,12 +41,26 @@ Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
   return G;
 }
 
+DatumChange::DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions)
+    : G(std::move(directions)),
+      W(cov_times_directions - 0.5 * G * (G.transpose() * cov_times_directions)) {}
+
+Eigen::Matrix2d DatumChange::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const {
+  const auto G_a = G.middleRows<2>(Eigen::Index{2} * a);
+  const auto G_b = G.middleRows<2>(Eigen::Index{2} * b);
+  const auto W_a = W.middleRows<2>(Eigen::Index{2} * a);
+  const auto W_b = W.middleRows<2>(Eigen::Index{2} * b);
+  Eigen::Matrix2d result = cov_a_b - G_a * W_b.transpose() - W_a * G_b.transpose();
+  if (a == b) result = Symmetrized(result) + kFloorSd * kFloorSd * Eigen::Matrix2d::Identity();
+  return result;
+}
+
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  const Eigen::MatrixXd& cov) {
   const Eigen::MatrixXd G = DatumDirections(positions);
-  const Eigen::MatrixXd projector =
-      Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
-  Eigen::MatrixXd result = Symmetrized(projector * cov * projector);
+  const DatumChange change(G, cov * G);
+  Eigen::MatrixXd result = cov - G * change.W.transpose() - change.W * G.transpose();
+  result = Symmetrized(result);
   result.diagonal().array() += kFloorSd * kFloorSd;
   return result;
 }
@@ -73,7 +88,10 @@ GraphPrior MakeGraphPrior(const std::vector<int>& modes,
   const Eigen::MatrixXd G = DatumDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(cov);
+  // Where the frame of `cov` was held does not matter: what it says of the datum of these positions
+  // goes before it is inverted. Its inverse would tell of it in every other direction too.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+      Symmetrized(projector * cov * projector));
   const Eigen::VectorXd sqrt_information =
       solver.eigenvalues().cwiseMax(kFloorSd * kFloorSd * 0.1).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd whitening =

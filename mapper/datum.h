@@ -13,6 +13,26 @@ namespace shiftmap {
 /// say nothing of them; they are the datum of the map. Precondition: at least one position.
 Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions);
 
+/// Mean of the positions, of which there is one at least. [m]
+Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions);
+
+/// What refers a joint covariance P to the positions as a whole, block by block:
+///
+///   (I - GGᵀ) P (I - GGᵀ) = P - G Wᵀ - W Gᵀ,   W = P G - ½ G (Gᵀ P G)
+///
+/// so that P need not be known as a whole.
+struct DatumChange {
+  /// @param directions            G, of DatumDirections().
+  /// @param cov_times_directions  P G.
+  DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions);
+
+  /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
+  Eigen::Matrix2d Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const;
+
+  Eigen::MatrixXd G;
+  Eigen::MatrixXd W;
+};
+
 /// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
 /// with G the datum directions: the inner-constraint solution of surveying. It does not depend on
 /// which pose or landmark held the frame in the solve, and has the smallest trace of all choices. A

@@ -6,6 +6,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/mode_grid.h"
 
 namespace shiftmap {
 namespace {
@@ -106,30 +107,32 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
   double expected = 0.0;
   double detected = 0.0;
   double frames = 0.0;
+  const ModeGrid grid(problem, sensor.max_range_m);
+  std::vector<int> seen_at(problem.signatures.size(), -1);  // The last frame of each group.
+  int frame_number = 0;
   for (const BuildRun& run : problem.runs) {
     const ActiveModes active(problem, run);
     frames += static_cast<double>(run.data->frames.size());
-    for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
+    for (std::size_t f = 0; f < run.data->frames.size(); ++f, ++frame_number) {
       const KeyFrame& frame = run.data->frames[f];
       const Se2 T_vehicle_map = run.poses[f].Inverse();
-      std::vector<bool> seen(problem.signatures.size());
       for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
         const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
         if (!IsInlier(problem, run, sighting)) continue;
-        seen[static_cast<std::size_t>(
-            run.data->visits[static_cast<std::size_t>(sighting.visit)].group)] = true;
+        seen_at[static_cast<std::size_t>(
+            run.data->visits[static_cast<std::size_t>(sighting.visit)].group)] = frame_number;
       }
-      for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-        const int mode = active.At(group, frame.stamp);
-        if (mode == kUnassigned) continue;
-        const Eigen::Vector2d q =
-            T_vehicle_map * problem.modes[group][static_cast<std::size_t>(mode)].p_map_landmark;
+      grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+        const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
         if (q.norm() > sensor.max_range_m ||
-            std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad)
-          continue;
+            std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) {
+          return;
+        }
+        const auto group = static_cast<std::size_t>(entry.group);
+        if (active.At(group, frame.stamp) != entry.mode) return;
         expected += 1.0;
-        detected += seen[group] ? 1.0 : 0.0;
-      }
+        detected += seen_at[group] == frame_number ? 1.0 : 0.0;
+      });
     }
   }
   // Beta(1, 1) prior, and never so certain that one scan decides.

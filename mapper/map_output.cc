@@ -6,6 +6,8 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/association/anonymous_landmarks.h"
+#include "mapper/association/track_names.h"
 #include "mapper/fleet_calibration.h"
 #include "mapper/mode_refinement.h"
 #include "mapstore/geometry/covariance.h"
@@ -14,6 +16,9 @@ namespace shiftmap {
 namespace {
 
 constexpr double kMinProbability = 1e-6;
+
+// A mode of the problem that is none of the map's: it has no signature.
+constexpr int kNoPlace = -1;
 
 // The states of a group of the problem, `absent` first, in the order of the map's modes.
 std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_order) {
@@ -216,19 +221,32 @@ void SetProbabilities(const MapProblem& problem,
                                              options);
 }
 
-// Joint and marginal covariances of the map's modes. @param rows  First row of each in `cov`.
-void SetCovariance(const Eigen::MatrixXd& cov,
-                   const std::vector<Eigen::Index>& rows,
+// Joint and marginal covariances of the map's modes.
+// @param place  Of every mode of the problem, flat, its index in the map, or kNoPlace.
+// @param modes  Of the map.
+void SetCovariance(const JointCovariance& cov,
+                   const std::vector<int>& place,
+                   int modes,
                    MapContent* content) {
-  const auto count = static_cast<Eigen::Index>(rows.size());
-  Eigen::MatrixXd ordered(2 * count, 2 * count);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    for (std::size_t j = 0; j < rows.size(); ++j) {
-      ordered.block<2, 2>(static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * j)) =
-          cov.block<2, 2>(rows[i], rows[j]);
+  std::vector<Eigen::Matrix2d> diagonal(static_cast<std::size_t>(modes));
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    const auto flat = static_cast<int>(i);
+    if (place[i] != kNoPlace) {
+      diagonal[static_cast<std::size_t>(place[i])] = cov.Block(flat, flat);
     }
   }
-  content->covariance = JointCovariance::FromDense(ordered);
+  std::vector<JointCovariance::CrossBlock> cross;
+  for (JointCovariance::CrossBlock block : cov.cross_blocks()) {
+    block.row = place[static_cast<std::size_t>(block.row)];
+    block.column = place[static_cast<std::size_t>(block.column)];
+    if (block.row == kNoPlace || block.column == kNoPlace) continue;
+    if (block.row > block.column) {
+      std::swap(block.row, block.column);
+      block.value.transposeInPlace();
+    }
+    cross.push_back(block);
+  }
+  content->covariance = JointCovariance(std::move(diagonal), std::move(cross));
   int index = 0;
   for (LandmarkGroup& group : content->groups) {
     for (Mode& mode : group.modes) {
@@ -238,11 +256,38 @@ void SetCovariance(const Eigen::MatrixXd& cov,
   }
 }
 
+// Adds what runs found that has no signature: every position of a track is a landmark by itself, as
+// a landmark without identity is nothing but its position.
+// @param flat, cov  The problem's modes and their joint covariance.
+void AddTracks(const MapProblem& problem,
+               const std::vector<std::vector<VisitRef>>& visits,
+               const FlatModes& flat,
+               const JointCovariance& cov,
+               const MapperOptions& options,
+               std::vector<Mode>* landmarks) {
+  std::vector<std::vector<Mode>> found(problem.runs.size());
+  for (std::size_t g = 0; g < problem.modes.size(); ++g) {
+    if (!IsTrackSignature(problem.signatures[g]) || visits[g].empty()) continue;
+    for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
+      const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
+      Mode mode;
+      mode.p_map_landmark = problem.modes[g][k].p_map_landmark;
+      mode.cov_p_map_landmark = cov.Block(index, index);
+      mode.last_seen = LastSeen(problem, visits[g], static_cast<int>(k), Stamp());
+      found[static_cast<std::size_t>(visits[g].front().run)].push_back(mode);
+    }
+  }
+  const AnonymousMergeOptions merge{options.association.compatibility.gate_probability,
+                                    options.association.twin_distance_m,
+                                    options.modes.position_floor_m};
+  for (const std::vector<Mode>& of_run : found) AddAnonymousLandmarks(of_run, merge, landmarks);
+}
+
 }  // namespace
 
 StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                    const std::optional<MapContent>& prior,
-                                   const Eigen::MatrixXd& mode_covariance,
+                                   const JointCovariance& mode_covariance,
                                    const MapperOptions& options) {
   MapOutput output;
   MapContent& content = output.content;
@@ -256,14 +301,20 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
 
   const FlatModes flat(problem);
   std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  const bool tracks = options.association.associate;
+  if (tracks) {
+    AddTracks(problem, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
+  }
   std::vector<GroupSource> sources;
-  std::vector<Eigen::Index> rows;  // In mode_covariance, of the modes in the map's order.
+  std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
+  int modes = 0;
   for (std::size_t g = 0; g < problem.modes.size(); ++g) {
-    if (problem.modes[g].empty()) continue;
+    if (problem.modes[g].empty() || (tracks && IsTrackSignature(problem.signatures[g]))) continue;
     sources.push_back({g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g])});
     content.groups.push_back(MakeGroup(problem, sources.back(), prior, options.modes));
     for (const std::size_t k : sources.back().order) {
-      rows.push_back(2 * Eigen::Index{flat.Index(static_cast<int>(g), static_cast<int>(k))});
+      place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
+          modes++;
     }
   }
   // Landmarks that never leave a mode have no rate to learn.
@@ -274,7 +325,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   for (std::size_t i = 0; i < sources.size(); ++i) {
     SetProbabilities(problem, sources[i], prior, content.stamp, options.modes, &content.groups[i]);
   }
-  SetCovariance(mode_covariance, rows, &content);
+  SetCovariance(mode_covariance, place, modes, &content);
   return output;
 }
 
@@ -288,6 +339,7 @@ MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
   mapped.end = run.data->end();
   mapped.poses = static_cast<int>(run.poses.size());
   mapped.observations = static_cast<int>(run.data->sightings.size());
+  mapped.duplicate_observations = run.data->duplicate_observations;
   mapped.odometry = run.odometry;
   mapped.sensor_bias = run.sensor_bias;
   for (std::size_t f = 0; f < run.poses.size(); ++f) {

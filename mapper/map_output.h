@@ -8,6 +8,7 @@
 #include "mapper/map_problem.h"
 #include "mapper/mapper.h"
 #include "mapper/mapper_options.h"
+#include "mapstore/map/joint_covariance.h"
 
 namespace shiftmap {
 
@@ -18,10 +19,12 @@ struct MapOutput {
 };
 
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
-/// end of the newest run. Errors: kInvalidArgument, as LearnGroupChains.
+/// end of the newest run.
+/// @param mode_covariance  Flat order of the problem. [m²]
+/// Errors: kInvalidArgument, as LearnGroupChains.
 StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                    const std::optional<MapContent>& prior,
-                                   const Eigen::MatrixXd& mode_covariance,
+                                   const JointCovariance& mode_covariance,
                                    const MapperOptions& options);
 
 /// What became of run `index` of a solved problem.

@@ -96,8 +96,10 @@ FlatModes::FlatModes(const MapProblem& problem) {
 int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
   std::vector<BuildMode>& modes = problem->modes[static_cast<std::size_t>(group)];
   const auto index = static_cast<int>(modes.size());
-  const int flat = FlatModes(*problem).Index(group, index);
-  for (int& known : problem->prior.modes) known += known >= flat ? 1 : 0;
+  if (!problem->prior.modes.empty()) {
+    const int flat = FlatModes(*problem).Index(group, index);
+    for (int& known : problem->prior.modes) known += known >= flat ? 1 : 0;
+  }
   modes.push_back(mode);
   return index;
 }
@@ -133,7 +135,7 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   Graph graph;
   for (int i = 0; i < kMaxIntegrations; ++i) {
     graph = MakeGraph(options, problem);
-    SolveGraph(options.max_solver_iterations, &graph);
+    problem->cost = SolveGraph(options.max_solver_iterations, &graph).final_cost;
     CopyBack(graph, problem);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
       return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
@@ -170,14 +172,19 @@ double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
   return largest;
 }
 
-void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem) {
+void CalibrateNoise(const MapperOptions& options,
+                    int rounds,
+                    MapProblem* problem,
+                    const GoOn& go_on) {
   // Draws of the posterior; thousands of residuals share them.
   constexpr int kNoiseSamples = 6;
   // The next round goes on from where this one ends: none needs to end at the minimum.
   constexpr int kIterations = 5;
   for (int round = 0; round < rounds; ++round) {
+    if (go_on && !go_on(*problem)) return;
     Graph graph = MakeGraph(options, problem);
-    SolveGraph(std::min(kIterations, options.max_solver_iterations), &graph);
+    problem->cost =
+        SolveGraph(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
     CopyBack(graph, problem);
     const ResidualStatistics statistics =
         ComputeResidualStatistics(graph, kNoiseSamples, options.seed);

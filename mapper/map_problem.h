@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <vector>
 
 #include "localizer/models/motion_model.h"
@@ -59,7 +60,12 @@ struct MapProblem {
   GraphPrior prior;
 
   int modes_merged = 0;
+  double cost = 0.0;  ///< Half the sum of all losses at the last solve.
 };
+
+/// Called with the problem as it is between the steps of a long loop; false ends the loop there.
+/// None: it goes on to its end.
+using GoOn = std::function<bool(const MapProblem&)>;
 
 /// The position of every mode in one list: groups in order, modes in order.
 struct FlatModes {
@@ -86,7 +92,10 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
 
 /// Solves and updates the noise in turn until it stays, `rounds` times at most.
-void CalibrateNoise(const MapperOptions& options, int rounds, MapProblem* problem);
+void CalibrateNoise(const MapperOptions& options,
+                    int rounds,
+                    MapProblem* problem,
+                    const GoOn& go_on = {});
 
 /// Where most sightings of a list agree: the mean of those around the sighting with most
 /// neighbours.

@@ -6,10 +6,13 @@
 #include <tuple>
 #include <utility>
 
+#include "mapper/association/track_names.h"
 #include "mapper/datum.h"
 #include "mapper/fleet_calibration.h"
 #include "mapper/map_output.h"
 #include "mapper/map_problem.h"
+#include "mapper/memory_estimate.h"
+#include "mapper/mode_covariance.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/single_run.h"
 #include "mapper/submap.h"
@@ -60,11 +63,107 @@ std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
   return runs;
 }
 
+// A map of nothing but landmarks without signature has nothing to align a run by.
+Status CheckPrior(const MapContent& prior) {
+  if (prior.groups.empty() && !prior.anonymous_landmarks.empty()) {
+    return InvalidArgument("prior map: {} landmarks, none with a signature to align a run by",
+                           prior.anonymous_landmarks.size());
+  }
+  return OkStatus();
+}
+
+Status NameAnonymous(const MapperOptions& options, std::vector<MapperInput>* inputs) {
+  if (!options.association.associate) return OkStatus();
+  for (std::size_t i = 0; i < inputs->size(); ++i) {
+    MapperInput& input = (*inputs)[i];
+    const Status named =
+        NameTracks(static_cast<int>(i), options.calibration, options.association, &input.run);
+    if (!named.ok()) return MakeStatus(named.code(), "run '{}': {}", input.name, Message(named));
+  }
+  return OkStatus();
+}
+
 Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
   if (any) return OkStatus();
   if (rejected.empty()) return InvalidArgument("no runs to build from");
   return InvalidArgument(
       "no run can be used; first: run '{}': {}", rejected.front().name, rejected.front().reason);
+}
+
+// Tells the monitor of a build how it goes on, and remembers that it asked to stop.
+class Watch {
+ public:
+  explicit Watch(const MapperMonitor& monitor) : monitor_(monitor) {}
+
+  bool Report(const std::string& phase, double done, const MapProblem& problem) {
+    if (!monitor_ || stopped_) return !stopped_;
+    std::size_t modes = 0;
+    for (const std::vector<BuildMode>& group : problem.modes) modes += group.size();
+    stopped_ = !monitor_({phase, done, problem.cost, modes});
+    return !stopped_;
+  }
+
+  GoOn During(std::string phase, double done) {
+    return [this, phase = std::move(phase), done](const MapProblem& problem) {
+      return Report(phase, done, problem);
+    };
+  }
+
+  Status status() const {
+    return stopped_ ? MakeStatus(StatusCode::kCancelled, "build: stopped") : OkStatus();
+  }
+
+ private:
+  const MapperMonitor& monitor_;
+  bool stopped_ = false;
+};
+
+// Runs by themselves take about half of a build, each the same share.
+constexpr double kSingleRunsShare = 0.5;
+
+StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
+                                            const std::vector<Signature>& signatures,
+                                            const MapperOptions& options,
+                                            Watch* watch) {
+  std::vector<Submap> submaps;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const double done =
+        kSingleRunsShare * static_cast<double>(i) / static_cast<double>(runs.size());
+    const GoOn go_on = watch->During(fmt::format("run {}", runs[i].name), done);
+    go_on({});
+    SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    MapProblem problem = MapSingleRun(runs[i], signatures, options, go_on);
+    SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    submaps.push_back(MakeSubmap(options, std::move(problem)));
+  }
+  return submaps;
+}
+
+BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<MapContent>& prior) {
+  BuildSize size;
+  if (prior) size.modes = prior->covariance.size();
+  for (const MapperInput& input : inputs) AddRun(input.run, &size);
+  return size;
+}
+
+// What is discrete in all runs together, and the noise.
+StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
+  int iterations = RefineModes(options, problem, watch->During("all runs", 0.6));
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  if (DropFaintModes(options.modes, problem) > 0) {
+    if (FlatModes(*problem).count == 0) {
+      return InvalidArgument("no run can be used: none has {} sightings of one landmark",
+                             options.modes.min_sightings);
+    }
+    SolveContinuous(options, problem);
+  }
+  if (!options.calibrate) return iterations;
+  problem->sensor = EstimateDetection(*problem, options.modes);
+  CalibrateNoise(options, kNoiseRounds, problem, watch->During("noise", 0.7));
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  iterations += RefineModes(options, problem, watch->During("all runs", 0.8));
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  return iterations;
 }
 
 }  // namespace
@@ -85,6 +184,10 @@ Status MapperOptions::Validate() const {
     return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", modes.leave_rate_per_s);
   }
   SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());
+  SHIFTMAP_RETURN_IF_ERROR(association.Validate());
+  if (max_memory_bytes < 0) {
+    return InvalidArgument("max_memory_bytes: {}, expected 0 or more", max_memory_bytes);
+  }
   if (max_outer_iterations < 1 || max_solver_iterations < 1) {
     return InvalidArgument("iterations: expected 1 or more");
   }
@@ -94,16 +197,15 @@ Status MapperOptions::Validate() const {
 StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,
-                                const MapperProgress& progress) {
+                                const MapperMonitor& monitor) {
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
   for (const MapperInput& input : inputs) {
     if (const Status valid = ValidateRun(input.run); !valid.ok()) {
       return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
     }
   }
-  const auto report = [&](const std::string& phase, double done) {
-    if (progress) progress(phase, done);
-  };
+  BuildSize size = SizeOf(inputs, prior);
+  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
   // The order of time, whatever order the runs were named in.
   std::sort(inputs.begin(), inputs.end(), [](const MapperInput& a, const MapperInput& b) {
     return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
@@ -111,8 +213,13 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   });
 
   MapperResult result;
+  SHIFTMAP_RETURN_IF_ERROR(NameAnonymous(options, &inputs));
+  // Tracks are landmarks from here on.
+  size = SizeOf(inputs, prior);
+  result.estimated_memory_bytes = EstimateBuildMemory(size);
   std::vector<Signature> known;
   if (prior) {
+    SHIFTMAP_RETURN_IF_ERROR(CheckPrior(*prior));
     for (const LandmarkGroup& group : prior->groups) known.push_back(group.signature);
   }
   std::vector<const Run*> all_runs;
@@ -121,17 +228,18 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 
-  std::vector<Submap> submaps;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    report(fmt::format("run {}", runs[i].name),
-           static_cast<double>(i) / static_cast<double>(runs.size() + 1));
-    submaps.push_back(MakeSubmap(options, MapSingleRun(runs[i], signatures, options)));
-  }
-
-  report("all runs", static_cast<double>(runs.size()) / static_cast<double>(runs.size() + 1));
+  Watch watch(monitor);
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
+                            MapRunsSingly(runs, signatures, options, &watch));
   MapProblem problem =
       StartProblem(signatures, prior, MeanSensor(submaps, options.calibration.sensor));
-  PlaceSubmaps(options, prior, std::move(submaps), &problem, &result.rejected);
+  PlaceSubmaps(options,
+               prior,
+               std::move(submaps),
+               &problem,
+               &result.rejected,
+               watch.During("placing runs", kSingleRunsShare));
+  SHIFTMAP_RETURN_IF_ERROR(watch.status());
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), result.rejected));
   std::stable_sort(
       problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
@@ -140,20 +248,18 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
       });
   if (!prior) AnchorFrame(&problem);
 
-  result.outer_iterations = RefineModes(options, &problem);
-  if (options.calibrate) {
-    problem.sensor = EstimateDetection(problem, options.modes);
-    CalibrateNoise(options, kNoiseRounds, &problem);
-    result.outer_iterations += RefineModes(options, &problem);
-  }
-  if (!prior) AnchorFrame(&problem);
-  const Graph graph = MakeGraph(options, &problem);
-  Eigen::MatrixXd mode_covariance = ComputeModeCovariance(graph);
-  if (!prior) mode_covariance = ReferToPositions(graph.modes, mode_covariance);
-  mode_covariance = AddScaleUncertainty(graph.modes, options.sd_range_scale, mode_covariance);
+  // What was to be expected before the runs were placed may be less than what they brought.
+  size.modes = FlatModes(problem).count;
+  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
 
-  SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
-                            MakeMapContent(problem, prior, mode_covariance, options));
+  SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
+  if (!prior) AnchorFrame(&problem);
+  watch.Report("covariance", 0.9, problem);
+  SHIFTMAP_RETURN_IF_ERROR(watch.status());
+  const Graph graph = MakeGraph(options, &problem);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      MapOutput output,
+      MakeMapContent(problem, prior, MapCovariance(graph, options.sd_range_scale), options));
   result.content = std::move(output.content);
   result.chains = std::move(output.chains);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
@@ -163,8 +269,10 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
     for (const BuildMode& mode : group) result.modes_created += mode.number == kAbsent;
   }
   result.modes_merged = problem.modes_merged;
+  if (options.calibrate) result.vehicles = CalibrateVehicles(options, &problem);
   result.selection = SummarizeSelection(options.modes, problem);
-  report("done", 1.0);
+  watch.Report("done", 1.0, problem);
+  SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;
 }
 

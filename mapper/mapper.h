@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -11,6 +12,7 @@
 #include "mapper/mapper_options.h"
 #include "mapper/rejected_run.h"
 #include "mapper/selection_summary.h"
+#include "mapper/vehicle_calibration.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
@@ -34,10 +36,11 @@ struct MappedRun {
   Stamp begin;
   Stamp end;
   int poses = 0;
-  int observations = 0;  ///< Of identified landmarks, used or not.
-  int outliers = 0;      ///< Of those, not explained by the mode of their visit.
-  double chi2 = 0.0;     ///< Sum of squared standardized residuals of the explained observations.
-  Se2 T_map_start;       ///< Pose at the first odometry sample.
+  int observations = 0;            ///< Of identified landmarks, used or not.
+  int outliers = 0;                ///< Of those, not explained by the mode of their visit.
+  int duplicate_observations = 0;  ///< One signature at two places in one scan: left out.
+  double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
+  Se2 T_map_start;    ///< Pose at the first odometry sample.
   OdometryCalibration odometry;
   SensorBias sensor_bias = SensorBias::Zero();
   std::vector<StampedPose> trajectory;  ///< At the key frames.
@@ -51,11 +54,21 @@ struct MapperResult {
   int modes_merged = 0;
   int outer_iterations = 0;
   SelectionSummary selection;
-  std::vector<GroupChain> chains;  ///< As learned, one per group of the content; or none.
+  std::int64_t estimated_memory_bytes = 0;   ///< What the build was expected to take at its peak.
+  std::vector<VehicleCalibration> vehicles;  ///< By name; none if the options do not calibrate.
+  std::vector<GroupChain> chains;            ///< As learned, one per group of the content; or none.
 };
 
-/// Called as a build goes on, with what it does now and how much of it is done in [0, 1].
-using MapperProgress = std::function<void(const std::string& phase, double done)>;
+/// Where a build is.
+struct MapperProgress {
+  std::string phase;  ///< What it does now.
+  double done = 0.0;  ///< Of the whole build, in [0, 1].
+  double cost = 0.0;  ///< Half the sum of all losses at the last solve of what the phase is about.
+  std::size_t modes = 0;  ///< That it has by now.
+};
+
+/// Called as a build goes on, at least before every solve; false asks it to stop.
+using MapperMonitor = std::function<bool(const MapperProgress&)>;
 
 /// Builds a map of one area from runs of any vehicles and days, IJRR 3-7 as a graph:
 ///
@@ -75,10 +88,11 @@ using MapperProgress = std::function<void(const std::string& phase, double done)
 /// frame is its frame, and its modes enter as a joint Gaussian; their numbers stay.
 ///
 /// The result does not depend on the order of `inputs`. One thread; same input and options, same
-/// bits. Errors: kInvalidArgument if no run can be used, or options are out of range.
+/// bits. Errors: kInvalidArgument if no run can be used, options are out of range, or the build
+/// needs more memory than they allow; kCancelled if the monitor asked for it.
 StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,
-                                const MapperProgress& progress = {});
+                                const MapperMonitor& monitor = {});
 
 }  // namespace shiftmap

@@ -6,6 +6,7 @@
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/association/anonymous_tracks.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/selection/selector.h"
@@ -56,6 +57,7 @@ struct ChainOptions {
 
 struct MapperOptions {
   FrontEndOptions front_end;
+  AssociationOptions association;  ///< Of observations without a signature.
   AlignmentOptions alignment;
   DisplacementOptions displacement;
   ModeOptions modes;
@@ -73,6 +75,9 @@ struct MapperOptions {
   int max_solver_iterations = 50;
 
   std::uint64_t seed = 1;
+
+  /// A build that would take more than this is refused before it does. 0: no bound. [bytes]
+  std::int64_t max_memory_bytes = 0;
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;

@@ -50,8 +50,10 @@ void EraseMode(const std::vector<VisitRef>& visits,
                std::size_t group,
                int mode,
                MapProblem* problem) {
-  const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
-  for (int& index : problem->prior.modes) index -= index > flat ? 1 : 0;
+  if (!problem->prior.modes.empty()) {
+    const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
+    for (int& index : problem->prior.modes) index -= index > flat ? 1 : 0;
+  }
   problem->modes[group].erase(problem->modes[group].begin() + mode);
   for (const VisitRef& ref : visits) {
     int& assignment = AssignmentOf(problem, ref);
@@ -198,8 +200,9 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
 }
 
 int MergeModes(const ModeOptions& options,
-               const Eigen::MatrixXd& mode_covariance,
+               const ModeDifferences& differences,
                MapProblem* problem) {
+  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
   const double gate = ChiSquareQuantile(options.merge_probability, 2);
   const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
   const FlatModes flat(*problem);
@@ -212,13 +215,12 @@ int MergeModes(const ModeOptions& options,
         if (gone.contains(a) || gone.contains(b) || InPrior(modes[b])) continue;
         if (InPrior(modes[a]) && modes[b].displaced) continue;
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
-        const int i = 2 * flat.Index(static_cast<int>(group), static_cast<int>(a));
-        const int j = 2 * flat.Index(static_cast<int>(group), static_cast<int>(b));
+        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
+        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
+        // What is told apart even at the largest variance there can be needs no other.
+        if (difference.squaredNorm() > gate * (differences.MaxVariance(i, j) + floor)) continue;
         const Eigen::Matrix2d cov =
-            mode_covariance.block<2, 2>(i, i) + mode_covariance.block<2, 2>(j, j) -
-            mode_covariance.block<2, 2>(i, j) - mode_covariance.block<2, 2>(j, i) +
-            Eigen::Matrix2d::Identity() *
-                (2.0 * options.position_floor_m * options.position_floor_m);
+            differences.Covariance(i, j) + Eigen::Matrix2d::Identity() * floor;
         if (SquaredMahalanobis(difference, cov) > gate) continue;
         Reassign(by_group[group], static_cast<int>(b), static_cast<int>(a), problem);
         gone.insert(b);
@@ -245,10 +247,33 @@ void DropUnusedModes(MapProblem* problem) {
   }
 }
 
-int RefineModes(const MapperOptions& options, MapProblem* problem) {
+int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  int dropped = 0;
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+      std::size_t sightings = 0;
+      for (const VisitRef& ref : by_group[group]) {
+        if (AssignmentOf(problem, ref) == mode)
+          sightings += VisitOf(*problem, ref).sightings.size();
+      }
+      if (sightings >= static_cast<std::size_t>(options.min_sightings) ||
+          InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) {
+        continue;
+      }
+      Reassign(by_group[group], mode, kUnassigned, problem);
+      EraseMode(by_group[group], group, mode, problem);
+      ++dropped;
+    }
+  }
+  return dropped;
+}
+
+int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
+    if (go_on && !go_on(*problem)) return iteration - 1;
     Select(options, problem);
     CreateModes(options.modes, problem);
     DropUnusedModes(problem);
@@ -259,10 +284,11 @@ int RefineModes(const MapperOptions& options, MapProblem* problem) {
     const Graph graph = SolveContinuous(options, problem);
     solved = state;
     if (HasSeveralModes(*problem)) {
-      const Eigen::MatrixXd mode_covariance = ComputeModeCovariance(graph);
-      if (MergeModes(options.modes, mode_covariance, problem) > 0) {
+      if (MergeModes(options.modes, ModeDifferences(graph), problem) > 0) {
         solved.clear();
-        continue;
+        if (!recurs) continue;
+        // What is merged here would be made again.
+        SolveContinuous(options, problem);
       }
     }
     if (recurs) return iteration;

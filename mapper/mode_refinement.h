@@ -7,6 +7,7 @@
 
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
+#include "mapper/mode_covariance.h"
 #include "mapper/selection/mode_sequence.h"
 
 namespace shiftmap {
@@ -44,19 +45,23 @@ int CreateModes(const ModeOptions& options, MapProblem* problem);
 
 /// Merges modes of one group that are one place, and drops modes that hold at no visit, except
 /// those of the prior map: what was rejected today recurs later.
-/// @param mode_covariance  Joint, flat order. [m²]
+/// @param differences  Of the problem's modes, flat order.
 /// Returns how many modes were merged.
-int MergeModes(const ModeOptions& options,
-               const Eigen::MatrixXd& mode_covariance,
-               MapProblem* problem);
+int MergeModes(const ModeOptions& options, const ModeDifferences& differences, MapProblem* problem);
 
 /// Drops modes that hold at no visit, except those of the prior map: what holds nowhere today
 /// recurs later.
 void DropUnusedModes(MapProblem* problem);
 
+/// Drops modes of fewer sightings than a mode needs (ModeOptions::min_sightings), except those of
+/// the prior map; their visits are left unassigned. A run by itself is better aligned with them,
+/// but a landmark seen once may be a misread signature. Returns how many modes were dropped.
+int DropFaintModes(const ModeOptions& options, MapProblem* problem);
+
 /// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
 /// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
 /// selects at every linearization of the continuous part instead of once it is solved.
-int RefineModes(const MapperOptions& options, MapProblem* problem);
+/// @param go_on  Asked before each alternation.
+int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
 
 }  // namespace shiftmap

@@ -31,7 +31,8 @@ void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapPr
 
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,
-                        const MapperOptions& options) {
+                        const MapperOptions& options,
+                        const GoOn& go_on) {
   MapProblem problem;
   problem.signatures = signatures;
   problem.sensor = options.calibration.sensor;
@@ -45,9 +46,9 @@ MapProblem MapSingleRun(const MappingRun& run,
   problem.runs.push_back(std::move(build));
   PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
   if (options.calibrate) {
-    CalibrateNoise(options, kNoiseRounds, &problem);
+    CalibrateNoise(options, kNoiseRounds, &problem, go_on);
   }
-  RefineModes(options, &problem);
+  RefineModes(options, &problem, go_on);
   return problem;
 }
 

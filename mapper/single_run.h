@@ -10,9 +10,11 @@
 namespace shiftmap {
 
 /// Maps one run by itself, in the frame of its first key frame.
+/// @param go_on  If it says no, the problem is left as far as it is.
 /// Precondition: the run has a sighting.
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,
-                        const MapperOptions& options);
+                        const MapperOptions& options,
+                        const GoOn& go_on = {});
 
 }  // namespace shiftmap

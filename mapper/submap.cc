@@ -2,11 +2,13 @@
 #include "mapper/submap.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
 #include "mapper/alignment/displaced_landmarks.h"
 #include "mapper/datum.h"
+#include "mapper/waiting_submaps.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/status.h"
 
@@ -18,6 +20,15 @@ constexpr double kDatumSd = 10.0;
 
 // Error of a position in a submap that its covariance does not know of. [m]
 constexpr double kSubmapFloor = 0.03;
+
+// A landmark that stands farther from where it was than this many DisplacementOptions::
+// sd_displacement_m was displaced, whatever the others did. The normal distribution of
+// displacements has no tail for it: to it, most landmarks moving together the other way would be
+// more likely.
+constexpr double kSurelyDisplaced = 3.0;
+
+// Landmarks that hold a run in the map: one would leave it free to turn about.
+constexpr int kMinKnown = 2;
 
 // A mode of a submap beside the mode that is nearest to it in the map.
 struct Encounter {
@@ -80,13 +91,18 @@ std::vector<bool> Displaced(const MapperOptions& options,
   std::vector<std::size_t> indices;
   std::vector<Encounter> tested;
   std::vector<Eigen::Vector2d> positions;
+  std::vector<bool> displaced(encounters.size());
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     if (!MeetsPrior(problem, encounters[i])) continue;
+    if (std::sqrt(encounters[i].squared_m2) >
+        kSurelyDisplaced * options.displacement.sd_displacement_m) {
+      displaced[i] = true;
+      continue;
+    }
     indices.push_back(i);
     tested.push_back(encounters[i]);
     positions.push_back(NearestMode(problem, encounters[i]).p_map_landmark);
   }
-  std::vector<bool> displaced(encounters.size());
   if (tested.empty()) return displaced;
 
   const std::vector<int> prior_modes = PriorModes(problem, tested);
@@ -112,31 +128,54 @@ std::vector<bool> Displaced(const MapperOptions& options,
   return displaced;
 }
 
-// Adds a submap, already moved into the map frame.
+// The mode of the problem that each mode of an aligned submap is, or kUnassigned.
+std::vector<int> KnownModes(const MapperOptions& options,
+                            const Alignment& alignment,
+                            const Submap& submap,
+                            const std::vector<Encounter>& encounters,
+                            const std::vector<bool>& displaced,
+                            const MapProblem& problem) {
+  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
+  const double floor = options.modes.position_floor_m;
+  std::vector<int> modes;
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    const Encounter& encounter = encounters[i];
+    const Eigen::Vector2d& position =
+        submap.problem.modes[encounter.group][encounter.mode].p_map_landmark;
+    const bool known = MeetsPrior(problem, encounter)
+                           ? !displaced[i]
+                           : encounter.squared_m2 < gate * (alignment.PositionVariance(position) +
+                                                            2.0 * floor * floor);
+    modes.push_back(known ? encounter.nearest : kUnassigned);
+  }
+  return modes;
+}
+
+// Adds a submap, already moved into the map frame. False, and nothing is done, if too little of it
+// is known to hold it there.
 // @param alignment  Nothing for the first submap, which meets no other.
-void Absorb(const MapperOptions& options,
+bool Absorb(const MapperOptions& options,
             const std::optional<MapContent>& prior,
             const std::optional<Alignment>& alignment,
             Submap submap,
             MapProblem* problem) {
-  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
-  const double floor = options.modes.position_floor_m;
   const std::vector<Encounter> encounters = Meet(submap.problem, *problem);
   const std::vector<bool> displaced =
       prior ? Displaced(options, prior->covariance, submap, encounters, *problem)
             : std::vector<bool>(encounters.size());
+  std::vector<int> known(encounters.size(), kUnassigned);
+  if (alignment) {
+    known = KnownModes(options, *alignment, submap, encounters, displaced, *problem);
+    const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
+    if (std::ssize(known) - unknown < kMinKnown) return false;
+  }
   std::vector<std::vector<int>> becomes(submap.problem.modes.size());
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     const Encounter& encounter = encounters[i];
     const Eigen::Vector2d& position =
         submap.problem.modes[encounter.group][encounter.mode].p_map_landmark;
-    bool known = !displaced[i];
-    if (alignment && !MeetsPrior(*problem, encounter)) {
-      known = encounter.squared_m2 <
-              gate * (alignment->PositionVariance(position) + 2.0 * floor * floor);
-    }
-    becomes[encounter.group].push_back(known && alignment && encounter.nearest != kUnassigned
-                                           ? encounter.nearest
+    becomes[encounter.group].push_back(known[i] != kUnassigned
+                                           ? known[i]
                                            : AddMode(static_cast<int>(encounter.group),
                                                      {position, kAbsent, displaced[i]},
                                                      problem));
@@ -149,17 +188,21 @@ void Absorb(const MapperOptions& options,
       assignment = becomes[group][static_cast<std::size_t>(assignment)];
   }
   problem->runs.push_back(std::move(run));
+  return true;
 }
 
-// Reference for alignment: every mode that the problem has so far.
-std::vector<AlignmentPoint> ReferencePoints(const MapProblem& problem) {
-  std::vector<AlignmentPoint> points;
-  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-    for (const BuildMode& mode : problem.modes[group]) {
-      points.push_back({static_cast<int>(group), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
-    }
+RejectedRun Rejected(const Submap& submap, const std::string& why) {
+  return {submap.problem.runs.front().data->name,
+          fmt::format("{} ({} landmarks seen)", why, submap.points.size())};
+}
+
+// The area that the map takes so far. [m²]
+double AreaOf(const MapProblem& problem) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
   }
-  return points;
+  return OccupiedArea(positions);
 }
 
 // Rotates a joint covariance of positions into another frame.
@@ -223,43 +266,41 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
 
 void PlaceSubmaps(const MapperOptions& options,
                   const std::optional<MapContent>& prior,
-                  std::vector<Submap> waiting,
+                  std::vector<Submap> submaps,
                   MapProblem* problem,
-                  std::vector<RejectedRun>* rejected) {
-  if (ReferencePoints(*problem).empty()) {
+                  std::vector<RejectedRun>* rejected,
+                  const GoOn& go_on) {
+  WaitingSubmaps waiting(std::move(submaps), *problem);
+  const bool empty = std::all_of(problem->modes.begin(),
+                                 problem->modes.end(),
+                                 [](const auto& group) { return group.empty(); });
+  if (const auto first = waiting.Largest(); first && empty) {
     // Without a prior the run that sees most landmarks is the first.
-    const auto first =
-        std::max_element(waiting.begin(), waiting.end(), [](const Submap& a, const Submap& b) {
-          return a.points.size() < b.points.size();
-        });
-    Absorb(options, prior, std::nullopt, std::move(*first), problem);
-    waiting.erase(first);
+    Absorb(options, prior, std::nullopt, waiting.Take(*first), problem);
+    waiting.Update(*first, *problem);
   }
-  while (!waiting.empty()) {
-    const std::vector<AlignmentPoint> reference = ReferencePoints(*problem);
-    std::size_t best = waiting.size();
-    std::optional<Alignment> alignment;
-    for (std::size_t i = 0; i < waiting.size(); ++i) {
-      std::optional<Alignment> found =
-          AlignByConsensus(reference, waiting[i].points, options.alignment);
-      if (!found) continue;
-      if (!alignment || found->signatures.size() > alignment->signatures.size()) {
-        alignment = std::move(found);
-        best = i;
-      }
+  while (const auto next = waiting.Next()) {
+    if (go_on && !go_on(*problem)) return;
+    const std::optional<Alignment> alignment = AlignByConsensus(waiting.Reference(*next, *problem),
+                                                                waiting.At(*next).points,
+                                                                AreaOf(*problem),
+                                                                options.alignment);
+    if (!alignment) {
+      waiting.SetAside(*next);
+      continue;
     }
-    if (!alignment) break;
-    Submap& placed = waiting[best];
+    Submap placed = waiting.Take(*next);
     MoveProblem(alignment->T_reference_other, &placed.problem);
     Rotate(alignment->T_reference_other.Rotation(), &placed.covariance);
-    Absorb(options, prior, alignment, std::move(placed), problem);
-    waiting.erase(waiting.begin() + static_cast<std::ptrdiff_t>(best));
+    const RejectedRun rejection =
+        Rejected(placed, "too few landmarks stand where the map has them");
+    if (!Absorb(options, prior, alignment, std::move(placed), problem)) {
+      rejected->push_back(rejection);
+    }
+    waiting.Update(*next, *problem);
   }
-  for (const Submap& submap : waiting) {
-    rejected->push_back(
-        {submap.problem.runs.front().data->name,
-         fmt::format("no consistent alignment with the other runs ({} landmarks seen)",
-                     submap.points.size())});
+  for (const std::size_t i : waiting.Remaining()) {
+    rejected->push_back(Rejected(waiting.At(i), "no consistent alignment with the other runs"));
   }
 }
 

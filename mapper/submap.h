@@ -31,17 +31,23 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
                         const std::optional<MapContent>& prior,
                         const SensorCalibration& sensor);
 
-/// Places submaps one after the other, always the one that most signatures tie to what is there,
-/// and adds them to the problem. A mode of a submap becomes one that is there, or a mode beside it:
+/// Places submaps one after the other, always the one that shares most signatures with what is
+/// there, and adds them to the problem. One that does not align is tried again once the map has
+/// other modes of its signatures. A mode of a submap becomes one that is there, or a mode beside
+/// it:
 ///
 /// - against modes of the prior map that is decided for the whole submap at once, FindDisplaced();
 /// - against modes that other runs of this build brought, by a gate on each.
 ///
-/// What aligns with nothing is rejected.
+/// What aligns with nothing is rejected, and so is what the landmarks that moved leave without two
+/// that did not.
+/// @param go_on  Asked before each submap; if it says no, the others are neither placed nor
+/// rejected.
 void PlaceSubmaps(const MapperOptions& options,
                   const std::optional<MapContent>& prior,
-                  std::vector<Submap> waiting,
+                  std::vector<Submap> submaps,
                   MapProblem* problem,
-                  std::vector<RejectedRun>* rejected);
+                  std::vector<RejectedRun>* rejected,
+                  const GoOn& go_on = {});
 
 }  // namespace shiftmap

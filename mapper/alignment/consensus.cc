@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <iterator>
 #include <numbers>
 #include <random>
 #include <utility>
@@ -20,12 +20,21 @@ namespace {
 constexpr double kDifferentMetres = 0.5;
 constexpr double kDifferentRadians = 0.1;
 
+// Up to as many pairs of correspondences, all are tried.
+constexpr double kMaxAllPairs = 5000.0;
+
+// Probability that draws of pairs miss a transform that matters.
+constexpr double kMissed = 1e-9;
+
 struct Correspondence {
-  int group = 0;
+  int group = 0;  // Of those that both frames have, in the order of AlignmentPoint::group.
   Eigen::Vector2d reference;
   Eigen::Vector2d other;
-  double variance = 0.0;  // Per axis, both sides and the floor. [m²]
+  double variance = 0.0;    // Per axis, both sides and the floor. [m²]
+  double log_rarity = 0.0;  // log(A / 2πσ²), what agreement counts before its distance.
 };
+
+constexpr int kNone = -1;
 
 // reference = centroid_reference + scale R (other - centroid_other).
 struct Similarity {
@@ -50,179 +59,270 @@ struct Similarity {
 
 struct Candidate {
   Similarity fit;
-  std::map<int, int> support;  // Group -> its best correspondence.
-  double score = 0.0;          // Log-likelihood ratio to "every landmark stands anywhere".
+  std::vector<int> support;  // Per group its best correspondence, or kNone.
+  int count = 0;             // Groups that have one.
+  double score = 0.0;        // Log-likelihood ratio to "every landmark stands anywhere".
 };
 
-std::vector<Correspondence> Match(const std::vector<AlignmentPoint>& reference,
-                                  const std::vector<AlignmentPoint>& other,
-                                  double floor_m) {
-  std::multimap<int, const AlignmentPoint*> by_group;
-  for (const AlignmentPoint& point : reference) by_group.emplace(point.group, &point);
-  std::vector<Correspondence> matches;
-  for (const AlignmentPoint& point : other) {
-    const auto [begin, end] = by_group.equal_range(point.group);
-    for (auto it = begin; it != end; ++it) {
-      const double variance =
-          0.5 * (it->second->cov.trace() + point.cov.trace()) + 2.0 * floor_m * floor_m;
-      matches.push_back({point.group, it->second->position, point.position, variance});
+// The groups that both frames have, ascending.
+std::vector<int> CommonGroups(const std::vector<AlignmentPoint>& reference,
+                              const std::vector<AlignmentPoint>& other) {
+  const auto groups_of = [](const std::vector<AlignmentPoint>& points) {
+    std::vector<int> groups;
+    for (const AlignmentPoint& point : points) groups.push_back(point.group);
+    std::sort(groups.begin(), groups.end());
+    groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+    return groups;
+  };
+  const std::vector<int> in_reference = groups_of(reference);
+  const std::vector<int> in_other = groups_of(other);
+  std::vector<int> common;
+  std::set_intersection(in_reference.begin(),
+                        in_reference.end(),
+                        in_other.begin(),
+                        in_other.end(),
+                        std::back_inserter(common));
+  return common;
+}
+
+// Finds the transform between two frames from the correspondences of their points.
+class Consensus {
+ public:
+  Consensus(const std::vector<AlignmentPoint>& reference,
+            const std::vector<AlignmentPoint>& other,
+            double area,
+            const AlignmentOptions& options)
+      : options_(options),
+        gate_(ChiSquareQuantile(options.gate_probability, 2)),
+        groups_(CommonGroups(reference, other)),
+        squared_(groups_.size()) {
+    Match(reference, other, area);
+    best_.support.assign(groups_.size(), kNone);
+  }
+
+  std::optional<Alignment> Find() {
+    const auto count = static_cast<int>(matches_.size());
+    if (count < options_.min_signatures) return std::nullopt;
+    if (0.5 * count * (count - 1) <= std::min(kMaxAllPairs, 1.0 * options_.max_pairs)) {
+      for (int i = 0; i < count; ++i) {
+        for (int j = i + 1; j < count; ++j) Propose(i, j);
+      }
+    } else {
+      std::mt19937_64 random(1);
+      std::uniform_int_distribution<int> pick(0, count - 1);
+      for (int k = 0; k < options_.max_pairs && k < SufficientDraws(); ++k) {
+        const int first = pick(random);
+        Propose(first, pick(random));
+      }
+    }
+    if (best_.count == 0) return std::nullopt;
+    Alignment alignment = Describe();
+    if (alignment.runner_up > best_.count) return std::nullopt;
+    return alignment;
+  }
+
+ private:
+  // A candidate as a rival of the best.
+  struct Rival {
+    Se2 transform;
+    int count = 0;
+  };
+
+  // After so many draws a transform that half as many groups support as the best, or the fewest
+  // that count, has been proposed but with probability kMissed: each draws a pair of its
+  // supporters with probability (supporters / matches)².
+  double SufficientDraws() const {
+    const double supporters = std::max(1.0 * options_.min_signatures, 0.5 * best_.count);
+    const double share = supporters / static_cast<double>(matches_.size());
+    return std::log(kMissed) / std::log1p(-share * share);
+  }
+
+  const Correspondence& At(int match) const { return matches_[static_cast<std::size_t>(match)]; }
+
+  void Match(const std::vector<AlignmentPoint>& reference,
+             const std::vector<AlignmentPoint>& other,
+             double area) {
+    const auto place = [&](int group) -> std::optional<std::size_t> {
+      const auto found = std::lower_bound(groups_.begin(), groups_.end(), group);
+      if (found == groups_.end() || *found != group) return std::nullopt;
+      return static_cast<std::size_t>(found - groups_.begin());
+    };
+    std::vector<std::vector<const AlignmentPoint*>> by_group(groups_.size());
+    for (const AlignmentPoint& point : reference) {
+      if (const auto group = place(point.group)) by_group[*group].push_back(&point);
+    }
+    const double floor = 2.0 * options_.position_floor_m * options_.position_floor_m;
+    for (const AlignmentPoint& point : other) {
+      const auto group = place(point.group);
+      if (!group) continue;
+      for (const AlignmentPoint* known : by_group[*group]) {
+        const double variance = 0.5 * (known->cov.trace() + point.cov.trace()) + floor;
+        matches_.push_back({static_cast<int>(*group),
+                            known->position,
+                            point.position,
+                            variance,
+                            std::log(area / (2.0 * std::numbers::pi * variance))});
+      }
     }
   }
-  return matches;
-}
 
-// Least squares over the supporters, weighted by inverse variance; closed form.
-Similarity Fit(const std::vector<Correspondence>& matches,
-               const std::map<int, int>& support,
-               double max_scale_error) {
-  Similarity fit;
-  double weights = 0.0;
-  for (const auto& [group, index] : support) {
-    const Correspondence& match = matches[static_cast<std::size_t>(index)];
-    weights += 1.0 / match.variance;
-    fit.centroid_reference += match.reference / match.variance;
-    fit.centroid_other += match.other / match.variance;
-  }
-  fit.centroid_reference /= weights;
-  fit.centroid_other /= weights;
-  fit.variance = 1.0 / weights;
-  double dot = 0.0;
-  double cross = 0.0;
-  for (const auto& [group, index] : support) {
-    const Correspondence& match = matches[static_cast<std::size_t>(index)];
-    const Eigen::Vector2d a = match.other - fit.centroid_other;
-    const Eigen::Vector2d b = match.reference - fit.centroid_reference;
-    dot += a.dot(b) / match.variance;
-    cross += (a.x() * b.y() - a.y() * b.x()) / match.variance;
-    fit.spread += a.squaredNorm() / match.variance;
-  }
-  fit.yaw = std::atan2(cross, dot);
-  fit.R = Se2(0.0, 0.0, fit.yaw).Rotation();
-  if (fit.spread > 0.0) {
-    fit.scale = std::clamp(
-        std::hypot(cross, dot) / fit.spread, 1.0 - max_scale_error, 1.0 + max_scale_error);
-  }
-  return fit;
-}
-
-Candidate Support(const std::vector<Correspondence>& matches,
-                  const Similarity& fit,
-                  double gate,
-                  double area) {
-  Candidate candidate{fit, {}, 0.0};
-  std::map<int, double> best;
-  for (std::size_t i = 0; i < matches.size(); ++i) {
-    const Correspondence& match = matches[i];
-    const double squared = (fit * match.other - match.reference).squaredNorm() / match.variance;
-    if (squared > gate) continue;
-    const auto [entry, added] = best.try_emplace(match.group, squared);
-    if (added || squared < entry->second) {
-      entry->second = squared;
-      candidate.support[match.group] = static_cast<int>(i);
+  // Least squares over correspondences, weighted by inverse variance; closed form.
+  // @param visit_all  Calls its argument with each of them.
+  template <typename VisitAll>
+  Similarity FitOver(const VisitAll& visit_all) const {
+    Similarity fit;
+    double weights = 0.0;
+    visit_all([&](const Correspondence& match) {
+      weights += 1.0 / match.variance;
+      fit.centroid_reference += match.reference / match.variance;
+      fit.centroid_other += match.other / match.variance;
+    });
+    fit.centroid_reference /= weights;
+    fit.centroid_other /= weights;
+    fit.variance = 1.0 / weights;
+    double dot = 0.0;
+    double cross = 0.0;
+    visit_all([&](const Correspondence& match) {
+      const Eigen::Vector2d a = match.other - fit.centroid_other;
+      const Eigen::Vector2d b = match.reference - fit.centroid_reference;
+      dot += a.dot(b) / match.variance;
+      cross += (a.x() * b.y() - a.y() * b.x()) / match.variance;
+      fit.spread += a.squaredNorm() / match.variance;
+    });
+    fit.yaw = std::atan2(cross, dot);
+    fit.R = Se2(0.0, 0.0, fit.yaw).Rotation();
+    if (fit.spread > 0.0) {
+      fit.scale = std::clamp(std::hypot(cross, dot) / fit.spread,
+                             1.0 - options_.max_scale_error,
+                             1.0 + options_.max_scale_error);
     }
+    return fit;
   }
-  for (const auto& [group, squared] : best) {
-    const double variance = matches[static_cast<std::size_t>(candidate.support[group])].variance;
-    candidate.score += std::log(area / (2.0 * std::numbers::pi * variance)) - 0.5 * squared;
+
+  Similarity Fit(const std::vector<int>& support) const {
+    return FitOver([&](const auto& visit) {
+      for (const int match : support) {
+        if (match != kNone) visit(At(match));
+      }
+    });
   }
-  return candidate;
-}
 
-Candidate Refine(const std::vector<Correspondence>& matches,
-                 Candidate candidate,
-                 double gate,
-                 double area,
-                 double max_scale_error) {
-  constexpr int kMaxIterations = 10;
-  for (int i = 0; i < kMaxIterations; ++i) {
-    Candidate next = Support(matches, Fit(matches, candidate.support, max_scale_error), gate, area);
-    if (next.score <= candidate.score) break;
-    candidate = std::move(next);
+  Candidate Support(const Similarity& fit) {
+    Candidate candidate{fit, std::vector<int>(groups_.size(), kNone)};
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      const Correspondence& match = matches_[i];
+      const double squared = (fit * match.other - match.reference).squaredNorm() / match.variance;
+      if (squared > gate_) continue;
+      const auto group = static_cast<std::size_t>(match.group);
+      int& support = candidate.support[group];
+      if (support != kNone && squared >= squared_[group]) continue;
+      candidate.count += support == kNone ? 1 : 0;
+      squared_[group] = squared;
+      support = static_cast<int>(i);
+    }
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+      const int support = candidate.support[group];
+      if (support != kNone) candidate.score += At(support).log_rarity - 0.5 * squared_[group];
+    }
+    return candidate;
   }
-  return candidate;
-}
 
-bool Supports(const Candidate& candidate, int group, int match) {
-  const auto found = candidate.support.find(group);
-  return found != candidate.support.end() && found->second == match;
-}
+  Candidate Refine(Candidate candidate) {
+    constexpr int kMaxIterations = 10;
+    for (int i = 0; i < kMaxIterations; ++i) {
+      Candidate next = Support(Fit(candidate.support));
+      if (next.score <= candidate.score) break;
+      candidate = std::move(next);
+    }
+    return candidate;
+  }
 
-// The area of the box around all points, at least a square metre.
-double OccupiedArea(const std::vector<AlignmentPoint>& points) {
-  Eigen::AlignedBox2d box;
-  for (const AlignmentPoint& point : points) box.extend(point.position);
-  return std::max(1.0, box.sizes().x()) * std::max(1.0, box.sizes().y());
-}
+  bool SupportsBest(int match) const {
+    return best_.support[static_cast<std::size_t>(At(match).group)] == match;
+  }
 
-bool Different(const Se2& a, const Se2& b, const Eigen::Vector2d& centre) {
-  return (a * centre - b * centre).norm() > kDifferentMetres ||
-         std::abs(WrapAngle(a.yaw() - b.yaw())) > kDifferentRadians;
-}
+  // The transform that two correspondences tell of.
+  void Propose(int i, int j) {
+    const Correspondence& a = At(i);
+    const Correspondence& b = At(j);
+    if (a.group == b.group) return;
+    // Two that support the best transform so far propose nothing but that.
+    if (SupportsBest(i) && SupportsBest(j)) return;
+    const double length = (a.reference - b.reference).norm();
+    const double slack = options_.max_scale_error * length;
+    const double excess = std::max(0.0, std::abs(length - (a.other - b.other).norm()) - slack);
+    if (excess * excess > gate_ * (a.variance + b.variance)) return;
+    Candidate candidate = Support(FitOver([&](const auto& visit) {
+      visit(a.group < b.group ? a : b);
+      visit(a.group < b.group ? b : a);
+    }));
+    if (candidate.count < options_.min_signatures) return;
+    candidate = Refine(std::move(candidate));
+    rivals_.push_back({candidate.fit.Rigid(), candidate.count});
+    if (candidate.score > best_.score) best_ = std::move(candidate);
+  }
+
+  Alignment Describe() const {
+    const Similarity fit = Fit(best_.support);
+    Alignment alignment;
+    alignment.T_reference_other = fit.Rigid();
+    alignment.centroid = fit.centroid_reference;
+    alignment.variance_m2 = fit.variance;
+    alignment.variance_rad2 = 1.0 / fit.spread;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+      if (best_.support[group] == kNone) continue;
+      const Correspondence& match = At(best_.support[group]);
+      alignment.signatures.push_back(groups_[group]);
+      alignment.rms_m += (fit * match.other - match.reference).squaredNorm();
+    }
+    alignment.rms_m = std::sqrt(alignment.rms_m / best_.count);
+    Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+    for (const Correspondence& match : matches_) {
+      centre += match.other / static_cast<double>(matches_.size());
+    }
+    for (const Rival& rival : rivals_) {
+      if (Different(rival.transform, alignment.T_reference_other, centre)) {
+        alignment.runner_up = std::max(alignment.runner_up, rival.count);
+      }
+    }
+    return alignment;
+  }
+
+  static bool Different(const Se2& a, const Se2& b, const Eigen::Vector2d& centre) {
+    return (a * centre - b * centre).norm() > kDifferentMetres ||
+           std::abs(WrapAngle(a.yaw() - b.yaw())) > kDifferentRadians;
+  }
+
+  const AlignmentOptions& options_;
+  double gate_;
+  std::vector<int> groups_;
+  std::vector<double> squared_;  // Scratch of Support().
+  std::vector<Correspondence> matches_;
+  Candidate best_;
+  std::vector<Rival> rivals_;
+};
 
 }  // namespace
+
+double OccupiedArea(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& position : positions) box.extend(position);
+  return std::max(1.0, box.sizes().x()) * std::max(1.0, box.sizes().y());
+}
 
 std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
                                           const std::vector<AlignmentPoint>& other,
                                           const AlignmentOptions& options) {
-  const std::vector<Correspondence> matches = Match(reference, other, options.position_floor_m);
-  const auto count = static_cast<int>(matches.size());
-  if (count < options.min_signatures) return std::nullopt;
-  const double gate = ChiSquareQuantile(options.gate_probability, 2);
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-  for (const Correspondence& match : matches) centre += match.other / count;
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
+  return AlignByConsensus(reference, other, OccupiedArea(positions), options);
+}
 
-  const double area = OccupiedArea(reference);
-  Candidate best;
-  std::vector<Candidate> kept;
-  const auto propose = [&](int i, int j) {
-    const Correspondence& a = matches[static_cast<std::size_t>(i)];
-    const Correspondence& b = matches[static_cast<std::size_t>(j)];
-    if (a.group == b.group) return;
-    // Two that support the best transform so far propose nothing but that.
-    if (Supports(best, a.group, i) && Supports(best, b.group, j)) return;
-    const double difference = (a.reference - b.reference).norm() - (a.other - b.other).norm();
-    const double slack = options.max_scale_error * (a.reference - b.reference).norm();
-    const double excess = std::max(0.0, std::abs(difference) - slack);
-    if (excess * excess > gate * (a.variance + b.variance)) return;
-    Candidate candidate = Support(
-        matches, Fit(matches, {{a.group, i}, {b.group, j}}, options.max_scale_error), gate, area);
-    if (static_cast<int>(candidate.support.size()) < options.min_signatures) return;
-    candidate = Refine(matches, std::move(candidate), gate, area, options.max_scale_error);
-    if (candidate.score > best.score) best = candidate;
-    kept.push_back(std::move(candidate));
-  };
-  const double pairs = 0.5 * count * (count - 1);
-  if (pairs <= options.max_pairs) {
-    for (int i = 0; i < count; ++i) {
-      for (int j = i + 1; j < count; ++j) propose(i, j);
-    }
-  } else {
-    std::mt19937_64 random(1);
-    std::uniform_int_distribution<int> pick(0, count - 1);
-    for (int k = 0; k < options.max_pairs; ++k) propose(pick(random), pick(random));
-  }
-  if (best.support.empty()) return std::nullopt;
-
-  const Similarity fit = Fit(matches, best.support, options.max_scale_error);
-  Alignment alignment;
-  alignment.T_reference_other = fit.Rigid();
-  alignment.centroid = fit.centroid_reference;
-  alignment.variance_m2 = fit.variance;
-  alignment.variance_rad2 = 1.0 / fit.spread;
-  for (const auto& [group, index] : best.support) {
-    const Correspondence& match = matches[static_cast<std::size_t>(index)];
-    alignment.signatures.push_back(group);
-    alignment.rms_m += (fit * match.other - match.reference).squaredNorm();
-  }
-  alignment.rms_m = std::sqrt(alignment.rms_m / static_cast<double>(best.support.size()));
-  for (const Candidate& candidate : kept) {
-    if (Different(candidate.fit.Rigid(), alignment.T_reference_other, centre)) {
-      alignment.runner_up =
-          std::max(alignment.runner_up, static_cast<int>(candidate.support.size()));
-    }
-  }
-  if (alignment.runner_up > static_cast<int>(best.support.size())) return std::nullopt;
-  return alignment;
+std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
+                                          const std::vector<AlignmentPoint>& other,
+                                          double area_m2,
+                                          const AlignmentOptions& options) {
+  return Consensus(reference, other, area_m2, options).Find();
 }
 
 }  // namespace shiftmap

@@ -30,7 +30,8 @@ struct AlignmentOptions {
   /// Chi-square probability at which two positions agree.
   double gate_probability = 0.999;
 
-  /// Pairs of correspondences tried at most; beyond, pairs are drawn (seeded).
+  /// Pairs of correspondences tried at most. Of more than 5000, pairs are drawn (seeded), until a
+  /// transform with half the supporters of the best would not have been missed.
   int max_pairs = 200000;
 };
 
@@ -65,5 +66,14 @@ struct Alignment {
 std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
                                           const std::vector<AlignmentPoint>& other,
                                           const AlignmentOptions& options);
+
+/// The same with A given [m²], so that `reference` need hold no groups but those of `other`.
+std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
+                                          const std::vector<AlignmentPoint>& other,
+                                          double area_m2,
+                                          const AlignmentOptions& options);
+
+/// The area of the box around all positions, at least a square metre. [m²]
+double OccupiedArea(const std::vector<Eigen::Vector2d>& positions);
 
 }  // namespace shiftmap

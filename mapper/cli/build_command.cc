@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <charconv>
 #include <chrono>
@@ -13,8 +14,11 @@
 #include <utility>
 #include <vector>
 
+#include "mapper/cli/build_report.h"
 #include "mapper/cli/commands.h"
+#include "mapper/cli/stop_signals.h"
 #include "mapper/mapper.h"
+#include "mapper/memory_estimate.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
@@ -33,9 +37,11 @@ struct BuildOptions {
   std::string selector = "viterbi";
   std::string engine = "graph";
   std::string prior = "published";
+  std::string anonymous = "ignore";
   bool no_publish = false;
   bool no_calibration = false;
   bool no_learned_rates = false;
+  std::optional<std::int64_t> max_memory_mib;
   std::optional<std::string> trajectories;
   std::uint64_t seed = MapperOptions().seed;
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
@@ -124,12 +130,35 @@ struct LoadedRuns {
   std::vector<RejectedRun> rejected;
 };
 
+// Nothing was written so far, and nothing will be.
+Status StoppedStatus(const BuildOptions& options) {
+  return MakeStatus(StatusCode::kCancelled,
+                    "area '{}': build stopped by {}, nothing is written",
+                    options.area,
+                    StopSignals::Received());
+}
+
+Status CheckStopped(const BuildOptions& options) {
+  return StopSignals::Received().empty() ? OkStatus() : StoppedStatus(options);
+}
+
+// The bound on a build's memory: what was asked for, or what the machine has. [bytes]
+std::int64_t MaxMemory(const BuildOptions& options) {
+  constexpr std::int64_t kMib = 1024 * 1024;
+  if (options.max_memory_mib) return *options.max_memory_mib * kMib;
+  return std::int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE);
+}
+
+// Reads the logs, and no further once they are too much for the bound.
 StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
                               const PriorMap& prior,
                               const Context& context) {
   LoadedRuns runs;
+  BuildSize size;
+  if (prior.content) size.modes = prior.content->covariance.size();
   std::set<std::string> seen = prior.run_hashes;
   for (const std::string& path : options.logs) {
+    SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
     SHIFTMAP_ASSIGN_OR_RETURN(RunLog log, ReadRunLog(path));
     if (!log.truncation.empty()) {
       context.Warn(fmt::format("run log '{}': {}", path, log.truncation));
@@ -139,6 +168,8 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
       runs.rejected.push_back({name, "already in the map"});
       continue;
     }
+    AddRun(log.run, &size);
+    SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, MaxMemory(options)));
     runs.inputs.push_back({name, log.sha256, std::move(log.run)});
   }
   if (runs.inputs.empty()) {
@@ -162,9 +193,11 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
                                   {"selector", options.selector},
                                   {"engine", options.engine},
                                   {"prior", options.prior},
+                                  {"anonymous", options.anonymous},
                                   {"calibrate", !options.no_calibration},
                                   {"leave_rate_per_s", options.leave_rate_per_s},
-                                  {"learned_rates", !options.no_learned_rates}}
+                                  {"learned_rates", !options.no_learned_rates},
+                                  {"vehicles", VehiclesJson(result.vehicles)}}
                                  .dump();
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
@@ -172,102 +205,6 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
         {run.name, run.sha256, run.vehicle, run.begin, run.end, Thinned(run.trajectory)});
   }
   return provenance;
-}
-
-Json RunJson(const MappedRun& run) {
-  return {{"run", run.name},
-          {"poses", run.poses},
-          {"observations", run.observations},
-          {"outliers", run.outliers},
-          {"chi2", run.chi2},
-          {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
-          {"odometry",
-           {{"scale_v", run.odometry.scale_v},
-            {"scale_omega", run.odometry.scale_omega},
-            {"lag_s", run.odometry.lag_s}}},
-          {"sensor",
-           {{"bearing_offset_rad", run.sensor_bias[0]},
-            {"range_curvature_per_rad2", run.sensor_bias[1]}}}};
-}
-
-// @param landmark  The group in the map.
-Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
-  Json chain = {{"signature", landmark.signature.text()},
-                {"leave_rate_per_s", landmark.chain.leave_rate_per_s()},
-                {"uniform", landmark.chain.uniform()},
-                {"visits", group.chain.visits},
-                {"learned", group.learned}};
-  if (group.learned) {
-    chain["interval_per_s"] = {group.chain.leave.low_per_s, group.chain.leave.high_per_s};
-  }
-  return chain;
-}
-
-Json ResultJson(const BuildOptions& options,
-                const MapperResult& result,
-                const std::optional<CommitResult>& commit) {
-  Json document = {{"area", options.area}};
-  if (commit) {
-    document["version"] = commit->version.value();
-    document["content_hash"] = commit->content_hash;
-  } else {
-    document["content_hash"] = ContentHash(result.content);
-  }
-  document["runs"] = Json::array();
-  for (const MappedRun& run : result.runs) document["runs"].push_back(RunJson(run));
-  document["rejected"] = Json::array();
-  for (const RejectedRun& run : result.rejected) {
-    document["rejected"].push_back({{"run", run.name}, {"reason", run.reason}});
-  }
-  std::size_t modes = 0;
-  Json modes_per_group = Json::object();
-  for (const LandmarkGroup& group : result.content.groups) {
-    modes += group.modes.size();
-    modes_per_group[group.signature.text()] = group.modes.size();
-  }
-  const OdometryCalibration& odometry = result.content.calibration.odometry;
-  document["groups"] = result.content.groups.size();
-  document["modes"] = modes;
-  document["modes_per_group"] = modes_per_group;
-  document["modes_created"] = result.modes_created;
-  document["modes_merged"] = result.modes_merged;
-  document["outer_iterations"] = result.outer_iterations;
-  document["selector"] = options.selector;
-  document["selection"] = {{"visits", result.selection.visits},
-                           {"uncertain_visits", result.selection.uncertain_visits},
-                           {"log_joint", result.selection.log_joint},
-                           {"best_log_joint", result.selection.best_log_joint}};
-  document["chains"] = Json::array();
-  for (std::size_t i = 0; i < result.chains.size(); ++i) {
-    document["chains"].push_back(ChainJson(result.chains[i], result.content.groups[i]));
-  }
-  document["odometry_calibration"] = {{"scale_v", odometry.scale_v},
-                                      {"scale_omega", odometry.scale_omega},
-                                      {"lag_s", odometry.lag_s},
-                                      {"noise_v", odometry.noise_v},
-                                      {"noise_omega", odometry.noise_omega}};
-  return document;
-}
-
-std::string ResultText(const MapperResult& result, const std::optional<CommitResult>& commit) {
-  std::string text =
-      commit
-          ? fmt::format("version {}, content {}\n", commit->version.value(), commit->content_hash)
-          : std::string("nothing written\n");
-  std::size_t modes = 0;
-  for (const LandmarkGroup& group : result.content.groups) modes += group.modes.size();
-  text += fmt::format("{} landmarks, {} modes, {} of them new\n",
-                      result.content.groups.size(),
-                      modes,
-                      result.modes_created);
-  for (const MappedRun& run : result.runs) {
-    text += fmt::format("run {}: {} poses, {} observations, {} outliers\n",
-                        run.name,
-                        run.poses,
-                        run.observations,
-                        run.outliers);
-  }
-  return text;
 }
 
 Status WriteTrajectories(const std::string& folder, const MapperResult& result) {
@@ -280,36 +217,72 @@ Status WriteTrajectories(const std::string& folder, const MapperResult& result) 
   return OkStatus();
 }
 
-Status Build(const BuildOptions& options, Context& context) {
-  const auto begin = std::chrono::steady_clock::now();
-  SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
-
+StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
+                                          const PriorMap& prior,
+                                          const std::vector<MapperInput>& inputs,
+                                          const Context& context) {
   MapperOptions mapper_options;
   mapper_options.seed = options.seed;
+  mapper_options.max_memory_bytes = MaxMemory(options);
   mapper_options.calibrate = !options.no_calibration;
+  mapper_options.association.associate = options.anonymous == "associate";
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.chains.ledger,
-                            LoadLedger(options, prior, runs.inputs, context));
+                            LoadLedger(options, prior, inputs, context));
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
-  const std::unique_ptr<Progress> progress = context.MakeProgress();
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      MapperResult result,
-      BuildMap(std::move(runs.inputs),
-               prior.content,
-               mapper_options,
-               [&](const std::string& phase, double done) { progress->Update(phase, done); }));
-  result.rejected.insert(result.rejected.end(), runs.rejected.begin(), runs.rejected.end());
+  return mapper_options;
+}
+
+void WarnOfInput(const MapperResult& result, const Context& context) {
   for (const RejectedRun& run : result.rejected) {
     context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
   }
+  for (const MappedRun& run : result.runs) {
+    if (run.duplicate_observations == 0) continue;
+    context.Warn(fmt::format(
+        "run '{}': {} observations of a signature at two places in one scan are left out",
+        run.name,
+        run.duplicate_observations));
+  }
+}
+
+// Shows where a build is, and stops it when a signal came.
+MapperMonitor MakeMonitor(Progress* progress) {
+  return [progress](const MapperProgress& now) {
+    std::string text = now.phase;
+    if (now.modes > 0) text += fmt::format(", {} modes", now.modes);
+    if (now.cost > 0.0) text += fmt::format(", cost {:.0f}", now.cost);
+    progress->Update(text, now.done);
+    return StopSignals::Received().empty();
+  };
+}
+
+Status Build(const BuildOptions& options, Context& context) {
+  const auto begin = std::chrono::steady_clock::now();
+  const StopSignals signals;
+  SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
+                            MakeMapperOptions(options, prior, runs.inputs, context));
+  std::unique_ptr<Progress> progress = context.MakeProgress();
+  StatusOr<MapperResult> result =
+      BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
+  progress.reset();
+  // From here on it takes no time to speak of: what began to write ends.
+  if (result.ok() ? !signals.Received().empty()
+                  : result.status().code() == StatusCode::kCancelled) {
+    return StoppedStatus(options);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(result.status());
+  result->rejected.insert(result->rejected.end(), runs.rejected.begin(), runs.rejected.end());
+  WarnOfInput(*result, context);
 
   std::optional<CommitResult> commit;
   if (!context.dry_run()) {
     if (options.trajectories)
-      SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
+      SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, *result));
     SHIFTMAP_ASSIGN_OR_RETURN(
         MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
     CommitOptions commit_options;
@@ -319,12 +292,13 @@ Status Build(const BuildOptions& options, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         commit,
         store.Commit(
-            options.area, result.content, MakeProvenance(options, result), commit_options));
+            options.area, result->content, MakeProvenance(options, *result), commit_options));
   }
-  Json document = ResultJson(options, result, commit);
+  Json document = BuildJson(options.area, *result, commit);
+  document["selector"] = options.selector;
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  context.Report(document, ResultText(result, commit));
+  context.Report(document, BuildText(*result, commit));
   return OkStatus();
 }
 
@@ -345,6 +319,10 @@ void AddBuildCommand(Application* application) {
       .Option("--engine", &options->engine, "How the map is estimated")
       .OneOf({"graph"})
       .Option("--prior", &options->prior, "Map to start from: published, none, or a version number")
+      .Option("--anonymous",
+              &options->anonymous,
+              "Observations without a signature: leave them out, or associate them jointly")
+      .OneOf({"ignore", "associate"})
       .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
       .Flag("--no-calibration",
             &options->no_calibration,
@@ -359,6 +337,10 @@ void AddBuildCommand(Application* application) {
               &options->leave_rate_per_s,
               "Rate at which landmarks leave a mode, before there is evidence")
       .InRange(0.0, 1e3)
+      .Option("--max-memory-mib",
+              &options->max_memory_mib,
+              "Refuse a build that would take more; by default, than the machine has")
+      .InRange(1.0, 1e9)
       .Option("RUN.mcap", &options->logs, "Run logs of the area, of any days and vehicles")
       .Required()
       .Check([options] {

@@ -13,8 +13,8 @@ namespace shiftmap {
 /// reckoning drifts into wrong minima, a filter that closes loops does not.
 ///
 /// EKF-SLAM over the pose, (log scale_v, log scale_omega) of the odometry and one position per
-/// landmark: what moved, or was misread, does not gate and is skipped. Quadratic in the number of
-/// landmarks.
+/// landmark (SlamState): what moved, or was misread, does not gate and is skipped. A frame costs
+/// the square of the landmarks around the vehicle.
 /// @return One pose per key frame, T_start_vehicle.
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibration& calibration);
 

@@ -6,6 +6,8 @@
 #include <memory>
 #include <utility>
 
+#include "mapstore/geometry/covariance.h"
+
 namespace shiftmap {
 namespace {
 
@@ -113,7 +115,8 @@ void Apply(const GraphStep& step, Graph* graph) {
   }
 }
 
-GraphElimination::GraphElimination(const Graph& graph) : graph_(graph) {
+GraphElimination::GraphElimination(const Graph& graph, std::vector<std::vector<int>> together)
+    : graph_(graph), together_(std::move(together)) {
   for (const GraphRun& run : graph.runs) {
     motions_.emplace_back(run.motions.begin(), run.motions.end());
   }
@@ -178,14 +181,19 @@ void GraphElimination::AddMode(int mode, Stretch* stretch) {
 }
 
 bool GraphElimination::Linearize() {
-  rest_ = std::make_unique<RestSystem>(first_mode_ + 2 * static_cast<int>(graph_.modes.size()));
+  if (rest_) {
+    rest_->Clear();
+  } else {
+    rest_ = std::make_unique<RestSystem>(first_mode_ + 2 * static_cast<int>(graph_.modes.size()));
+  }
   cost_ = AddPriors(rest_.get());
+  AddTogether(rest_.get());
   for (Stretch& stretch : stretches_) {
     SegmentSystem system(std::max(0, stretch.last - stretch.first - 1),
                          static_cast<int>(stretch.boundary.size()));
     cost_ += LinearizeStretch(stretch, &system);
     if (!stretch.segment.Eliminate(&system)) return false;
-    rest_->Add(stretch.boundary, system.C, system.c);
+    rest_->Add(stretch.boundary, std::move(system.C), system.c);
   }
   return std::isfinite(cost_) && rest_->Factorize();
 }
@@ -265,6 +273,18 @@ double GraphElimination::AddPriors(RestSystem* rest) const {
   return cost + 0.5 * whitened.squaredNorm();
 }
 
+// Terms of zeros: they have places in the factor.
+void GraphElimination::AddTogether(RestSystem* rest) const {
+  for (const std::vector<int>& modes : together_) {
+    std::vector<int> index;
+    for (const int mode : modes) {
+      index.insert(index.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
+    }
+    const auto size = static_cast<Eigen::Index>(index.size());
+    rest->Add(index, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size));
+  }
+}
+
 GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const {
   GraphStep step;
   for (const GraphRun& run : graph_.runs) {
@@ -302,8 +322,41 @@ GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
   return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
 }
 
+Eigen::MatrixXd GraphElimination::CalibrationCovariance() const {
+  const auto size = static_cast<Eigen::Index>(5 * graph_.runs.size());
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rest_->size(), size);
+  unit.middleRows(first_calibration_, size).setIdentity();
+  return rest_->SolveFor(unit).middleRows(first_calibration_, size);
+}
+
 Eigen::MatrixXd GraphElimination::ModeCovariance() const {
   return rest_->TailCovariance(static_cast<int>(2 * graph_.modes.size()));
+}
+
+Eigen::MatrixXd GraphElimination::ModeCovarianceTimes(const Eigen::MatrixXd& weights) const {
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), weights.cols());
+  right.bottomRows(weights.rows()) = weights;
+  return rest_->SolveFor(right).bottomRows(weights.rows());
+}
+
+void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {
+  std::vector<std::pair<Eigen::Index, int>> modes;  // Row in the block, mode.
+  rest_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
+    modes.clear();
+    for (std::size_t i = 0; i < unknowns.size(); ++i) {
+      const int offset = unknowns[i] - first_mode_;
+      if (offset < 0 || offset % 2 != 0) continue;
+      modes.emplace_back(static_cast<Eigen::Index>(i), offset / 2);
+    }
+    for (std::size_t a = 0; a < modes.size() && modes[a].first < own; ++a) {
+      const auto [row, mode] = modes[a];
+      const Eigen::Matrix2d marginal = block.block<2, 2>(row, row);
+      visitor(mode, mode, Symmetrized(marginal));
+      for (std::size_t b = a + 1; b < modes.size(); ++b) {
+        visitor(mode, modes[b].second, block.block<2, 2>(row, modes[b].first));
+      }
+    }
+  });
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <memory>
 #include <random>
 #include <vector>
@@ -35,8 +36,9 @@ void Apply(const GraphStep& step, Graph* graph);
 /// The Cauchy loss enters by its weights (iteratively reweighted least squares).
 class GraphElimination {
  public:
-  /// @param graph  Must outlive this; its values may change, its shape may not.
-  explicit GraphElimination(const Graph& graph);
+  /// @param graph     Must outlive this; its values may change, its shape may not.
+  /// @param together  Lists of modes, all pairs in each of which VisitModeCovariance() is to tell.
+  explicit GraphElimination(const Graph& graph, std::vector<std::vector<int>> together = {});
 
   /// Linearizes at the present values and eliminates. False if something is not determined.
   bool Linearize();
@@ -52,6 +54,18 @@ class GraphElimination {
 
   /// Joint covariance of the modes. [m²]
   Eigen::MatrixXd ModeCovariance() const;
+
+  /// The joint covariance of the modes times `weights`, two rows a mode: some of its columns, or
+  /// what they sum up to, without the rest.
+  Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
+
+  /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
+  /// pairs in `together`, and others that come along. As costly as Linearize(). [m²]
+  using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
+  void VisitModeCovariance(const BlockVisitor& visitor) const;
+
+  /// Joint covariance of all runs' calibrations, five rows a run.
+  Eigen::MatrixXd CalibrationCovariance() const;
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
   const std::vector<ObservationResidual>& observations() const { return observations_; }
@@ -73,9 +87,11 @@ class GraphElimination {
   void AddMode(int mode, Stretch* stretch);
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
   double AddPriors(RestSystem* rest) const;
+  void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
 
   const Graph& graph_;
+  std::vector<std::vector<int>> together_;
   std::vector<std::vector<MotionResidual>> motions_;
   std::vector<ObservationResidual> observations_;
   std::vector<Stretch> stretches_;

@@ -78,11 +78,13 @@ GraphSummary SolveGraph(int max_iterations, Graph* graph);
 GraphSummary SolveGraphByTrustRegion(int max_iterations, Graph* graph);
 
 /// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
-/// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told.
+/// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told. And
+/// how many residuals of the kind there are.
 struct ResidualStatistics {
   enum Kind { kTranslation, kYaw, kRange, kBearing, kPosition, kKinds };
   Eigen::Array<double, kKinds, 1> sum_of_squares = Eigen::Array<double, kKinds, 1>::Zero();
   Eigen::Array<double, kKinds, 1> redundancy = Eigen::Array<double, kKinds, 1>::Zero();
+  Eigen::Array<double, kKinds, 1> count = Eigen::Array<double, kKinds, 1>::Zero();
 };
 
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
@@ -90,10 +92,20 @@ struct ResidualStatistics {
 /// Precondition: every mode is observed or in the prior.
 Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 
+/// Joint covariance of all runs' (correction, sensor bias), five rows a run, in the same Gaussian.
+/// Order (log scale_v, log scale_omega, lag [s], bearing offset [rad], range curvature [1/rad²]).
+/// Precondition: as ComputeModeCovariance().
+Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph);
+
 /// The statistics at the graph's present values. The redundancy of each kind of residual is
 /// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the Gaussian around
 /// them (seeded). Precondition: every mode is observed or in the prior.
 ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed);
+
+/// The same of each run's residuals.
+std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     int samples,
+                                                     std::uint64_t seed);
 
 /// Squared standardized residual of one observation at the graph's present values.
 double SquaredResidual(const Graph& graph, const GraphObservation& observation);

@@ -23,10 +23,11 @@ Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t fra
 void CountMotions(const Graph& graph,
                   const GraphElimination& elimination,
                   const std::vector<GraphStep>& draws,
-                  ResidualStatistics* statistics) {
+                  std::vector<ResidualStatistics>* statistics) {
   const auto count = static_cast<double>(draws.size());
   for (std::size_t r = 0; r < graph.runs.size(); ++r) {
     const GraphRun& run = graph.runs[r];
+    ResidualStatistics& sums = (*statistics)[r];
     for (std::size_t i = 0; i < run.motions.size(); ++i) {
       const MotionResidual::Linear linear =
           elimination.motions()[r][i].At(run.poses[i], run.poses[i + 1], run.correction);
@@ -39,10 +40,12 @@ void CountMotions(const Graph& graph,
       }
       const Eigen::Array3d squares = linear.r.array().square();
       const Eigen::Array3d redundancy = 1.0 - explained / count;
-      statistics->sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
-      statistics->redundancy[ResidualStatistics::kTranslation] += redundancy.head<2>().sum();
-      statistics->sum_of_squares[ResidualStatistics::kYaw] += squares[2];
-      statistics->redundancy[ResidualStatistics::kYaw] += redundancy[2];
+      sums.sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
+      sums.count[ResidualStatistics::kTranslation] += 2.0;
+      sums.count[ResidualStatistics::kYaw] += 1.0;
+      sums.redundancy[ResidualStatistics::kTranslation] += redundancy.head<2>().sum();
+      sums.sum_of_squares[ResidualStatistics::kYaw] += squares[2];
+      sums.redundancy[ResidualStatistics::kYaw] += redundancy[2];
     }
   }
 }
@@ -50,7 +53,7 @@ void CountMotions(const Graph& graph,
 void CountObservations(const Graph& graph,
                        const GraphElimination& elimination,
                        const std::vector<GraphStep>& draws,
-                       ResidualStatistics* statistics) {
+                       std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
   const auto count = static_cast<double>(draws.size());
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
@@ -69,13 +72,18 @@ void CountObservations(const Graph& graph,
                        .array()
                        .square();
     }
+    ResidualStatistics& sums = (*statistics)[r];
+    // Residuals are the noise less what the fit made of it, which is by the loss' weights.
+    const double weight =
+        1.0 / (1.0 + linear.r.squaredNorm() / (graph.loss_scale * graph.loss_scale));
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
                         : row == 0 ? ResidualStatistics::kRange
                                    : ResidualStatistics::kBearing;
-      statistics->sum_of_squares[kind] += linear.r[row] * linear.r[row];
-      statistics->redundancy[kind] += 1.0 - explained[row] / count;
+      sums.sum_of_squares[kind] += linear.r[row] * linear.r[row];
+      sums.count[kind] += 1.0;
+      sums.redundancy[kind] += 1.0 - weight * explained[row] / count;
     }
   }
 }
@@ -88,17 +96,35 @@ Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
   return elimination.ModeCovariance();
 }
 
-ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed) {
+Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph) {
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  return elimination.CalibrationCovariance();
+}
+
+std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     int samples,
+                                                     std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
   GraphElimination elimination(graph);
   SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   std::mt19937_64 random(seed);
   std::vector<GraphStep> draws;
   for (int i = 0; i < samples; ++i) draws.push_back(elimination.Draw(random));
-  ResidualStatistics statistics;
+  std::vector<ResidualStatistics> statistics(graph.runs.size());
   CountMotions(graph, elimination, draws, &statistics);
   CountObservations(graph, elimination, draws, &statistics);
   return statistics;
+}
+
+ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed) {
+  ResidualStatistics total;
+  for (const ResidualStatistics& run : ComputeRunStatistics(graph, samples, seed)) {
+    total.sum_of_squares += run.sum_of_squares;
+    total.redundancy += run.redundancy;
+    total.count += run.count;
+  }
+  return total;
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,8 @@
 #include "mapper/graph/rest_system.h"
 
 #include <algorithm>
+#include <numeric>
+#include <utility>
 
 namespace shiftmap {
 namespace {
@@ -20,25 +22,36 @@ RestSystem::RestSystem(int size) : b_(Eigen::VectorXd::Zero(size)) {
 
 bool RestSystem::dense() const { return b_.size() <= kMaxDense; }
 
-void RestSystem::Add(const std::vector<int>& index,
-                     const Eigen::MatrixXd& H,
-                     const Eigen::VectorXd& b) {
+void RestSystem::Clear() {
+  b_.setZero();
+  H_.setZero();
+  added_ = 0;
+}
+
+void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b) {
   for (std::size_t j = 0; j < index.size(); ++j) {
     if (index[j] < 0) continue;
-    const auto column = static_cast<Eigen::Index>(j);
-    b_[index[j]] += b[column];
+    b_[index[j]] += b[static_cast<Eigen::Index>(j)];
+    if (!dense()) continue;
     for (std::size_t i = j; i < index.size(); ++i) {
       if (index[i] < 0) continue;
-      const int row_in_H = std::max(index[i], index[j]);
-      const int column_in_H = std::min(index[i], index[j]);
-      const double value = H(static_cast<Eigen::Index>(i), column);
-      if (dense()) {
-        H_(row_in_H, column_in_H) += value;
-      } else if (value != 0.0) {
-        entries_.emplace_back(row_in_H, column_in_H, value);
-      }
+      H_(std::max(index[i], index[j]), std::min(index[i], index[j])) +=
+          H(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
     }
   }
+  if (dense()) return;
+  if (added_ == terms_.size()) {
+    terms_.push_back({index, std::move(H)});
+    factor_.reset();
+  } else {
+    SystemTerm& term = terms_[added_];
+    if (term.index != index) {
+      term.index = index;
+      factor_.reset();
+    }
+    term.H = std::move(H);
+  }
+  ++added_;
 }
 
 bool RestSystem::Factorize() {
@@ -46,22 +59,24 @@ bool RestSystem::Factorize() {
     dense_.compute(H_);
     return dense_.info() == Eigen::Success;
   }
-  Sparse H(b_.size(), b_.size());
-  H.setFromTriplets(entries_.begin(), entries_.end());
-  std::vector<Eigen::Triplet<double>>().swap(entries_);
-  sparse_.compute(H);
-  return sparse_.info() == Eigen::Success;
+  if (added_ < terms_.size()) {
+    terms_.resize(added_);
+    factor_.reset();
+  }
+  if (!factor_) factor_ = std::make_unique<Multifrontal>(size(), terms_);
+  const bool positive = factor_->Factorize(terms_);
+  for (SystemTerm& term : terms_) term.H.resize(0, 0);
+  return positive;
 }
 
 Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
   if (dense()) return dense_.solve(b);
-  return sparse_.solve(b);
+  return factor_->Solve(b);
 }
 
 Eigen::VectorXd RestSystem::Draw(const Eigen::VectorXd& z) const {
   if (dense()) return dense_.matrixU().solve(z);
-  const Eigen::VectorXd permuted = sparse_.matrixU().solve(z);
-  return sparse_.permutationPinv() * permuted;
+  return factor_->SolveUpper(z);
 }
 
 Eigen::MatrixXd RestSystem::TailCovariance(int size) const {
@@ -74,6 +89,16 @@ Eigen::MatrixXd RestSystem::TailCovariance(int size) const {
     covariance.middleCols(first, count) = SolveFor(unit).bottomRows(size);
   }
   return covariance;
+}
+
+void RestSystem::VisitInverse(const InverseVisitor& visitor) const {
+  if (!dense()) {
+    factor_->VisitInverse(visitor);
+    return;
+  }
+  std::vector<int> unknowns(static_cast<std::size_t>(size()));
+  std::iota(unknowns.begin(), unknowns.end(), 0);
+  visitor(unknowns, size(), TailCovariance(size()));
 }
 
 }  // namespace shiftmap

@@ -3,23 +3,28 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
+#include <memory>
 #include <vector>
+
+#include "mapper/graph/multifrontal.h"
 
 namespace shiftmap {
 
 /// Symmetric positive definite normal equations H x = b, summed up from blocks and solved by
-/// Cholesky: dense while small, sparse with a fill-reducing order beyond.
+/// Cholesky: dense while small, multifrontal with a fill-reducing order beyond.
 class RestSystem {
  public:
   explicit RestSystem(int size);
 
   int size() const { return static_cast<int>(b_.size()); }
 
-  /// Adds a block whose rows and columns are those of `index`; -1 leaves one out.
+  /// Takes all blocks away. Adding as many over the same unknowns again spares finding an order.
+  void Clear();
+
+  /// Adds a block whose rows and columns are those of `index`, each at most once; -1 leaves one
+  /// out.
   /// @param H  Its lower triangle counts.
-  void Add(const std::vector<int>& index, const Eigen::MatrixXd& H, const Eigen::VectorXd& b);
+  void Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b);
 
   /// Adds up what is there. False if the system is not positive definite.
   bool Factorize();
@@ -27,23 +32,28 @@ class RestSystem {
   /// H⁻¹ b.
   Eigen::VectorXd Solve() const { return SolveFor(b_); }
 
+  /// H⁻¹ times other right sides.
+  Eigen::MatrixXd SolveFor(const Eigen::MatrixXd& b) const;
+
   /// L⁻ᵀ z: a draw of N(0, H⁻¹) if z is one of N(0, I).
   Eigen::VectorXd Draw(const Eigen::VectorXd& z) const;
 
   /// The lower right `size` x `size` block of H⁻¹.
   Eigen::MatrixXd TailCovariance(int size) const;
 
- private:
-  using Sparse = Eigen::SparseMatrix<double>;
+  /// The entries of H⁻¹ for all pairs of unknowns that some block has, and others besides: see
+  /// Multifrontal::VisitInverse().
+  void VisitInverse(const InverseVisitor& visitor) const;
 
+ private:
   bool dense() const;
-  Eigen::MatrixXd SolveFor(const Eigen::MatrixXd& b) const;
 
   Eigen::VectorXd b_;
-  Eigen::MatrixXd H_;                                  // If dense.
-  Eigen::LLT<Eigen::MatrixXd> dense_;                  // If dense.
-  std::vector<Eigen::Triplet<double>> entries_;        // If sparse.
-  Eigen::SimplicialLLT<Sparse, Eigen::Lower> sparse_;  // If sparse.
+  Eigen::MatrixXd H_;                  // If dense.
+  Eigen::LLT<Eigen::MatrixXd> dense_;  // If dense.
+  std::vector<SystemTerm> terms_;      // If not; those from added_ on are of before Clear().
+  std::size_t added_ = 0;
+  std::unique_ptr<Multifrontal> factor_;  // If not dense; of the shape of terms_.
 };
 
 }  // namespace shiftmap

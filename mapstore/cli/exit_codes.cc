@@ -22,6 +22,8 @@ ExitCode ExitCodeFor(const Status& status) {
     case StatusCode::kDeadlineExceeded:
     case StatusCode::kResourceExhausted:
       return ExitCode::kTemporary;
+    case StatusCode::kCancelled:
+      return ExitCode::kStopped;
     default:
       return ExitCode::kInternal;
   }

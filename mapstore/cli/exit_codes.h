@@ -15,6 +15,7 @@ enum class ExitCode : int {
   kNotFound = 6,     ///< No such file, area, version.
   kInternal = 70,    ///< A bug of ours.
   kTemporary = 75,   ///< Busy or full now: retry.
+  kStopped = 130,    ///< SIGINT or SIGTERM stopped it before it wrote anything.
 };
 
 /// The exit code of a command that ended with `status`, by the table in proto/core/status.h.

@@ -2,10 +2,14 @@
 #include "tests/scenario/background_command.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
+#include <thread>
 
 #include "proto/core/check.h"
 
@@ -52,9 +56,26 @@ BackgroundCommand::~BackgroundCommand() {
 int BackgroundCommand::End(int signal) {
   kill(child_, signal);
   int status = 0;
-  SHIFTMAP_CHECK(waitpid(child_, &status, 0) == child_, "wait for {}", child_);
+  rusage usage{};
+  SHIFTMAP_CHECK(wait4(child_, &status, 0, &usage) == child_, "wait for {}", child_);
   child_ = -1;
+  peak_mib_ = static_cast<double>(usage.ru_maxrss) / 1024.0;
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+void BackgroundCommand::WaitUntilItCatches(int signal) const {
+  const std::string path = fmt::format("/proc/{}/status", child_);
+  const std::string key = "SigCgt:\t";
+  for (int tries = 0; tries < 10000; ++tries) {
+    const std::string status = ReadFile(path);
+    const std::size_t at = status.find(key);
+    if (at != std::string::npos) {
+      const std::uint64_t caught = std::stoull(status.substr(at + key.size(), 16), nullptr, 16);
+      if ((caught >> (signal - 1) & 1) != 0) return;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  SHIFTMAP_CHECK(false, "process {} does not catch signal {}", child_, signal);
 }
 
 }  // namespace shiftmap::testing

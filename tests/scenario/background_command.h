@@ -21,8 +21,19 @@ class BackgroundCommand {
   BackgroundCommand(const BackgroundCommand&) = delete;
   BackgroundCommand& operator=(const BackgroundCommand&) = delete;
 
-  /// Sends a signal and waits for the end; the exit code as in CommandResult.
+  /// Sends a signal (none: 0) and waits for the end; the exit code as in CommandResult.
   int End(int signal);
+
+  pid_t pid() const { return child_; }
+
+  /// Waits until it takes a signal itself instead of being ended by it.
+  void WaitUntilItCatches(int signal) const;
+
+  /// The most memory that it had, once it has ended.
+  double PeakMib() const { return peak_mib_; }
+
+  /// What it printed so far.
+  std::string Output() const { return ReadFile(folder_.File("out")); }
 
   /// What it said on standard error so far.
   std::string Errors() const { return ReadFile(folder_.File("err")); }
@@ -30,6 +41,7 @@ class BackgroundCommand {
  private:
   TempDir folder_;
   pid_t child_ = -1;
+  double peak_mib_ = 0.0;
 };
 
 }  // namespace shiftmap::testing

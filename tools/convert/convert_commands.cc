@@ -7,6 +7,7 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/convert/utias.h"
+#include "tools/convert/victoria_park.h"
 
 namespace shiftmap {
 namespace {
@@ -63,9 +64,68 @@ Status RunUtias(const UtiasArguments& arguments, Context& context) {
   return OkStatus();
 }
 
-}  // namespace
+struct VictoriaParkArguments {
+  VictoriaParkOptions options;
+  std::string output;
+  std::optional<std::string> gps;
+};
 
-void AddConvertCommands(Application* application) {
+Status RunVictoriaPark(const VictoriaParkArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VictoriaParkRun park, ReadVictoriaPark(arguments.options));
+  // Fixes have no heading; eval aligns positions only.
+  std::vector<StampedPose> gps;
+  if (arguments.gps) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GpsFix> fixes,
+                              ReadVictoriaParkGps(arguments.options.dataset_dir));
+    for (const GpsFix& fix : fixes) gps.push_back({fix.stamp, Se2(fix.p_gps_antenna, 0.0)});
+  }
+  const Run& run = park.run;
+  if (!context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
+    if (arguments.gps) SHIFTMAP_RETURN_IF_ERROR(WriteTum(gps, *arguments.gps));
+  }
+  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
+  const std::int64_t observations = park.detection_rows - park.stale_rows;
+  Json document = {{"output", arguments.output},
+                   {"source", run.info.source},
+                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
+                   {"duration_s", duration_s},
+                   {"odometry", run.odometry.size()},
+                   {"scans", run.scans.size()},
+                   {"observations", observations},
+                   {"dropped_stale_rows", park.stale_rows}};
+  if (arguments.gps) document["gps_fixes"] = gps.size();
+  context.Report(document,
+                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
+                             arguments.output,
+                             duration_s,
+                             run.odometry.size(),
+                             run.scans.size(),
+                             observations));
+  return OkStatus();
+}
+
+void AddVictoriaParkCommand(Application* application) {
+  auto arguments = std::make_shared<VictoriaParkArguments>();
+  application
+      ->AddCommand("victoria-park",
+                   "Convert the truck's log of the Victoria Park data set",
+                   [arguments](Context& context) { return RunVictoriaPark(*arguments, context); })
+      .Writes()
+      .Option("DATASET_DIR", &arguments->options.dataset_dir, "Folder with the .csv files")
+      .Required()
+      .Option("--output", &arguments->output, "Run log to write")
+      .Required()
+      .Option("--sd-range-m", &arguments->options.sd_range_m, "Noise that ranges are logged with")
+      .InRange(1e-3, 1e2)
+      .Option("--sd-bearing-rad",
+              &arguments->options.sd_bearing_rad,
+              "Noise that bearings are logged with")
+      .InRange(1e-4, 1.0)
+      .Option("--gps", &arguments->gps, "Write the GPS fixes here too, with no heading");
+}
+
+void AddUtiasCommand(Application* application) {
   auto arguments = std::make_shared<UtiasArguments>();
   application
       ->AddCommand("utias",
@@ -82,6 +142,13 @@ void AddConvertCommands(Application* application) {
       .Option("--start-s", &arguments->options.start_s, "Where to start, from the first sample on")
       .Option("--duration-s", &arguments->options.duration_s, "How long (default: to the end)")
       .Option("--truth", &arguments->truth, "Write the true trajectory of the stretch here too");
+}
+
+}  // namespace
+
+void AddConvertCommands(Application* application) {
+  AddUtiasCommand(application);
+  AddVictoriaParkCommand(application);
 }
 
 }  // namespace shiftmap

@@ -10,12 +10,12 @@ namespace {
 
 constexpr std::string_view kBlanks = " \t\r";
 
-void Split(std::string_view line, TextRow* row) {
+void Split(std::string_view line, std::string_view between, TextRow* row) {
   row->clear();
-  for (std::size_t begin = line.find_first_not_of(kBlanks); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(line.find_first_of(kBlanks, begin), line.size());
+  for (std::size_t begin = line.find_first_not_of(between); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(between, begin), line.size());
     row->push_back(line.substr(begin, end - begin));
-    begin = line.find_first_not_of(kBlanks, end);
+    begin = line.find_first_not_of(between, end);
   }
 }
 
@@ -23,7 +23,8 @@ void Split(std::string_view line, TextRow* row) {
 
 Status ForEachRow(const std::string& path,
                   std::size_t columns,
-                  const std::function<Status(const TextRow&)>& take) {
+                  const std::function<Status(const TextRow&)>& take,
+                  std::string_view separators) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return NotFound("file '{}': does not exist", path);
   if (!std::filesystem::is_regular_file(path, error)) {
@@ -33,8 +34,9 @@ Status ForEachRow(const std::string& path,
   if (!file) return Unavailable("file '{}': cannot be opened for reading", path);
   std::string line;
   TextRow row;
+  const std::string between = std::string(kBlanks) + std::string(separators);
   for (std::size_t number = 1; std::getline(file, line); ++number) {
-    Split(line, &row);
+    Split(line, between, &row);
     if (row.empty() || row.front().starts_with('#')) continue;
     if (row.size() != columns) {
       return InvalidArgument("{}:{}: {} fields, expected {}", path, number, row.size(), columns);

@@ -17,10 +17,12 @@ using TextRow = std::vector<std::string_view>;
 /// Reads a text file of rows whose fields are separated by blanks or tabs, and calls `take` with
 /// each. Empty rows and rows that begin with '#' are skipped.
 /// @param columns  Fields that every row must have.
+/// @param separators  Characters that separate fields besides; several in a row are one.
 /// Errors: kNotFound; kUnavailable if it cannot be read; kInvalidArgument for a row with another
 /// number of fields. Errors of `take` get `<path>:<line>: ` before them and end the reading.
 Status ForEachRow(const std::string& path,
                   std::size_t columns,
-                  const std::function<Status(const TextRow&)>& take);
+                  const std::function<Status(const TextRow&)>& take,
+                  std::string_view separators = "");
 
 }  // namespace shiftmap

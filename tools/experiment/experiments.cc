@@ -9,6 +9,7 @@
 #include "tools/experiment/localizer_utias_command.h"
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/scale_command.h"
+#include "tools/experiment/victoria_park_command.h"
 
 namespace shiftmap {
 
@@ -21,6 +22,7 @@ void AddExperiments(Application* application) {
   AddLocalizerStatesExperiment(application);
   AddRecurringChainsExperiment(application);
   AddScaleExperiment(application);
+  AddVictoriaParkExperiment(application);
 }
 
 }  // namespace shiftmap

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "mapper/mapper.h"
-#include "tools/experiment/ijrr_utias_score.h"
 #include "tools/experiment/ijrr_utias_selectors.h"
 #include "tools/experiment/ijrr_utias_static.h"
 
@@ -120,7 +119,7 @@ IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m)
   row.method = method.about.name;
   row.frames = static_cast<int>(trial.data->frames.frames.size());
   const auto begin = std::chrono::steady_clock::now();
-  const StatusOr<UtiasEstimate> estimate = method.run(trial);
+  StatusOr<UtiasEstimate> estimate = method.run(trial);
   row.wall_s = ToSeconds(std::chrono::steady_clock::now() - begin);
   row.pose_rmse_m = row.landmark_rmse_m = std::numeric_limits<double>::quiet_NaN();
   if (!estimate.ok()) return row;
@@ -129,6 +128,7 @@ IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m)
   row.landmark_rmse_m = score.landmark_rmse_m;
   row.modes = score.modes;
   row.created = estimate->created;
+  row.estimate = *std::move(estimate);
   return row;
 }
 

@@ -9,10 +9,11 @@
 
 #include "proto/core/status.h"
 #include "tools/experiment/ijrr_utias_data.h"
+#include "tools/experiment/ijrr_utias_score.h"
 
 namespace shiftmap {
 
-/// The experiment of IJRR 8.2 on recorded data: figures 9 to 11 and table 1.
+/// The experiment of IJRR 8.2 on recorded data: figures 8 to 11 and table 1.
 struct IjrrUtiasOptions {
   std::string data;  ///< Holds MRCLAM_Dataset<N>.
   std::vector<int> datasets = {1, 2, 3};
@@ -47,7 +48,8 @@ struct IjrrUtiasRow {
   int modes = 0;
   int created = 0;
   double wall_s = 0.0;
-  int frames = 0;  ///< Key frames.
+  int frames = 0;          ///< Key frames.
+  UtiasEstimate estimate;  ///< Empty if the method failed.
 };
 
 /// A method as the experiment names it.

@@ -13,6 +13,7 @@
 
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/ijrr_utias.h"
+#include "tools/experiment/ijrr_utias_pictures.h"
 
 namespace shiftmap {
 namespace {
@@ -146,6 +147,35 @@ Chart OverDisplacement(const std::vector<IjrrUtiasRow>& rows,
   return chart;
 }
 
+// The displacement of the pictures of paths: of those that ran, the nearest to that of IJRR
+// figure 8.
+double PictureDelta(const IjrrUtiasOptions& options) {
+  constexpr double kPaperDelta = 1.0;  // [m]
+  return *std::min_element(
+      options.deltas_m.begin(), options.deltas_m.end(), [](double a, double b) {
+        return std::abs(a - kPaperDelta) < std::abs(b - kPaperDelta);
+      });
+}
+
+Status WritePictures(const IjrrUtiasOptions& options,
+                     const IjrrUtiasResult& result,
+                     ExperimentOutput* output) {
+  const double delta_m = PictureDelta(options);
+  for (const UtiasCase& data : result.cases) {
+    std::vector<const IjrrUtiasRow*> rows;
+    for (const IjrrUtiasRow& row : result.rows) {
+      if (row.dataset == data.dataset && row.robot == data.robot && row.delta_m == delta_m) {
+        rows.push_back(&row);
+      }
+    }
+    if (rows.empty()) continue;
+    const std::string name = fmt::format("set{}-robot{}", data.dataset, data.robot);
+    SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-paths", DrawPaths(data, rows)));
+    SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-modes", DrawCreatedModes(data, rows)));
+  }
+  return OkStatus();
+}
+
 Status WriteFigures(const IjrrUtiasOptions& options,
                     const std::vector<IjrrUtiasRow>& rows,
                     ExperimentOutput* output) {
@@ -198,6 +228,7 @@ Status RunExperiment(const Arguments& arguments, Context& context) {
   const ResultTable table = MakeTable(result.rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));
+  SHIFTMAP_RETURN_IF_ERROR(WritePictures(options, result, &output));
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
                             output.WriteDocument(OptionsJson(options, result), table));
   context.Report(document, table.ToText());

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <set>
@@ -63,10 +64,12 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   world = SimulatedWorld();
   row.true_modes = static_cast<int>(places.size());
   row.logs_mib = ResidentMib();
+  const auto wall_begin = std::chrono::steady_clock::now();
   const double begin = ThreadProcessorSeconds();
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
                             BuildMap(std::move(inputs), std::nullopt, MapperOptions()));
   row.build_s = ThreadProcessorSeconds() - begin;
+  row.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
   for (const MappedRun& run : result.runs) row.key_frames += run.poses;
   row.runs = static_cast<int>(result.runs.size());
   row.rejected = static_cast<int>(result.rejected.size());

@@ -29,7 +29,8 @@ struct ScaleRow {
   int modes = 0;              ///< In the map.
   int true_modes = 0;         ///< Places at which a landmark stood in some run.
   double build_s = 0.0;       ///< Processor time of BuildMap.
-  double us_per_frame = 0.0;  ///< [µs]
+  double wall_s = 0.0;        ///< Of BuildMap by the clock on the wall.
+  double us_per_frame = 0.0;  ///< Processor time. [µs]
   double logs_mib = 0.0;      ///< Resident before the build: the program and the logs.
   double peak_mib = 0.0;      ///< Largest resident size of the process so far.
 };

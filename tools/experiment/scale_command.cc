@@ -14,16 +14,18 @@ namespace {
 
 struct Arguments {
   std::string output;
+  int min_key_frames = 1000;
   int max_key_frames = 10000;
   ScaleOptions options;
 };
 
-// 1000, 3000, 10000, … up to the largest.
-std::vector<int> Sizes(int largest) {
+// Of 1000, 3000, 10000, … those from the smallest to the largest.
+std::vector<int> Sizes(int smallest, int largest) {
   std::vector<int> sizes;
   for (int decade = 1000; decade <= largest; decade *= 10) {
-    sizes.push_back(decade);
-    if (3 * decade <= largest) sizes.push_back(3 * decade);
+    for (const int size : {decade, 3 * decade}) {
+      if (smallest <= size && size <= largest) sizes.push_back(size);
+    }
   }
   return sizes;
 }
@@ -36,6 +38,7 @@ ResultTable MakeTable(const std::vector<ScaleRow>& rows) {
                      "modes",
                      "true_modes",
                      "build_s",
+                     "wall_s",
                      "us_per_frame",
                      "logs_mib",
                      "peak_mib"});
@@ -47,6 +50,7 @@ ResultTable MakeTable(const std::vector<ScaleRow>& rows) {
                   static_cast<double>(row.modes),
                   static_cast<double>(row.true_modes),
                   row.build_s,
+                  row.wall_s,
                   row.us_per_frame,
                   row.logs_mib,
                   row.peak_mib});
@@ -56,7 +60,7 @@ ResultTable MakeTable(const std::vector<ScaleRow>& rows) {
 
 Status Run(const Arguments& arguments, Context& context) {
   ScaleOptions options = arguments.options;
-  options.key_frames = Sizes(arguments.max_key_frames);
+  options.key_frames = Sizes(arguments.min_key_frames, arguments.max_key_frames);
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScaleRow> rows, RunScale(options, [&](double done) {
                               progress->Update("sites", done);
@@ -94,6 +98,8 @@ void AddScaleExperiment(Application* application) {
                    [arguments](Context& context) { return Run(*arguments, context); })
       .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
       .Required()
+      .Option("--min-key-frames", &arguments->min_key_frames, "Smallest site")
+      .InRange(1000, 1e7)
       .Option("--max-key-frames", &arguments->max_key_frames, "Largest site")
       .InRange(1000, 1e7)
       .Option("--seed", &arguments->options.seed, "Seed of the sites")

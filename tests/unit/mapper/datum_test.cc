@@ -123,6 +123,22 @@ TEST_F(Datum, ScaleMovesPositionsByTheirOffset) {
   EXPECT_NEAR((DatumDirections(positions).transpose() * cov).norm(), 0.0, 1e-12);
 }
 
+// A map whose newest positions have joined those that hold its frame: where that was held must not
+// pass for knowledge of the newest ones.
+TEST_F(Datum, PriorForgetsWhereTheFrameWasHeld) {
+  const Positions positions = RandomPositions(7);
+  const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);
+  const Eigen::MatrixXd held =
+      ReferToPair(positions, 0, 3, cov) + 1e-10 * Eigen::MatrixXd::Identity(14, 14);
+  const std::vector<int> modes = {0, 1, 2, 3, 4, 5, 6};
+  const auto information = [&](const Eigen::MatrixXd& of) -> Eigen::MatrixXd {
+    const GraphPrior prior = MakeGraphPrior(modes, positions, of);
+    return prior.sqrt_information.transpose() * prior.sqrt_information;
+  };
+  const Eigen::MatrixXd expected = information(cov);
+  EXPECT_LT((information(held) - expected).norm(), 1e-3 * expected.norm());
+}
+
 TEST_F(Datum, PriorHasTheInformationOfTheCovarianceItWasMadeFrom) {
   const Positions positions = RandomPositions(6);
   Eigen::MatrixXd cov = ReferToPositions(positions, RandomJointCovariance(6, 0.1));

@@ -228,20 +228,65 @@ TEST(BuildMap, TellsHowFarItIs) {
   OpenWorldOptions options = SmallWorld(1);
   options.runs = 2;
   options.duration_s = 60.0;
-  double last = 0.0;
+  MapperProgress last;
   int calls = 0;
-  const auto result = BuildMap(testing::Inputs(Simulate(options)),
-                               std::nullopt,
-                               {},
-                               [&](const std::string& phase, double done) {
-                                 EXPECT_FALSE(phase.empty());
-                                 EXPECT_GE(done, last);
-                                 last = done;
-                                 ++calls;
-                               });
-  EXPECT_THAT(result, IsOk());
-  EXPECT_EQ(last, 1.0);
-  EXPECT_GE(calls, 4);
+  const auto result = BuildMap(
+      testing::Inputs(Simulate(options)), std::nullopt, {}, [&](const MapperProgress& progress) {
+        EXPECT_FALSE(progress.phase.empty());
+        EXPECT_GE(progress.done, last.done);
+        last = progress;
+        ++calls;
+        return true;
+      });
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(last.done, 1.0);
+  EXPECT_GT(last.cost, 0.0);
+  EXPECT_EQ(last.modes, static_cast<std::size_t>(result->content.covariance.size()));
+  EXPECT_GE(calls, 10);
+}
+
+TEST(BuildMap, StopsWhereverItIsAsked) {
+  OpenWorldOptions options = SmallWorld(1);
+  options.runs = 2;
+  options.duration_s = 60.0;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  int calls = 0;
+  for (int stop_at = 1;; ++stop_at) {
+    calls = 0;
+    const auto result = BuildMap(
+        inputs, std::nullopt, {}, [&](const MapperProgress&) { return ++calls != stop_at; });
+    if (calls < stop_at) break;
+    EXPECT_EQ(calls, stop_at);  // Nobody asks again.
+    EXPECT_THAT(result, StatusIs(StatusCode::kCancelled, "stopped"));
+  }
+  EXPECT_GE(calls, 10);
+}
+
+TEST(BuildMap, RefusesWhatItsMemoryDoesNotHold) {
+  OpenWorldOptions world = SmallWorld(1);
+  world.runs = 1;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(world));
+  MapperOptions options;
+  options.max_memory_bytes = 16 << 20;
+  int calls = 0;
+  const auto count = [&](const MapperProgress&) { return ++calls > 0; };
+  EXPECT_THAT(BuildMap(inputs, std::nullopt, options, count),
+              StatusIs(StatusCode::kInvalidArgument, "allowed are 16"));
+  EXPECT_EQ(calls, 0);
+  options.max_memory_bytes = 256 << 20;
+  EXPECT_THAT(BuildMap(inputs, std::nullopt, options), IsOk());
+}
+
+// Some stand up to eight metres from where they stood the night before. That most had moved the
+// other way, and the frame with them, must not be the better explanation.
+TEST(BuildMap, LandmarksThatMovedFarDoNotMoveTheOthers) {
+  OpenWorldOptions options = SmallWorld(2);
+  options.runs = 8;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  const MapContent first = Build({inputs[0]}).content;
+  const MapperResult result = Build({inputs[1]}, first);
+  EXPECT_TRUE(result.rejected.empty());
+  EXPECT_EQ(result.modes_created, 5);
 }
 
 }  // namespace

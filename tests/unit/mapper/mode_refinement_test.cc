@@ -134,8 +134,8 @@ TEST(ModeRefinement, MergesModesThatAreOnePlace) {
   const std::size_t before = CountModes(problem);
   problem.modes[group].push_back(problem.modes[group].front());
   problem.runs[0].assignment[static_cast<std::size_t>(busiest->back().visit)] = 1;
-  const Eigen::MatrixXd cov = ModeCovariance(options, &problem);
-  EXPECT_EQ(MergeModes(options.modes, cov, &problem), 1);
+  const ModeDifferences differences(ModeCovariance(options, &problem));
+  EXPECT_EQ(MergeModes(options.modes, differences, &problem), 1);
   EXPECT_EQ(CountModes(problem), before);
   EXPECT_EQ(AssignedModes(problem, static_cast<int>(group)), std::set<int>{0});
 }

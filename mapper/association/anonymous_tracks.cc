@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/association/anonymous_tracks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "localizer/models/motion_model.h"
+#include "mapper/frontend/gated_landmarks.h"
+#include "mapper/frontend/slam_state.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// Scans between two looks for twins.
+constexpr int kTwinPeriod = 25;
+
+// Standard deviations of the pose that a landmark's place is looked for in.
+constexpr double kReachSd = 4.0;
+
+struct Sighted {
+  int scan = 0;
+  int observation = 0;
+};
+
+struct Track {
+  std::vector<Sighted> seen;  // By scan.
+  bool confirmed = false;
+};
+
+bool SeenTogether(const Track& a, const Track& b) {
+  auto i = a.seen.begin();
+  auto j = b.seen.begin();
+  while (i != a.seen.end() && j != b.seen.end()) {
+    if (i->scan == j->scan) return true;
+    if (i->scan < j->scan) {
+      ++i;
+    } else {
+      ++j;
+    }
+  }
+  return false;
+}
+
+class Tracker {
+ public:
+  Tracker(const Calibration& calibration, const AssociationOptions& options)
+      : options_(options),
+        gate_(ChiSquareQuantile(options.compatibility.gate_probability, 2)),
+        isolation_gate_(ChiSquareQuantile(options.isolation_probability, 2)),
+        state_(calibration) {}
+
+  const Se2& pose() const { return state_.pose(); }
+  OdometryCalibration Odometry() const { return state_.Odometry(); }
+  void Predict(const MotionIncrement& motion) { state_.Predict(motion); }
+
+  void Take(const Scan& scan, int index) {
+    std::vector<int> free;  // Observations without signature and track.
+    double range_m = 0.0;
+    for (std::size_t i = 0; i < scan.observations.size(); ++i) {
+      range_m = std::max(range_m, scan.observations[i].PositionInVehicle().norm());
+      if (scan.observations[i].signature.anonymous()) free.push_back(static_cast<int>(i));
+    }
+    const double slack_m = PlaceSlack(range_m);
+    state_.Focus(range_m + slack_m);
+    TakeNamed(scan);
+    out_.observations += static_cast<int>(free.size());
+    for (const bool confirmed : {true, false}) {
+      AssociateWith(confirmed, scan, index, slack_m, &free);
+    }
+    Begin(scan, index, free);
+    DropExpired(index);
+    if (index % kTwinPeriod == 0) FuseTwins();
+  }
+
+  AnonymousAssociation Finish(const Run& run) {
+    state_.Focus(std::numeric_limits<double>::max());
+    FuseTwins();
+    for (const Scan& scan : run.scans) {
+      out_.track_of.emplace_back(scan.observations.size(), -1);
+    }
+    std::vector<const Track*> kept;
+    std::map<const Track*, int> landmark_of;
+    for (const auto& [landmark, track] : tracks_) {
+      if (!track.confirmed || static_cast<int>(track.seen.size()) < options_.min_sightings) {
+        ++out_.dropped_tracks;
+        continue;
+      }
+      kept.push_back(&track);
+      landmark_of[&track] = landmark;
+    }
+    std::stable_sort(kept.begin(), kept.end(), [](const Track* a, const Track* b) {
+      return std::pair(a->seen.front().scan, a->seen.front().observation) <
+             std::pair(b->seen.front().scan, b->seen.front().observation);
+    });
+    for (const Track* track : kept) {
+      const auto number = static_cast<int>(out_.tracks.size());
+      const int landmark = landmark_of[track];
+      out_.tracks.push_back({state_.Position(landmark),
+                             state_.PositionCovariance(landmark),
+                             static_cast<int>(track->seen.size())});
+      for (const Sighted& sighted : track->seen) {
+        out_.track_of[static_cast<std::size_t>(sighted.scan)]
+                     [static_cast<std::size_t>(sighted.observation)] = number;
+      }
+      out_.associated += static_cast<int>(track->seen.size());
+    }
+    return std::move(out_);
+  }
+
+ private:
+  // How far from where it is expected a landmark at `range_m` may appear.
+  double PlaceSlack(double range_m) const {
+    const Eigen::Matrix3d P = state_.PoseCovariance();
+    return kReachSd * (std::sqrt(P(0, 0) + P(1, 1)) + std::sqrt(P(2, 2)) * range_m) + 5.0;
+  }
+
+  // A signature that is there twice says nothing.
+  void TakeNamed(const Scan& scan) {
+    std::map<Signature, std::vector<const Observation*>> named;
+    for (const Observation& observation : scan.observations) {
+      if (!observation.signature.anonymous()) named[observation.signature].push_back(&observation);
+    }
+    for (const auto& [signature, observations] : named) {
+      if (observations.size() > 1) continue;
+      const auto number =
+          numbers_.try_emplace(signature, static_cast<int>(numbers_.size())).first->second;
+      named_.Observe(number, *observations.front(), &state_);
+    }
+  }
+
+  // Pairs free observations with tracks of one kind, corrects the state by all of them at once.
+  void AssociateWith(
+      bool confirmed, const Scan& scan, int index, double slack_m, std::vector<int>* free) {
+    CompatibilityProblem problem;
+    problem.observations = static_cast<int>(free->size());
+    std::vector<SlamPair> pairs;
+    for (std::size_t i = 0; i < free->size(); ++i) {
+      const Observation& observation = scan.observations[static_cast<std::size_t>((*free)[i])];
+      const Eigen::Vector2d p = LandmarkPosition(observation, state_.pose());
+      for (const int landmark : state_.active()) {
+        const auto track = tracks_.find(landmark);
+        if (track == tracks_.end() || track->second.confirmed != confirmed) continue;
+        if ((state_.Position(landmark) - p).norm() > slack_m) continue;
+        const SlamPair pair{landmark, &observation};
+        Eigen::Matrix2d S;
+        if (SquaredMahalanobis(state_.Linearized(pair, &S).nu, S) > gate_) continue;
+        problem.candidates.push_back({static_cast<int>(i), landmark});
+        pairs.push_back(pair);
+      }
+    }
+    if (pairs.empty()) return;
+    JointInnovation joint = state_.Innovate(pairs);
+    problem.nu = std::move(joint.nu);
+    problem.covariance = std::move(joint.S);
+    const JointAssociation found = options_.joint
+                                       ? AssociateJointly(problem, options_.compatibility)
+                                       : AssociateNearest(problem, options_.compatibility);
+    out_.bounded_scans += found.complete ? 0 : 1;
+    std::vector<SlamPair> chosen;
+    std::vector<int> left;
+    for (std::size_t i = 0; i < free->size(); ++i) {
+      const int candidate = found.candidates[i];
+      if (candidate < 0) {
+        left.push_back((*free)[i]);
+        continue;
+      }
+      const SlamPair& pair = pairs[static_cast<std::size_t>(candidate)];
+      chosen.push_back(pair);
+      Track& track = tracks_.at(pair.landmark);
+      track.seen.push_back({index, (*free)[i]});
+      track.confirmed |= static_cast<int>(track.seen.size()) >= options_.confirm_sightings;
+    }
+    state_.Update(chosen);
+    *free = std::move(left);
+  }
+
+  bool Isolated(const Observation& observation) const {
+    const Eigen::Vector2d p = LandmarkPosition(observation, state_.pose());
+    for (const int landmark : state_.active()) {
+      if (!tracks_.contains(landmark)) continue;
+      if ((state_.Position(landmark) - p).norm() < options_.separation_m) return false;
+      Eigen::Matrix2d S;
+      const Innovation innovation = state_.Linearized({landmark, &observation}, &S);
+      if (SquaredMahalanobis(innovation.nu, S) < isolation_gate_) return false;
+    }
+    return true;
+  }
+
+  void Begin(const Scan& scan, int index, const std::vector<int>& free) {
+    for (const int i : free) {
+      const Observation& observation = scan.observations[static_cast<std::size_t>(i)];
+      if (!Isolated(observation)) continue;
+      tracks_[state_.Add(observation)] = {{{index, i}}, false};
+    }
+  }
+
+  void DropExpired(int now) {
+    for (auto track = tracks_.begin(); track != tracks_.end();) {
+      const int age = now - track->second.seen.front().scan;
+      if (track->second.confirmed || age < options_.confirm_within_scans) {
+        ++track;
+        continue;
+      }
+      state_.Remove(track->first);
+      track = tracks_.erase(track);
+      ++out_.dropped_tracks;
+    }
+  }
+
+  // The older of two tracks of one landmark gets what the other one saw.
+  void FuseTwins() {
+    while (const std::optional<std::pair<int, int>> twins = FindTwins()) {
+      state_.Fuse(twins->first, twins->second);
+      Track& kept = tracks_.at(twins->first);
+      const Track gone = std::move(tracks_.at(twins->second));
+      tracks_.erase(twins->second);
+      kept.seen.insert(kept.seen.end(), gone.seen.begin(), gone.seen.end());
+      std::stable_sort(kept.seen.begin(), kept.seen.end(), [](const Sighted& a, const Sighted& b) {
+        return a.scan < b.scan;
+      });
+      ++out_.fused_tracks;
+    }
+  }
+
+  std::optional<std::pair<int, int>> FindTwins() const {
+    std::vector<int> candidates;
+    for (const int landmark : state_.active()) {
+      const auto track = tracks_.find(landmark);
+      if (track != tracks_.end() && track->second.confirmed) candidates.push_back(landmark);
+    }
+    std::sort(candidates.begin(), candidates.end());
+    for (std::size_t a = 0; a < candidates.size(); ++a) {
+      for (std::size_t b = a + 1; b < candidates.size(); ++b) {
+        const int i = candidates[a];
+        const int j = candidates[b];
+        const Eigen::Vector2d difference = state_.Position(i) - state_.Position(j);
+        if (difference.norm() > options_.twin_distance_m) continue;
+        if (SquaredMahalanobis(difference, state_.DifferenceCovariance(i, j)) > gate_) continue;
+        if (!SeenTogether(tracks_.at(i), tracks_.at(j))) return std::pair(i, j);
+      }
+    }
+    return std::nullopt;
+  }
+
+  AssociationOptions options_;
+  double gate_;
+  double isolation_gate_;
+  SlamState state_;
+  GatedLandmarks named_;
+  std::map<Signature, int> numbers_;
+  std::map<int, Track> tracks_;  // By landmark in the state.
+  AnonymousAssociation out_;
+};
+
+}  // namespace
+
+Status AssociationOptions::Validate() const {
+  const auto probability = [](double value) { return value > 0.0 && value < 1.0; };
+  if (!probability(compatibility.gate_probability) || !probability(isolation_probability)) {
+    return InvalidArgument("gate_probability and isolation_probability: expected within (0, 1)");
+  }
+  if (compatibility.max_nodes < 1) {
+    return InvalidArgument("max_nodes: {}, expected 1 or more", compatibility.max_nodes);
+  }
+  if (confirm_sightings < 1 || confirm_within_scans < 1 || min_sightings < 1) {
+    return InvalidArgument("confirm_sightings, confirm_within_scans, min_sightings: expected > 0");
+  }
+  if (!(separation_m >= 0.0) || !(twin_distance_m >= 0.0)) {
+    return InvalidArgument("separation_m and twin_distance_m: expected 0 or more");
+  }
+  return OkStatus();
+}
+
+AnonymousAssociation AssociateAnonymous(const Run& run,
+                                        const Calibration& calibration,
+                                        const AssociationOptions& options) {
+  Tracker tracker(calibration, options);
+  std::vector<StampedPose> trajectory;
+  std::size_t hint = 0;
+  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    const Scan& scan = run.scans[i];
+    if (i > 0) {
+      tracker.Predict(IntegrateMotion(
+          run.odometry, run.scans[i - 1].stamp, scan.stamp, tracker.Odometry(), &hint));
+    }
+    tracker.Take(scan, static_cast<int>(i));
+    trajectory.push_back({scan.stamp, tracker.pose()});
+  }
+  AnonymousAssociation result = tracker.Finish(run);
+  result.trajectory = std::move(trajectory);
+  return result;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/cli/build_report.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+namespace shiftmap {
+namespace {
+
+Json RunJson(const MappedRun& run) {
+  return {{"run", run.name},
+          {"poses", run.poses},
+          {"observations", run.observations},
+          {"outliers", run.outliers},
+          {"duplicate_observations", run.duplicate_observations},
+          {"chi2", run.chi2},
+          {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
+          {"odometry",
+           {{"scale_v", run.odometry.scale_v},
+            {"scale_omega", run.odometry.scale_omega},
+            {"lag_s", run.odometry.lag_s}}},
+          {"sensor",
+           {{"bearing_offset_rad", run.sensor_bias[0]},
+            {"range_curvature_per_rad2", run.sensor_bias[1]}}}};
+}
+
+// @param landmark  The group in the map.
+Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
+  Json chain = {{"signature", landmark.signature.text()},
+                {"leave_rate_per_s", landmark.chain.leave_rate_per_s()},
+                {"uniform", landmark.chain.uniform()},
+                {"visits", group.chain.visits},
+                {"learned", group.learned}};
+  if (group.learned) {
+    chain["interval_per_s"] = {group.chain.leave.low_per_s, group.chain.leave.high_per_s};
+  }
+  return chain;
+}
+
+Json IntervalJson(const Interval& interval) {
+  return {{"value", interval.value}, {"interval_95", {interval.low, interval.high}}};
+}
+
+}  // namespace
+
+Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles) {
+  Json document = Json::array();
+  for (const VehicleCalibration& vehicle : vehicles) {
+    document.push_back(
+        {{"vehicle", vehicle.vehicle},
+         {"runs", vehicle.runs},
+         {"scale_v", IntervalJson(vehicle.scale_v)},
+         {"scale_omega", IntervalJson(vehicle.scale_omega)},
+         {"lag_s", IntervalJson(vehicle.lag_s)},
+         {"noise_v", IntervalJson(vehicle.noise_v)},
+         {"noise_omega", IntervalJson(vehicle.noise_omega)},
+         {"bearing_offset_rad", IntervalJson(vehicle.bearing_offset_rad)},
+         {"range_curvature_per_rad2", IntervalJson(vehicle.range_curvature_per_rad2)},
+         {"sd_range_m", IntervalJson(vehicle.sd_range_m)},
+         {"sd_bearing_rad", IntervalJson(vehicle.sd_bearing_rad)},
+         {"detection_probability", IntervalJson(vehicle.detection_probability)}});
+  }
+  return document;
+}
+
+Json BuildJson(const std::string& area,
+               const MapperResult& result,
+               const std::optional<CommitResult>& commit) {
+  Json document = {{"area", area}};
+  if (commit) {
+    document["version"] = commit->version.value();
+    document["content_hash"] = commit->content_hash;
+  } else {
+    document["content_hash"] = ContentHash(result.content);
+  }
+  document["runs"] = Json::array();
+  for (const MappedRun& run : result.runs) document["runs"].push_back(RunJson(run));
+  document["rejected"] = Json::array();
+  for (const RejectedRun& run : result.rejected) {
+    document["rejected"].push_back({{"run", run.name}, {"reason", run.reason}});
+  }
+  std::size_t modes = 0;
+  Json modes_per_group = Json::object();
+  for (const LandmarkGroup& group : result.content.groups) {
+    modes += group.modes.size();
+    modes_per_group[group.signature.text()] = group.modes.size();
+  }
+  const OdometryCalibration& odometry = result.content.calibration.odometry;
+  document["groups"] = result.content.groups.size();
+  document["modes"] = modes;
+  document["modes_per_group"] = modes_per_group;
+  document["anonymous_landmarks"] = result.content.anonymous_landmarks.size();
+  document["modes_created"] = result.modes_created;
+  document["modes_merged"] = result.modes_merged;
+  document["outer_iterations"] = result.outer_iterations;
+  document["selection"] = {{"visits", result.selection.visits},
+                           {"uncertain_visits", result.selection.uncertain_visits},
+                           {"log_joint", result.selection.log_joint},
+                           {"best_log_joint", result.selection.best_log_joint}};
+  document["vehicles"] = VehiclesJson(result.vehicles);
+  document["estimated_memory_mib"] =
+      static_cast<double>(result.estimated_memory_bytes) / (1024.0 * 1024.0);
+  document["chains"] = Json::array();
+  for (std::size_t i = 0; i < result.chains.size(); ++i) {
+    document["chains"].push_back(ChainJson(result.chains[i], result.content.groups[i]));
+  }
+  document["odometry_calibration"] = {{"scale_v", odometry.scale_v},
+                                      {"scale_omega", odometry.scale_omega},
+                                      {"lag_s", odometry.lag_s},
+                                      {"noise_v", odometry.noise_v},
+                                      {"noise_omega", odometry.noise_omega}};
+  return document;
+}
+
+std::string BuildText(const MapperResult& result, const std::optional<CommitResult>& commit) {
+  std::string text =
+      commit
+          ? fmt::format("version {}, content {}\n", commit->version.value(), commit->content_hash)
+          : std::string("nothing written\n");
+  std::size_t modes = 0;
+  for (const LandmarkGroup& group : result.content.groups) modes += group.modes.size();
+  text += fmt::format("{} landmarks, {} modes, {} of them new\n",
+                      result.content.groups.size(),
+                      modes,
+                      result.modes_created);
+  for (const MappedRun& run : result.runs) {
+    text += fmt::format("run {}: {} poses, {} observations, {} outliers\n",
+                        run.name,
+                        run.poses,
+                        run.observations,
+                        run.outliers);
+  }
+  for (const VehicleCalibration& vehicle : result.vehicles) {
+    text += fmt::format(
+        "vehicle {}: scale {:.4f} ({:.4f} to {:.4f}), turn scale {:.4f} ({:.4f} to {:.4f}), lag "
+        "{:.3f} s ({:.3f} to {:.3f})\n",
+        vehicle.vehicle.empty() ? "without a name" : vehicle.vehicle,
+        vehicle.scale_v.value,
+        vehicle.scale_v.low,
+        vehicle.scale_v.high,
+        vehicle.scale_omega.value,
+        vehicle.scale_omega.low,
+        vehicle.scale_omega.high,
+        vehicle.lag_s.value,
+        vehicle.lag_s.low,
+        vehicle.lag_s.high);
+  }
+  return text;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapper/mapper.h"
+#include "mapstore/cli/context.h"
+#include "mapstore/map_store.h"
+
+namespace shiftmap {
+
+/// The calibration of each vehicle, `[low, high]` beside each value.
+Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles);
+
+/// What `shiftmap-mapper build --json` says of a build.
+/// @param commit  Nothing if no version was made.
+Json BuildJson(const std::string& area,
+               const MapperResult& result,
+               const std::optional<CommitResult>& commit);
+
+/// The same for people.
+std::string BuildText(const MapperResult& result, const std::optional<CommitResult>& commit);
+
+}  // namespace shiftmap

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/cli/stop_signals.h"
+
+namespace shiftmap {
+namespace {
+
+volatile std::sig_atomic_t received = 0;
+
+void Keep(int signal) { received = signal; }
+
+// A signal that the caller has this process ignore stays ignored.
+void Take(int signal, const struct sigaction& action, struct sigaction* before) {
+  sigaction(signal, nullptr, before);
+  if (before->sa_handler != SIG_IGN) sigaction(signal, &action, nullptr);
+}
+
+}  // namespace
+
+StopSignals::StopSignals() {
+  received = 0;
+  struct sigaction keep = {};
+  keep.sa_handler = Keep;
+  // Reads and writes go on; the second signal finds what was there before.
+  keep.sa_flags = static_cast<int>(SA_RESTART | SA_RESETHAND);
+  sigemptyset(&keep.sa_mask);
+  Take(SIGINT, keep, &interrupt_);
+  Take(SIGTERM, keep, &terminate_);
+}
+
+StopSignals::~StopSignals() {
+  sigaction(SIGINT, &interrupt_, nullptr);
+  sigaction(SIGTERM, &terminate_, nullptr);
+}
+
+std::string StopSignals::Received() {
+  if (received == SIGINT) return "SIGINT";
+  if (received == SIGTERM) return "SIGTERM";
+  return "";
+}
+
+}  // namespace shiftmap

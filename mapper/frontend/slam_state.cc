@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/frontend/slam_state.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kVehicle = 5;  // Pose (x, y, yaw) and (log scale_v, log scale_omega).
+
+// How far the vehicle drives on one active set. A larger one changes less often, and each step
+// costs more. [m]
+constexpr double kMargin = 20.0;
+
+// So few landmarks are active all the time: changing the set would cost more than it saves.
+constexpr std::size_t kAlwaysActive = 30;
+
+// Two landmarks that are taken for one still differ by this, which keeps the covariance positive.
+// [m]
+constexpr double kFuseSd = 1e-3;
+
+void RemoveRows(Eigen::Index at, Eigen::MatrixXd* matrix) {
+  const Eigen::Index below = matrix->rows() - at - 2;
+  matrix->middleRows(at, below) = matrix->bottomRows(below).eval();
+  matrix->conservativeResize(matrix->rows() - 2, Eigen::NoChange);
+}
+
+void RemoveColumns(Eigen::Index at, Eigen::MatrixXd* matrix) {
+  const Eigen::Index right = matrix->cols() - at - 2;
+  matrix->middleCols(at, right) = matrix->rightCols(right).eval();
+  matrix->conservativeResize(Eigen::NoChange, matrix->cols() - 2);
+}
+
+}  // namespace
+
+SlamState::SlamState(const Calibration& calibration) : calibration_(calibration) {
+  covariance_ = Eigen::MatrixXd::Zero(kVehicle, kVehicle);
+  const double sd = calibration.odometry.sd_log_scale;
+  covariance_(3, 3) = covariance_(4, 4) = sd * sd;
+  cross_.resize(kVehicle, 0);
+  passive_covariance_.resize(0, 0);
+  BeginGathering();
+}
+
+OdometryCalibration SlamState::Odometry() const {
+  OdometryCalibration odometry = calibration_.odometry;
+  odometry.scale_v *= std::exp(log_scale_.x());
+  odometry.scale_omega *= std::exp(log_scale_.y());
+  return odometry;
+}
+
+int SlamState::Offset(int landmark) const {
+  const int index = At(landmark).active;
+  SHIFTMAP_CHECK(index >= 0, "landmark {} is not active", landmark);
+  return kVehicle + 2 * index;
+}
+
+Eigen::Matrix2d SlamState::PositionCovariance(int landmark) const {
+  const int o = Offset(landmark);
+  return covariance_.block<2, 2>(o, o);
+}
+
+Eigen::Matrix2d SlamState::DifferenceCovariance(int a, int b) const {
+  const int i = Offset(a);
+  const int j = Offset(b);
+  return covariance_.block<2, 2>(i, i) + covariance_.block<2, 2>(j, j) -
+         covariance_.block<2, 2>(i, j) - covariance_.block<2, 2>(j, i);
+}
+
+void SlamState::Predict(const MotionIncrement& motion) {
+  pose_ = pose_ * motion.T_begin_end;
+  Eigen::Matrix<double, kVehicle, kVehicle> F =
+      Eigen::Matrix<double, kVehicle, kVehicle>::Identity();
+  F.topLeftCorner<3, 3>() = motion.T_begin_end.InverseAdjoint();
+  F.topRightCorner<3, 2>() = motion.J_calibration.leftCols<2>();
+  covariance_.topRows<kVehicle>() = (F * covariance_.topRows<kVehicle>()).eval();
+  covariance_.leftCols<kVehicle>() = (covariance_.leftCols<kVehicle>() * F.transpose()).eval();
+  covariance_.topLeftCorner<3, 3>() += motion.cov;
+  phi_.topRows<kVehicle>() = (F * phi_.topRows<kVehicle>()).eval();
+}
+
+int SlamState::Add(const Observation& observation) {
+  const auto landmark = static_cast<int>(landmarks_.size());
+  landmarks_.push_back({.active = static_cast<int>(active_.size())});
+  active_.push_back(landmark);
+  const Eigen::Index size = covariance_.rows() + 2;
+  covariance_.conservativeResize(size, size);
+  phi_.conservativeResize(size, Eigen::NoChange);
+  Initialize(landmark, observation);
+  return landmark;
+}
+
+void SlamState::Place(int landmark, const Observation& observation) {
+  Activate(landmark);
+  Initialize(landmark, observation);
+}
+
+// p = T q with q as observed: everything a new landmark correlates with, it does through the pose.
+void SlamState::Initialize(int landmark, const Observation& observation) {
+  const Eigen::Vector2d q = observation.PositionInVehicle();
+  const Eigen::Matrix2d R = pose_.Rotation();
+  At(landmark).position = pose_ * q;
+  Eigen::Matrix<double, 2, 3> G;
+  G << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
+  G = (R * G).eval();
+  const int o = Offset(landmark);
+  covariance_.middleRows(o, 2).setZero();
+  covariance_.middleCols(o, 2).setZero();
+  const Eigen::MatrixXd rows = G * covariance_.topRows<3>();
+  covariance_.middleRows(o, 2) = rows;
+  covariance_.middleCols(o, 2) = rows.transpose();
+  const Eigen::Matrix2d noise =
+      PositionNoiseInVehicle(observation, ObservationNoise(observation, calibration_.sensor));
+  covariance_.block<2, 2>(o, o) =
+      G * covariance_.topLeftCorner<3, 3>() * G.transpose() + R * noise * R.transpose();
+  phi_.middleRows(o, 2) = G * phi_.topRows<3>();
+}
+
+void SlamState::RemoveActive(int index) {
+  const Eigen::Index o = kVehicle + 2 * index;
+  RemoveRows(o, &covariance_);
+  RemoveColumns(o, &covariance_);
+  RemoveRows(o, &phi_);
+  active_.erase(active_.begin() + index);
+  for (std::size_t i = static_cast<std::size_t>(index); i < active_.size(); ++i) {
+    At(active_[i]).active = static_cast<int>(i);
+  }
+}
+
+void SlamState::Remove(int landmark) {
+  Landmark& removed = At(landmark);
+  if (removed.active >= 0) RemoveActive(removed.active);
+  if (removed.passive >= 0) {
+    const Eigen::Index o = 2 * removed.passive;
+    RemoveColumns(o, &cross_);
+    RemoveRows(o, &passive_covariance_);
+    RemoveColumns(o, &passive_covariance_);
+    passive_.erase(passive_.begin() + removed.passive);
+    for (std::size_t i = static_cast<std::size_t>(removed.passive); i < passive_.size(); ++i) {
+      At(passive_[i]).passive = static_cast<int>(i);
+    }
+  }
+  removed.active = removed.passive = -1;
+}
+
+void SlamState::BeginGathering() {
+  // Without passive landmarks there is nothing to gather for.
+  const Eigen::Index gathered = passive_.empty() ? 0 : covariance_.rows();
+  phi_ = Eigen::MatrixXd::Identity(covariance_.rows(), gathered);
+  psi_ = Eigen::MatrixXd::Zero(gathered, gathered);
+  theta_ = Eigen::VectorXd::Zero(gathered);
+}
+
+void SlamState::Settle() {
+  if (!passive_.empty()) {
+    const Eigen::VectorXd step = cross_.transpose() * theta_;
+    for (std::size_t i = 0; i < passive_.size(); ++i) {
+      At(passive_[i]).position += step.segment<2>(static_cast<Eigen::Index>(2 * i));
+    }
+    passive_covariance_.noalias() -= cross_.transpose() * (psi_ * cross_).eval();
+    passive_covariance_ = Symmetrized(passive_covariance_);
+    cross_ = (phi_ * cross_).eval();
+  } else {
+    cross_.resize(covariance_.rows(), 0);
+  }
+  BeginGathering();
+}
+
+void SlamState::Activate(const std::vector<int>& landmarks) {
+  Settle();
+  const Eigen::Index a = covariance_.rows();
+  const Eigen::Index b = passive_covariance_.rows();
+  Eigen::MatrixXd all(a + b, a + b);
+  all.topLeftCorner(a, a) = covariance_;
+  all.topRightCorner(a, b) = cross_;
+  all.bottomLeftCorner(b, a) = cross_.transpose();
+  all.bottomRightCorner(b, b) = passive_covariance_;
+
+  std::vector<Eigen::Index> order;  // Row in `all` of each state in its new place.
+  for (Eigen::Index i = 0; i < kVehicle; ++i) order.push_back(i);
+  const auto row_of = [&](const Landmark& landmark) {
+    return landmark.active >= 0 ? kVehicle + 2 * Eigen::Index{landmark.active}
+                                : a + 2 * Eigen::Index{landmark.passive};
+  };
+  std::vector<bool> chosen(landmarks_.size());
+  for (const int landmark : landmarks) chosen[static_cast<std::size_t>(landmark)] = true;
+  std::vector<int> passive;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    const bool removed = landmarks_[i].active < 0 && landmarks_[i].passive < 0;
+    if (!chosen[i] && !removed) passive.push_back(static_cast<int>(i));
+  }
+  for (const std::vector<int>* part : {&landmarks, &std::as_const(passive)}) {
+    for (const int landmark : *part) {
+      order.push_back(row_of(At(landmark)));
+      order.push_back(row_of(At(landmark)) + 1);
+    }
+  }
+  active_ = landmarks;
+  passive_ = std::move(passive);
+  for (std::size_t i = 0; i < active_.size(); ++i) {
+    At(active_[i]) = {At(active_[i]).position, static_cast<int>(i), -1};
+  }
+  for (std::size_t i = 0; i < passive_.size(); ++i) {
+    At(passive_[i]) = {At(passive_[i]).position, -1, static_cast<int>(i)};
+  }
+  const auto size = static_cast<Eigen::Index>(kVehicle + 2 * active_.size());
+  const std::vector<Eigen::Index> first(order.begin(), order.begin() + size);
+  const std::vector<Eigen::Index> rest(order.begin() + size, order.end());
+  covariance_ = all(first, first);
+  cross_ = all(first, rest);
+  passive_covariance_ = all(rest, rest);
+  BeginGathering();
+}
+
+void SlamState::Focus(double reach_m) {
+  if (passive_.empty() && active_.size() <= kAlwaysActive) return;
+  const Eigen::Vector2d centre = pose_.translation();
+  if (focus_radius_ >= 0.0 && (centre - focus_centre_).norm() + reach_m <= focus_radius_) return;
+  Settle();
+  focus_centre_ = centre;
+  focus_radius_ = reach_m + kMargin;
+  std::vector<int> near;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    const Landmark& landmark = landmarks_[i];
+    if (landmark.active < 0 && landmark.passive < 0) continue;
+    if ((landmark.position - centre).norm() <= focus_radius_) near.push_back(static_cast<int>(i));
+  }
+  Activate(near);
+}
+
+void SlamState::Activate(int landmark) {
+  if (At(landmark).active >= 0) return;
+  std::vector<int> landmarks = active_;
+  landmarks.push_back(landmark);
+  Activate(landmarks);
+}
+
+Innovation SlamState::Linearized(const SlamPair& pair, Eigen::Matrix2d* S) const {
+  const int o = Offset(pair.landmark);
+  const Innovation innovation = Linearize(*pair.observation, pose_, At(pair.landmark).position);
+  const Eigen::Matrix2d cross =
+      innovation.H_pose * covariance_.block<3, 2>(0, o) * innovation.H_landmark.transpose();
+  *S = innovation.H_pose * covariance_.topLeftCorner<3, 3>() * innovation.H_pose.transpose() +
+       cross + cross.transpose() +
+       innovation.H_landmark * covariance_.block<2, 2>(o, o) * innovation.H_landmark.transpose() +
+       ObservationNoise(*pair.observation, calibration_.sensor);
+  *S = Symmetrized(*S);
+  return innovation;
+}
+
+JointInnovation SlamState::Innovate(std::span<const SlamPair> pairs) const {
+  const auto rows = static_cast<Eigen::Index>(2 * pairs.size());
+  JointInnovation joint{Eigen::VectorXd(rows),
+                        Eigen::MatrixXd(rows, rows),
+                        Eigen::MatrixXd(covariance_.rows(), rows),
+                        {}};
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const int o = Offset(pairs[i].landmark);
+    const Innovation innovation =
+        Linearize(*pairs[i].observation, pose_, At(pairs[i].landmark).position);
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    joint.nu.segment<2>(at) = innovation.nu;
+    joint.PHt.middleCols<2>(at) = covariance_.leftCols<3>() * innovation.H_pose.transpose() +
+                                  covariance_.middleCols<2>(o) * innovation.H_landmark.transpose();
+    joint.pairs.push_back(innovation);
+  }
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const int o = Offset(pairs[i].landmark);
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    joint.S.middleRows<2>(at) = joint.pairs[i].H_pose * joint.PHt.topRows<3>() +
+                                joint.pairs[i].H_landmark * joint.PHt.middleRows<2>(o);
+    joint.S.block<2, 2>(at, at) += ObservationNoise(*pairs[i].observation, calibration_.sensor);
+  }
+  joint.S = Symmetrized(joint.S);
+  return joint;
+}
+
+void SlamState::Update(std::span<const SlamPair> pairs) {
+  if (pairs.empty()) return;
+  const JointInnovation joint = Innovate(pairs);
+  Eigen::MatrixXd HPhi(joint.nu.size(), phi_.cols());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const int o = Offset(pairs[i].landmark);
+    const Innovation& innovation = joint.pairs[i];
+    HPhi.middleRows<2>(static_cast<Eigen::Index>(2 * i)) =
+        innovation.H_pose * phi_.topRows<3>() + innovation.H_landmark * phi_.middleRows<2>(o);
+  }
+  Correct(joint.nu, joint.S, joint.PHt, HPhi);
+}
+
+void SlamState::Correct(const Eigen::VectorXd& nu,
+                        const Eigen::MatrixXd& S,
+                        const Eigen::MatrixXd& PHt,
+                        const Eigen::MatrixXd& HPhi) {
+  const Eigen::LLT<Eigen::MatrixXd> llt(S);
+  SHIFTMAP_CHECK(llt.info() == Eigen::Success, "innovation covariance is not positive definite");
+  // P Hᵀ S⁻¹ H P = W Wᵀ.
+  const Eigen::MatrixXd W = llt.matrixL().solve(PHt.transpose()).transpose();
+  const Eigen::VectorXd whitened = llt.matrixL().solve(nu);
+  const Eigen::VectorXd step = W * whitened;
+  pose_ = pose_ * Se2::Exp(step.head<3>());
+  log_scale_ += step.segment<2>(3);
+  for (std::size_t i = 0; i < active_.size(); ++i) {
+    At(active_[i]).position += step.segment<2>(kVehicle + static_cast<Eigen::Index>(2 * i));
+  }
+  covariance_.selfadjointView<Eigen::Lower>().rankUpdate(W, -1.0);
+  covariance_.triangularView<Eigen::StrictlyUpper>() = covariance_.transpose();
+  if (phi_.cols() == 0) return;
+  const Eigen::MatrixXd V = llt.matrixL().solve(HPhi);
+  phi_.noalias() -= W * V;
+  psi_.selfadjointView<Eigen::Lower>().rankUpdate(V.transpose(), 1.0);
+  psi_.triangularView<Eigen::StrictlyUpper>() = psi_.transpose();
+  theta_.noalias() += V.transpose() * whitened;
+}
+
+void SlamState::Fuse(int a, int b) {
+  const int i = Offset(a);
+  const int j = Offset(b);
+  const Eigen::MatrixXd PHt = covariance_.middleCols<2>(i) - covariance_.middleCols<2>(j);
+  const Eigen::Matrix2d S =
+      DifferenceCovariance(a, b) + Eigen::Matrix2d::Identity() * kFuseSd * kFuseSd;
+  const Eigen::MatrixXd HPhi = phi_.middleRows<2>(i) - phi_.middleRows<2>(j);
+  Correct(At(b).position - At(a).position, Symmetrized(S), PHt, HPhi);
+  Remove(b);
+}
+
+}  // namespace shiftmap

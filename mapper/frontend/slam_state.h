@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/calibration.h"
+#include "mapstore/run/run.h"
+
+namespace shiftmap {
+
+/// An observation held against a landmark of a SlamState.
+struct SlamPair {
+  int landmark = 0;
+  const Observation* observation = nullptr;
+};
+
+/// What a list of pairs says together: innovations stacked, two rows per pair.
+struct JointInnovation {
+  Eigen::VectorXd nu;
+  Eigen::MatrixXd S;    ///< Their joint covariance H P Hᵀ + R; R only in diagonal blocks.
+  Eigen::MatrixXd PHt;  ///< Covariance of the active states with H times them.
+  std::vector<Innovation> pairs;  ///< Each by itself.
+};
+
+/// The state of EKF-SLAM over one run, in the frame of its first pose: the vehicle's pose, the log
+/// scales of its odometry, landmark positions, and their joint covariance.
+///
+/// Compressed filter (Guivant, Nebot, 2001): a step touches the vehicle and the *active* landmarks
+/// only, those around the vehicle. What steps do to the others is gathered in Φ, Ψ, θ over the
+/// active states and applied when the active set changes. The estimates are those of the full
+/// filter; a step costs the square of the active states, a change of the set that of all.
+class SlamState {
+ public:
+  explicit SlamState(const Calibration& calibration);
+
+  const Se2& pose() const { return pose_; }
+
+  /// The calibration with the scales as estimated so far.
+  OdometryCalibration Odometry() const;
+
+  /// Of the pose, vehicle frame, order (x, y, yaw). [m, m, rad]
+  Eigen::Matrix3d PoseCovariance() const { return covariance_.topLeftCorner<3, 3>(); }
+
+  /// Ids of the active landmarks; those within the reach of the last Focus() are among them.
+  const std::vector<int>& active() const { return active_; }
+
+  /// Up to date for active landmarks, or after Settle(). [m]
+  const Eigen::Vector2d& Position(int landmark) const { return At(landmark).position; }
+
+  /// Of p_a - p_b, both active. [m²]
+  Eigen::Matrix2d DifferenceCovariance(int a, int b) const;
+
+  /// Of a landmark's position, active; zero uncertainty of the first pose. [m²]
+  Eigen::Matrix2d PositionCovariance(int landmark) const;
+
+  void Predict(const MotionIncrement& motion);
+
+  /// Adds the landmark that an observation sees, and returns its id; active.
+  int Add(const Observation& observation);
+
+  /// Forgets what is known of a landmark and begins anew with one observation.
+  void Place(int landmark, const Observation& observation);
+
+  void Remove(int landmark);
+
+  /// Makes sure that all landmarks within `reach_m` of the vehicle are active.
+  void Focus(double reach_m);
+
+  /// Makes one landmark active, wherever it is.
+  void Activate(int landmark);
+
+  /// Brings the landmarks that are not active up to date.
+  void Settle();
+
+  /// One observation by itself: as Innovate() of one pair, without PHt.
+  Innovation Linearized(const SlamPair& pair, Eigen::Matrix2d* S) const;
+
+  /// Precondition, here and in Update(): the landmarks are active.
+  JointInnovation Innovate(std::span<const SlamPair> pairs) const;
+
+  /// Corrects the state by all pairs in one step.
+  void Update(std::span<const SlamPair> pairs);
+
+  /// Takes two active landmarks for one: p_a = p_b. `b` is removed.
+  void Fuse(int a, int b);
+
+ private:
+  struct Landmark {
+    Eigen::Vector2d position = Eigen::Vector2d::Zero();
+    int active = -1;   // Index in active_, or -1.
+    int passive = -1;  // Index in passive_, or -1. Both -1: removed.
+  };
+
+  const Landmark& At(int landmark) const { return landmarks_[static_cast<std::size_t>(landmark)]; }
+  Landmark& At(int landmark) { return landmarks_[static_cast<std::size_t>(landmark)]; }
+  int Offset(int landmark) const;  // First row in covariance_. Precondition: active.
+
+  // The correction by innovation `nu` with covariance S; PHt as in JointInnovation.
+  void Correct(const Eigen::VectorXd& nu,
+               const Eigen::MatrixXd& S,
+               const Eigen::MatrixXd& PHt,
+               const Eigen::MatrixXd& HPhi);
+  void Initialize(int landmark, const Observation& observation);
+  void RemoveActive(int index);
+  void Activate(const std::vector<int>& landmarks);
+  void BeginGathering();
+
+  Calibration calibration_;
+  Se2 pose_;
+  Eigen::Vector2d log_scale_ = Eigen::Vector2d::Zero();
+  std::vector<Landmark> landmarks_;
+  std::vector<int> active_;
+  std::vector<int> passive_;
+
+  Eigen::MatrixXd covariance_;          // Of the active states, now.
+  Eigen::MatrixXd cross_;               // Active with passive states, at the last change of set.
+  Eigen::MatrixXd passive_covariance_;  // At that time.
+  Eigen::MatrixXd phi_;                 // cross_ is now phi_ * cross_.
+  Eigen::MatrixXd psi_;                 // passive_covariance_ is now that minus crossᵀ psi cross.
+  Eigen::VectorXd theta_;               // Passive positions are now those plus crossᵀ theta.
+
+  Eigen::Vector2d focus_centre_ = Eigen::Vector2d::Zero();
+  double focus_radius_ = -1.0;  // All landmarks within it are active; < 0 for none.
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/memory_estimate.h"
+
+#include <algorithm>
+#include <set>
+
+#include "mapper/graph/graph.h"
+#include "mapper/graph/residuals.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr std::int64_t kMib = 1024 * 1024;
+
+// The program, its libraries, and what the store's library caches.
+constexpr std::int64_t kProgram = 20 * kMib;
+
+// A log is there as it was read and as it is arranged.
+constexpr std::int64_t kLogCopies = 2;
+
+// Graphs alive at a time: a run's own, the common one, and the one that it is copied from.
+constexpr std::int64_t kGraphCopies = 3;
+
+// Per key frame, what a segment keeps: 3 rows of Y over its two separators, its calibration and the
+// modes seen from it, of which 20 are many; and its factor.
+constexpr std::int64_t kSegmentRow = 3 * (11 + 2 * 20) * 8 + 2 * 72;
+
+// Dense matrices over the positions of all modes alive at a time while the joint covariance is
+// referred to the datum, and the blocks of it that the map keeps.
+constexpr std::int64_t kDenseMatrices = 7;
+
+// A run beside others brings a mode for every so many landmarks that it sees.
+constexpr std::int64_t kLandmarksPerNewMode = 4;
+
+}  // namespace
+
+void AddRun(const Run& run, BuildSize* size) {
+  std::set<Signature> seen;
+  for (const Scan& scan : run.scans) {
+    bool identified = false;
+    for (const Observation& observation : scan.observations) {
+      if (observation.signature.anonymous()) continue;
+      identified = true;
+      seen.insert(observation.signature);
+    }
+    size->key_frames += identified ? 1 : 0;
+    size->observations += static_cast<std::int64_t>(scan.observations.size());
+  }
+  const bool first = size->odometry_samples == 0 && size->modes == 0;
+  const auto landmarks = static_cast<std::int64_t>(seen.size());
+  size->odometry_samples += static_cast<std::int64_t>(run.odometry.size());
+  size->scans += static_cast<std::int64_t>(run.scans.size());
+  size->modes += first ? landmarks : landmarks / kLandmarksPerNewMode + 1;
+}
+
+std::int64_t EstimateBuildMemory(const BuildSize& size) {
+  const auto bytes = [](std::size_t value) { return static_cast<std::int64_t>(value); };
+  const std::int64_t logs = size.odometry_samples * bytes(sizeof(OdometrySample)) +
+                            size.scans * bytes(sizeof(Scan)) +
+                            size.observations * bytes(sizeof(Observation));
+  const std::int64_t graph =
+      size.key_frames * bytes(sizeof(Se2) + sizeof(MotionIncrement) + sizeof(MotionResidual)) +
+      size.observations * bytes(sizeof(GraphObservation) + sizeof(ObservationResidual));
+  const std::int64_t joint = 4 * size.modes * size.modes * bytes(sizeof(double));
+  return kProgram + kLogCopies * logs + kGraphCopies * graph + size.key_frames * kSegmentRow +
+         kDenseMatrices * joint;
+}
+
+Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {
+  const std::int64_t needed = EstimateBuildMemory(size);
+  if (max_memory_bytes == 0 || needed <= max_memory_bytes) return OkStatus();
+  return InvalidArgument(
+      "build: {} key frames and {} modes take about {} MiB, allowed are {}; build fewer runs at a "
+      "time",
+      size.key_frames,
+      size.modes,
+      needed / kMib + 1,
+      max_memory_bytes / kMib);
+}
+
+}  // namespace shiftmap

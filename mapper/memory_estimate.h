@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "mapstore/run/run.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// What the memory of a build grows with.
+struct BuildSize {
+  std::int64_t odometry_samples = 0;
+  std::int64_t scans = 0;
+  std::int64_t observations = 0;
+  std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
+  std::int64_t modes = 0;       ///< Of the map that comes out.
+};
+
+/// Counts one run more. Each landmark that it sees is taken to be a mode, if `size` was without
+/// runs; later runs bring one for every fourth landmark: most stand where they stood.
+void AddRun(const Run& run, BuildSize* size);
+
+/// Memory that a build of this size takes at its peak, the logs and the program included. [bytes]
+/// Between 1 and 2.5 times what was measured (README, "Memory").
+std::int64_t EstimateBuildMemory(const BuildSize& size);
+
+/// Errors: kInvalidArgument with both figures if a build of this size takes more than
+/// `max_memory_bytes`; 0 allows any.
+Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes);
+
+}  // namespace shiftmap

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mapper/map_problem.h"
+#include "mapper/mapper_options.h"
+
+namespace shiftmap {
+
+/// An estimate and the bounds that hold the truth with 95 %.
+struct Interval {
+  double value = 0.0;
+  double low = 0.0;
+  double high = 0.0;
+};
+
+/// What the runs of a build say of one vehicle.
+struct VehicleCalibration {
+  std::string vehicle;  ///< As the logs name it; empty if they do not.
+  int runs = 0;
+
+  Interval scale_v;      ///< True over measured speed. [-]
+  Interval scale_omega;  ///< True over measured yaw rate. [-]
+  Interval lag_s;        ///< The motion at time t is what odometry says of t - lag. [s]
+  Interval noise_v;      ///< Random walk of the motion. [m/√s]
+  Interval noise_omega;  ///< [rad/√s]
+
+  Interval bearing_offset_rad;
+  Interval range_curvature_per_rad2;
+  Interval sd_range_m;
+  Interval sd_bearing_rad;
+  Interval detection_probability;  ///< P_D0: of a landmark in the field of view.
+};
+
+/// The calibration of each vehicle of a solved problem, from all its runs:
+///
+/// - Systematic errors c are the same in all runs of a vehicle. The runs' joint posterior N(ĉ, C)
+///   has the prior N(c₀, P₀) once a run; with E the runs of each vehicle and R_v how many it has,
+///
+///     Λ = Eᵀ C⁻¹ E - diag((R_v - 1) P₀⁻¹),   c = Λ⁻¹ (Eᵀ C⁻¹ ĉ - (R_v - 1) P₀⁻¹ c₀)
+///
+///   has it once a vehicle. Normal quantiles.
+/// - Noise: variance factors v'v / r of n residuals with redundancy r, as the common noise; χ²
+///   quantiles with r²/n degrees of freedom. They tell the scatter; that yaw takes up a part of the
+///   bearings' noise leaves sd_bearing_rad about 4 % too large, which is outside.
+/// - P_D0: of the landmarks in the field of view of a key frame, the share that is detected.
+///   Scans without a landmark are no key frames, so that a key frame counts for a landmark only if
+///   it sees another one. Wilson's interval (1927).
+///
+/// By name. Precondition: the options calibrate; every mode is observed or in the prior.
+std::vector<VehicleCalibration> CalibrateVehicles(const MapperOptions& options,
+                                                  MapProblem* problem);
+
+}  // namespace shiftmap

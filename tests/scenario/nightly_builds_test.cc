@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Is a map that is built night after night, each on the version of the night before, as good as it
+// says, and as good as one build of all runs?
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <random>
+#include <string>
+
+#include "mapper/datum.h"
+#include "mapper/mapper.h"
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/check.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kNights = 8;
+
+// Sites; more of them on demand.
+int Seeds() {
+  const char* asked = std::getenv("SHIFTMAP_NIGHTLY_SEEDS");
+  return asked != nullptr ? std::atoi(asked) : 6;
+}
+
+// By how much the ranges of a fleet are too long, in standard deviations of a logarithm.
+struct FleetScale {
+  std::string name;
+  double sd_common = 0.0;
+  double sd_vehicle = 0.0;
+};
+
+// The error of a map against the truth beside its covariance: both relative to the positions as a
+// whole, which is what a map's covariance is about.
+struct Consistency {
+  double nees = 0.0;  // Squared error in standard deviations.
+  int dof = 0;
+  double squared_error = 0.0;  // [m²]
+  int modes = 0;
+
+  // Two degrees of freedom a landmark.
+  double PerLandmark() const { return 2.0 * nees / dof; }
+  void Add(const Consistency& other) {
+    nees += other.nees;
+    dof += other.dof;
+    squared_error += other.squared_error;
+    modes += other.modes;
+  }
+};
+
+Consistency Measure(const MapContent& content, const SimulatedWorld& world) {
+  constexpr int kDatum = 3;
+  std::vector<Eigen::Vector2d> positions;
+  std::vector<double> errors;
+  for (const MatchedMode& match : MatchModes(content, world)) {
+    positions.push_back(content.groups[match.group].modes[match.mode].p_map_landmark);
+    errors.insert(errors.end(), {match.error.x(), match.error.y()});
+  }
+  const Eigen::VectorXd error =
+      Eigen::Map<Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size()));
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(error.size(), error.size()) - G * G.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+      Symmetrized(projector * content.covariance.Dense() * projector));
+  Consistency result;
+  for (Eigen::Index i = kDatum; i < error.size(); ++i) {
+    result.nees += std::pow(solver.eigenvectors().col(i).dot(error), 2) / solver.eigenvalues()[i];
+  }
+  result.dof = static_cast<int>(error.size()) - kDatum;
+  result.squared_error = error.squaredNorm();
+  result.modes = static_cast<int>(positions.size());
+  return result;
+}
+
+// One run a night, of two vehicles in turn.
+std::vector<MapperInput> Shifts(const SimulatedWorld& world,
+                                const FleetScale& scale,
+                                std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const double common = scale.sd_common * normal(random);
+  const double first = common + scale.sd_vehicle * normal(random);
+  const double second = common + scale.sd_vehicle * normal(random);
+  std::vector<MapperInput> inputs = Inputs(world);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    for (Scan& scan : inputs[i].run.scans) {
+      for (Observation& observation : scan.observations) {
+        observation.z.x() *= std::exp(i % 2 == 0 ? first : second);
+      }
+    }
+  }
+  return inputs;
+}
+
+MapContent Build(std::vector<MapperInput> inputs, const std::optional<MapContent>& prior) {
+  StatusOr<MapperResult> result = BuildMap(std::move(inputs), prior, MapperOptions());
+  SHIFTMAP_CHECK(result.ok(), "{}", Message(result.status()));
+  SHIFTMAP_CHECK(result->rejected.empty(), "{}", result->rejected.front().reason);
+  return std::move(result->content);
+}
+
+class NightlyBuilds : public ::testing::TestWithParam<FleetScale> {};
+
+TEST_P(NightlyBuilds, KnowHowGoodTheyAre) {
+  std::vector<Consistency> nights(kNights);
+  Consistency at_once;
+  for (int seed = 1; seed <= Seeds(); ++seed) {
+    OpenWorldOptions options = SmallWorld(static_cast<std::uint64_t>(seed));
+    options.runs = kNights;
+    const SimulatedWorld world = Simulate(options);
+    const std::vector<MapperInput> shifts =
+        Shifts(world, GetParam(), static_cast<std::uint64_t>(seed));
+    std::optional<MapContent> map;
+    for (std::size_t night = 0; night < kNights; ++night) {
+      map = Build({shifts[night]}, map);
+      nights[night].Add(Measure(*map, world));
+    }
+    at_once.Add(Measure(Build(shifts, std::nullopt), world));
+  }
+  for (const Consistency& night : nights) {
+    std::printf("%.2f ", night.PerLandmark());
+  }
+  std::printf("at once %.2f; last night %.1f mm, at once %.1f mm RMS\n",
+              at_once.PerLandmark(),
+              1e3 * std::sqrt(nights.back().squared_error / nights.back().modes),
+              1e3 * std::sqrt(at_once.squared_error / at_once.modes));
+
+  // 2 if the covariance is right. A site is one draw of its errors for all nights, most of which
+  // the next night inherits; and the loss counts good sightings a little less than they are worth.
+  for (const Consistency& night : nights) {
+    EXPECT_GT(night.PerLandmark(), 1.3);
+    EXPECT_LT(night.PerLandmark(), 2.5);
+  }
+  if (GetParam().sd_vehicle > 0.0) return;
+  // The scale of a map is no better than the sensor's, and the same for both.
+  EXPECT_LT(nights.back().squared_error / nights.back().modes,
+            1.5 * at_once.squared_error / at_once.modes);
+}
+
+INSTANTIATE_TEST_SUITE_P(Fleets,
+                         NightlyBuilds,
+                         ::testing::Values(FleetScale{"right_ranges"},
+                                           FleetScale{"ranges_of_one_scale", 0.02},
+                                           FleetScale{"ranges_of_two_scales", 0.0, 0.02}),
+                         [](const auto& fleet) { return fleet.param.name; });
+
+}  // namespace
+}  // namespace shiftmap::testing

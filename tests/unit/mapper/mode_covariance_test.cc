@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/mode_covariance.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+
+#include "mapper/datum.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/random_map.h"
+
+namespace shiftmap {
+namespace {
+
+// A run along a corridor with `modes` landmarks on either side, more than have a joint covariance.
+Graph Corridor(int modes) {
+  std::mt19937_64 random(testing::TestSeed(81));
+  std::normal_distribution<double> normal;
+  Graph graph;
+  for (int m = 0; m < modes; ++m) {
+    graph.modes.emplace_back(0.5 * m, m % 2 == 0 ? 2.0 : -2.0);
+  }
+  GraphRun run;
+  const int frames = modes / 2;
+  for (int f = 0; f < frames; ++f) {
+    run.poses.emplace_back(1.0 * f, 0.0, 0.0);
+    if (f + 1 == frames) break;
+    MotionIncrement motion;
+    motion.T_begin_end = Se2(1.0, 0.0, 0.0);
+    motion.cov = Eigen::Vector3d(4e-4, 4e-4, 1e-4).asDiagonal();
+    run.motions.push_back(motion);
+  }
+  graph.runs.push_back(std::move(run));
+  for (int f = 0; f < frames; ++f) {
+    for (int m = std::max(0, 2 * f - 1); m < std::min(modes, 2 * f + 8); ++m) {
+      const Eigen::Vector2d q = graph.runs[0].poses[static_cast<std::size_t>(f)].Inverse() *
+                                graph.modes[static_cast<std::size_t>(m)];
+      Observation observation;
+      observation.z = {q.norm() + 0.05 * normal(random), std::atan2(q.y(), q.x())};
+      graph.observations.push_back(
+          {0, f, m, observation, Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(), 0.1});
+    }
+  }
+  return graph;
+}
+
+TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
+  std::vector<Eigen::Vector2d> positions;
+  for (int i = 0; i < 40; ++i) positions.emplace_back(i, 0.1 * (i % 3));
+  std::set<int> seen;
+  for (const std::vector<int>& tile : TileModes(positions, 8)) {
+    EXPECT_LE(tile.size(), 8u);
+    EXPECT_EQ(tile.back() - tile.front() + 1, std::ssize(tile));
+    for (const int mode : tile) EXPECT_TRUE(seen.insert(mode).second);
+  }
+  EXPECT_EQ(seen.size(), 40u);
+}
+
+TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
+  const Graph graph = Corridor(kMaxJointModes + 60);
+  constexpr double kScale = 0.02;
+  const JointCovariance blocks = MapCovariance(graph, kScale);
+  const Eigen::MatrixXd dense = AddScaleUncertainty(
+      graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph)));
+  for (int i = 0; i < blocks.size(); ++i) {
+    const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * i, 2 * i);
+    EXPECT_THAT(blocks.Block(i, i), testing::IsNearMatrix(wanted, 1e-7 * wanted.norm())) << i;
+  }
+  EXPECT_GT(blocks.cross_blocks().size(), 10u * graph.modes.size());
+  for (const JointCovariance::CrossBlock& block : blocks.cross_blocks()) {
+    const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * block.row, 2 * block.column);
+    EXPECT_LT((block.value - wanted).norm(), 1e-7 * dense.norm()) << block.row;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(blocks.Dense());
+  EXPECT_GT(solver.eigenvalues().minCoeff(), 0.0);
+}
+
+TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
+  const Graph graph = Corridor(kMaxJointModes + 60);
+  const ModeDifferences sparse(graph);
+  const ModeDifferences joint(ComputeModeCovariance(graph));
+  for (const auto& [a, b] : {std::pair{0, 1}, {5, 300}, {200, 204}, {358, 359}}) {
+    const Eigen::Matrix2d wanted = joint.Covariance(a, b);
+    EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm()) << a << " " << b;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(wanted);
+    EXPECT_GE(sparse.MaxVariance(a, b), solver.eigenvalues().maxCoeff()) << a << " " << b;
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap
