@@ -12,6 +12,28 @@
 namespace shiftmap {
 namespace {
 
+// What was written, with what is said of this kind of log alone.
+void ReportRun(const std::string& output, const Run& run, const Json& more, Context& context) {
+  std::size_t observations = 0;
+  for (const Scan& scan : run.scans) observations += scan.observations.size();
+  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
+  Json document = {{"output", output},
+                   {"source", run.info.source},
+                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
+                   {"duration_s", duration_s},
+                   {"odometry", run.odometry.size()},
+                   {"scans", run.scans.size()},
+                   {"observations", observations}};
+  document.update(more);
+  context.Report(document,
+                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
+                             output,
+                             duration_s,
+                             run.odometry.size(),
+                             run.scans.size(),
+                             observations));
+}
+
 struct UtiasArguments {
   UtiasOptions options;
   std::string output;
@@ -41,26 +63,10 @@ Status RunUtias(const UtiasArguments& arguments, Context& context) {
     SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
     if (arguments.truth) SHIFTMAP_RETURN_IF_ERROR(WriteTum(truth, *arguments.truth));
   }
-  std::size_t observations = 0;
-  for (const Scan& scan : run.scans) observations += scan.observations.size();
-  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
-  Json document = {{"output", arguments.output},
-                   {"source", run.info.source},
-                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
-                   {"duration_s", duration_s},
-                   {"odometry", run.odometry.size()},
-                   {"scans", run.scans.size()},
-                   {"observations", observations},
-                   {"dropped_robot_measurements", utias.robot_measurements},
-                   {"dropped_unlisted_measurements", utias.unlisted_measurements}};
-  if (arguments.truth) document["truth_poses"] = truth.size();
-  context.Report(document,
-                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
-                             arguments.output,
-                             duration_s,
-                             run.odometry.size(),
-                             run.scans.size(),
-                             observations));
+  Json more = {{"dropped_robot_measurements", utias.robot_measurements},
+               {"dropped_unlisted_measurements", utias.unlisted_measurements}};
+  if (arguments.truth) more["truth_poses"] = truth.size();
+  ReportRun(arguments.output, run, more, context);
   return OkStatus();
 }
 
@@ -84,24 +90,9 @@ Status RunVictoriaPark(const VictoriaParkArguments& arguments, Context& context)
     SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
     if (arguments.gps) SHIFTMAP_RETURN_IF_ERROR(WriteTum(gps, *arguments.gps));
   }
-  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
-  const std::int64_t observations = park.detection_rows - park.stale_rows;
-  Json document = {{"output", arguments.output},
-                   {"source", run.info.source},
-                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
-                   {"duration_s", duration_s},
-                   {"odometry", run.odometry.size()},
-                   {"scans", run.scans.size()},
-                   {"observations", observations},
-                   {"dropped_stale_rows", park.stale_rows}};
-  if (arguments.gps) document["gps_fixes"] = gps.size();
-  context.Report(document,
-                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
-                             arguments.output,
-                             duration_s,
-                             run.odometry.size(),
-                             run.scans.size(),
-                             observations));
+  Json more = {{"dropped_stale_rows", park.stale_rows}};
+  if (arguments.gps) more["gps_fixes"] = gps.size();
+  ReportRun(arguments.output, run, more, context);
   return OkStatus();
 }
 
