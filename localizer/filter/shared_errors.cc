@@ -110,21 +110,21 @@ SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
   const Eigen::Matrix2d prior = covariance.Block(mode_index, mode_index);
   ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero(cov_.rows(), 2)};
   // Of the modes in use with the new one, and its regression on them.
-  Columns with_new(2 * modes_, 2);
+  const Eigen::Index used = Eigen::Index{2} * modes_;
+  Columns with_new(used, 2);
   for (int i = 0; i < modes_; ++i) {
     const int index = mode_indices_[static_cast<std::size_t>(i)];
-    with_new.middleRows<2>(2 * i) = covariance.Block(index, mode_index);
+    with_new.middleRows<2>(Eigen::Index{2} * i) = covariance.Block(index, mode_index);
   }
   if (with_new.isZero(0.0)) return mode;
-  Matrix joint(2 * modes_, 2 * modes_);
+  Matrix joint(used, used);
   for (int i = 0; i < modes_; ++i) {
     for (int j = 0; j < modes_; ++j) {
-      joint.block<2, 2>(2 * i, 2 * j) = covariance.Block(
+      joint.block<2, 2>(Eigen::Index{2} * i, Eigen::Index{2} * j) = covariance.Block(
           mode_indices_[static_cast<std::size_t>(i)], mode_indices_[static_cast<std::size_t>(j)]);
     }
   }
   const Columns regression = joint.llt().solve(with_new);
-  const Eigen::Index used = 2 * modes_;
   mode.mean = regression.transpose() * mean_.tail(used);
   const Matrix cov = cov_.selfadjointView<Eigen::Lower>();
   mode.cross = cov.rightCols(used) * regression;
