@@ -15,8 +15,9 @@ namespace shiftmap {
 struct HypothesisOptions {
   /// Accepted probability of a wrong decision, in (0, 0.5). Larger decides earlier. [-]
   double alpha = 1e-4;
-  /// Leaves kept at most, >= 1. More cost time in proportion and drop less probability. [-]
-  int max_leaves = 16;
+  /// Leaves kept at most, >= 1. More cost time in proportion, where there is as much doubt, and
+  /// drop less probability. [-]
+  int max_leaves = 48;
   /// An observation gates with a mode if its innovation is inside this share of its distribution,
   /// in (0, 1): for ObservationOutcome. What leaves make of it is weighed, not gated. [-]
   double gate_probability = 0.999;

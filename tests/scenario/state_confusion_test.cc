@@ -72,17 +72,33 @@ INSTANTIATE_TEST_SUITE_P(Causes,
                            return name;
                          });
 
+// The quality at the end of a shift in which nothing is amiss but the stated noise.
+double QualityOf(std::uint64_t seed, double stated_over_true_noise) {
+  const CausedShift shift = DrawShift(ShiftCause::kNothing, seed);
+  MapContent content = shift.content;
+  content.calibration.sensor.sd_range_m *= stated_over_true_noise;
+  content.calibration.sensor.sd_bearing_rad *= stated_over_true_noise;
+  LocalizerOptions options;
+  options.initial_pose = shift.start;
+  Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", content), options);
+  for (const RunEvent& event : shift.events) EXPECT_TRUE(localizer.Process(event).ok());
+  return localizer.Estimate()->quality;
+}
+
+TEST(InnovationQualityOfShifts, IsLowWhereTheSensorIsWorseThanStated) {
+  constexpr int kShifts = 12;
+  int low = 0;
+  for (int i = 0; i < kShifts; ++i) {
+    low += QualityOf(31000 + static_cast<std::uint64_t>(i), 0.5) < 0.05;
+  }
+  EXPECT_GE(low, kShifts * 2 / 3);
+}
+
 TEST(InnovationQualityOfShifts, IsUniformWhereNothingIsAmiss) {
   constexpr int kShifts = 80;
   std::vector<double> qualities;
   for (int i = 0; i < kShifts; ++i) {
-    const CausedShift shift =
-        DrawShift(ShiftCause::kNothing, 30000 + static_cast<std::uint64_t>(i));
-    LocalizerOptions options;
-    options.initial_pose = shift.start;
-    Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), options);
-    for (const RunEvent& event : shift.events) ASSERT_TRUE(localizer.Process(event).ok());
-    qualities.push_back(localizer.Estimate()->quality);
+    qualities.push_back(QualityOf(30000 + static_cast<std::uint64_t>(i), 1.0));
   }
   std::sort(qualities.begin(), qualities.end());
   double distance = 0.0;
