@@ -29,6 +29,7 @@ struct RunOptions {
   std::optional<std::string> snapshot;
   std::string area;
   std::string initial_pose = "auto";
+  std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
   std::optional<std::string> report;
   bool return_report = false;
@@ -59,15 +60,68 @@ StatusOr<MapSnapshot> LoadMap(const RunOptions& options) {
 // One shift: a localizer and what is recorded around it.
 class Shift {
  public:
-  Shift(MapSnapshot snapshot, const LocalizerOptions& options)
-      : localizer_(std::move(snapshot), options), may_be_late_(options.max_delay_s > 0.0) {}
+  // @param vehicle  Nothing: as the log names it.
+  Shift(MapSnapshot snapshot, std::optional<std::string> vehicle, const LocalizerOptions& options)
+      : snapshot_(std::move(snapshot)), vehicle_(std::move(vehicle)), options_(options) {}
+
+  // A file is read whole, because the report names its hash.
+  Status ProcessFile(const std::string& path) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path));
+    Begin(log.run.info);
+    for (const RunEvent& event : MergeEvents(log.run)) SHIFTMAP_RETURN_IF_ERROR(Process(event));
+    run_hash_ = log.sha256;
+    summary_.truncation = log.truncation;
+    return OkStatus();
+  }
+
+  Status ProcessStream(const std::string& path) {
+    SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
+    while (true) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
+      if (!event) break;
+      if (!localizer_) Begin(stream.info());
+      if (const Status status = Process(*event); !status.ok()) {
+        return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
+      }
+    }
+    if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
+    summary_.truncation = stream.truncation();
+    return OkStatus();
+  }
+
+  ShiftReport Finish() {
+    localizer_->Finish();
+    RecordPoses();
+    ShiftReport report = localizer_->Report();
+    report.uuid = RandomUuid();
+    report.vehicle = summary_.vehicle;
+    report.run_hash = run_hash_;
+    report.software = "shiftmap-localizer " + SoftwareVersion();
+    live::DropCounts dropped;
+    live::AddDropped(localizer_->Statistics(), &dropped);
+    report.dropped = dropped.List();
+    summary_.report_uuid = report.uuid;
+    return report;
+  }
+
+  const Localizer& localizer() const { return *localizer_; }
+  const RunSummary& summary() const { return summary_; }
+  const std::vector<StampedPose>& trajectory() const { return trajectory_; }
+
+ private:
+  // The calibration is that of the vehicle, which only the log names.
+  void Begin(const RunInfo& info) {
+    summary_.vehicle = vehicle_.value_or(info.vehicle);
+    localizer_.emplace(snapshot_.ForVehicle(summary_.vehicle), options_);
+  }
 
   Status Process(const RunEvent& event) {
-    const std::int64_t late = localizer_.Statistics().late;
+    const std::int64_t late = localizer_->Statistics().late;
     const auto begin = std::chrono::steady_clock::now();
-    if (const Status status = localizer_.Process(event); !status.ok()) {
+    if (const Status status = localizer_->Process(event); !status.ok()) {
       // Dropped and counted, if there is a bound to how late items are.
-      if (may_be_late_ && localizer_.Statistics().late > late) return OkStatus();
+      const bool may_be_late = options_.max_delay_s > 0.0;
+      if (may_be_late && localizer_->Statistics().late > late) return OkStatus();
       return status;
     }
     const std::chrono::duration<double, std::milli> elapsed =
@@ -81,63 +135,19 @@ class Shift {
     return OkStatus();
   }
 
-  // A file is read whole, because the report names its hash.
-  Status ProcessFile(const std::string& path) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path));
-    for (const RunEvent& event : MergeEvents(log.run)) SHIFTMAP_RETURN_IF_ERROR(Process(event));
-    run_hash_ = log.sha256;
-    vehicle_ = log.run.info.vehicle;
-    summary_.truncation = log.truncation;
-    return OkStatus();
-  }
-
-  Status ProcessStream(const std::string& path) {
-    SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
-    while (true) {
-      SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
-      if (!event) break;
-      if (const Status status = Process(*event); !status.ok()) {
-        return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
-      }
-    }
-    if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
-    vehicle_ = stream.info().vehicle;
-    summary_.truncation = stream.truncation();
-    return OkStatus();
-  }
-
-  ShiftReport Finish() {
-    localizer_.Finish();
-    RecordPoses();
-    ShiftReport report = localizer_.Report();
-    report.uuid = RandomUuid();
-    report.vehicle = vehicle_;
-    report.run_hash = run_hash_;
-    report.software = "shiftmap-localizer " + SoftwareVersion();
-    live::DropCounts dropped;
-    live::AddDropped(localizer_.Statistics(), &dropped);
-    report.dropped = dropped.List();
-    summary_.report_uuid = report.uuid;
-    return report;
-  }
-
-  const Localizer& localizer() const { return localizer_; }
-  const RunSummary& summary() const { return summary_; }
-  const std::vector<StampedPose>& trajectory() const { return trajectory_; }
-
- private:
   void RecordPoses() {
-    for (const PoseEstimate& estimate : localizer_.new_estimates()) {
+    for (const PoseEstimate& estimate : localizer_->new_estimates()) {
       trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
     }
   }
 
-  Localizer localizer_;
-  bool may_be_late_;
+  MapSnapshot snapshot_;
+  std::optional<std::string> vehicle_;
+  LocalizerOptions options_;
+  std::optional<Localizer> localizer_;  // From the first item on.
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
-  std::string vehicle_;
   std::string run_hash_;
 };
 
@@ -167,7 +177,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot snapshot, LoadMap(options));
 
-  Shift shift(std::move(snapshot), localizer_options);
+  Shift shift(std::move(snapshot), options.vehicle, localizer_options);
   SHIFTMAP_RETURN_IF_ERROR(options.run == "-" ? shift.ProcessStream(options.run)
                                               : shift.ProcessFile(options.run));
   const ShiftReport report = shift.Finish();
@@ -193,6 +203,9 @@ void AddRunCommand(Application* application) {
       .Option("--area", &options->area, "Area to localize in")
       .Required()
       .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
+      .Option("--vehicle",
+              &options->vehicle,
+              "Name of the vehicle, for its own calibration; default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
       .Option("--report", &options->report, "Write the shift report here")
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")

@@ -95,6 +95,11 @@ double MeanNis(const LocalizerStatistics& statistics) {
   return statistics.nis_sum / static_cast<double>(statistics.updates);
 }
 
+// Whose calibration the localizer used.
+std::string CalibrationOwner(const Localizer& localizer) {
+  return localizer.snapshot().calibrated_vehicle().empty() ? "fleet" : "vehicle";
+}
+
 }  // namespace
 
 Json RunJson(const Localizer& localizer, const RunSummary& summary) {
@@ -103,6 +108,8 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   Json document;
   document["area"] = localizer.snapshot().area();
   document["version"] = localizer.snapshot().version().value();
+  document["vehicle"] = summary.vehicle;
+  document["calibration"] = CalibrationOwner(localizer);
   document["frames"] = statistics.scans;
   document["state"] = ToString(localizer.state());
   document["states"] = StatesJson(statistics);
@@ -135,12 +142,17 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
 
 std::string RunText(const Localizer& localizer, const RunSummary& summary) {
   const LocalizerStatistics statistics = localizer.Statistics();
-  std::string text = fmt::format("area '{}' version {}: {} scans, {} decisions, {} sightings\n",
-                                 localizer.snapshot().area(),
-                                 localizer.snapshot().version().value(),
-                                 statistics.scans,
-                                 localizer.decisions().size(),
-                                 localizer.Sightings().size());
+  std::string text = fmt::format(
+      "area '{}' version {}, vehicle '{}' with the calibration of the {}: {} scans, {} decisions, "
+      "{} "
+      "sightings\n",
+      localizer.snapshot().area(),
+      localizer.snapshot().version().value(),
+      summary.vehicle,
+      CalibrationOwner(localizer),
+      statistics.scans,
+      localizer.decisions().size(),
+      localizer.Sightings().size());
   for (std::size_t i = 0; i < kLocalizerStates; ++i) {
     if (statistics.seconds_in_state[i] == 0.0) continue;
     text += fmt::format("  {:<15} {:10.1f} s\n",

@@ -13,6 +13,7 @@ namespace shiftmap {
 struct RunSummary {
   std::vector<double> latencies_ms;  ///< Of each scan.
   std::string truncation;            ///< As RunLog::truncation.
+  std::string vehicle;               ///< Empty if nothing names it.
   std::string report_uuid;
 };
 

@@ -58,6 +58,8 @@ Json ServiceJson(const live::ServiceState& state) {
   document["scans"] = state.scans;
   document["decisions"] = state.decisions;
   document["overruns"] = state.overruns;
+  if (state.running)
+    document["calibration"] = state.calibrated_vehicle.empty() ? "fleet" : "vehicle";
   document["report_uuid"] = state.report_uuid;
   document["report"] = state.report_path;
   Json dropped = Json::object();

@@ -43,6 +43,12 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
   return std::exchange(pending_, Motion());
 }
 
+void OdometryBuffer::Restart() {
+  samples_.clear();
+  started_ = false;
+  pending_ = Motion();
+}
+
 void OdometryBuffer::AdvanceTo(Stamp end) {
   const Duration lag = FromSeconds(calibration_.lag_s);
   while (now_ < end) {

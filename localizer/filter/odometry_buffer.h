@@ -31,6 +31,9 @@ class OdometryBuffer {
   };
   Motion Take(Stamp end);
 
+  /// Forgets what was added and taken; the memory stays.
+  void Restart();
+
  private:
   static constexpr std::size_t kSamples = 256;
 

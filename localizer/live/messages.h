@@ -74,7 +74,8 @@ struct ServiceState {
   std::optional<PoseWithCovariance> pose;  ///< Then.
   std::int64_t scans = 0;
   std::int64_t decisions = 0;
-  std::int64_t overruns = 0;  ///< Steps that took longer than their budget.
+  std::string calibrated_vehicle;  ///< Whose calibration the shift uses; empty: the fleet's.
+  std::int64_t overruns = 0;       ///< Steps that took longer than their budget.
   std::vector<DroppedCount> dropped;
 };
 

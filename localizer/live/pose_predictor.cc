@@ -1,15 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/pose_predictor.h"
 
-#include "localizer/filter/odometry_buffer.h"
-
 namespace shiftmap::live {
-namespace {
-
-// Bounds what a long stretch without scans costs per step.
-constexpr std::size_t kMaxSamples = 512;
-
-}  // namespace
 
 void PosePredictor::Add(const OdometrySample& sample) {
   samples_.push_back(sample);
@@ -33,12 +25,12 @@ void PosePredictor::Trim() {
   while (samples_.size() > 1 && samples_[1].stamp <= needed) samples_.pop_front();
 }
 
-std::optional<PoseEstimate> PosePredictor::At(Stamp now) const {
+std::optional<PoseEstimate> PosePredictor::At(Stamp now) {
   if (!corrected_ || now <= corrected_->stamp) return corrected_;
-  OdometryBuffer motion(calibration_);
-  for (const OdometrySample& sample : samples_) motion.Add(sample);
-  motion.Take(corrected_->stamp);
-  const MotionIncrement increment = motion.Take(now).increment;
+  motion_.Restart();
+  for (const OdometrySample& sample : samples_) motion_.Add(sample);
+  motion_.Take(corrected_->stamp);
+  const MotionIncrement increment = motion_.Take(now).increment;
   PoseEstimate moved;
   moved.stamp = now;
   moved.pose.T_map_vehicle = corrected_->pose.T_map_vehicle * increment.T_begin_end;

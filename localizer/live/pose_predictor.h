@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
+#include <boost/circular_buffer.hpp>
+#include <cstddef>
 #include <optional>
 
+#include "localizer/filter/odometry_buffer.h"
 #include "localizer/localizer.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
@@ -16,9 +18,12 @@ namespace shiftmap::live {
 ///
 /// It holds for the odometry's last stamp. The vehicle's own deviation from the fleet's calibration
 /// is not applied here; over the fraction of a second between scans it is inside Q.
+///
+/// Memory: kept from call to call.
 class PosePredictor {
  public:
-  explicit PosePredictor(const OdometryCalibration& calibration) : calibration_(calibration) {}
+  explicit PosePredictor(const OdometryCalibration& calibration)
+      : calibration_(calibration), motion_(calibration) {}
 
   /// @param sample  Not older than the one before.
   void Add(const OdometrySample& sample);
@@ -27,14 +32,19 @@ class PosePredictor {
   void Correct(const PoseEstimate& estimate);
 
   /// The pose at `now`, not before the last sample; nothing before the first Correct().
-  std::optional<PoseEstimate> At(Stamp now) const;
+  std::optional<PoseEstimate> At(Stamp now);
 
  private:
+  // Bounds what a long stretch without scans costs per step.
+  static constexpr std::size_t kMaxSamples = 512;
+
   // Lets go of samples that nothing after the correction needs.
   void Trim();
 
   OdometryCalibration calibration_;
-  std::deque<OdometrySample> samples_;  // As far back as the motion since the correction needs.
+  // As far back as the motion since the correction needs.
+  boost::circular_buffer<OdometrySample> samples_{kMaxSamples + 1};
+  OdometryBuffer motion_;  // Since the correction; of no meaning between calls.
   std::optional<PoseEstimate> corrected_;
 };
 

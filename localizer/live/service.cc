@@ -252,6 +252,7 @@ ServiceState Service::State() const {
     const LocalizerStatistics statistics = shift_->localizer().Statistics();
     AddDropped(statistics, &dropped);
     state.localizer_state = shift_->localizer().state();
+    state.calibrated_vehicle = shift_->localizer().snapshot().calibrated_vehicle();
     state.stamp = shift_->now();
     if (const auto pose = shift_->Pose()) state.pose = pose->pose;
     state.scans = statistics.scans;

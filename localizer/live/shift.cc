@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace shiftmap::live {
 namespace {
@@ -21,9 +20,9 @@ LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
   return options;
 }
 
-Shift::Shift(MapSnapshot map, const ShiftHeader& header)
+Shift::Shift(const MapSnapshot& map, const ShiftHeader& header)
     : header_(header),
-      localizer_(std::move(map), OptionsOf(header)),
+      localizer_(map.ForVehicle(header.vehicle), OptionsOf(header)),
       predictor_(localizer_.snapshot().calibration().odometry) {}
 
 Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
@@ -39,6 +38,7 @@ Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
   const auto estimate = localizer_.Estimate();
   if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
   corrected_scans_ = scans;
+  pose_ = predictor_.At(now_);
   TellNews(events);
   return OkStatus();
 }
@@ -52,9 +52,7 @@ void Shift::TellOdometer(const OdometrySample& sample) {
 }
 
 void Shift::TellNews(std::vector<Event>* events) {
-  if (const auto pose = Pose()) {
-    events->emplace_back(PoseEvent{now_, pose->pose, localizer_.state()});
-  }
+  if (pose_) events->emplace_back(PoseEvent{now_, pose_->pose, localizer_.state()});
   if (localizer_.state() != told_state_) {
     told_state_ = localizer_.state();
     events->emplace_back(StateEvent{now_, told_state_});
@@ -81,13 +79,12 @@ ShiftReport Shift::Report(DropCounts dropped) const {
 std::optional<SavedPose> Shift::PoseToSave() const {
   const LocalizerState state = localizer_.state();
   if (state == LocalizerState::kInitializing || state == LocalizerState::kLost) return std::nullopt;
-  const auto pose = Pose();
-  if (!pose) return std::nullopt;
+  if (!pose_) return std::nullopt;
   SavedPose saved;
   saved.area = header_.area;
   saved.content_hash = header_.content_hash;
   saved.stamp = now_;
-  saved.pose = pose->pose;
+  saved.pose = pose_->pose;
   if (header_.odometer_m) saved.odometer_m = *header_.odometer_m + driven_m_;
   return saved;
 }

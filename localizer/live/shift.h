@@ -19,8 +19,9 @@ namespace shiftmap::live {
 /// No I/O.
 class Shift {
  public:
+  /// @param map  The vehicle's own calibration is used if it has one.
   /// Precondition: the header's options are valid (LocalizerOptions::Validate).
-  Shift(MapSnapshot map, const ShiftHeader& header);
+  Shift(const MapSnapshot& map, const ShiftHeader& header);
 
   /// The localizer's options that a header states; the others have their defaults.
   static LocalizerOptions OptionsOf(const ShiftHeader& header);
@@ -40,7 +41,7 @@ class Shift {
   std::optional<SavedPose> PoseToSave() const;
 
   /// The pose after the last item.
-  std::optional<PoseEstimate> Pose() const { return predictor_.At(now_); }
+  const std::optional<PoseEstimate>& Pose() const { return pose_; }
 
   const ShiftHeader& header() const { return header_; }
   const Localizer& localizer() const { return localizer_; }
@@ -53,6 +54,7 @@ class Shift {
   ShiftHeader header_;
   Localizer localizer_;
   PosePredictor predictor_;
+  std::optional<PoseEstimate> pose_;
   Stamp now_;  // Of the last item.
   std::optional<OdometrySample> last_sample_;
   double driven_m_ = 0.0;

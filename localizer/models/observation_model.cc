@@ -49,6 +49,7 @@ Observation Corrected(const Observation& observation, const SensorCalibration& s
                                 (bearing * bearing - sensor.mean_squared_bearing_rad2);
   // Far outside the field of view that it was estimated in, the parabola means nothing.
   corrected.z.x() /= std::clamp(gain, 0.5, 2.0);
+  corrected.z.y() = WrapAngle(bearing - sensor.bearing_offset_rad);
   return corrected;
 }
 

@@ -27,7 +27,7 @@ Innovation Linearize(const Observation& observation,
                      const Se2& T_map_vehicle,
                      const Eigen::Vector2d& p_map_landmark);
 
-/// The observation without the systematic error that the sensor's calibration knows of; Cartesian
+/// The observation without the systematic errors that the sensor's calibration knows of; Cartesian
 /// ones are as they were.
 Observation Corrected(const Observation& observation, const SensorCalibration& sensor);
 

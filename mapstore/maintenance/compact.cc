@@ -34,6 +34,7 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
                           "DELETE FROM landmark_group WHERE version_id = ?1",
                           "DELETE FROM mode_covariance WHERE version_id = ?1",
                           "DELETE FROM anonymous_landmark WHERE version_id = ?1",
+                          "DELETE FROM vehicle_calibration WHERE version_id = ?1",
                           "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
                           "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
                           "UPDATE version SET content_stored = 0 WHERE version_id = ?1"}) {

@@ -32,6 +32,10 @@ struct SensorCalibration {
   double range_curvature_per_rad2 = 0.0;   ///< κ. [1/rad²]
   double mean_squared_bearing_rad2 = 0.0;  ///< b̄²: where ranges are right. [rad²]
 
+  /// Bearings are read too large by this: how the sensor is mounted, each vehicle's own. A fleet
+  /// has none. [rad]
+  double bearing_offset_rad = 0.0;
+
   /// Sector field of view: γ_r and γ_b of IJRR 7.2.
   double max_range_m = 10.0;
   double max_bearing_rad = 1.0;
@@ -56,11 +60,13 @@ struct Calibration {
   SensorCalibration sensor;
 };
 
-/// Every value of a calibration, in the order in which files and the content hash have them.
+/// Every value of a fleet's calibration, in the order in which files and the content hash have
+/// them.
 inline std::array<double*, 17> CalibrationValues(Calibration* calibration) {
   OdometryCalibration& odometry = calibration->odometry;
   SensorCalibration& sensor = calibration->sensor;
-  static_assert(sizeof(Calibration) == 17 * sizeof(double), "a value is missing below");
+  // All but the bearing offset, which a fleet does not have.
+  static_assert(sizeof(Calibration) == 18 * sizeof(double), "a value is missing below");
   return {&odometry.scale_v,
           &odometry.scale_omega,
           &odometry.lag_s,

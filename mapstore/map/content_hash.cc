@@ -72,6 +72,13 @@ void AddExtensions(const MapContent& content, RowHasher& rows) {
       }
     }
   }
+  for (const VehicleCalibration& vehicle : content.vehicles) {
+    rows.Add(std::string("vehicle"));
+    rows.Add(vehicle.vehicle);
+    rows.Add(vehicle.runs);
+    rows.Add(ToNanoseconds(vehicle.stamp));
+    for (const double value : VehicleValues(vehicle)) rows.Add(value);
+  }
 }
 
 }  // namespace

@@ -81,6 +81,36 @@ GroupDiff DiffGroup(const LandmarkGroup& from, const LandmarkGroup& to) {
   return diff;
 }
 
+template <std::size_t kValues>
+void AddChanges(const std::string& vehicle,
+                const std::array<const char*, kValues>& names,
+                const std::array<double, kValues>& from,
+                const std::array<double, kValues>& to,
+                MapDiff* diff) {
+  for (std::size_t i = 0; i < kValues; ++i) {
+    if (from[i] == to[i]) continue;
+    diff->calibration.push_back({vehicle, names[i], from[i], to[i]});
+  }
+}
+
+void DiffVehicles(const std::vector<VehicleCalibration>& from,
+                  const std::vector<VehicleCalibration>& to,
+                  MapDiff* diff) {
+  auto a = from.begin();
+  auto b = to.begin();
+  while (a != from.end() || b != to.end()) {
+    if (b == to.end() || (a != from.end() && a->vehicle < b->vehicle)) {
+      diff->vehicles_removed.push_back((a++)->vehicle);
+    } else if (a == from.end() || b->vehicle < a->vehicle) {
+      diff->vehicles_added.push_back((b++)->vehicle);
+    } else {
+      AddChanges(a->vehicle, kVehicleValueNames, VehicleValues(*a), VehicleValues(*b), diff);
+      ++a;
+      ++b;
+    }
+  }
+}
+
 }  // namespace
 
 MapDiff DiffMaps(const MapContent& from, const MapContent& to) {
@@ -100,12 +130,12 @@ MapDiff DiffMaps(const MapContent& from, const MapContent& to) {
   diff.anonymous_from = static_cast<int>(from.anonymous_landmarks.size());
   diff.anonymous_to = static_cast<int>(to.anonymous_landmarks.size());
   diff.anonymous_changed = !SameAnonymous(from.anonymous_landmarks, to.anonymous_landmarks);
-  const auto old_values = CalibrationValues(from.calibration);
-  const auto new_values = CalibrationValues(to.calibration);
-  for (std::size_t i = 0; i < old_values.size(); ++i) {
-    if (old_values[i] == new_values[i]) continue;
-    diff.calibration.push_back({kCalibrationNames[i], old_values[i], new_values[i]});
-  }
+  AddChanges("",
+             kCalibrationNames,
+             CalibrationValues(from.calibration),
+             CalibrationValues(to.calibration),
+             &diff);
+  DiffVehicles(from.vehicles, to.vehicles, &diff);
   return diff;
 }
 

@@ -47,7 +47,8 @@ struct GroupDiff {
 };
 
 struct CalibrationChange {
-  std::string name;
+  std::string vehicle;  ///< Whose; empty: the fleet's.
+  std::string name;     ///< Of kCalibrationNames, or kVehicleValueNames.
   double from = 0.0;
   double to = 0.0;
 };
@@ -59,12 +60,14 @@ struct MapDiff {
   std::vector<GroupDiff> groups;  ///< Those with any difference.
   int anonymous_from = 0;         ///< Number of anonymous landmarks.
   int anonymous_to = 0;
-  bool anonymous_changed = false;  ///< Their number, or any of them.
-  std::vector<CalibrationChange> calibration;
+  bool anonymous_changed = false;           ///< Their number, or any of them.
+  std::vector<std::string> vehicles_added;  ///< Calibrated by themselves; by name.
+  std::vector<std::string> vehicles_removed;
+  std::vector<CalibrationChange> calibration;  ///< The fleet's first, then by vehicle.
 
   bool empty() const {
     return groups_added.empty() && groups_removed.empty() && groups.empty() && !anonymous_changed &&
-           calibration.empty();
+           vehicles_added.empty() && vehicles_removed.empty() && calibration.empty();
   }
 };
 

@@ -115,6 +115,19 @@ Status ValidateCalibration(const Calibration& calibration) {
       !positive(sensor.new_landmark_density_per_m2)) {
     return InvalidArgument("sensor calibration out of range");
   }
+  if (sensor.bearing_offset_rad != 0.0) {
+    return InvalidArgument("bearing offset {} of a fleet, expected 0", sensor.bearing_offset_rad);
+  }
+  return OkStatus();
+}
+
+Status ValidateVehicles(const std::vector<VehicleCalibration>& vehicles) {
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    SHIFTMAP_RETURN_IF_ERROR(ValidateVehicleCalibration(vehicles[i]));
+    if (i > 0 && vehicles[i - 1].vehicle >= vehicles[i].vehicle) {
+      return InvalidArgument("vehicle '{}': names do not ascend", vehicles[i].vehicle);
+    }
+  }
   return OkStatus();
 }
 
@@ -132,6 +145,7 @@ Status ValidateMapContent(const MapContent& content) {
   for (const Mode& landmark : content.anonymous_landmarks) {
     SHIFTMAP_RETURN_IF_ERROR(ValidateMode(landmark, "anonymous landmark"));
   }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateVehicles(content.vehicles));
   return ValidateCalibration(content.calibration);
 }
 
@@ -144,7 +158,8 @@ MapSnapshot::MapSnapshot(std::string area,
       version_(version),
       content_hash_(std::move(content_hash)),
       content_(std::make_shared<const MapContent>(std::move(content))),
-      ledger_position_(ledger_position) {
+      ledger_position_(ledger_position),
+      calibration_(content_->calibration) {
   const Status valid = ValidateMapContent(*content_);
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
   int mode_index = 0;
@@ -153,6 +168,18 @@ MapSnapshot::MapSnapshot(std::string area,
     first_mode_.push_back(mode_index);
     mode_index += static_cast<int>(groups()[i].modes.size());
   }
+}
+
+MapSnapshot MapSnapshot::ForVehicle(const std::string& vehicle) const {
+  MapSnapshot map = *this;
+  map.calibration_ = content_->calibration;
+  map.calibrated_vehicle_.clear();
+  for (const VehicleCalibration& known : vehicles()) {
+    if (known.vehicle != vehicle) continue;
+    map.calibration_ = CalibrationOf(known, content_->calibration);
+    map.calibrated_vehicle_ = vehicle;
+  }
+  return map;
 }
 
 int MapSnapshot::GroupIndex(const Signature& signature) const {

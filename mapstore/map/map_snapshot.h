@@ -11,6 +11,7 @@
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/joint_covariance.h"
 #include "mapstore/map/landmark_group.h"
+#include "mapstore/map/vehicle_calibration.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -24,7 +25,10 @@ struct MapContent {
   JointCovariance covariance;
 
   std::vector<Mode> anonymous_landmarks;  ///< Landmarks without a signature; static.
-  Calibration calibration;
+  Calibration calibration;                ///< Of the fleet.
+
+  /// The vehicles that are known by themselves, by ascending name, each once.
+  std::vector<VehicleCalibration> vehicles;
 
   /// The time at which the groups' probabilities hold: the end of the newest run that built the
   /// map.
@@ -61,8 +65,18 @@ class MapSnapshot {
   const std::vector<LandmarkGroup>& groups() const { return content_->groups; }
   const std::vector<Mode>& anonymous_landmarks() const { return content_->anonymous_landmarks; }
   const JointCovariance& covariance() const { return content_->covariance; }
-  const Calibration& calibration() const { return content_->calibration; }
+  const std::vector<VehicleCalibration>& vehicles() const { return content_->vehicles; }
   const MapContent& content() const { return *content_; }
+
+  /// The calibration that a localizer uses: the fleet's, or by ForVehicle() a vehicle's own.
+  const Calibration& calibration() const { return calibration_; }
+
+  /// The vehicle whose own calibration() is; empty: it is the fleet's.
+  const std::string& calibrated_vehicle() const { return calibrated_vehicle_; }
+
+  /// The same map for a localizer on `vehicle`: with the vehicle's own calibration if the map has
+  /// one, else with the fleet's.
+  MapSnapshot ForVehicle(const std::string& vehicle) const;
 
   /// The time at which the probabilities hold.
   Stamp stamp() const { return content_->stamp; }
@@ -84,6 +98,8 @@ class MapSnapshot {
   std::string content_hash_;
   std::shared_ptr<const MapContent> content_;
   LedgerPosition ledger_position_;
+  Calibration calibration_;
+  std::string calibrated_vehicle_;
   std::unordered_map<Signature, int> index_;
   std::vector<int> first_mode_;
 };

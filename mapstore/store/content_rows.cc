@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/store/vehicle_rows.h"
+
 namespace shiftmap {
 namespace {
 
@@ -287,7 +289,8 @@ Status InsertContentRows(Database& database, std::int64_t version_id, const MapC
   SHIFTMAP_RETURN_IF_ERROR(InsertMerged(database, version_id, content));
   SHIFTMAP_RETURN_IF_ERROR(InsertRates(database, version_id, content));
   SHIFTMAP_RETURN_IF_ERROR(InsertCrossBlocks(database, version_id, content.covariance));
-  return InsertAnonymous(database, version_id, content.anonymous_landmarks);
+  SHIFTMAP_RETURN_IF_ERROR(InsertAnonymous(database, version_id, content.anonymous_landmarks));
+  return InsertVehicleRows(database, version_id, content.vehicles);
 }
 
 Status ReadContentRows(Database& database,
@@ -318,7 +321,8 @@ Status ReadContentRows(Database& database,
   SHIFTMAP_RETURN_IF_ERROR(ReadRates(database, version_id, owner, content.groups));
   SHIFTMAP_ASSIGN_OR_RETURN(content.covariance,
                             ReadCovariance(database, version_id, owner, std::move(diagonal)));
-  return ReadAnonymous(database, version_id, content.anonymous_landmarks);
+  SHIFTMAP_RETURN_IF_ERROR(ReadAnonymous(database, version_id, content.anonymous_landmarks));
+  return ReadVehicleRows(database, version_id, content.vehicles);
 }
 
 }  // namespace shiftmap

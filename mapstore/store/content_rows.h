@@ -10,8 +10,8 @@
 
 namespace shiftmap {
 
-/// Writes the groups, modes, cross covariances and anonymous landmarks of a version; stamp and
-/// calibration are columns of its `version` row.
+/// Writes the groups, modes, cross covariances, anonymous landmarks and vehicles of a version;
+/// stamp and the fleet's calibration are columns of its `version` row.
 Status InsertContentRows(Database& database, std::int64_t version_id, const MapContent& content);
 
 /// Reads them back into `content`, whose stamp and calibration stay.

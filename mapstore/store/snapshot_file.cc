@@ -28,6 +28,8 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
         "SELECT * FROM source.mode_covariance WHERE version_id = ?1",
         "INSERT INTO main.anonymous_landmark "
         "SELECT * FROM source.anonymous_landmark WHERE version_id = ?1",
+        "INSERT INTO main.vehicle_calibration "
+        "SELECT * FROM source.vehicle_calibration WHERE version_id = ?1",
         "INSERT INTO main.run SELECT * FROM source.run WHERE run_id IN "
         "(SELECT run_id FROM source.version_run WHERE version_id = ?1)",
         "INSERT INTO main.version_run (version_id, run_id, trajectory) "

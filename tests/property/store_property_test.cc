@@ -55,6 +55,10 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   MapContent Successor(const MapContent& parent) {
     MapContent content = parent;
     content.stamp = std::max(parent.stamp, RandomStamp());
+    for (VehicleCalibration& vehicle : content.vehicles) {
+      if (Chance(0.5)) vehicle = RandomVehicle(random_, vehicle.vehicle);
+    }
+    if (Chance(0.1) && !content.vehicles.empty()) content.vehicles.pop_back();
     for (LandmarkGroup& group : content.groups) {
       if (Chance(0.3)) {
         Mode mode = group.modes.back();
@@ -93,6 +97,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     } else {
       RandomMapOptions map;
       map.groups = 3;
+      map.vehicles = Below(4);
       version.content = RandomContent(random_, map);
       version.content.stamp = RandomStamp();
     }

@@ -59,6 +59,22 @@ LandmarkGroup RandomGroup(std::mt19937_64& random, const std::string& signature,
   return group;
 }
 
+VehicleCalibration RandomVehicle(std::mt19937_64& random, const std::string& name) {
+  VehicleCalibration vehicle;
+  for (double* value : VehicleValues(&vehicle)) *value = Uniform(random, 0.01, 0.5);
+  for (NoiseEstimate* noise : {&vehicle.noise_v,
+                               &vehicle.noise_omega,
+                               &vehicle.range_m,
+                               &vehicle.bearing_rad,
+                               &vehicle.position_m}) {
+    noise->dof = Uniform(random, 2.0, 500.0);
+  }
+  vehicle.vehicle = name;
+  vehicle.runs = static_cast<std::int64_t>(random() % 100) + 1;
+  vehicle.stamp = StampFromNanoseconds(static_cast<std::int64_t>(random() >> 3));
+  return vehicle;
+}
+
 MapContent RandomContent(std::mt19937_64& random, const RandomMapOptions& options) {
   MapContent content;
   std::vector<Eigen::Matrix2d> diagonal;
@@ -84,6 +100,9 @@ MapContent RandomContent(std::mt19937_64& random, const RandomMapOptions& option
   content.covariance = JointCovariance(std::move(diagonal), std::move(cross));
   for (int i = 0; i < options.anonymous_landmarks; ++i) {
     content.anonymous_landmarks.push_back(RandomMode(random, 1));
+  }
+  for (int i = 0; i < options.vehicles; ++i) {
+    content.vehicles.push_back(RandomVehicle(random, "truck-" + std::to_string(i)));
   }
   content.calibration.odometry.scale_v = Uniform(random, 0.9, 1.1);
   content.calibration.odometry.lag_s = Uniform(random, -0.2, 0.2);

@@ -19,6 +19,7 @@ struct RandomMapOptions {
   int groups = 20;
   int max_modes = 4;  ///< Each group has 1 to max_modes.
   int anonymous_landmarks = 3;
+  int vehicles = 0;
   double cross_block_share = 0.05;  ///< Of the pairs of neighbours in mode order.
   std::int64_t stamp_ns = 1'700'000'000'123'456'789;
 };
@@ -31,6 +32,9 @@ Eigen::VectorXd RandomDistribution(std::mt19937_64& random, int states);
 
 /// A group with modes 1..modes.
 LandmarkGroup RandomGroup(std::mt19937_64& random, const std::string& signature, int modes);
+
+/// A valid calibration, every number random.
+VehicleCalibration RandomVehicle(std::mt19937_64& random, const std::string& name);
 
 /// Valid content, every number random.
 MapContent RandomContent(std::mt19937_64& random, const RandomMapOptions& options = {});

@@ -11,7 +11,7 @@ void AddInspectCommands(Application* application);
 // The same by what they are about. Those of the last two write.
 void AddListCommands(Application* application);     ///< areas, versions, runs, sightings
 void AddLedgerCommands(Application* application);   ///< reports, audit
-void AddMapCommands(Application* application);      ///< show, modes, history
+void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
 void AddPictureCommands(Application* application);  ///< export, plot
 void AddVersionCommands(Application* application);  ///< diff, publish, rollback
 void AddMaintenanceCommands(

@@ -8,6 +8,7 @@
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
+#include "tools/inspect/vehicle_table.h"
 
 namespace shiftmap {
 namespace {
@@ -59,13 +60,14 @@ std::string MapText(const MapSnapshot& map) {
   }
   return fmt::format(
       "area {}, version {}, content {}\nprobabilities at {} UTC; {} landmarks, {} "
-      "anonymous\n\n{}",
+      "anonymous, {} vehicles\n\n{}",
       map.area(),
       map.version().value(),
       map.content_hash(),
       FormatUtc(map.stamp()),
       map.groups().size(),
       map.anonymous_landmarks().size(),
+      map.vehicles().size(),
       table.ToString());
 }
 
@@ -158,6 +160,16 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
   return OkStatus();
 }
 
+Status RunVehicles(const StoreArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
+  context.Report({{"area", map.area()},
+                  {"version", map.version().value()},
+                  {"vehicles", VehiclesJson(map.vehicles())}},
+                 VehiclesText(map.vehicles()));
+  return OkStatus();
+}
+
 }  // namespace
 
 void AddMapCommands(Application* application) {
@@ -184,6 +196,13 @@ void AddMapCommands(Application* application) {
   AddMapOptions(&history->store, &history_command);
   history_command.Option("SIGNATURE", &history->signature, "The landmark").Required();
   history_command.Option("--steps", &history->steps, "Number of time steps").InRange(1, 10000);
+
+  auto vehicles = std::make_shared<StoreArguments>();
+  AddMapOptions(vehicles.get(),
+                &application->AddCommand(
+                    "vehicles",
+                    "List what the map knows of each vehicle's odometry and sensor, with intervals",
+                    [vehicles](Context& context) { return RunVehicles(*vehicles, context); }));
 }
 
 }  // namespace shiftmap

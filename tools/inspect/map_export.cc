@@ -4,6 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tools/inspect/vehicle_table.h"
+
 namespace shiftmap {
 namespace {
 
@@ -65,6 +67,7 @@ Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& pa
           {"parent", parent ? Json(parent->value()) : Json(nullptr)},
           {"stamp_s", ToSecondsSinceEpoch(snapshot.stamp())},
           {"groups", groups},
+          {"vehicles", VehiclesJson(snapshot.vehicles())},
           {"anonymous_landmarks", snapshot.anonymous_landmarks().size()}};
 }
 

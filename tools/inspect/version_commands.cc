@@ -75,7 +75,10 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
   for (const GroupDiff& group : diff.groups) groups.push_back(GroupJson(group));
   Json calibration = Json::array();
   for (const CalibrationChange& change : diff.calibration) {
-    calibration.push_back({{"name", change.name}, {"from", change.from}, {"to", change.to}});
+    calibration.push_back({{"vehicle", change.vehicle},
+                           {"name", change.name},
+                           {"from", change.from},
+                           {"to", change.to}});
   }
   return {{"area", arguments.store.area},
           {"from", arguments.from},
@@ -87,6 +90,8 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
            {{"from", diff.anonymous_from},
             {"to", diff.anonymous_to},
             {"changed", diff.anonymous_changed}}},
+          {"vehicles_added", diff.vehicles_added},
+          {"vehicles_removed", diff.vehicles_removed},
           {"calibration", calibration}};
 }
 
@@ -134,8 +139,16 @@ std::string DiffText(const MapDiff& diff) {
     table.AddRow({signature.text(), "", "landmark removed", ""});
   }
   for (const GroupDiff& group : diff.groups) AddGroupRows(group, &table);
+  for (const std::string& vehicle : diff.vehicles_added) {
+    table.AddRow({"", "", "vehicle added", vehicle});
+  }
+  for (const std::string& vehicle : diff.vehicles_removed) {
+    table.AddRow({"", "", "vehicle removed", vehicle});
+  }
   for (const CalibrationChange& change : diff.calibration) {
-    table.AddRow({"", "", change.name, fmt::format("{:.4g} to {:.4g}", change.from, change.to)});
+    const std::string owner = change.vehicle.empty() ? "" : change.vehicle + ": ";
+    table.AddRow(
+        {"", "", owner + change.name, fmt::format("{:.4g} to {:.4g}", change.from, change.to)});
   }
   std::string text = table.ToString();
   if (diff.anonymous_changed) {

@@ -32,6 +32,7 @@ void FillState(const ServiceState& state, proto::ServiceState* out) {
   out->set_scans(state.scans);
   out->set_decisions(state.decisions);
   out->set_overruns(state.overruns);
+  out->set_calibrated_vehicle(state.calibrated_vehicle);
   for (const DroppedCount& dropped : state.dropped) {
     proto::Dropped* entry = out->add_dropped();
     entry->set_reason(dropped.reason);
@@ -56,6 +57,7 @@ StatusOr<ServiceState> FromProto(const proto::ServiceState& in) {
   state.scans = in.scans();
   state.decisions = in.decisions();
   state.overruns = in.overruns();
+  state.calibrated_vehicle = in.calibrated_vehicle();
   for (const proto::Dropped& dropped : in.dropped()) {
     state.dropped.push_back({dropped.reason(), dropped.count()});
   }

@@ -9,6 +9,7 @@
 
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
+#include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
 #include "tests/unit/localizer/simulated_run.h"
@@ -81,6 +82,29 @@ class ServiceTest : public ::testing::Test {
   std::vector<std::string> warnings_;
   std::vector<Event> events_;
 };
+
+TEST_F(ServiceTest, AShiftUsesItsVehiclesOwnCalibration) {
+  std::mt19937_64 random(testing::TestSeed(5));
+  content_.vehicles = {testing::RandomVehicle(random, "cart")};
+  {
+    auto store = MapStore::Open(store_, MapStore::Access::kReadWrite);
+    ASSERT_THAT(store, IsOk());
+    CommitOptions options;
+    options.parent = VersionNumber(1);
+    ASSERT_THAT(store->Commit("area", content_, Provenance(), options), IsOk());
+  }
+  {
+    Service service = Opened();
+    ASSERT_THAT(Do(&service, Start()), IsOk());
+    EXPECT_EQ(service.State().calibrated_vehicle, "cart");
+  }
+  Service service = Opened();
+  EXPECT_TRUE(service.State().resumed);
+  EXPECT_EQ(service.State().calibrated_vehicle, "cart");
+  Stop(&service);
+  ASSERT_THAT(Do(&service, Start{.vehicle = "crane", .odometer_m = std::nullopt}), IsOk());
+  EXPECT_EQ(service.State().calibrated_vehicle, "");
+}
 
 // Wherever the disk's content ends, what is whole is taken up, and fed on from there the shift says
 // what an uninterrupted one says, under the same UUID.

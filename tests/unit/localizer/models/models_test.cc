@@ -49,6 +49,26 @@ TEST(ObservationModel, APerfectObservationHasNoInnovation) {
   EXPECT_LT(Linearize(observation, T_map_vehicle, p).nu.norm(), 1e-12);
 }
 
+TEST(ObservationModel, CorrectionTakesOffWhatTheSensorAdds) {
+  SensorCalibration sensor;
+  sensor.range_curvature_per_rad2 = -0.5;
+  sensor.mean_squared_bearing_rad2 = 0.1;
+  sensor.bearing_offset_rad = 0.04;
+  for (const double bearing : {-0.7, 0.0, 0.6}) {
+    Observation seen;
+    seen.z.y() = bearing + sensor.bearing_offset_rad;
+    seen.z.x() = 5.0 * (1.0 - 0.5 * (seen.z.y() * seen.z.y() - 0.1));
+    const Observation corrected = Corrected(seen, sensor);
+    EXPECT_NEAR(corrected.z.x(), 5.0, 1e-12);
+    EXPECT_NEAR(corrected.z.y(), bearing, 1e-12);
+  }
+  Observation seen;
+  seen.z = {5.0, -3.12};
+  EXPECT_NEAR(Corrected(seen, sensor).z.y(), WrapAngle(-3.16), 1e-12);
+  seen.kind = Observation::Kind::kCartesian;
+  EXPECT_EQ(Corrected(seen, sensor).z, seen.z);
+}
+
 TEST(MotionModel, CalibrationJacobianAgreesWithDifferences) {
   std::vector<OdometrySample> odometry;
   for (int i = 0; i < 60; ++i) {

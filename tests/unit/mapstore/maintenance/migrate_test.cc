@@ -30,44 +30,57 @@ nlohmann::json ReadJson(const std::string& path) {
   return nlohmann::json::parse(file);
 }
 
-class MigrateTest : public ::testing::Test {
+// A frozen store: its schema, and how much its reports told.
+struct OldStore {
+  int schema;
+  std::int64_t evidence_rows;
+  std::size_t sightings;
+};
+
+class MigrateTest : public ::testing::TestWithParam<OldStore> {
  protected:
-  MigrateTest() { std::filesystem::copy_file(Frozen("schema_1.db"), path_); }
+  MigrateTest() { std::filesystem::copy_file(Frozen(name_ + ".db"), path_); }
+
+  const std::string name_ = "schema_" + std::to_string(GetParam().schema);
 
   TempDir dir_;
   const std::string path_ = dir_.File("a.db");
 };
 
-TEST_F(MigrateTest, OpeningOnlyChecks) {
+TEST_P(MigrateTest, OpeningOnlyChecks) {
   const std::string before = *HashFile(path_);
   for (const auto access : {MapStore::Access::kReadOnly,
                             MapStore::Access::kReadWrite,
                             MapStore::Access::kReadWriteCreate}) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
-                         "schema version 1, this build reads 2; 'shiftmap-inspect migrate'"));
+                         "schema version " + std::to_string(GetParam().schema) +
+                             ", this build reads 3; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
 
 // What the build of that schema said of the store, byte for byte of every number.
-TEST_F(MigrateTest, KeepsContentAndProbabilities) {
+TEST_P(MigrateTest, KeepsContentAndProbabilities) {
   const std::string before = *HashFile(path_);
   const StatusOr<MigrateResult> result = MigrateStore(path_, "");
   ASSERT_THAT(result, IsOk());
-  EXPECT_EQ(result->from, 1);
-  EXPECT_EQ(result->backup, path_ + ".schema1.bak");
+  EXPECT_EQ(result->from, GetParam().schema);
+  EXPECT_EQ(result->backup, path_ + ".schema" + std::to_string(GetParam().schema) + ".bak");
   EXPECT_FALSE(before.empty());
 
   MapStore store = *MapStore::Open(path_, MapStore::Access::kReadOnly);
   for (const int version : {1, 2}) {
     const nlohmann::json frozen =
-        ReadJson(Frozen("schema_1_floor_" + std::to_string(version) + ".json"));
+        ReadJson(Frozen(name_ + "_floor_" + std::to_string(version) + ".json"));
     const StatusOr<MapSnapshot> map = version == 2
                                           ? store.LoadAt("floor", VersionNumber(version))
                                           : store.LoadVersion("floor", VersionNumber(version));
     ASSERT_THAT(map, IsOk());
     EXPECT_EQ(map->content_hash(), frozen["content_hash"]);
+    EXPECT_EQ(ContentHash(store.LoadVersion("floor", VersionNumber(version))->content()),
+              frozen["content_hash"]);
+    EXPECT_TRUE(map->vehicles().empty());
     ASSERT_EQ(map->groups().size(), frozen["groups"].size());
     for (std::size_t g = 0; g < map->groups().size(); ++g) {
       const LandmarkGroup& group = map->groups()[g];
@@ -86,22 +99,22 @@ TEST_F(MigrateTest, KeepsContentAndProbabilities) {
   }
   const std::vector<ReportSummary> reports = *store.Reports("floor");
   EXPECT_THAT(reports, SizeIs(2));
-  EXPECT_EQ(reports[0].evidence_rows + reports[1].evidence_rows, 28);
-  EXPECT_THAT(*store.Sightings("floor"), SizeIs(4));
+  EXPECT_EQ(reports[0].evidence_rows + reports[1].evidence_rows, GetParam().evidence_rows);
+  EXPECT_THAT(*store.Sightings("floor"), SizeIs(GetParam().sightings));
   EXPECT_EQ(store.AuditLog()->back().action, "migrate");
 }
 
-TEST_F(MigrateTest, HappensOnceAndOverwritesNoBackup) {
+TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   const std::string backup = dir_.File("b.db");
   std::ofstream(backup) << "something";
   EXPECT_THAT(MigrateStore(path_, backup),
               StatusIs(StatusCode::kFailedPrecondition, "exists already"));
   EXPECT_THAT(MapStore::Open(path_, MapStore::Access::kReadOnly),
-              StatusIs(StatusCode::kFailedPrecondition, "schema version 1"));
+              StatusIs(StatusCode::kFailedPrecondition, "schema version "));
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 2 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 3 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -110,7 +123,7 @@ TEST_F(MigrateTest, HappensOnceAndOverwritesNoBackup) {
             ContentHash(second.LoadAt("floor")->content()));
 }
 
-TEST_F(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
+TEST_P(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
   ASSERT_THAT(MigrateStore(path_, ""), IsOk());
   StatusOr<MapStore> store = MapStore::Open(path_, MapStore::Access::kReadWrite);
   ASSERT_THAT(store, IsOk());
@@ -119,6 +132,10 @@ TEST_F(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
   options.parent = VersionNumber(2);
   EXPECT_EQ(store->Commit("floor", content, {}, options)->version, VersionNumber(3));
 }
+
+INSTANTIATE_TEST_SUITE_P(Schemas,
+                         MigrateTest,
+                         ::testing::Values(OldStore{1, 28, 4}, OldStore{2, 20, 7}));
 
 }  // namespace
 }  // namespace shiftmap::testing

@@ -17,6 +17,7 @@ MapContent SomeContent() {
   RandomMapOptions options;
   options.groups = 6;
   options.cross_block_share = 0.5;
+  options.vehicles = 2;
   return RandomContent(random, options);
 }
 
@@ -104,6 +105,13 @@ TEST(ContentHashTest, EveryFieldChangesIt) {
                                            &SensorCalibration::clutter_density_per_m2,
                                            &SensorCalibration::new_landmark_density_per_m2}) {
     changes.push_back([=](MapContent& c) { nudge(c.calibration.sensor.*field); });
+  }
+  changes.push_back([](MapContent& c) { c.vehicles.pop_back(); });
+  changes.push_back([](MapContent& c) { c.vehicles[1].vehicle += "x"; });
+  changes.push_back([](MapContent& c) { ++c.vehicles[1].runs; });
+  changes.push_back([](MapContent& c) { c.vehicles[1].stamp += Duration(1); });
+  for (std::size_t i = 0; i < kVehicleValues; ++i) {
+    changes.push_back([=](MapContent& c) { nudge(*VehicleValues(&c.vehicles[1])[i]); });
   }
   std::set<std::string> hashes = {ContentHash(SomeContent())};
   for (std::size_t i = 0; i < changes.size(); ++i) {

@@ -67,6 +67,23 @@ TEST_F(MapDiffTest, ListsExactlyWhatWasEdited) {
   EXPECT_STREQ(diff.calibration[0].name.c_str(), "sensor_sd_range_m");
 }
 
+TEST_F(MapDiffTest, NamesVehiclesAndTheirValues) {
+  MapContent from = map_;
+  for (const char* name : {"a", "b", "c"}) from.vehicles.push_back(RandomVehicle(random_, name));
+  MapContent to = from;
+  to.vehicles.erase(to.vehicles.begin());
+  to.vehicles[0].lag_s.value = 0.7;
+  to.vehicles.push_back(RandomVehicle(random_, "d"));
+  const MapDiff diff = DiffMaps(from, to);
+  EXPECT_FALSE(diff.empty());
+  EXPECT_THAT(diff.vehicles_removed, ElementsAre("a"));
+  EXPECT_THAT(diff.vehicles_added, ElementsAre("d"));
+  ASSERT_THAT(diff.calibration, SizeIs(1));
+  EXPECT_EQ(diff.calibration[0].vehicle, "b");
+  EXPECT_EQ(diff.calibration[0].name, "lag_s");
+  EXPECT_EQ(diff.calibration[0].to, 0.7);
+}
+
 TEST_F(MapDiffTest, TurnedRoundAddedIsRemovedAndMovesChangeSign) {
   MapContent to = map_;
   to.groups.erase(to.groups.begin());

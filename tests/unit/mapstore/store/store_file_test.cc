@@ -30,6 +30,7 @@ class StoreFileTest : public ::testing::Test {
     std::mt19937_64 random(TestSeed(3));
     RandomMapOptions options;
     options.groups = groups;
+    options.vehicles = 2;
     MapStore store = OpenStore(path_);
     ASSERT_THAT(store.Commit("a", RandomContent(random, options), {}, {}), IsOk());
   }
@@ -108,7 +109,7 @@ TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
                        "map store '" + path_ +
-                           "': schema version 7, this build reads 2; it needs a newer build"));
+                           "': schema version 7, this build reads 3; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {
@@ -135,6 +136,8 @@ TEST_F(StoreFileTest, AnyFlippedNumberIsDamage) {
                           "UPDATE version SET sensor_max_range_m = 11",
                           "DELETE FROM anonymous_landmark WHERE landmark_index = 1",
                           "UPDATE landmark_group SET leave_rate_per_s = -1",
+                          "UPDATE vehicle_calibration SET lag_s = lag_s + 1e-9 WHERE runs > 0",
+                          "DELETE FROM vehicle_calibration WHERE vehicle = 'truck-1'",
                           "UPDATE mode_covariance SET row_index = 1000000, column_index = 1000001 "
                           "WHERE row_index = (SELECT min(row_index) FROM mode_covariance)"}) {
     SCOPED_TRACE(sql);
