@@ -61,9 +61,13 @@ class ActiveModes {
 // will cost.
 constexpr double kNoiseSpanSeconds = 10.0;
 
-Eigen::Vector2d LongTermNoise(const BuildRun& run) {
-  std::vector<double> x_squares;
-  std::vector<double> yaw_squares;
+// Squares of the errors over such spans, per second of them.
+struct MotionSquares {
+  std::vector<double> x;
+  std::vector<double> yaw;
+};
+
+void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
   std::size_t hint = 0;
   std::size_t first = 0;
   const std::vector<KeyFrame>& frames = run.data->frames;
@@ -74,12 +78,62 @@ Eigen::Vector2d LongTermNoise(const BuildRun& run) {
         run.data->odometry, frames[first].stamp, frames[i].stamp, run.odometry, &hint);
     const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
     const Eigen::Vector3d error = (motion.T_begin_end.Inverse() * T_first_i).Log();
-    x_squares.push_back(error.x() * error.x() / seconds);
-    yaw_squares.push_back(error.z() * error.z() / seconds);
+    squares->x.push_back(error.x() * error.x() / seconds);
+    squares->yaw.push_back(error.z() * error.z() / seconds);
     first = i;
   }
-  if (x_squares.empty()) return Eigen::Vector2d::Zero();
-  return {RobustSd(x_squares), RobustSd(yaw_squares)};
+}
+
+Eigen::Vector2d LongTermNoise(const BuildRun& run) {
+  MotionSquares squares;
+  AddMotionSquares(run, &squares);
+  if (squares.x.empty()) return Eigen::Vector2d::Zero();
+  return {RobustSd(squares.x), RobustSd(squares.yaw)};
+}
+
+// Squared innovations of a run's explained observations.
+struct SensorSquares {
+  std::vector<double> range;
+  std::vector<double> bearing;
+  std::vector<double> position;
+  double squared_ranges = 0.0;  // Sum of r².
+};
+
+void AddSensorSquares(const MapProblem& problem,
+                      const BuildRun& run,
+                      const SensorBias& bias,
+                      double mean_squared_bearing,
+                      SensorSquares* squares) {
+  for (const Sighting& sighting : run.data->sightings) {
+    if (!IsInlier(problem, run, sighting)) continue;
+    const Eigen::Vector2d nu2 = LinearizeBiased(sighting.observation,
+                                                run.poses[static_cast<std::size_t>(sighting.frame)],
+                                                AssignedPosition(problem, run, sighting),
+                                                bias,
+                                                mean_squared_bearing)
+                                    .nu.cwiseAbs2();
+    if (sighting.observation.kind == Observation::Kind::kCartesian) {
+      squares->position.insert(squares->position.end(), {nu2.x(), nu2.y()});
+    } else {
+      squares->range.push_back(nu2.x());
+      squares->bearing.push_back(nu2.y());
+      squares->squared_ranges += sighting.observation.z.x() * sighting.observation.z.x();
+    }
+  }
+}
+
+// What sensors of the fleet get wrong about ranges beside noise. [m]
+double RangeSpread(const SensorSquares& squares, double sd_range_scale) {
+  if (squares.range.empty()) return 0.0;
+  const double mean_square = squares.squared_ranges / static_cast<double>(squares.range.size());
+  return std::hypot(kRangeSpread, sd_range_scale * std::sqrt(mean_square));
+}
+
+// The median tells as much of a standard deviation as 37 % of the values would in squares.
+NoiseEstimate RobustNoise(const std::vector<double>& squares) {
+  constexpr double kEfficiency = 0.37;
+  if (squares.empty()) return {};
+  return {RobustSd(squares), kEfficiency * static_cast<double>(squares.size())};
 }
 
 }  // namespace
@@ -146,41 +200,20 @@ SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale) 
   SensorCalibration sensor = problem.sensor;
   const auto runs = static_cast<double>(problem.runs.size());
   for (const BuildRun& run : problem.runs) {
-    sensor.range_curvature_per_rad2 += run.sensor_bias[1] / runs;
+    sensor.range_curvature_per_rad2 += run.sensor_bias[kRangeCurvature] / runs;
     sensor.mean_squared_bearing_rad2 += run.data->mean_squared_bearing / runs;
   }
-  const SensorBias common(0.0, sensor.range_curvature_per_rad2);
-  std::vector<double> range;
-  std::vector<double> bearing;
-  std::vector<double> position;
-  double squared_ranges = 0.0;
+  const SensorBias common(0.0, 0.0, sensor.range_curvature_per_rad2);
+  SensorSquares squares;
   for (const BuildRun& run : problem.runs) {
-    for (const Sighting& sighting : run.data->sightings) {
-      if (!IsInlier(problem, run, sighting)) continue;
-      const Eigen::Vector2d squares =
-          LinearizeBiased(sighting.observation,
-                          run.poses[static_cast<std::size_t>(sighting.frame)],
-                          AssignedPosition(problem, run, sighting),
-                          common,
-                          sensor.mean_squared_bearing_rad2)
-              .nu.cwiseAbs2();
-      if (sighting.observation.kind == Observation::Kind::kCartesian) {
-        position.insert(position.end(), {squares.x(), squares.y()});
-      } else {
-        range.push_back(squares.x());
-        bearing.push_back(squares.y());
-        squared_ranges += sighting.observation.z.x() * sighting.observation.z.x();
-      }
-    }
+    AddSensorSquares(problem, run, common, sensor.mean_squared_bearing_rad2, &squares);
   }
-  const auto raise = [](const std::vector<double>& squares, double spread, double* sd) {
-    if (!squares.empty()) *sd = std::hypot(std::max(*sd, RobustSd(squares)), spread);
+  const auto raise = [](const std::vector<double>& of_kind, double spread, double* sd) {
+    if (!of_kind.empty()) *sd = std::hypot(std::max(*sd, RobustSd(of_kind)), spread);
   };
-  const double rms_range =
-      range.empty() ? 0.0 : std::sqrt(squared_ranges / static_cast<double>(range.size()));
-  raise(range, std::hypot(kRangeSpread, sd_range_scale * rms_range), &sensor.sd_range_m);
-  raise(bearing, kBearingSpread, &sensor.sd_bearing_rad);
-  raise(position, kRangeSpread, &sensor.sd_position_m);
+  raise(squares.range, RangeSpread(squares, sd_range_scale), &sensor.sd_range_m);
+  raise(squares.bearing, kBearingSpread, &sensor.sd_bearing_rad);
+  raise(squares.position, kRangeSpread, &sensor.sd_position_m);
   return sensor;
 }
 
@@ -204,6 +237,32 @@ OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
   fleet.noise_v = std::sqrt(variance.x());
   fleet.noise_omega = std::sqrt(variance.y());
   return fleet;
+}
+
+VehicleNoise NoiseOverSeconds(const MapProblem& problem,
+                              const std::vector<std::size_t>& runs,
+                              const SensorBias& bias,
+                              double mean_squared_bearing,
+                              double sd_range_scale) {
+  MotionSquares motion;
+  SensorSquares sensor;
+  for (const std::size_t r : runs) {
+    const BuildRun& run = problem.runs[r];
+    AddMotionSquares(run, &motion);
+    AddSensorSquares(problem, run, bias, mean_squared_bearing, &sensor);
+  }
+  NoiseEstimate range = RobustNoise(sensor.range);
+  range.sd = std::hypot(range.sd, RangeSpread(sensor, sd_range_scale));
+  return {RobustNoise(motion.x),
+          RobustNoise(motion.yaw),
+          range,
+          RobustNoise(sensor.bearing),
+          RobustNoise(sensor.position)};
+}
+
+NoiseEstimate Larger(const NoiseEstimate& a, const NoiseEstimate& b) {
+  if (!a.known() || !b.known()) return a.known() ? a : b;
+  return a.sd < b.sd ? b : a;
 }
 
 }  // namespace shiftmap

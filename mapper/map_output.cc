@@ -191,6 +191,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
   }
   GroupChainOptions learning = options.chains.learning;
   learning.leave_rate_per_s = options.modes.leave_rate_per_s;
+  learning.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnGroupChains(*groups, evidence, learning));
   for (std::size_t i = 0; i < chains.size(); ++i) {

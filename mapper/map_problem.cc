@@ -29,6 +29,9 @@ constexpr double kLinearCorrection = 2e-3;
 // says no more.
 constexpr double kSettledNoise = 1.05;
 
+// Of what is not estimated.
+constexpr double kHeldSd = 1e-9;
+
 // The calibration `to` as a correction of `from`: (log scale_v, log scale_omega, lag_s).
 Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to) {
   return {std::log(to.scale_v / from.scale_v),
@@ -53,18 +56,22 @@ void UpdateMotions(BuildRun* run) {
   }
 }
 
-GraphRun MakeGraphRun(const OdometryCalibration& fleet, bool calibrate, BuildRun* run) {
+// @param in_map_units  A prior map says how long a metre is.
+GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
+  const OdometryCalibration& fleet = options.calibration.odometry;
+  const bool calibrate = options.calibrate;
   UpdateMotions(run);
   GraphRun result;
   result.poses = run->poses;
   result.motions = run->motions.increments;
-  const double sd_scale = calibrate ? fleet.sd_log_scale : 1e-9;
+  const double sd_scale = calibrate ? fleet.sd_log_scale : kHeldSd;
   result.correction = CorrectionBetween(run->motions.calibration, run->odometry);
-  result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : 1e-9};
+  result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : kHeldSd};
   result.correction_prior_mean = CorrectionBetween(run->motions.calibration, fleet);
   result.sensor_bias = run->sensor_bias;
-  result.sensor_bias_sd =
-      calibrate ? SensorBias(kBearingOffsetSd, kRangeCurvatureSd) : SensorBias::Constant(1e-9);
+  result.sensor_bias_sd.setConstant(kHeldSd);
+  if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
+  if (calibrate && in_map_units) result.sensor_bias_sd[kLogRangeScale] = options.sd_run_range_scale;
   return result;
 }
 
@@ -112,7 +119,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   }
   for (std::size_t r = 0; r < problem->runs.size(); ++r) {
     BuildRun& run = problem->runs[r];
-    graph.runs.push_back(MakeGraphRun(options.calibration.odometry, options.calibrate, &run));
+    graph.runs.push_back(MakeGraphRun(options, !problem->prior.modes.empty(), &run));
     for (const Sighting& sighting : run.data->sightings) {
       const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
       if (mode == kUnassigned) continue;
@@ -126,6 +133,8 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
     }
   }
   graph.prior = problem->prior;
+  // Runs by themselves are mapped side by side.
+  graph.threads = problem->runs.size() > 1 ? options.threads : 1;
   return graph;
 }
 
@@ -133,9 +142,10 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   // Integrate again until the calibration stays.
   constexpr int kMaxIntegrations = 4;
   Graph graph;
+  GraphSolver solver;
   for (int i = 0; i < kMaxIntegrations; ++i) {
     graph = MakeGraph(options, problem);
-    problem->cost = SolveGraph(options.max_solver_iterations, &graph).final_cost;
+    problem->cost = solver.Solve(options.max_solver_iterations, &graph).final_cost;
     CopyBack(graph, problem);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
       return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
@@ -180,11 +190,12 @@ void CalibrateNoise(const MapperOptions& options,
   constexpr int kNoiseSamples = 6;
   // The next round goes on from where this one ends: none needs to end at the minimum.
   constexpr int kIterations = 5;
+  GraphSolver solver;
   for (int round = 0; round < rounds; ++round) {
     if (go_on && !go_on(*problem)) return;
     Graph graph = MakeGraph(options, problem);
     problem->cost =
-        SolveGraph(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
+        solver.Solve(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
     CopyBack(graph, problem);
     const ResidualStatistics statistics =
         ComputeResidualStatistics(graph, kNoiseSamples, options.seed);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <tuple>
 #include <utility>
 
@@ -14,8 +15,10 @@
 #include "mapper/memory_estimate.h"
 #include "mapper/mode_covariance.h"
 #include "mapper/mode_refinement.h"
+#include "mapper/parallel.h"
 #include "mapper/single_run.h"
 #include "mapper/submap.h"
+#include "mapper/vehicle_update.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -90,12 +93,14 @@ Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
       "no run can be used; first: run '{}': {}", rejected.front().name, rejected.front().reason);
 }
 
-// Tells the monitor of a build how it goes on, and remembers that it asked to stop.
+// Tells the monitor of a build how it goes on, one thread at a time, and remembers that it asked to
+// stop.
 class Watch {
  public:
   explicit Watch(const MapperMonitor& monitor) : monitor_(monitor) {}
 
   bool Report(const std::string& phase, double done, const MapProblem& problem) {
+    const std::lock_guard<std::mutex> lock(mutex_);
     if (!monitor_ || stopped_) return !stopped_;
     std::size_t modes = 0;
     for (const std::vector<BuildMode>& group : problem.modes) modes += group.size();
@@ -110,11 +115,13 @@ class Watch {
   }
 
   Status status() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
     return stopped_ ? MakeStatus(StatusCode::kCancelled, "build: stopped") : OkStatus();
   }
 
  private:
   const MapperMonitor& monitor_;
+  mutable std::mutex mutex_;
   bool stopped_ = false;
 };
 
@@ -125,17 +132,17 @@ StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
                                             const std::vector<Signature>& signatures,
                                             const MapperOptions& options,
                                             Watch* watch) {
-  std::vector<Submap> submaps;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
+  std::vector<Submap> submaps(runs.size());
+  ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
     const double done =
         kSingleRunsShare * static_cast<double>(i) / static_cast<double>(runs.size());
     const GoOn go_on = watch->During(fmt::format("run {}", runs[i].name), done);
-    go_on({});
-    SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    if (!go_on({})) return;
     MapProblem problem = MapSingleRun(runs[i], signatures, options, go_on);
-    SHIFTMAP_RETURN_IF_ERROR(watch->status());
-    submaps.push_back(MakeSubmap(options, std::move(problem)));
-  }
+    if (!watch->status().ok()) return;
+    submaps[i] = MakeSubmap(options, std::move(problem));
+  });
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
   return submaps;
 }
 
@@ -188,6 +195,7 @@ Status MapperOptions::Validate() const {
   if (max_memory_bytes < 0) {
     return InvalidArgument("max_memory_bytes: {}, expected 0 or more", max_memory_bytes);
   }
+  if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
   if (max_outer_iterations < 1 || max_solver_iterations < 1) {
     return InvalidArgument("iterations: expected 1 or more");
   }
@@ -262,6 +270,9 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
       MakeMapContent(problem, prior, MapCovariance(graph, options.sd_range_scale), options));
   result.content = std::move(output.content);
   result.chains = std::move(output.chains);
+  if (options.calibrate) result.vehicles = CalibrateVehicles(options, &problem);
+  if (prior) result.content.vehicles = prior->vehicles;
+  UpdateVehicles(result.vehicles, &result.content.vehicles);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
   for (std::size_t i = 0; i < problem.runs.size(); ++i)
     result.runs.push_back(MakeMappedRun(problem, i));
@@ -269,7 +280,6 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
     for (const BuildMode& mode : group) result.modes_created += mode.number == kAbsent;
   }
   result.modes_merged = problem.modes_merged;
-  if (options.calibrate) result.vehicles = CalibrateVehicles(options, &problem);
   result.selection = SummarizeSelection(options.modes, problem);
   watch.Report("done", 1.0, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());

@@ -54,9 +54,9 @@ struct MapperResult {
   int modes_merged = 0;
   int outer_iterations = 0;
   SelectionSummary selection;
-  std::int64_t estimated_memory_bytes = 0;   ///< What the build was expected to take at its peak.
-  std::vector<VehicleCalibration> vehicles;  ///< By name; none if the options do not calibrate.
-  std::vector<GroupChain> chains;            ///< As learned, one per group of the content; or none.
+  std::int64_t estimated_memory_bytes = 0;  ///< What the build was expected to take at its peak.
+  std::vector<VehicleEstimate> vehicles;    ///< By name; none if the options do not calibrate.
+  std::vector<GroupChain> chains;           ///< As learned, one per group of the content; or none.
 };
 
 /// Where a build is.
@@ -67,7 +67,8 @@ struct MapperProgress {
   std::size_t modes = 0;  ///< That it has by now.
 };
 
-/// Called as a build goes on, at least before every solve; false asks it to stop.
+/// Called as a build goes on, at least before every solve; false asks it to stop. One call at a
+/// time, from any of the threads of the build.
 using MapperMonitor = std::function<bool(const MapperProgress&)>;
 
 /// Builds a map of one area from runs of any vehicles and days, IJRR 3-7 as a graph:
@@ -87,9 +88,9 @@ using MapperMonitor = std::function<bool(const MapperProgress&)>;
 /// relative to the landmarks as a whole (inner constraints), not to that pose. With a prior the map
 /// frame is its frame, and its modes enter as a joint Gaussian; their numbers stay.
 ///
-/// The result does not depend on the order of `inputs`. One thread; same input and options, same
-/// bits. Errors: kInvalidArgument if no run can be used, options are out of range, or the build
-/// needs more memory than they allow; kCancelled if the monitor asked for it.
+/// The result does not depend on the order of `inputs`. Same input and options, same bits, on any
+/// number of threads. Errors: kInvalidArgument if no run can be used, options are out of range, or
+/// the build needs more memory than they allow; kCancelled if the monitor asked for it.
 StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,

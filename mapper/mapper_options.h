@@ -67,14 +67,21 @@ struct MapperOptions {
   Calibration calibration;
   bool calibrate = true;
 
-  /// How well the fleet's sensors know lengths; goes into the map's covariance. [-]
+  /// How well the fleet's sensors know lengths: what they get wrong together goes into the map's
+  /// covariance, what each run's gets wrong beside it is estimated where there is a prior map.
+  /// Standard deviations. [-]
   double sd_range_scale = 0.02;
+  double sd_run_range_scale = 0.01;
 
   /// Alternations of mode selection and solving at most.
   int max_outer_iterations = 20;
   int max_solver_iterations = 50;
 
   std::uint64_t seed = 1;
+
+  /// On which runs are mapped singly, visits scored and segments eliminated; >= 1. The result does
+  /// not depend on it, not in a bit.
+  int threads = 1;
 
   /// A build that would take more than this is refused before it does. 0: no bound. [bytes]
   std::int64_t max_memory_bytes = 0;

@@ -10,7 +10,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::int64_t kMib = 1024 * 1024;
+constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
 
 // The program, its libraries, and what the store's library caches.
 constexpr std::int64_t kProgram = 20 * kMib;

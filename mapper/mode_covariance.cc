@@ -2,7 +2,7 @@
 #include "mapper/mode_covariance.h"
 
 #include <algorithm>
-#include <limits>
+#include <random>
 #include <utility>
 
 #include "mapper/datum.h"
@@ -13,6 +13,9 @@ namespace {
 
 // Modes whose joint covariance a large map has: what a vehicle uses at a time are fewer.
 constexpr int kTileModes = 128;
+
+// Draws that bound the covariance of differences.
+constexpr int kDraws = 32;
 
 constexpr char kNotDetermined[] = "the graph does not determine its modes";
 
@@ -87,50 +90,31 @@ JointCovariance TiledCovariance(const Graph& graph, double sd_range_scale) {
 
 }  // namespace
 
-ModeDifferences::ModeDifferences(const Graph& graph) {
-  if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) {
-    joint_ = ComputeModeCovariance(graph);
-    return;
-  }
-  graph_ = &graph;
-  elimination_ = std::make_unique<GraphElimination>(graph);
+ModeDifferences::ModeDifferences(const Graph& graph)
+    : elimination_(std::make_unique<GraphElimination>(graph)) {
   SHIFTMAP_CHECK(elimination_->Linearize(), kNotDetermined);
-  const DatumChange change = MakeDatumChange(graph, *elimination_);
-  traces_.resize(graph.modes.size());
-  elimination_->VisitModeCovariance([&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
-    if (a == b) traces_[static_cast<std::size_t>(a)] = change.Refer(a, a, cov_a_b).trace();
-  });
-  // The third direction is a unit vector: a rotation by one radian is longer by the norm of all
-  // offsets. Of P G, half is in W.
-  const Eigen::Vector2d centroid = Centroid(graph.modes);
-  double squared_offsets = 0.0;
-  for (const Eigen::Vector2d& position : graph.modes) {
-    squared_offsets += (position - centroid).squaredNorm();
-  }
-  rotation_variance_ = 2.0 * change.G.col(2).dot(change.W.col(2)) / squared_offsets;
+  // Few differences cost less than the draws that would spare them.
+  if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) return;
+  std::mt19937_64 random(1);
+  draws_ = elimination_->DrawModes(kDraws, random);
 }
 
 Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
+  if (elimination_) return elimination_->ModeDifferenceCovariance(a, b);
   const Eigen::Index i = Eigen::Index{2} * a;
   const Eigen::Index j = Eigen::Index{2} * b;
-  if (graph_ == nullptr) {
-    return joint_.block<2, 2>(i, i) + joint_.block<2, 2>(j, j) - joint_.block<2, 2>(i, j) -
-           joint_.block<2, 2>(j, i);
-  }
-  Eigen::MatrixXd difference =
-      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * graph_->modes.size()), 2);
-  difference.middleRows<2>(i).setIdentity();
-  difference.middleRows<2>(j) = -Eigen::Matrix2d::Identity();
-  const Eigen::MatrixXd solved = elimination_->ModeCovarianceTimes(difference);
-  return solved.middleRows<2>(i) - solved.middleRows<2>(j);
+  return joint_.block<2, 2>(i, i) + joint_.block<2, 2>(j, j) - joint_.block<2, 2>(i, j) -
+         joint_.block<2, 2>(j, i);
 }
 
-double ModeDifferences::MaxVariance(int a, int b) const {
-  if (graph_ == nullptr) return std::numeric_limits<double>::infinity();
-  const auto i = static_cast<std::size_t>(a);
-  const auto j = static_cast<std::size_t>(b);
-  const double squared = (graph_->modes[i] - graph_->modes[j]).squaredNorm();
-  return 2.0 * (2.0 * traces_[i] + 2.0 * traces_[j] + squared * rotation_variance_);
+Eigen::Matrix2d ModeDifferences::SampledCovariance(int a, int b, double factor) const {
+  constexpr double kInfinite = 1e12;
+  if (draws_.cols() == 0) {
+    return Eigen::Matrix2d::Identity() * (factor < 1.0 ? 0.0 : kInfinite);
+  }
+  const auto differences =
+      draws_.middleRows<2>(Eigen::Index{2} * a) - draws_.middleRows<2>(Eigen::Index{2} * b);
+  return differences * differences.transpose() * (factor / kDraws);
 }
 
 std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int size) {

@@ -9,6 +9,7 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/sequence_builders.h"
 #include "mapstore/geometry/covariance.h"
@@ -67,19 +68,36 @@ bool HasSeveralModes(const MapProblem& problem) {
                      [](const std::vector<BuildMode>& group) { return group.size() > 1; });
 }
 
+// True if two modes i and j, `difference` apart, are not one place.
+// @param floor  Variance per axis beyond what their covariance knows of. [m²]
+bool ToldApart(const Eigen::Vector2d& difference,
+               int i,
+               int j,
+               double floor,
+               double gate,
+               const ModeDifferences& differences) {
+  const auto apart_by = [&](const Eigen::Matrix2d& cov) {
+    return SquaredMahalanobis(difference, cov + floor * Eigen::Matrix2d::Identity()) > gate;
+  };
+  // What the least or the largest covariance there can be decides needs no other.
+  if (!apart_by(differences.MinCovariance(i, j))) return false;
+  if (apart_by(differences.MaxCovariance(i, j))) return true;
+  return apart_by(differences.Covariance(i, j));
+}
+
 bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
 
 // Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
 // is linearized: after each step of the solver, until that changes no component.
 void Select(const MapperOptions& options, MapProblem* problem) {
   if (options.modes.selector.kind != SelectorKind::kMaxMixture) {
-    SelectModes(options.modes, problem);
+    SelectModes(options.modes, problem, options.threads);
     return;
   }
   MapperOptions one_step = options;
   one_step.max_solver_iterations = 1;
   for (int i = 0; i < options.max_solver_iterations; ++i) {
-    if (SelectModes(options.modes, problem) == 0 && i > 0) return;
+    if (SelectModes(options.modes, problem, options.threads) == 0 && i > 0) return;
     SolveContinuous(one_step, problem);
   }
 }
@@ -153,15 +171,19 @@ ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
   return sequence;
 }
 
-int SelectModes(const ModeOptions& options, MapProblem* problem) {
+int SelectModes(const ModeOptions& options, MapProblem* problem, int threads) {
   int changed = 0;
   const std::unique_ptr<Selector> selector = MakeSelector(options.selector);
   const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  std::vector<ModeSequenceProblem> sequences(by_group.size());
+  ForEachIndex(by_group.size(), threads, [&](std::size_t group) {
+    if (by_group[group].empty()) return;
+    sequences[group] = MakeGroupSequence(*problem, by_group[group], group, options);
+  });
   for (std::size_t group = 0; group < by_group.size(); ++group) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
-    const std::vector<int> states =
-        selector->Select(MakeGroupSequence(*problem, visits, group, options)).states;
+    const std::vector<int> states = selector->Select(sequences[group]).states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
       int& assignment = AssignmentOf(problem, visits[t]);
       changed += assignment != states[t] - 1;
@@ -217,11 +239,7 @@ int MergeModes(const ModeOptions& options,
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
         const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
         const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
-        // What is told apart even at the largest variance there can be needs no other.
-        if (difference.squaredNorm() > gate * (differences.MaxVariance(i, j) + floor)) continue;
-        const Eigen::Matrix2d cov =
-            differences.Covariance(i, j) + Eigen::Matrix2d::Identity() * floor;
-        if (SquaredMahalanobis(difference, cov) > gate) continue;
+        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
         Reassign(by_group[group], static_cast<int>(b), static_cast<int>(a), problem);
         gone.insert(b);
       }

@@ -37,7 +37,8 @@ ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
 
 /// Assigns every visit the mode that the selector of the options gives it. Returns how many
 /// assignments changed.
-int SelectModes(const ModeOptions& options, MapProblem* problem);
+/// @param threads  On which visits are scored; the result does not depend on it.
+int SelectModes(const ModeOptions& options, MapProblem* problem, int threads = 1);
 
 /// Makes a mode for visits that no mode explains, where enough of their sightings agree on a place.
 /// Returns how many modes were made.

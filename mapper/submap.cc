@@ -8,6 +8,7 @@
 
 #include "mapper/alignment/displaced_landmarks.h"
 #include "mapper/datum.h"
+#include "mapper/submap_fit.h"
 #include "mapper/waiting_submaps.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/status.h"
@@ -95,7 +96,7 @@ std::vector<bool> Displaced(const MapperOptions& options,
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     if (!MeetsPrior(problem, encounters[i])) continue;
     if (std::sqrt(encounters[i].squared_m2) >
-        kSurelyDisplaced * options.displacement.sd_displacement_m) {
+        kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
       displaced[i] = true;
       continue;
     }
@@ -168,6 +169,21 @@ bool Absorb(const MapperOptions& options,
     known = KnownModes(options, *alignment, submap, encounters, displaced, *problem);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (std::ssize(known) - unknown < kMinKnown) return false;
+    std::vector<bool> decided;  // With all modes of the prior at once.
+    for (const Encounter& encounter : encounters) {
+      decided.push_back(MeetsPrior(*problem, encounter));
+    }
+    // Where most landmarks stand elsewhere, one that is taken for known bends the run to fit.
+    const auto met = std::count_if(encounters.begin(), encounters.end(), [](const Encounter& e) {
+      return e.nearest != kUnassigned;
+    });
+    if (2 * (std::ssize(known) - unknown) >= met) {
+      std::vector<int> grown = GrowMatches(options, submap, *problem, known, decided);
+      if (grown != known) {
+        known = std::move(grown);
+        BendOntoMap(options, *problem, known, &submap);
+      }
+    }
   }
   std::vector<std::vector<int>> becomes(submap.problem.modes.size());
   for (std::size_t i = 0; i < encounters.size(); ++i) {

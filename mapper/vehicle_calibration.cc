@@ -2,20 +2,20 @@
 #include "mapper/vehicle_calibration.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
-#include "mapstore/geometry/covariance.h"
+#include "mapper/fleet_calibration.h"
 
 namespace shiftmap {
 namespace {
 
-using Parameters = Eigen::Matrix<double, 5, 1>;
-
-constexpr double kNormal = 1.959964;  // The 97.5 % quantile.
+// A run's calibration, order of ComputeCalibrationCovariance(). Localizers leave the scale of
+// ranges in their noise.
+using Parameters = Eigen::Vector<double, kRunCalibration>;
+constexpr int kRangeScale = 3;
+const Eigen::Array<int, 5, 1> kTakenOff = {0, 1, 2, 4, 5};
 
 // Noise is settled within a few percent of what residuals say, and that of one kind passes for
 // another's: 2.5 % of a standard deviation are as 1 / (2 · 0.025²) degrees of freedom.
@@ -25,39 +25,19 @@ constexpr double kUnsettled = 2.0 * 0.025 * 0.025;
 constexpr int kSamples = 16;
 
 Parameters ParametersOf(const OdometryCalibration& odometry, const SensorBias& bias) {
-  return {
-      std::log(odometry.scale_v), std::log(odometry.scale_omega), odometry.lag_s, bias[0], bias[1]};
-}
-
-Interval Around(double value, double sd) {
-  return {value, value - kNormal * sd, value + kNormal * sd};
-}
-
-Interval Exponential(const Interval& log) {
-  return {std::exp(log.value), std::exp(log.low), std::exp(log.high)};
+  Parameters parameters;
+  parameters << std::log(odometry.scale_v), std::log(odometry.scale_omega), odometry.lag_s, bias;
+  return parameters;
 }
 
 // A standard deviation from the squares of `count` residuals of redundancy r in all. The fit shares
 // r among them about evenly, tr R² ≈ r² / count of the residuals' projection R, and as many degrees
 // of freedom has the variance once what other kinds of noise leave in the residuals is told apart.
-Interval NoiseInterval(double sum_of_squares, double redundancy, double count) {
+NoiseEstimate NoiseFrom(double sum_of_squares, double redundancy, double count) {
   const double of_residuals = redundancy * redundancy / std::max(count, 1.0);
-  const auto dof = static_cast<int>(1.0 / (1.0 / std::max(of_residuals, 1e-3) + kUnsettled));
-  if (dof < 2) return {0.0, 0.0, std::numeric_limits<double>::infinity()};
-  const double variance = sum_of_squares / redundancy;
-  return {std::sqrt(variance),
-          std::sqrt(variance * dof / ChiSquareQuantile(0.975, dof)),
-          std::sqrt(variance * dof / ChiSquareQuantile(0.025, dof))};
-}
-
-Interval ShareInterval(double hits, double trials) {
-  if (trials <= 0.0) return {0.5, 0.0, 1.0};
-  const double share = hits / trials;
-  const double z2 = kNormal * kNormal;
-  const double centre = (share + 0.5 * z2 / trials) / (1.0 + z2 / trials);
-  const double half = kNormal / (1.0 + z2 / trials) *
-                      std::sqrt(share * (1.0 - share) / trials + 0.25 * z2 / (trials * trials));
-  return {share, centre - half, centre + half};
+  const double dof = 1.0 / (1.0 / std::max(of_residuals, 1e-3) + kUnsettled);
+  if (dof < 2.0) return {};
+  return {std::sqrt(sum_of_squares / redundancy), dof};
 }
 
 // The runs of each vehicle, by name.
@@ -69,19 +49,34 @@ std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& 
   return runs;
 }
 
-// Systematic errors of each vehicle with their joint covariance.
+// Systematic errors of all vehicles with their joint covariance, and the prior that is in it.
 struct Systematic {
   Eigen::VectorXd mean;
   Eigen::MatrixXd cov;
+  Parameters prior_mean;
+  Parameters prior_sd;
+
+  SystematicErrors Of(Eigen::Index vehicle) const {
+    const Eigen::Array<int, 5, 1> rows = kTakenOff + static_cast<int>(kRunCalibration * vehicle);
+    return {mean(rows), cov(rows, rows), prior_mean(kTakenOff), prior_sd(kTakenOff)};
+  }
+
+  Interval RangeScaleOf(Eigen::Index vehicle) const {
+    const Eigen::Index row = kRunCalibration * vehicle + kRangeScale;
+    return Exponential(IntervalOf(Estimate{mean[row], std::sqrt(cov(row, row))}));
+  }
 };
 
 Systematic CombineRuns(const OdometryCalibration& fleet,
                        const Graph& graph,
                        const MapProblem& problem,
                        const std::map<std::string, std::vector<std::size_t>>& vehicles) {
-  const auto runs = static_cast<Eigen::Index>(5 * problem.runs.size());
-  const auto size = static_cast<Eigen::Index>(5 * vehicles.size());
-  const Parameters prior_mean = ParametersOf(fleet, SensorBias::Zero());
+  const auto runs = static_cast<Eigen::Index>(kRunCalibration * problem.runs.size());
+  const auto size = static_cast<Eigen::Index>(kRunCalibration * vehicles.size());
+  Systematic result;
+  result.prior_mean = ParametersOf(fleet, SensorBias::Zero());
+  result.prior_sd << graph.runs.front().correction_prior_sd, graph.runs.front().sensor_bias_sd;
+  const Parameters information_of_prior = result.prior_sd.cwiseAbs2().cwiseInverse();
   Eigen::VectorXd estimate(runs);
   Eigen::MatrixXd E = Eigen::MatrixXd::Zero(runs, size);
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(size);
@@ -89,24 +84,21 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
   Eigen::Index column = 0;
   for (const auto& [name, of_vehicle] : vehicles) {
     for (const std::size_t r : of_vehicle) {
-      const auto row = static_cast<Eigen::Index>(5 * r);
-      estimate.segment<5>(row) =
+      const auto row = static_cast<Eigen::Index>(kRunCalibration * r);
+      estimate.segment<kRunCalibration>(row) =
           ParametersOf(problem.runs[r].odometry, problem.runs[r].sensor_bias);
-      E.block<5, 5>(row, column).setIdentity();
+      E.block<kRunCalibration, kRunCalibration>(row, column).setIdentity();
       if (r == of_vehicle.front()) continue;
-      Parameters information;
-      information << graph.runs[r].correction_prior_sd, graph.runs[r].sensor_bias_sd;
-      information = information.cwiseAbs2().cwiseInverse().eval();
-      prior.segment<5>(column) += information;
-      prior_pull.segment<5>(column) += information.cwiseProduct(prior_mean);
+      prior.segment<kRunCalibration>(column) += information_of_prior;
+      prior_pull.segment<kRunCalibration>(column) +=
+          information_of_prior.cwiseProduct(result.prior_mean);
     }
-    column += 5;
+    column += kRunCalibration;
   }
   const Eigen::LLT<Eigen::MatrixXd> C(ComputeCalibrationCovariance(graph));
   const Eigen::MatrixXd EtC = C.solve(E).transpose();
   Eigen::MatrixXd information = EtC * E;
   information.diagonal() -= prior;
-  Systematic result;
   result.cov = information.llt().solve(Eigen::MatrixXd::Identity(size, size));
   result.mean = result.cov * (EtC * estimate - prior_pull);
   return result;
@@ -156,10 +148,9 @@ void CountDetections(const MapProblem& problem, const BuildRun& run, DetectionCo
 }
 
 // Noise of a vehicle's runs: their residuals together, each under its own run's noise.
-void SetNoise(const MapProblem& problem,
-              const std::vector<std::size_t>& runs,
-              const std::vector<ResidualStatistics>& statistics,
-              VehicleCalibration* vehicle) {
+VehicleNoise ScatterOf(const MapProblem& problem,
+                       const std::vector<std::size_t>& runs,
+                       const std::vector<ResidualStatistics>& statistics) {
   using Kind = ResidualStatistics;
   ResidualStatistics sum;
   const SensorCalibration& sensor = problem.sensor;
@@ -172,43 +163,91 @@ void SetNoise(const MapProblem& problem,
     sum.redundancy += statistics[r].redundancy;
     sum.count += statistics[r].count;
   }
-  const auto interval = [&](Kind::Kind kind) {
-    return NoiseInterval(sum.sum_of_squares[kind], sum.redundancy[kind], sum.count[kind]);
+  const auto noise = [&](Kind::Kind kind) {
+    return NoiseFrom(sum.sum_of_squares[kind], sum.redundancy[kind], sum.count[kind]);
   };
-  vehicle->noise_v = interval(Kind::kTranslation);
-  vehicle->noise_omega = interval(Kind::kYaw);
-  vehicle->sd_range_m = interval(Kind::kRange);
-  vehicle->sd_bearing_rad = interval(Kind::kBearing);
+  return {noise(Kind::kTranslation),
+          noise(Kind::kYaw),
+          noise(Kind::kRange),
+          noise(Kind::kBearing),
+          noise(Kind::kPosition)};
+}
+
+Estimate EstimateOf(const SystematicErrors& errors, Eigen::Index i) {
+  return {errors.mean[i], std::sqrt(errors.cov(i, i))};
+}
+
+ShareEstimate DetectionOf(const MapProblem& problem, const std::vector<std::size_t>& runs) {
+  DetectionCount count;
+  for (const std::size_t r : runs) CountDetections(problem, problem.runs[r], &count);
+  if (count.expected == 0.0) return {};
+  return {count.detected / count.expected, count.expected};
+}
+
+// What a map knows of the vehicle from these runs.
+VehicleCalibration CalibrationFrom(const MapProblem& problem,
+                                   const std::string& name,
+                                   const std::vector<std::size_t>& runs,
+                                   const SystematicErrors& errors,
+                                   const VehicleNoise& scatter,
+                                   double sd_range_scale) {
+  VehicleCalibration vehicle;
+  vehicle.vehicle = name;
+  vehicle.runs = static_cast<std::int64_t>(runs.size());
+  for (const std::size_t r : runs) {
+    const MappingRun& run = *problem.runs[r].data;
+    vehicle.stamp = std::max(vehicle.stamp, run.end());
+    vehicle.mean_squared_bearing_rad2 +=
+        run.mean_squared_bearing / static_cast<double>(runs.size());
+  }
+  vehicle.log_scale_v = EstimateOf(errors, 0);
+  vehicle.log_scale_omega = EstimateOf(errors, 1);
+  vehicle.lag_s = EstimateOf(errors, 2);
+  vehicle.bearing_offset_rad = EstimateOf(errors, 3);
+  vehicle.range_curvature_per_rad2 = EstimateOf(errors, 4);
+  const SensorBias bias(0.0, errors.mean[3], errors.mean[4]);
+  const VehicleNoise noise =
+      NoiseOverSeconds(problem, runs, bias, vehicle.mean_squared_bearing_rad2, sd_range_scale);
+  vehicle.noise_v = Larger(scatter.v, noise.v);
+  vehicle.noise_omega = Larger(scatter.omega, noise.omega);
+  vehicle.range_m = Larger(scatter.range_m, noise.range_m);
+  vehicle.bearing_rad = Larger(scatter.bearing_rad, noise.bearing_rad);
+  vehicle.position_m = Larger(scatter.position_m, noise.position_m);
+  vehicle.detection = DetectionOf(problem, runs);
+  return vehicle;
 }
 
 }  // namespace
 
-std::vector<VehicleCalibration> CalibrateVehicles(const MapperOptions& options,
-                                                  MapProblem* problem) {
+std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
   const auto by_vehicle = RunsByVehicle(*problem);
   const Systematic systematic =
       CombineRuns(options.calibration.odometry, graph, *problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, kSamples, options.seed);
-  std::vector<VehicleCalibration> vehicles;
+  std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {
-    const auto at = static_cast<Eigen::Index>(5 * vehicles.size());
-    const auto interval = [&](Eigen::Index i) {
-      return Around(systematic.mean[at + i], std::sqrt(systematic.cov(at + i, at + i)));
-    };
-    VehicleCalibration& vehicle = vehicles.emplace_back();
+    const auto index = static_cast<Eigen::Index>(vehicles.size());
+    VehicleEstimate& vehicle = vehicles.emplace_back();
     vehicle.vehicle = name;
     vehicle.runs = static_cast<int>(runs.size());
-    vehicle.scale_v = Exponential(interval(0));
-    vehicle.scale_omega = Exponential(interval(1));
-    vehicle.lag_s = interval(2);
-    vehicle.bearing_offset_rad = interval(3);
-    vehicle.range_curvature_per_rad2 = interval(4);
-    SetNoise(*problem, runs, statistics, &vehicle);
-    DetectionCount count;
-    for (const std::size_t r : runs) CountDetections(*problem, problem->runs[r], &count);
-    vehicle.detection_probability = ShareInterval(count.detected, count.expected);
+    vehicle.systematic = systematic.Of(index);
+    const VehicleNoise scatter = ScatterOf(*problem, runs, statistics);
+    vehicle.calibration =
+        CalibrationFrom(*problem, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
+    const VehicleCalibration& found = vehicle.calibration;
+    vehicle.scale_v = Exponential(IntervalOf(found.log_scale_v));
+    vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));
+    vehicle.lag_s = IntervalOf(found.lag_s);
+    vehicle.range_scale = systematic.RangeScaleOf(index);
+    vehicle.bearing_offset_rad = IntervalOf(found.bearing_offset_rad);
+    vehicle.range_curvature_per_rad2 = IntervalOf(found.range_curvature_per_rad2);
+    vehicle.noise_v = IntervalOf(scatter.v);
+    vehicle.noise_omega = IntervalOf(scatter.omega);
+    vehicle.sd_range_m = IntervalOf(scatter.range_m);
+    vehicle.sd_bearing_rad = IntervalOf(scatter.bearing_rad);
+    vehicle.detection_probability = IntervalOf(found.detection);
   }
   return vehicles;
 }

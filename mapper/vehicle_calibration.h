@@ -1,37 +1,53 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
+#include "mapstore/map/estimate.h"
+#include "mapstore/map/vehicle_calibration.h"
 
 namespace shiftmap {
 
-/// An estimate and the bounds that hold the truth with 95 %.
-struct Interval {
-  double value = 0.0;
-  double low = 0.0;
-  double high = 0.0;
+/// The systematic errors of a vehicle, order (log scale_v, log scale_omega, lag [s], bearing offset
+/// [rad], range curvature [1/rad²]), all that localizers take off: posterior N(mean, cov) of the
+/// prior N(prior_mean, diag(prior_sd²)) and its runs.
+struct SystematicErrors {
+  using Vector = Eigen::Matrix<double, 5, 1>;
+  using Matrix = Eigen::Matrix<double, 5, 5>;
+
+  Vector mean = Vector::Zero();
+  Matrix cov = Matrix::Identity();
+  Vector prior_mean = Vector::Zero();
+  Vector prior_sd = Vector::Ones();
 };
 
 /// What the runs of a build say of one vehicle.
-struct VehicleCalibration {
+struct VehicleEstimate {
   std::string vehicle;  ///< As the logs name it; empty if they do not.
   int runs = 0;
 
   Interval scale_v;      ///< True over measured speed. [-]
   Interval scale_omega;  ///< True over measured yaw rate. [-]
   Interval lag_s;        ///< The motion at time t is what odometry says of t - lag. [s]
-  Interval noise_v;      ///< Random walk of the motion. [m/√s]
+  Interval noise_v;      ///< Random walk of the motion, from key frame to key frame. [m/√s]
   Interval noise_omega;  ///< [rad/√s]
 
+  Interval range_scale;  ///< Measured over true, beside what the fleet has in common. [-]
   Interval bearing_offset_rad;
   Interval range_curvature_per_rad2;
   Interval sd_range_m;
   Interval sd_bearing_rad;
   Interval detection_probability;  ///< P_D0: of a landmark in the field of view.
+
+  SystematicErrors systematic;
+
+  /// As a map has it that knows of these runs alone. Its noise is that which a localizer needs: the
+  /// larger of the above and of what errors grow to over seconds.
+  VehicleCalibration calibration;
 };
 
 /// The calibration of each vehicle of a solved problem, from all its runs:
@@ -50,7 +66,6 @@ struct VehicleCalibration {
 ///   it sees another one. Wilson's interval (1927).
 ///
 /// By name. Precondition: the options calibrate; every mode is observed or in the prior.
-std::vector<VehicleCalibration> CalibrateVehicles(const MapperOptions& options,
-                                                  MapProblem* problem);
+std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, MapProblem* problem);
 
 }  // namespace shiftmap

@@ -4,15 +4,19 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
+
+#include "localizer/hypothesis/log_math.h"
 
 namespace shiftmap {
 namespace {
 
-// A landmark whose own displacement gains less than this is not where a cluster starts. [nats]
-constexpr double kMinSeedGain = 2.0;
+// Clusters are grown from this many landmarks, those that gain most.
+constexpr std::size_t kSeeds = 20;
 
 constexpr int kMaxSweeps = 20;
+constexpr double kDatumDimension = 3.0;
 
 class Search {
  public:
@@ -22,6 +26,8 @@ class Search {
       : options_(options),
         information_(cov.llt().solve(Eigen::MatrixXd::Identity(cov.rows(), cov.cols()))),
         weighted_(information_ * difference),
+        squared_(difference.dot(weighted_)),
+        dof_(std::max(1.0, static_cast<double>(difference.size()) - kDatumDimension)),
         clusters_(static_cast<std::size_t>(difference.size() / 2), kNotDisplaced) {}
 
   std::vector<int> Run() {
@@ -34,72 +40,98 @@ class Search {
   }
 
  private:
+  // BᵀΛB and w, and what there is of landmarks in each cluster.
+  struct Clustered {
+    Eigen::MatrixXd M;
+    Eigen::VectorXd w;
+    std::vector<int> sizes;
+  };
+
   static int Count(const std::vector<int>& clusters) {
     return *std::max_element(clusters.begin(), clusters.end()) + 1;
   }
 
-  // Log posterior of clusters, without what all have in common. Empty clusters do not count.
-  double Score(const std::vector<int>& clusters) const {
+  Clustered Collect(const std::vector<int>& clusters) const {
     const int count = Count(clusters);
-    Eigen::MatrixXd M = Eigen::MatrixXd::Zero(2 * count, 2 * count);
-    Eigen::VectorXd w = Eigen::VectorXd::Zero(2 * count);
-    std::vector<int> members(static_cast<std::size_t>(count));
+    Clustered sums{Eigen::MatrixXd::Zero(2 * count, 2 * count),
+                   Eigen::VectorXd::Zero(2 * count),
+                   std::vector<int>(static_cast<std::size_t>(count))};
+    std::vector<std::size_t> members;
     for (std::size_t i = 0; i < clusters.size(); ++i) {
-      if (clusters[i] < 0) continue;
+      if (clusters[i] >= 0) members.push_back(i);
+    }
+    for (const std::size_t i : members) {
       const auto row = static_cast<Eigen::Index>(2 * i);
       const Eigen::Index a = Eigen::Index{2} * clusters[i];
-      ++members[static_cast<std::size_t>(clusters[i])];
-      w.segment<2>(a) += weighted_.segment<2>(row);
-      for (std::size_t j = 0; j < clusters.size(); ++j) {
-        if (clusters[j] < 0) continue;
-        M.block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
+      ++sums.sizes[static_cast<std::size_t>(clusters[i])];
+      sums.w.segment<2>(a) += weighted_.segment<2>(row);
+      for (const std::size_t j : members) {
+        sums.M.block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
             information_.block<2, 2>(row, static_cast<Eigen::Index>(2 * j));
       }
     }
-    const double information = 1.0 / (options_.sd_displacement_m * options_.sd_displacement_m);
-    M.diagonal().array() += information;
-    const Eigen::LLT<Eigen::MatrixXd> llt(M);
-    double score = 0.5 * w.dot(llt.solve(w));
-    for (Eigen::Index i = 0; i < M.rows(); ++i) {
-      score -= std::log(llt.matrixLLT()(i, i)) - 0.5 * std::log(information);
-    }
-    for (const int size : members) {
-      if (size == 0) continue;
-      score += std::log(options_.probability_displaced) +
-               (size - 1) * std::log(options_.probability_together);
-    }
-    return score;
+    return sums;
   }
 
-  // The best cluster of landmarks that are in none, grown from each of them. False if none gains.
-  bool AddCluster() {
-    const int cluster = FirstUnused();
-    const double prior = std::log(options_.probability_displaced);
-    std::vector<std::size_t> candidates;
+  // log p(d | B) for one sd of displacements, without what all clusters have in common.
+  double LogLikelihood(const Clustered& sums, double sd) const {
+    const double information = 1.0 / (sd * sd);
+    Eigen::MatrixXd M = sums.M;
+    M.diagonal().array() += information;
+    const Eigen::LLT<Eigen::MatrixXd> llt(M);
+    double log_determinant = 0.0;
+    for (Eigen::Index i = 0; i < M.rows(); ++i) {
+      log_determinant += 2.0 * std::log(llt.matrixLLT()(i, i)) - std::log(information);
+    }
+    const double nu = options_.variance_dof;
+    const double rest = squared_ - sums.w.dot(llt.solve(sums.w));
+    return -0.5 * log_determinant - 0.5 * (nu + dof_) * std::log1p(std::max(0.0, rest) / nu);
+  }
+
+  double LogPrior(const Clustered& sums) const {
+    double log_prior = 0.0;
+    for (const int size : sums.sizes) {
+      if (size == 0) continue;
+      log_prior += std::log(options_.probability_displaced) +
+                   (size - 1) * std::log(options_.probability_together);
+    }
+    return log_prior;
+  }
+
+  // Log posterior of clusters, without what all have in common. Empty clusters do not count.
+  double Score(const std::vector<int>& clusters) const {
+    const Clustered sums = Collect(clusters);
+    double sum = -std::numeric_limits<double>::infinity();
+    for (const double sd : options_.sd_displacement_m) sum = LogAdd(sum, LogLikelihood(sums, sd));
+    return sum - std::log(static_cast<double>(options_.sd_displacement_m.size())) + LogPrior(sums);
+  }
+
+  // Landmarks in no cluster, those that gain most by being displaced alone first.
+  std::vector<std::size_t> Candidates(int cluster) const {
+    std::vector<std::pair<double, std::size_t>> losses;
+    std::vector<int> alone = clusters_;
     for (std::size_t i = 0; i < clusters_.size(); ++i) {
       if (clusters_[i] >= 0) continue;
-      std::vector<int> alone = clusters_;
       alone[i] = cluster;
-      // Their share of a common displacement may be small where each alone gains nothing.
-      if (Score(alone) - prior + LogOccam(i) > score_ + kMinSeedGain) candidates.push_back(i);
+      losses.emplace_back(-Score(alone), i);
+      alone[i] = kNotDisplaced;
     }
+    std::sort(losses.begin(), losses.end());
+    std::vector<std::size_t> candidates;
+    for (const auto& [loss, i] : losses) candidates.push_back(i);
+    return candidates;
+  }
+
+  // The best cluster of landmarks that are in none, grown from one after another. False if none
+  // gains.
+  bool AddCluster() {
+    const int cluster = FirstUnused();
+    const std::vector<std::size_t> candidates = Candidates(cluster);
     std::pair<double, std::vector<int>> best{score_, {}};
-    for (const std::size_t seed : candidates) {
+    for (std::size_t seed = 0; seed < std::min(kSeeds, candidates.size()); ++seed) {
       std::vector<int> grown = clusters_;
-      grown[seed] = cluster;
-      double score = Score(grown);
-      for (;;) {
-        std::pair<double, std::size_t> next{score, clusters_.size()};
-        for (const std::size_t i : candidates) {
-          if (grown[i] >= 0) continue;
-          grown[i] = cluster;
-          if (const double with = Score(grown); with > next.first) next = {with, i};
-          grown[i] = kNotDisplaced;
-        }
-        if (next.second == clusters_.size()) break;
-        grown[next.second] = cluster;
-        score = next.first;
-      }
+      grown[candidates[seed]] = cluster;
+      const double score = Grow(candidates, cluster, &grown);
       if (score > best.first) best = {score, std::move(grown)};
     }
     if (best.second.empty()) return false;
@@ -108,13 +140,23 @@ class Search {
     return true;
   }
 
-  // What integrating over the displacement of landmark `i` alone costs.
-  double LogOccam(std::size_t i) const {
-    const auto row = static_cast<Eigen::Index>(2 * i);
-    const double variance = options_.sd_displacement_m * options_.sd_displacement_m;
-    const Eigen::Matrix2d M =
-        Eigen::Matrix2d::Identity() + variance * information_.block<2, 2>(row, row);
-    return 0.5 * std::log(M(0, 0) * M(1, 1) - M(0, 1) * M(1, 0));
+  // Adds to a cluster what gains most, until nothing does. Returns the score.
+  double Grow(const std::vector<std::size_t>& candidates,
+              int cluster,
+              std::vector<int>* clusters) const {
+    double score = Score(*clusters);
+    for (;;) {
+      std::pair<double, std::size_t> next{score, clusters->size()};
+      for (const std::size_t i : candidates) {
+        if ((*clusters)[i] >= 0) continue;
+        (*clusters)[i] = cluster;
+        if (const double with = Score(*clusters); with > next.first) next = {with, i};
+        (*clusters)[i] = kNotDisplaced;
+      }
+      if (next.second == clusters->size()) return score;
+      (*clusters)[next.second] = cluster;
+      score = next.first;
+    }
   }
 
   // Tries every landmark in every cluster, in none and in one of its own. True if any moved.
@@ -163,6 +205,8 @@ class Search {
   DisplacementOptions options_;
   Eigen::MatrixXd information_;
   Eigen::VectorXd weighted_;
+  double squared_;
+  double dof_;
   std::vector<int> clusters_;
   double score_ = 0.0;
 };

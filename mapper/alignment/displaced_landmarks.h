@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 namespace shiftmap {
@@ -13,25 +14,31 @@ struct DisplacementOptions {
   /// Probability that a landmark went along with another that was displaced.
   double probability_together = 0.3;
 
-  /// How far they are displaced, per axis. [m]
-  double sd_displacement_m = 1.0;
+  /// How far they are displaced: standard deviations per axis, each as likely as the others. [m]
+  std::array<double, 3> sd_displacement_m = {0.1, 0.3, 1.0};
+
+  /// How well the scale of the covariance is known, as degrees of freedom of its variance factor.
+  double variance_dof = 4.0;
 };
 
 inline constexpr int kNotDisplaced = -1;
 
 /// Which landmarks stand elsewhere than they did, decided for all of them at once.
 ///
-/// The model: landmarks of a cluster c are displaced together, by u_c ~ N(0, sd_displacement² I).
-/// The differences between where landmarks are and where they were are d = B u + e, e ~ N(0, cov),
-/// with B the membership. The continuous u is integrated out,
+/// The model: landmarks of a cluster c are displaced together, by u_c ~ N(0, v σ² I). The
+/// differences between where landmarks are and where they were are d = B u + e, e ~ N(0, v cov),
+/// with B the membership. The variance factor v says how wrong the covariances of maps are: ν / v ~
+/// χ²_ν, as in the tests of deformation analysis that use the variance factor that the data have.
+/// Both u and v are integrated out, which leaves Student's t,
 ///
-///   log p(d | B) = log N(d; 0, cov) - ½ log|I + σ² BᵀΛB| + ½ wᵀ (σ⁻² I + BᵀΛB)⁻¹ w,
+///   log p(d | B) = -½ log|I + σ² BᵀΛB| - ½ (ν + n) log(1 + (dᵀΛd - wᵀ (σ⁻² I + BᵀΛB)⁻¹ w) / ν),
 ///   Λ = cov⁻¹,  w = BᵀΛd,
 ///
-/// and the clusters of the largest posterior are searched: clusters grown from every landmark that
-/// differs, then single landmarks moved between clusters, until nothing gains. Errors that
-/// landmarks share (the datum, the scale) belong in `cov`; then a few displaced landmarks cannot
-/// pass as many that stay, nor the other way around.
+/// n the dimension of d less the three of the datum, which float. It is averaged over σ, and the
+/// clusters of the largest posterior are searched: clusters grown from the landmarks that differ
+/// most, then single landmarks moved between clusters, until nothing gains. Errors that landmarks
+/// share (the datum, the scale) belong in `cov`; then a few displaced landmarks cannot pass as many
+/// that stay, nor the other way around.
 ///
 /// @param difference  Stacked (x, y). [m]
 /// @param cov         Joint covariance of the differences if nothing was displaced, positive

@@ -13,8 +13,8 @@ namespace shiftmap {
 namespace {
 
 double IndividualDistance(const CompatibilityProblem& problem, int candidate) {
-  return SquaredMahalanobis(problem.nu.segment<2>(2 * candidate),
-                            problem.covariance.block<2, 2>(2 * candidate, 2 * candidate));
+  const Eigen::Index row = Eigen::Index{2} * candidate;
+  return SquaredMahalanobis(problem.nu.segment<2>(row), problem.covariance.block<2, 2>(row, row));
 }
 
 void CheckProblem(const CompatibilityProblem& problem) {
@@ -59,8 +59,9 @@ class BranchAndBound {
     for (std::size_t i = choices_.size(); i-- > 0;) {
       possible_[i] = possible_[i + 1] + (choices_[i].empty() ? 0 : 1);
     }
-    factor_ = Eigen::MatrixXd::Zero(2 * problem.observations, 2 * problem.observations);
-    whitened_ = Eigen::VectorXd::Zero(2 * problem.observations);
+    const Eigen::Index rows = Eigen::Index{2} * problem.observations;
+    factor_ = Eigen::MatrixXd::Zero(rows, rows);
+    whitened_ = Eigen::VectorXd::Zero(rows);
     present_.assign(choices_.size(), -1);
   }
 
@@ -108,18 +109,18 @@ class BranchAndBound {
   // L y = nu: the new block row of L is [Xᵀ, M], X = L⁻¹ S_new, M Mᵀ = S_nn - Xᵀ X, and the new
   // part of y is M⁻¹ (nu_n - Xᵀ y).
   double Extend(int candidate) {
+    const Eigen::Index row = Eigen::Index{2} * candidate;
     const auto size = static_cast<Eigen::Index>(2 * branch_.size());
     Eigen::MatrixXd X(size, 2);
     for (std::size_t i = 0; i < branch_.size(); ++i) {
       X.middleRows<2>(static_cast<Eigen::Index>(2 * i)) =
-          problem_.covariance.block<2, 2>(2 * branch_[i], 2 * candidate);
+          problem_.covariance.block<2, 2>(Eigen::Index{2} * branch_[i], row);
     }
     factor_.topLeftCorner(size, size).triangularView<Eigen::Lower>().solveInPlace(X);
-    const Eigen::Matrix2d schur =
-        problem_.covariance.block<2, 2>(2 * candidate, 2 * candidate) - X.transpose() * X;
+    const Eigen::Matrix2d schur = problem_.covariance.block<2, 2>(row, row) - X.transpose() * X;
     const Eigen::Matrix2d M = schur.llt().matrixL();
     const Eigen::Vector2d y = M.triangularView<Eigen::Lower>().solve(
-        problem_.nu.segment<2>(2 * candidate) - X.transpose() * whitened_.head(size));
+        problem_.nu.segment<2>(row) - X.transpose() * whitened_.head(size));
     factor_.block(size, 0, 2, size) = X.transpose();
     factor_.block<2, 2>(size, size) = M;
     whitened_.segment<2>(size) = y;

@@ -58,13 +58,31 @@ ForwardPass RunForward(const ChainSteps& steps, const std::vector<ModeChain>& ch
   return pass;
 }
 
-}  // namespace
-
-Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights) {
+// Of a uniform chain Q = Qᵀ has the eigenvalues 0, of U = 1 1ᵀ / n, and -μ, of R = I - U. With
+// C = (U + R) C (U + R),
+//
+//   G = Δ U C U + Δ e^(-μΔ) R C R + (1 - e^(-μΔ)) / μ (U C R + R C U).
+Eigen::MatrixXd UniformIntegral(const ModeChain& chain, double length, const Eigen::MatrixXd& C) {
   const Eigen::Index n = chain.states();
-  const double weight = weights.maxCoeff();
-  double length = ToSeconds(gap);
-  if (!(weight > 0.0) || !(length > 0.0)) return Eigen::MatrixXd::Zero(n, n);
+  const auto count = static_cast<double>(n);
+  if (n == 1) return length * C;
+  const double decay = chain.leave_rate_per_s() * count / (count - 1.0) * length;  // μΔ
+  const double stays = length * std::exp(-decay);
+  const double mixes = decay > 0.0 ? length * -std::expm1(-decay) / decay : length;
+  const Eigen::MatrixXd UC = C.colwise().mean().replicate(n, 1);
+  const Eigen::MatrixXd CU = C.rowwise().mean().replicate(1, n);
+  const double UCU = C.mean();
+  const Eigen::ArrayXXd once = (UC + CU).array();  // U C R + R C U + 2 U C U
+  return (length * UCU + stays * (C.array() - once + UCU) + mixes * (once - 2.0 * UCU))
+      .cwiseMax(0.0);
+}
+
+// The integral as a block of an exponential, for a chain of `kStates` states.
+template <int kStates>
+Eigen::MatrixXd BlockIntegral(const ModeChain& chain, double length, const Eigen::MatrixXd& C) {
+  constexpr int kBlock = kStates == Eigen::Dynamic ? Eigen::Dynamic : 2 * kStates;
+  using Matrix = Eigen::Matrix<double, kStates, kStates>;
+  const Eigen::Index n = chain.states();
   int doublings = 0;
   for (const double fastest = -chain.rate_matrix().diagonal().minCoeff(); length * fastest > 1.0;
        length *= 0.5) {
@@ -72,21 +90,42 @@ Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::M
   }
   // The block beside Qᵀ is scaled to the size of one, since it only enters as a factor and the
   // exponential's precision is that of its largest part.
-  Eigen::MatrixXd block = Eigen::MatrixXd::Zero(2 * n, 2 * n);
+  const double weight = C.maxCoeff();
+  Eigen::Matrix<double, kBlock, kBlock> block =
+      Eigen::Matrix<double, kBlock, kBlock>::Zero(2 * n, 2 * n);
   block.topLeftCorner(n, n) = length * chain.rate_matrix().transpose();
   block.bottomRightCorner(n, n) = block.topLeftCorner(n, n);
-  block.topRightCorner(n, n) = weights / weight;
-  const Eigen::MatrixXd exponential = block.exp();
-  Eigen::MatrixXd integral = exponential.topRightCorner(n, n).cwiseMax(0.0) * (weight * length);
+  block.topRightCorner(n, n) = C / weight;
+  const Eigen::Matrix<double, kBlock, kBlock> exponential = block.exp();
+  Matrix integral = exponential.topRightCorner(n, n).cwiseMax(0.0) * (weight * length);
   // G(2h) = exp(Qᵀh) G(h) + G(h) exp(Qᵀh), with rows of the transition that stay distributions
   // over any number of doublings.
-  Eigen::MatrixXd transition = exponential.topLeftCorner(n, n).transpose().cwiseMax(0.0);
+  Matrix transition = exponential.topLeftCorner(n, n).transpose().cwiseMax(0.0);
   for (; doublings > 0; --doublings) {
     for (Eigen::Index row = 0; row < n; ++row) transition.row(row) /= transition.row(row).sum();
     integral = (transition.transpose() * integral + integral * transition.transpose()).eval();
     transition = (transition * transition).eval();
   }
   return integral;
+}
+
+}  // namespace
+
+Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights) {
+  const Eigen::Index n = chain.states();
+  const double length = ToSeconds(gap);
+  if (!(weights.maxCoeff() > 0.0) || !(length > 0.0)) return Eigen::MatrixXd::Zero(n, n);
+  if (chain.uniform()) return UniformIntegral(chain, length, weights);
+  switch (n) {
+    case 2:
+      return BlockIntegral<2>(chain, length, weights);
+    case 3:
+      return BlockIntegral<3>(chain, length, weights);
+    case 4:
+      return BlockIntegral<4>(chain, length, weights);
+    default:
+      return BlockIntegral<Eigen::Dynamic>(chain, length, weights);
+  }
 }
 
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains) {

@@ -71,6 +71,7 @@ StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGro
   learning.prior_groups = options.prior_groups;
   learning.interval = options.interval;
   learning.gap_resolution = kGapResolution;
+  learning.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains of_known, LearnChains(known, learning));
 
   learning.prior = of_known.prior;

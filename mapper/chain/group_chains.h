@@ -27,6 +27,9 @@ struct GroupChainOptions {
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
 
+  /// On which groups are fitted; the result does not depend on them.
+  int threads = 1;
+
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };

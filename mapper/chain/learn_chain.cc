@@ -2,9 +2,13 @@
 #include "mapper/chain/learn_chain.h"
 
 #include <cmath>
+#include <cstddef>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "mapper/chain/chain_steps.h"
+#include "mapper/parallel.h"
 
 namespace shiftmap {
 namespace {
@@ -42,15 +46,45 @@ LearnedChain Describe(const ChainHistory& history, RateFit fit, double probabili
 struct Choice {
   RateFit fit;
   double general_gain = 0.0;
+
+  // Where the searches ended, for one under almost the same prior.
+  std::optional<Eigen::VectorXd> uniform;
+  std::optional<Eigen::VectorXd> general;
 };
 
-Choice Fit(const ChainSteps& steps, const Gamma& prior, const ChainLearningOptions& options) {
-  if (steps.states < 2) return {};
-  if (options.structure) return {FitRates(steps, *options.structure, prior, options.fit), 0.0};
-  RateFit uniform = FitRates(steps, ChainStructure::kUniform, prior, options.fit);
-  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit);
-  const double gain = general.log_marginal - uniform.log_marginal;
-  return {gain > 0.0 ? std::move(general) : std::move(uniform), gain};
+Choice Fit(const ChainSteps& steps,
+           const Gamma& prior,
+           const ChainLearningOptions& options,
+           const Choice& before) {
+  Choice choice;
+  if (steps.states < 2) return choice;
+  if (options.structure) {
+    choice.fit = FitRates(steps, *options.structure, prior, options.fit);
+    return choice;
+  }
+  RateFit uniform = FitRates(steps, ChainStructure::kUniform, prior, options.fit, before.uniform);
+  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit, before.general);
+  choice.uniform = uniform.log_rates;
+  choice.general = general.log_rates;
+  choice.general_gain = general.log_marginal - uniform.log_marginal;
+  choice.fit = choice.general_gain > 0.0 ? std::move(general) : std::move(uniform);
+  return choice;
+}
+
+// So many groups tell the prior that they share; it is known no better than to a few percent.
+constexpr std::size_t kPriorGroups = 200;
+
+// Fits every `step`-th group.
+void FitEvery(std::size_t step,
+              const std::vector<ChainSteps>& steps,
+              const Gamma& prior,
+              const ChainLearningOptions& options,
+              std::vector<Choice>* choices) {
+  const std::size_t count = (steps.size() + step - 1) / step;
+  ForEachIndex(count, options.threads, [&](std::size_t i) {
+    Choice& choice = (*choices)[i * step];
+    choice = Fit(steps[i * step], prior, options, choice);
+  });
 }
 
 // The prior that the groups' posteriors speak for.
@@ -105,12 +139,12 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   }
   LearnedChains result;
   result.prior = options.prior;
-  std::vector<Choice> choices;
+  std::vector<Choice> choices(steps.size());
   constexpr int kMaxRounds = 20;
   constexpr double kSettled = 1e-3;
+  const std::size_t step = options.share_prior ? steps.size() / kPriorGroups + 1 : 1;
   for (int round = 0; round < kMaxRounds; ++round) {
-    choices.clear();
-    for (const ChainSteps& group : steps) choices.push_back(Fit(group, result.prior, options));
+    FitEvery(step, steps, result.prior, options, &choices);
     if (!options.share_prior) break;
     const Gamma next = SharedPrior(choices, options);
     const double change = std::max(std::abs(std::log(next.shape / result.prior.shape)),
@@ -118,6 +152,7 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
     if (change < kSettled) break;
     result.prior = next;
   }
+  if (step > 1) FitEvery(1, steps, result.prior, options, &choices);
   for (std::size_t i = 0; i < histories.size(); ++i) {
     LearnedChain learned = Describe(histories[i], std::move(choices[i].fit), options.interval);
     learned.general_gain = choices[i].general_gain;

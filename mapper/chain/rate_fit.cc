@@ -157,14 +157,17 @@ Gamma RateFit::PosteriorOfLeaveRate() const {
 RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
-                 const RateFitOptions& options) {
+                 const RateFitOptions& options,
+                 const std::optional<Eigen::VectorXd>& given_start) {
   SHIFTMAP_CHECK(
       steps.states >= 2 && steps.phases == 1, "{} states, {} phases", steps.states, steps.phases);
   const Posterior posterior(steps, structure, prior);
   RateFit fit;
   fit.structure = structure;
+  const Eigen::Index count = ParameterCount(structure, steps.states);
   Eigen::VectorXd start =
-      Eigen::VectorXd::Constant(ParameterCount(structure, steps.states), std::log(prior.mean()));
+      given_start.value_or(Eigen::VectorXd::Constant(count, std::log(prior.mean())));
+  SHIFTMAP_CHECK(start.size() == count, "start of {} parameters, expected {}", start.size(), count);
   Evaluation at = posterior.Evaluate(start);
   while (fit.iterations < options.max_iterations && !fit.converged) {
     const Eigen::VectorXd once = posterior.Maximize(at);

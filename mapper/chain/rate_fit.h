@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "mapper/chain/chain_steps.h"
 #include "mapper/chain/gamma.h"
@@ -60,9 +61,11 @@ struct RateFit {
 ///
 /// The answer depends on what was seen, not on how often: every gap counts with the real time.
 /// @param steps  Of one phase, at least two states.
+/// @param start  Where the search begins, log x of every parameter; none for the prior's mean.
 RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
-                 const RateFitOptions& options);
+                 const RateFitOptions& options,
+                 const std::optional<Eigen::VectorXd>& start = std::nullopt);
 
 }  // namespace shiftmap

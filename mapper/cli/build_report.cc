@@ -21,8 +21,9 @@ Json RunJson(const MappedRun& run) {
             {"scale_omega", run.odometry.scale_omega},
             {"lag_s", run.odometry.lag_s}}},
           {"sensor",
-           {{"bearing_offset_rad", run.sensor_bias[0]},
-            {"range_curvature_per_rad2", run.sensor_bias[1]}}}};
+           {{"log_range_scale", run.sensor_bias[kLogRangeScale]},
+            {"bearing_offset_rad", run.sensor_bias[kBearingOffset]},
+            {"range_curvature_per_rad2", run.sensor_bias[kRangeCurvature]}}}};
 }
 
 // @param landmark  The group in the map.
@@ -44,9 +45,9 @@ Json IntervalJson(const Interval& interval) {
 
 }  // namespace
 
-Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles) {
+Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
   Json document = Json::array();
-  for (const VehicleCalibration& vehicle : vehicles) {
+  for (const VehicleEstimate& vehicle : vehicles) {
     document.push_back(
         {{"vehicle", vehicle.vehicle},
          {"runs", vehicle.runs},
@@ -55,6 +56,7 @@ Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles) {
          {"lag_s", IntervalJson(vehicle.lag_s)},
          {"noise_v", IntervalJson(vehicle.noise_v)},
          {"noise_omega", IntervalJson(vehicle.noise_omega)},
+         {"range_scale", IntervalJson(vehicle.range_scale)},
          {"bearing_offset_rad", IntervalJson(vehicle.bearing_offset_rad)},
          {"range_curvature_per_rad2", IntervalJson(vehicle.range_curvature_per_rad2)},
          {"sd_range_m", IntervalJson(vehicle.sd_range_m)},
@@ -131,7 +133,7 @@ std::string BuildText(const MapperResult& result, const std::optional<CommitResu
                         run.observations,
                         run.outliers);
   }
-  for (const VehicleCalibration& vehicle : result.vehicles) {
+  for (const VehicleEstimate& vehicle : result.vehicles) {
     text += fmt::format(
         "vehicle {}: scale {:.4f} ({:.4f} to {:.4f}), turn scale {:.4f} ({:.4f} to {:.4f}), lag "
         "{:.3f} s ({:.3f} to {:.3f})\n",

@@ -12,7 +12,7 @@
 namespace shiftmap {
 
 /// The calibration of each vehicle, `[low, high]` beside each value.
-Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles);
+Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles);
 
 /// What `shiftmap-mapper build --json` says of a build.
 /// @param commit  Nothing if no version was made.

@@ -137,7 +137,7 @@ void SlamState::Remove(int landmark) {
   Landmark& removed = At(landmark);
   if (removed.active >= 0) RemoveActive(removed.active);
   if (removed.passive >= 0) {
-    const Eigen::Index o = 2 * removed.passive;
+    const Eigen::Index o = Eigen::Index{2} * removed.passive;
     RemoveColumns(o, &cross_);
     RemoveRows(o, &passive_covariance_);
     RemoveColumns(o, &passive_covariance_);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/graph/cost_functions.h"
 
+#include "mapper/graph/sensor_bias.h"
+
 namespace shiftmap {
 namespace {
 
@@ -29,12 +31,19 @@ bool MotionCost::Evaluate(double const* const* parameters,
   const Se2 T_map_i = PoseFromParameters(parameters[0]);
   const Se2 T_map_j = PoseFromParameters(parameters[1]);
   const MotionResidual::Linear linear =
-      residual_.At(T_map_i, T_map_j, Eigen::Map<const Eigen::Vector3d>(parameters[2]));
+      residual_.At(T_map_i,
+                   T_map_j,
+                   Eigen::Map<const Eigen::Vector3d>(parameters[2]),
+                   parameters[3][kLogRangeScale]);
   As<Eigen::Vector3d>(residuals) = linear.r;
   if (jacobians == nullptr) return true;
   if (jacobians[0] != nullptr) As<RowMajor3>(jacobians[0]) = linear.J_i * ToVehicleFrame(T_map_i);
   if (jacobians[1] != nullptr) As<RowMajor3>(jacobians[1]) = linear.J_j * ToVehicleFrame(T_map_j);
-  if (jacobians[2] != nullptr) As<RowMajor3>(jacobians[2]) = linear.J_correction;
+  if (jacobians[2] != nullptr) As<RowMajor3>(jacobians[2]) = linear.J_calibration.leftCols<3>();
+  if (jacobians[3] != nullptr) {
+    As<RowMajor3>(jacobians[3]).setZero();
+    As<RowMajor3>(jacobians[3]).col(kLogRangeScale) = linear.J_calibration.col(3);
+  }
   return true;
 }
 
@@ -51,7 +60,7 @@ bool ObservationCost::Evaluate(double const* const* parameters,
   if (jacobians[0] != nullptr)
     As<RowMajor23>(jacobians[0]) = linear.J_pose * ToVehicleFrame(T_map_vehicle);
   if (jacobians[1] != nullptr) As<RowMajor22>(jacobians[1]) = linear.J_landmark;
-  if (jacobians[2] != nullptr) As<RowMajor22>(jacobians[2]) = linear.J_bias;
+  if (jacobians[2] != nullptr) As<RowMajor23>(jacobians[2]) = linear.J_bias;
   return true;
 }
 

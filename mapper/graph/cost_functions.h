@@ -11,8 +11,9 @@
 
 namespace shiftmap {
 
-/// MotionResidual. Parameter blocks: pose i (3), pose j (3), calibration correction c (3).
-class MotionCost final : public ceres::SizedCostFunction<3, 3, 3, 3> {
+/// MotionResidual. Parameter blocks: pose i (3), pose j (3), calibration correction c (3), sensor
+/// bias b (3).
+class MotionCost final : public ceres::SizedCostFunction<3, 3, 3, 3, 3> {
  public:
   explicit MotionCost(const MotionIncrement& motion) : residual_(motion) {}
   bool Evaluate(double const* const* parameters,
@@ -23,8 +24,8 @@ class MotionCost final : public ceres::SizedCostFunction<3, 3, 3, 3> {
   MotionResidual residual_;
 };
 
-/// ObservationResidual. Parameter blocks: pose (3), landmark (2), sensor bias b (2).
-class ObservationCost final : public ceres::SizedCostFunction<2, 3, 2, 2> {
+/// ObservationResidual. Parameter blocks: pose (3), landmark (2), sensor bias b (3).
+class ObservationCost final : public ceres::SizedCostFunction<2, 3, 2, 3> {
  public:
   /// @param observation  Must outlive the cost.
   explicit ObservationCost(const GraphObservation& observation) : residual_(observation) {}

@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "mapper/parallel.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -18,8 +19,8 @@ constexpr int kSegmentPoses = 31;
 constexpr int kBefore = 0;
 constexpr int kAfter = 3;
 constexpr int kCorrection = 6;
-constexpr int kBias = 9;
-constexpr int kModes = 11;
+constexpr int kBias = 9;  // Its first, the scale of ranges, is in factors of motion too.
+constexpr int kModes = 12;
 
 // Where a variable of a factor is: a pose of the segment, or a column of its boundary.
 struct Place {
@@ -62,6 +63,14 @@ void AddGradient(const Place& a, const Jacobian& J, const Residual& r, SegmentSy
     out->c.segment<kSize>(a.column).noalias() -= J.transpose() * r;
   }
 }
+
+// What is left of a stretch over its boundary.
+struct EliminatedStretch {
+  Eigen::MatrixXd C;
+  Eigen::VectorXd c;
+  double cost = 0.0;
+  bool determined = false;
+};
 
 // A factor of three variables.
 template <typename JacobianA, typename JacobianB, typename JacobianC, typename Residual>
@@ -108,7 +117,7 @@ void Apply(const GraphStep& step, Graph* graph) {
           run.poses[i] * Se2::Exp(step.poses[r].segment<3>(static_cast<Eigen::Index>(3 * i)));
     }
     run.correction += step.calibrations[r].head<3>();
-    run.sensor_bias += step.calibrations[r].tail<2>();
+    run.sensor_bias += step.calibrations[r].tail<3>();
   }
   for (std::size_t m = 0; m < graph->modes.size(); ++m) {
     graph->modes[m] += step.modes.segment<2>(static_cast<Eigen::Index>(2 * m));
@@ -123,6 +132,13 @@ GraphElimination::GraphElimination(const Graph& graph, std::vector<std::vector<i
   observations_.reserve(graph.observations.size());
   for (const GraphObservation& item : graph.observations) observations_.emplace_back(item);
   MakeStretches();
+}
+
+GraphElimination::GraphElimination(const Graph& graph, std::unique_ptr<RestSystem> rest)
+    : GraphElimination(graph) {
+  if (rest && rest->size() == first_mode_ + 2 * static_cast<int>(graph.modes.size())) {
+    rest_ = std::move(rest);
+  }
 }
 
 void GraphElimination::MakeStretches() {
@@ -154,10 +170,10 @@ void GraphElimination::MakeStretches() {
     }
   }
   first_calibration_ = rest;
-  first_mode_ = rest + 5 * static_cast<int>(graph_.runs.size());
+  first_mode_ = rest + kRunCalibration * static_cast<int>(graph_.runs.size());
   for (Stretch& stretch : stretches_) {
-    for (int i = 0; i < 5; ++i) {
-      stretch.boundary.push_back(first_calibration_ + 5 * stretch.run + i);
+    for (int i = 0; i < kRunCalibration; ++i) {
+      stretch.boundary.push_back(first_calibration_ + kRunCalibration * stretch.run + i);
     }
   }
   for (std::size_t i = 0; i < graph_.observations.size(); ++i) {
@@ -180,7 +196,7 @@ void GraphElimination::AddMode(int mode, Stretch* stretch) {
   stretch->slots.push_back(column);
 }
 
-bool GraphElimination::Linearize() {
+bool GraphElimination::LinearizeSegments(double damping) {
   if (rest_) {
     rest_->Clear();
   } else {
@@ -188,14 +204,24 @@ bool GraphElimination::Linearize() {
   }
   cost_ = AddPriors(rest_.get());
   AddTogether(rest_.get());
-  for (Stretch& stretch : stretches_) {
+  std::vector<EliminatedStretch> eliminated(stretches_.size());
+  ForEachIndex(stretches_.size(), graph_.threads, [&](std::size_t i) {
+    Stretch& stretch = stretches_[i];
     SegmentSystem system(std::max(0, stretch.last - stretch.first - 1),
                          static_cast<int>(stretch.boundary.size()));
-    cost_ += LinearizeStretch(stretch, &system);
-    if (!stretch.segment.Eliminate(&system)) return false;
-    rest_->Add(stretch.boundary, std::move(system.C), system.c);
+    EliminatedStretch& result = eliminated[i];
+    result.cost = LinearizeStretch(stretch, &system);
+    if (damping > 0.0) system.Damp(damping);
+    result.determined = stretch.segment.Eliminate(&system);
+    result.C = std::move(system.C);
+    result.c = std::move(system.c);
+  });
+  for (std::size_t i = 0; i < stretches_.size(); ++i) {
+    if (!eliminated[i].determined) return false;
+    cost_ += eliminated[i].cost;
+    rest_->Add(stretches_[i].boundary, std::move(eliminated[i].C), eliminated[i].c);
   }
-  return std::isfinite(cost_) && rest_->Factorize();
+  return std::isfinite(cost_);
 }
 
 double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
@@ -209,14 +235,14 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
   for (int i = stretch.first; i < stretch.last; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const MotionResidual::Linear linear = motions_[static_cast<std::size_t>(stretch.run)][at].At(
-        run.poses[at], run.poses[at + 1], run.correction);
+        run.poses[at], run.poses[at + 1], run.correction, run.sensor_bias[kLogRangeScale]);
     AddFactor(linear.r,
               place_of(i),
               linear.J_i,
               place_of(i + 1),
               linear.J_j,
               Place{-1, kCorrection},
-              linear.J_correction,
+              linear.J_calibration,
               system);
     cost += 0.5 * linear.r.squaredNorm();
   }
@@ -235,7 +261,7 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
               place_of(item.frame),
               Eigen::Matrix<double, 2, 3>(weight * linear.J_pose),
               Place{-1, kBias},
-              Eigen::Matrix2d(weight * linear.J_bias),
+              Eigen::Matrix<double, 2, 3>(weight * linear.J_bias),
               Place{-1, stretch.slots[k]},
               Eigen::Matrix2d(weight * linear.J_landmark),
               system);
@@ -247,13 +273,15 @@ double GraphElimination::AddPriors(RestSystem* rest) const {
   double cost = 0.0;
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
     const GraphRun& run = graph_.runs[r];
-    Eigen::Matrix<double, 5, 1> information;
+    Eigen::Vector<double, kRunCalibration> information;
     information << run.correction_prior_sd.cwiseAbs2().cwiseInverse(),
         run.sensor_bias_sd.cwiseAbs2().cwiseInverse();
-    Eigen::Matrix<double, 5, 1> difference;
+    Eigen::Vector<double, kRunCalibration> difference;
     difference << run.correction - run.correction_prior_mean, run.sensor_bias;
     std::vector<int> index;
-    for (int i = 0; i < 5; ++i) index.push_back(first_calibration_ + 5 * static_cast<int>(r) + i);
+    for (int i = 0; i < kRunCalibration; ++i) {
+      index.push_back(first_calibration_ + kRunCalibration * static_cast<int>(r) + i);
+    }
     rest->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
     cost += 0.5 * difference.cwiseAbs2().dot(information);
   }
@@ -309,11 +337,17 @@ GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_6
                                 StandardNormal(Eigen::Index{3} * inside, *random), boundary);
   }
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
-    step.calibrations.emplace_back(
-        rest.segment<5>(first_calibration_ + 5 * static_cast<Eigen::Index>(r)));
+    step.calibrations.emplace_back(rest.segment<kRunCalibration>(
+        first_calibration_ + kRunCalibration * static_cast<Eigen::Index>(r)));
   }
   step.modes = rest.tail(static_cast<Eigen::Index>(2 * graph_.modes.size()));
   return step;
+}
+
+std::optional<GraphStep> GraphElimination::SimilarStep() {
+  const std::optional<Eigen::VectorXd> rest = rest_->SolveSimilar();
+  if (!rest) return std::nullopt;
+  return Complete(*rest, nullptr);
 }
 
 GraphStep GraphElimination::Step() const { return Complete(rest_->Solve(), nullptr); }
@@ -323,7 +357,7 @@ GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
 }
 
 Eigen::MatrixXd GraphElimination::CalibrationCovariance() const {
-  const auto size = static_cast<Eigen::Index>(5 * graph_.runs.size());
+  const auto size = static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size());
   Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rest_->size(), size);
   unit.middleRows(first_calibration_, size).setIdentity();
   return rest_->SolveFor(unit).middleRows(first_calibration_, size);
@@ -337,6 +371,22 @@ Eigen::MatrixXd GraphElimination::ModeCovarianceTimes(const Eigen::MatrixXd& wei
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), weights.cols());
   right.bottomRows(weights.rows()) = weights;
   return rest_->SolveFor(right).bottomRows(weights.rows());
+}
+
+Eigen::Matrix2d GraphElimination::ModeDifferenceCovariance(int a, int b) const {
+  const int i = first_mode_ + 2 * a;
+  const int j = first_mode_ + 2 * b;
+  Eigen::Matrix<double, 4, 2> difference;
+  difference << Eigen::Matrix2d::Identity(), -Eigen::Matrix2d::Identity();
+  return rest_->QuadraticForm({i, i + 1, j, j + 1}, difference);
+}
+
+Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) const {
+  Eigen::MatrixXd z(rest_->size(), draws);
+  for (Eigen::Index column = 0; column < draws; ++column) {
+    z.col(column) = StandardNormal(rest_->size(), random);
+  }
+  return rest_->Draw(z).bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
 }
 
 void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {

@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "mapper/graph/graph.h"
@@ -17,8 +19,8 @@ namespace shiftmap {
 /// A change of everything continuous in a graph.
 struct GraphStep {
   std::vector<Eigen::VectorXd> poses;  ///< Per run ξ of every pose, T·Exp(ξ), three rows each.
-  std::vector<Eigen::Matrix<double, 5, 1>> calibrations;  ///< Per run (correction, sensor bias).
-  Eigen::VectorXd modes;                                  ///< (x, y) each. [m]
+  std::vector<Eigen::Vector<double, kRunCalibration>> calibrations;  ///< Per run, correction first.
+  Eigen::VectorXd modes;                                             ///< (x, y) each. [m]
 };
 
 /// A step `factor` times as long.
@@ -40,13 +42,29 @@ class GraphElimination {
   /// @param together  Lists of modes, all pairs in each of which VisitModeCovariance() is to tell.
   explicit GraphElimination(const Graph& graph, std::vector<std::vector<int>> together = {});
 
+  /// Goes on with the small system of a graph of the same shape or another, whose factor may do.
+  /// @param rest  May be null; then as above.
+  GraphElimination(const Graph& graph, std::unique_ptr<RestSystem> rest);
+
+  std::unique_ptr<RestSystem> TakeRest() { return std::move(rest_); }
+
   /// Linearizes at the present values and eliminates. False if something is not determined.
-  bool Linearize();
+  bool Linearize() { return LinearizeSegments() && rest_->Factorize(); }
+
+  /// The same without the small system, for a cost and a SimilarStep(). False if a segment is not
+  /// determined.
+  /// @param damping  Share by which the diagonal of the normal equations is raised (Marquardt).
+  bool LinearizeSegments(double damping = 0.0);
 
   /// Half the sum of all losses at the last linearization.
   double cost() const { return cost_; }
 
-  /// The Gauss-Newton step from the last linearization.
+  /// The Gauss-Newton step from the last LinearizeSegments(), with the factor of an earlier
+  /// linearization where that will do (RestSystem::SolveSimilar). Nothing if it is not determined.
+  std::optional<GraphStep> SimilarStep();
+
+  /// The Gauss-Newton step from the last linearization. Precondition, here and in what follows:
+  /// Linearize() succeeded.
   GraphStep Step() const;
 
   /// A draw of the Gaussian around the last linearization.
@@ -59,12 +77,19 @@ class GraphElimination {
   /// what they sum up to, without the rest.
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
 
+  /// Covariance of p_a - p_b, of two modes. As costly as the part of the factor that they touch.
+  /// [m²]
+  Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const;
+
+  /// Draws of all modes' errors, a column each; the poses are left out.
+  Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const;
+
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
   /// pairs in `together`, and others that come along. As costly as Linearize(). [m²]
   using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
   void VisitModeCovariance(const BlockVisitor& visitor) const;
 
-  /// Joint covariance of all runs' calibrations, five rows a run.
+  /// Joint covariance of all runs' calibrations, kRunCalibration rows a run.
   Eigen::MatrixXd CalibrationCovariance() const;
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }

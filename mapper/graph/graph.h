@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <vector>
 
 #include "localizer/models/motion_model.h"
@@ -10,6 +11,11 @@
 #include "mapstore/run/run.h"
 
 namespace shiftmap {
+
+class RestSystem;
+
+/// Unknowns of a run beside its poses: correction (3) and sensor bias (3).
+inline constexpr int kRunCalibration = 6;
 
 /// One run's chain of poses in the graph.
 struct GraphRun {
@@ -58,6 +64,9 @@ struct Graph {
   /// Without a prior the frame is fixed by holding the first pose of this run.
   int anchor_run = 0;
 
+  /// On which segments are eliminated; results do not depend on it.
+  int threads = 1;
+
   /// Residual, in standard deviations, at which the loss turns from square to logarithm.
   double loss_scale = 2.5;
 };
@@ -69,9 +78,23 @@ struct GraphSummary {
   bool converged = false;
 };
 
-/// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h), iteratively
-/// reweighted for the loss. Where a step does not go down even when it is halved,
-/// SolveGraphByTrustRegion() goes on. One thread; same input, same bits.
+/// Minimizes graphs one after the other, and keeps what the next may use of the last: graphs of the
+/// same shape share the order of elimination, and similar ones a factor.
+class GraphSolver {
+ public:
+  GraphSolver();
+  ~GraphSolver();
+
+  /// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h),
+  /// iteratively reweighted for the loss. Where a step does not go down even when it is halved,
+  /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
+  GraphSummary Solve(int max_iterations, Graph* graph);
+
+ private:
+  std::unique_ptr<RestSystem> rest_;
+};
+
+/// One graph by itself, as GraphSolver::Solve().
 GraphSummary SolveGraph(int max_iterations, Graph* graph);
 
 /// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
@@ -92,8 +115,9 @@ struct ResidualStatistics {
 /// Precondition: every mode is observed or in the prior.
 Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 
-/// Joint covariance of all runs' (correction, sensor bias), five rows a run, in the same Gaussian.
-/// Order (log scale_v, log scale_omega, lag [s], bearing offset [rad], range curvature [1/rad²]).
+/// Joint covariance of all runs' (correction, sensor bias), kRunCalibration rows a run, in the same
+/// Gaussian. Order (log scale_v, log scale_omega, lag [s], log range scale, bearing offset [rad],
+/// range curvature [1/rad²]).
 /// Precondition: as ComputeModeCovariance().
 Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph);
 

@@ -56,7 +56,7 @@ GraphProblem::GraphProblem(const Graph& graph) : problem_(ProblemOptions()) {
   for (const Eigen::Vector2d& mode : graph.modes) modes_.push_back({mode.x(), mode.y()});
   for (const GraphRun& run : graph.runs) {
     corrections_.push_back({run.correction.x(), run.correction.y(), run.correction.z()});
-    biases_.push_back({run.sensor_bias.x(), run.sensor_bias.y()});
+    biases_.push_back({run.sensor_bias.x(), run.sensor_bias.y(), run.sensor_bias.z()});
     poses_.emplace_back();
     for (const Se2& pose : run.poses) poses_.back().push_back({pose.x(), pose.y(), pose.yaw()});
   }
@@ -74,17 +74,21 @@ GraphProblem::GraphProblem(const Graph& graph) : problem_(ProblemOptions()) {
 void GraphProblem::AddRun(const GraphRun& run, std::size_t index) {
   std::vector<std::array<double, 3>>& poses = poses_[index];
   double* correction = corrections_[index].data();
+  double* bias = biases_[index].data();
   for (std::size_t i = 0; i < run.motions.size(); ++i) {
-    problem_.AddResidualBlock(
-        new MotionCost(run.motions[i]), nullptr, poses[i].data(), poses[i + 1].data(), correction);
+    problem_.AddResidualBlock(new MotionCost(run.motions[i]),
+                              nullptr,
+                              poses[i].data(),
+                              poses[i + 1].data(),
+                              correction,
+                              bias);
   }
   const Eigen::Matrix3d sqrt_information = run.correction_prior_sd.cwiseInverse().asDiagonal();
   problem_.AddResidualBlock(
       new ceres::NormalPrior(sqrt_information, run.correction_prior_mean), nullptr, correction);
-  const Eigen::Matrix2d bias_sqrt_information = run.sensor_bias_sd.cwiseInverse().asDiagonal();
-  problem_.AddResidualBlock(new ceres::NormalPrior(bias_sqrt_information, SensorBias::Zero()),
-                            nullptr,
-                            biases_[index].data());
+  const Eigen::Matrix3d bias_sqrt_information = run.sensor_bias_sd.cwiseInverse().asDiagonal();
+  problem_.AddResidualBlock(
+      new ceres::NormalPrior(bias_sqrt_information, SensorBias::Zero()), nullptr, bias);
 }
 
 void GraphProblem::AddObservations(const Graph& graph) {

@@ -30,7 +30,7 @@ class GraphProblem {
 
   std::vector<std::vector<std::array<double, 3>>> poses_;
   std::vector<std::array<double, 3>> corrections_;
-  std::vector<std::array<double, 2>> biases_;
+  std::vector<std::array<double, 3>> biases_;
   std::vector<std::array<double, 2>> modes_;
   ceres::Problem problem_;
 };

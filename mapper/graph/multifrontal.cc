@@ -75,6 +75,12 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
       }
     }
   }
+  for (std::size_t f = 0; f < tree.fronts.size(); ++f) {
+    for (int i = 0; i < tree.fronts[f].own; ++i) {
+      const auto node = static_cast<std::size_t>(tree.fronts[f].rows[static_cast<std::size_t>(i)]);
+      front_.insert(front_.end(), static_cast<std::size_t>(sizes[node]), static_cast<int>(f));
+    }
+  }
   children_.resize(tree.fronts.size());
   for (std::size_t f = 0; f < tree.fronts.size(); ++f) {
     const Front& front = tree.fronts[f];
@@ -182,17 +188,49 @@ Eigen::MatrixXd Multifrontal::Permuted(const Eigen::MatrixXd& b) const {
 
 Eigen::MatrixXd Multifrontal::Solve(const Eigen::MatrixXd& b) const {
   Eigen::MatrixXd x = Permuted(b);
-  for (const Factor& factor : factors_) {
-    auto x_J = x.middleRows(factor.rows.front(), factor.own);
-    factor.L.topRows(factor.own).triangularView<Eigen::Lower>().solveInPlace(x_J);
-    const Eigen::Index below = factor.L.rows() - factor.own;
-    if (below == 0) continue;
-    const Eigen::MatrixXd change = factor.L.bottomRows(below) * x_J;
-    for (Eigen::Index i = 0; i < below; ++i) {
-      x.row(factor.rows[static_cast<std::size_t>(factor.own + i)]) -= change.row(i);
+  for (const Factor& factor : factors_) SolveLower(factor, &x);
+  return BackSubstitute(std::move(x));
+}
+
+void Multifrontal::SolveLower(const Factor& factor, Eigen::MatrixXd* x) const {
+  auto x_J = x->middleRows(factor.rows.front(), factor.own);
+  factor.L.topRows(factor.own).triangularView<Eigen::Lower>().solveInPlace(x_J);
+  const Eigen::Index below = factor.L.rows() - factor.own;
+  if (below == 0) return;
+  const Eigen::MatrixXd change = factor.L.bottomRows(below) * x_J;
+  for (Eigen::Index i = 0; i < below; ++i) {
+    x->row(factor.rows[static_cast<std::size_t>(factor.own + i)]) -= change.row(i);
+  }
+}
+
+// The fronts of some unknowns and all above them, ascending.
+std::vector<std::size_t> Multifrontal::FrontsAbove(const std::vector<int>& unknowns) const {
+  std::vector<std::size_t> fronts;
+  for (const int unknown : unknowns) {
+    int front = front_[static_cast<std::size_t>(place_[static_cast<std::size_t>(unknown)])];
+    for (; front >= 0; front = factors_[static_cast<std::size_t>(front)].parent) {
+      fronts.push_back(static_cast<std::size_t>(front));
     }
   }
-  return BackSubstitute(std::move(x));
+  std::sort(fronts.begin(), fronts.end());
+  fronts.erase(std::unique(fronts.begin(), fronts.end()), fronts.end());
+  return fronts;
+}
+
+Eigen::MatrixXd Multifrontal::QuadraticForm(const std::vector<int>& unknowns,
+                                            const Eigen::MatrixXd& weights) const {
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(Index(place_.size()), weights.cols());
+  for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    x.row(place_[static_cast<std::size_t>(unknowns[i])]) = weights.row(Index(i));
+  }
+  Eigen::MatrixXd form = Eigen::MatrixXd::Zero(weights.cols(), weights.cols());
+  for (const std::size_t front : FrontsAbove(unknowns)) {
+    const Factor& factor = factors_[front];
+    SolveLower(factor, &x);
+    const auto x_J = x.middleRows(factor.rows.front(), factor.own);
+    form.noalias() += x_J.transpose() * x_J;
+  }
+  return form;
 }
 
 Eigen::MatrixXd Multifrontal::SolveUpper(const Eigen::MatrixXd& z) const {

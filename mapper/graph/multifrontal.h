@@ -41,6 +41,12 @@ class Multifrontal {
   /// P L⁻ᵀ z with P L Lᵀ Pᵀ = H: a draw of N(0, H⁻¹) if z is one of N(0, I).
   Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
 
+  /// Wᵀ H⁻¹ W = ‖L⁻¹ Pᵀ W‖² of a W that has few rows: only the fronts between those unknowns and
+  /// the roots take part.
+  /// @param unknowns  Of the rows of `weights`; each once.
+  Eigen::MatrixXd QuadraticForm(const std::vector<int>& unknowns,
+                                const Eigen::MatrixXd& weights) const;
+
   /// The entries of H⁻¹ where the factor has any, which is in all blocks of all terms, front by
   /// front (Takahashi, Fagan, Chin 1973):
   ///
@@ -69,6 +75,8 @@ class Multifrontal {
   bool FactorizeFront(const std::vector<SystemTerm>& terms,
                       std::vector<Eigen::MatrixXd>* left,
                       std::size_t at);
+  std::vector<std::size_t> FrontsAbove(const std::vector<int>& unknowns) const;
+  void SolveLower(const Factor& factor, Eigen::MatrixXd* x) const;
   Eigen::MatrixXd Permuted(const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd BackSubstitute(Eigen::MatrixXd x) const;
 
@@ -76,6 +84,7 @@ class Multifrontal {
   std::vector<int> node_begin_;  // Per node its first unknown, and the number of unknowns.
   std::vector<int> place_;       // Per unknown its place in the order of elimination.
   std::vector<int> unknown_;     // Per place.
+  std::vector<int> front_;       // Per place the front that eliminates it.
   std::vector<Factor> factors_;
   std::vector<std::vector<int>> children_;
   mutable std::vector<int> local_;  // Scratch: per place its row in the front at hand.

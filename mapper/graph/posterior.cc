@@ -29,12 +29,12 @@ void CountMotions(const Graph& graph,
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
     for (std::size_t i = 0; i < run.motions.size(); ++i) {
-      const MotionResidual::Linear linear =
-          elimination.motions()[r][i].At(run.poses[i], run.poses[i + 1], run.correction);
+      const MotionResidual::Linear linear = elimination.motions()[r][i].At(
+          run.poses[i], run.poses[i + 1], run.correction, run.sensor_bias[kLogRangeScale]);
       Eigen::Array3d explained = Eigen::Array3d::Zero();
       for (const GraphStep& draw : draws) {
         explained += (linear.J_i * PoseStep(draw, r, i) + linear.J_j * PoseStep(draw, r, i + 1) +
-                      linear.J_correction * draw.calibrations[r].head<3>())
+                      linear.J_calibration * draw.calibrations[r].head<4>())
                          .array()
                          .square();
       }
@@ -68,7 +68,7 @@ void CountObservations(const Graph& graph,
     for (const GraphStep& draw : draws) {
       explained += (linear.J_pose * PoseStep(draw, r, frame) +
                     linear.J_landmark * draw.modes.segment<2>(Eigen::Index{2} * item.mode) +
-                    linear.J_bias * draw.calibrations[r].tail<2>())
+                    linear.J_bias * draw.calibrations[r].tail<3>())
                        .array()
                        .square();
     }

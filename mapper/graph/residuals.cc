@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <cmath>
 
 #include "mapper/graph/sensor_bias.h"
 
@@ -30,17 +31,23 @@ MotionResidual::MotionResidual(const MotionIncrement& motion)
 
 MotionResidual::Linear MotionResidual::At(const Se2& T_map_i,
                                           const Se2& T_map_j,
-                                          const Eigen::Vector3d& correction) const {
+                                          const Eigen::Vector3d& correction,
+                                          double log_range_scale) const {
   const Se2::Step shift = Se2::ExpStep(J_calibration_ * correction);
   const Se2 T_i_j = T_map_i.Inverse() * T_map_j;
   const Se2 error = (T_i_j_ * shift.T).Inverse() * T_i_j;
   const Eigen::Vector3d r = error.Log();
-  const Eigen::Matrix3d whitened = sqrt_information_ * Se2::RightJacobian(r).inverse();
+  const double scale = std::exp(log_range_scale);
+  const Eigen::Matrix3d whitening =
+      sqrt_information_ * Eigen::Vector3d(scale, scale, 1.0).asDiagonal();
+  const Eigen::Matrix3d whitened = whitening * Se2::RightJacobian(r).inverse();
   Linear linear;
-  linear.r = sqrt_information_ * r;
+  linear.r = whitening * r;
   linear.J_i = -whitened * T_i_j.InverseAdjoint();
   linear.J_j = whitened;
-  linear.J_correction = -whitened * error.InverseAdjoint() * shift.right_jacobian * J_calibration_;
+  linear.J_calibration << -whitened * error.InverseAdjoint() * shift.right_jacobian *
+                              J_calibration_,
+      whitening.leftCols<2>() * r.head<2>();
   return linear;
 }
 
@@ -51,7 +58,7 @@ ObservationResidual::ObservationResidual(const GraphObservation& observation)
 ObservationResidual::Linear ObservationResidual::At(const Se2& T_map_vehicle,
                                                     const Eigen::Vector2d& p_map_landmark,
                                                     const SensorBias& bias) const {
-  Eigen::Matrix2d J_bias;
+  Eigen::Matrix<double, 2, 3> J_bias;
   const Innovation innovation = LinearizeBiased(observation_->observation,
                                                 T_map_vehicle,
                                                 p_map_landmark,

@@ -11,18 +11,24 @@
 
 namespace shiftmap {
 
-/// r = Σ^(-1/2) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
+/// r = Σ^(-1/2) diag(e^s, e^s, 1) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
+///
+/// The noise of odometry is known in the units of length of the run's own sensor, whose ranges are
+/// e^s as long; so a smaller world has no smaller residuals (README: scale).
 class MotionResidual {
  public:
   struct Linear {
     Eigen::Vector3d r;
     Eigen::Matrix3d J_i;
     Eigen::Matrix3d J_j;
-    Eigen::Matrix3d J_correction;
+    Eigen::Matrix<double, 3, 4> J_calibration;  ///< By (correction c, log range scale s).
   };
 
   explicit MotionResidual(const MotionIncrement& motion);
-  Linear At(const Se2& T_map_i, const Se2& T_map_j, const Eigen::Vector3d& correction) const;
+  Linear At(const Se2& T_map_i,
+            const Se2& T_map_j,
+            const Eigen::Vector3d& correction,
+            double log_range_scale) const;
 
  private:
   Se2 T_i_j_;
@@ -37,7 +43,7 @@ class ObservationResidual {
     Eigen::Vector2d r;
     Eigen::Matrix<double, 2, 3> J_pose;
     Eigen::Matrix2d J_landmark;
-    Eigen::Matrix2d J_bias;
+    Eigen::Matrix<double, 2, 3> J_bias;
   };
 
   /// @param observation  Must outlive the residual.

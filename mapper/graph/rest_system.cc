@@ -11,6 +11,14 @@ namespace {
 // Up to here a dense factor is faster than ordering a sparse one.
 constexpr int kMaxDense = 400;
 
+// Conjugate gradients: relative error of the solution in the norm of the factor, and how many
+// iterations cost less than a factor.
+constexpr double kTolerance = 1e-6;
+constexpr int kMaxIterations = 8;
+
+// Slower than this, per iteration in the squared norm, they do not get there.
+constexpr double kLeastProgress = 0.1;
+
 // Right sides solved at once: as many as a cache holds.
 constexpr Eigen::Index kColumns = 64;
 
@@ -59,14 +67,71 @@ bool RestSystem::Factorize() {
     dense_.compute(H_);
     return dense_.info() == Eigen::Success;
   }
-  if (added_ < terms_.size()) {
-    terms_.resize(added_);
-    factor_.reset();
-  }
+  Shape();
   if (!factor_) factor_ = std::make_unique<Multifrontal>(size(), terms_);
-  const bool positive = factor_->Factorize(terms_);
+  has_factor_ = factor_->Factorize(terms_);
   for (SystemTerm& term : terms_) term.H.resize(0, 0);
-  return positive;
+  return has_factor_;
+}
+
+// Forgets a factor of another shape.
+void RestSystem::Shape() {
+  if (added_ == terms_.size()) return;
+  terms_.resize(added_);
+  factor_.reset();
+}
+
+std::optional<Eigen::VectorXd> RestSystem::SolveSimilar() {
+  if (!dense()) {
+    Shape();
+    if (factor_ && has_factor_) {
+      if (std::optional<Eigen::VectorXd> x = ConjugateGradients()) return x;
+    }
+  }
+  if (!Factorize()) return std::nullopt;
+  return Solve();
+}
+
+Eigen::VectorXd RestSystem::Times(const Eigen::VectorXd& x) const {
+  Eigen::VectorXd y = Eigen::VectorXd::Zero(x.size());
+  Eigen::VectorXd local;
+  for (const SystemTerm& term : terms_) {
+    local.resize(static_cast<Eigen::Index>(term.index.size()));
+    for (std::size_t i = 0; i < term.index.size(); ++i) {
+      local[static_cast<Eigen::Index>(i)] = term.index[i] < 0 ? 0.0 : x[term.index[i]];
+    }
+    local = (term.H.selfadjointView<Eigen::Lower>() * local).eval();
+    for (std::size_t i = 0; i < term.index.size(); ++i) {
+      if (term.index[i] >= 0) y[term.index[i]] += local[static_cast<Eigen::Index>(i)];
+    }
+  }
+  return y;
+}
+
+// Hestenes and Stiefel, preconditioned. Nothing if it does not get there.
+std::optional<Eigen::VectorXd> RestSystem::ConjugateGradients() const {
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(b_.size());
+  Eigen::VectorXd residual = b_;
+  Eigen::VectorXd direction = factor_->Solve(residual);
+  double squared = residual.dot(direction);
+  const double enough = kTolerance * kTolerance * squared;
+  double slow = squared;
+  for (int i = 0; i < kMaxIterations && squared > enough; ++i) {
+    const Eigen::VectorXd image = Times(direction);
+    const double curvature = direction.dot(image);
+    if (!(curvature > 0.0)) return std::nullopt;
+    const double length = squared / curvature;
+    x += length * direction;
+    residual -= length * image;
+    const Eigen::VectorXd preconditioned = factor_->Solve(residual);
+    const double next = residual.dot(preconditioned);
+    direction = preconditioned + next / squared * direction;
+    squared = next;
+    slow *= kLeastProgress;
+    if (squared > slow) return std::nullopt;
+  }
+  if (!(squared <= enough)) return std::nullopt;
+  return x;
 }
 
 Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
@@ -74,7 +139,18 @@ Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
   return factor_->Solve(b);
 }
 
-Eigen::VectorXd RestSystem::Draw(const Eigen::VectorXd& z) const {
+Eigen::MatrixXd RestSystem::QuadraticForm(const std::vector<int>& index,
+                                          const Eigen::MatrixXd& weights) const {
+  if (!dense()) return factor_->QuadraticForm(index, weights);
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size(), weights.cols());
+  for (std::size_t i = 0; i < index.size(); ++i) {
+    x.row(index[i]) = weights.row(static_cast<Eigen::Index>(i));
+  }
+  dense_.matrixL().solveInPlace(x);
+  return x.transpose() * x;
+}
+
+Eigen::MatrixXd RestSystem::Draw(const Eigen::MatrixXd& z) const {
   if (dense()) return dense_.matrixU().solve(z);
   return factor_->SolveUpper(z);
 }

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "mapper/graph/multifrontal.h"
@@ -29,14 +30,24 @@ class RestSystem {
   /// Adds up what is there. False if the system is not positive definite.
   bool Factorize();
 
-  /// H⁻¹ b.
+  /// H⁻¹ b without Factorize(), to a millionth: by conjugate gradients on the factor of an earlier,
+  /// similar H if there is one of the same shape, with a factor of its own where these are slow.
+  /// Nothing if the system is not positive definite.
+  std::optional<Eigen::VectorXd> SolveSimilar();
+
+  /// H⁻¹ b. Precondition, here and in what follows: Factorize() succeeded.
   Eigen::VectorXd Solve() const { return SolveFor(b_); }
 
   /// H⁻¹ times other right sides.
   Eigen::MatrixXd SolveFor(const Eigen::MatrixXd& b) const;
 
-  /// L⁻ᵀ z: a draw of N(0, H⁻¹) if z is one of N(0, I).
-  Eigen::VectorXd Draw(const Eigen::VectorXd& z) const;
+  /// Wᵀ H⁻¹ W of a W that has few rows.
+  /// @param index  Of the rows of `weights`; each once.
+  Eigen::MatrixXd QuadraticForm(const std::vector<int>& index,
+                                const Eigen::MatrixXd& weights) const;
+
+  /// L⁻ᵀ z, any number of columns: a draw of N(0, H⁻¹) if z is one of N(0, I).
+  Eigen::MatrixXd Draw(const Eigen::MatrixXd& z) const;
 
   /// The lower right `size` x `size` block of H⁻¹.
   Eigen::MatrixXd TailCovariance(int size) const;
@@ -47,6 +58,9 @@ class RestSystem {
 
  private:
   bool dense() const;
+  void Shape();
+  Eigen::VectorXd Times(const Eigen::VectorXd& x) const;
+  std::optional<Eigen::VectorXd> ConjugateGradients() const;
 
   Eigen::VectorXd b_;
   Eigen::MatrixXd H_;                  // If dense.
@@ -54,6 +68,7 @@ class RestSystem {
   std::vector<SystemTerm> terms_;      // If not; those from added_ on are of before Clear().
   std::size_t added_ = 0;
   std::unique_ptr<Multifrontal> factor_;  // If not dense; of the shape of terms_.
+  bool has_factor_ = false;               // factor_ is of some H.
 };
 
 }  // namespace shiftmap

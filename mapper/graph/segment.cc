@@ -15,6 +15,11 @@ SegmentSystem::SegmentSystem(int poses, int boundary)
       C(Eigen::MatrixXd::Zero(boundary, boundary)),
       c(Eigen::VectorXd::Zero(boundary)) {}
 
+void SegmentSystem::Damp(double share) {
+  for (Eigen::Matrix3d& block : A) block.diagonal() *= 1.0 + share;
+  C.diagonal() *= 1.0 + share;
+}
+
 bool Segment::Eliminate(SegmentSystem* system) {
   std::vector<Eigen::Matrix3d>& A = system->A;
   L_.resize(A.size());

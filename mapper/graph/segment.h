@@ -14,6 +14,9 @@ struct SegmentSystem {
   /// @param boundary  Dimension of the boundary.
   SegmentSystem(int poses, int boundary);
 
+  /// Raises the diagonal by a share of itself.
+  void Damp(double share);
+
   std::vector<Eigen::Matrix3d> A;  ///< H of each pose with itself.
   std::vector<Eigen::Matrix3d> E;  ///< H of pose i with pose i + 1; of all but the last.
   Eigen::MatrixXd B;               ///< H of the poses with the boundary, three rows a pose.

@@ -9,19 +9,19 @@
 
 namespace shiftmap {
 
-/// Systematic errors of a range-bearing sensor that its own runs tell: (bearing offset [rad], range
-/// curvature κ [1/rad²]). At true range r and bearing b it reads
+/// Systematic errors of a run's sensor: (log range scale s, bearing offset β [rad], range curvature
+/// κ [1/rad²]). At true range r and bearing b it reads
 ///
-///   r (1 + κ (b² - b̄²)),   b + bearing offset.
+///   e^s r (1 + κ (b² - b̄²)),   b + β.
 ///
 /// Cameras that infer range from apparent size read the depth r cos b, κ ≈ -1/2. b̄² is the mean
-/// over the run weighted by r², so that κ does not change the scale of the map.
+/// over the run weighted by r², so that κ does not change the scale of the map. Cartesian
+/// observations have the scale alone, e^s q.
 ///
-/// Range scale and range offset are not among them, though the graph would fit them: it minimizes
-/// over the poses instead of integrating over them, and a smaller world has smaller motion
-/// residuals, so that it buys shrinkage with any parameter that sells it (README: scale). They stay
-/// in the map's uncertainty. Cartesian observations have no such errors.
-using SensorBias = Eigen::Vector2d;
+/// What the scale is, a run by itself cannot tell; two runs tell theirs apart, and a prior map
+/// tells it in the map's own units (README: scale).
+using SensorBias = Eigen::Vector3d;
+enum SensorBiasIndex { kLogRangeScale, kBearingOffset, kRangeCurvature };
 
 /// Linearize() of the observation model with the sensor's systematic errors in h.
 /// @param mean_squared_bearing  b̄². [rad²]
@@ -31,6 +31,6 @@ Innovation LinearizeBiased(const Observation& observation,
                            const Eigen::Vector2d& p_map_landmark,
                            const SensorBias& bias,
                            double mean_squared_bearing,
-                           Eigen::Matrix2d* J_bias = nullptr);
+                           Eigen::Matrix<double, 2, 3>* J_bias = nullptr);
 
 }  // namespace shiftmap

@@ -20,16 +20,76 @@ constexpr double kDeadEnd = -1e12;
 // In [0, 1); the same on every platform.
 double Uniform(std::mt19937_64& random) { return static_cast<double>(random() >> 11) * 0x1p-53; }
 
+// log ψ of every transition at every step, and what a roll-out draws by: computed once, used by
+// every sequence of every tree.
+class FactorTable {
+ public:
+  FactorTable(const ModeSequenceProblem& problem, RollOutPolicy policy) : n_(problem.states()) {
+    for (int step = 0; step < problem.steps(); ++step) {
+      for (int from = 0; from < n_; ++from) AddRow(problem, policy, step, from);
+    }
+  }
+
+  // log ψ of going to each state.
+  const double* LogFactors(int step, int from) const {
+    return log_factors_.data() + At(step, from);
+  }
+
+  bool AnyPossible(int step, int from) const { return sums_[At(step, from) / n()] > 0.0; }
+
+  // A possible state, if there is one, for a draw in [0, 1).
+  int Draw(int step, int from, double draw) const {
+    const double* weights = weights_.data() + At(step, from);
+    double left = draw * sums_[At(step, from) / n()];
+    int drawn = 0;
+    for (int state = 0; state < n_; ++state) {
+      if (weights[state] == 0.0) continue;
+      drawn = state;
+      left -= weights[state];
+      if (left < 0.0) break;
+    }
+    return drawn;
+  }
+
+ private:
+  void AddRow(const ModeSequenceProblem& problem, RollOutPolicy policy, int step, int from) {
+    const std::size_t begin = log_factors_.size();
+    for (int to = 0; to < n_; ++to) log_factors_.push_back(problem.LogFactor(step, from, to));
+    const double largest = *std::max_element(
+        log_factors_.begin() + static_cast<std::ptrdiff_t>(begin), log_factors_.end());
+    double sum = 0.0;
+    for (std::size_t i = begin; i < log_factors_.size(); ++i) {
+      const bool possible = log_factors_[i] > kLogZero;
+      const bool uniform = policy == RollOutPolicy::kUniform;
+      weights_.push_back(!possible ? 0.0 : (uniform ? 1.0 : std::exp(log_factors_[i] - largest)));
+      sum += weights_.back();
+    }
+    sums_.push_back(sum);
+  }
+
+  std::size_t n() const { return static_cast<std::size_t>(n_); }
+  std::size_t At(int step, int from) const {
+    return (static_cast<std::size_t>(step) * n() + static_cast<std::size_t>(from)) * n();
+  }
+
+  int n_;
+  std::vector<double> log_factors_;  // By step, state before, state.
+  std::vector<double> weights_;      // The same.
+  std::vector<double> sums_;         // Of the weights, by step and state before.
+};
+
 // One tree that decides one step.
 class StepSearch {
  public:
   // @param before  State at the step before; any for the first.
   StepSearch(const ModeSequenceProblem& problem,
+             const FactorTable& factors,
              const MctsOptions& options,
              int step,
              int before,
              std::uint64_t seed)
       : problem_(problem),
+        factors_(factors),
         options_(options),
         first_(step),
         end_(std::min(problem.steps(), step + options.depth)),
@@ -59,79 +119,44 @@ class StepSearch {
     double value = 0.0;
     bool in_tree = true;
     while (step < end_) {
-      WeighStates(step, state);
+      const double* log_factors = factors_.LogFactors(step, state);
+      const bool any_possible = factors_.AnyPossible(step, state);
       int to = kDeadEndState;
       if (in_tree) {
         const int node = path_.back();
-        const std::vector<int> untried = UntriedStates(node);
+        const std::vector<int> untried = UntriedStates(node, log_factors);
         in_tree = untried.empty();
         if (!untried.empty()) {
           to = untried[random_() % untried.size()];
           path_.push_back(tree_.Expand(node, to));
-        } else if (AnyPossible()) {
+        } else if (any_possible) {
           to = tree_.BestChild(node, options_.exploration, range);
           path_.push_back(tree_.Child(node, to));
         }
-      } else if (AnyPossible()) {
-        to = RollOut();
+      } else if (any_possible) {
+        to = factors_.Draw(step, state, Uniform(random_));
       }
       if (to == kDeadEndState) {
         value = kDeadEnd;
         break;
       }
-      value += log_factors_[static_cast<std::size_t>(to)];
+      value += log_factors[to];
       state = to;
       ++step;
     }
     for (const int node : path_) tree_.Record(node, value);
   }
 
-  // log ψ of going to each state.
-  void WeighStates(int step, int from) {
-    log_factors_.resize(static_cast<std::size_t>(problem_.states()));
-    for (int to = 0; to < problem_.states(); ++to) {
-      log_factors_[static_cast<std::size_t>(to)] = problem_.LogFactor(step, from, to);
-    }
-  }
-
-  bool IsPossible(int state) const {
-    return log_factors_[static_cast<std::size_t>(state)] > kLogZero;
-  }
-  bool AnyPossible() const {
-    return *std::max_element(log_factors_.begin(), log_factors_.end()) > kLogZero;
-  }
-
-  std::vector<int> UntriedStates(int node) const {
+  std::vector<int> UntriedStates(int node, const double* log_factors) const {
     std::vector<int> states = tree_.UnvisitedChildren(node);
-    std::erase_if(states, [&](int state) { return !IsPossible(state); });
+    std::erase_if(states, [&](int state) { return log_factors[state] <= kLogZero; });
     return states;
-  }
-
-  // Draws a possible state.
-  int RollOut() {
-    const bool uniform = options_.roll_out == RollOutPolicy::kUniform;
-    const double largest = *std::max_element(log_factors_.begin(), log_factors_.end());
-    weights_.clear();
-    double sum = 0.0;
-    for (const double log_factor : log_factors_) {
-      const bool possible = log_factor > kLogZero;
-      weights_.push_back(uniform ? (possible ? 1.0 : 0.0) : std::exp(log_factor - largest));
-      sum += weights_.back();
-    }
-    double left = Uniform(random_) * sum;
-    int drawn = kDeadEndState;
-    for (int state = 0; state < problem_.states(); ++state) {
-      if (!IsPossible(state)) continue;
-      drawn = state;
-      left -= weights_[static_cast<std::size_t>(state)];
-      if (left < 0.0) break;
-    }
-    return drawn;
   }
 
   static constexpr int kDeadEndState = -1;
 
   const ModeSequenceProblem& problem_;
+  const FactorTable& factors_;
   const MctsOptions& options_;
   int first_;
   int end_;
@@ -139,12 +164,11 @@ class StepSearch {
   std::mt19937_64 random_;
   SearchTree tree_;
   std::vector<int> path_;
-  std::vector<double> log_factors_;
-  std::vector<double> weights_;
 };
 
 // Visit counts of the states of a step, added over all trees.
 std::vector<int> SearchStep(const ModeSequenceProblem& problem,
+                            const FactorTable& factors,
                             const MctsOptions& options,
                             int step,
                             int before,
@@ -153,7 +177,8 @@ std::vector<int> SearchStep(const ModeSequenceProblem& problem,
   const auto search = [&](int tree, std::uint64_t seed) {
     const int share = options.iterations / options.trees;
     const int rest = options.iterations % options.trees;
-    return StepSearch(problem, options, step, before, seed).Run(share + (tree < rest ? 1 : 0));
+    return StepSearch(problem, factors, options, step, before, seed)
+        .Run(share + (tree < rest ? 1 : 0));
   };
   const std::uint64_t first_seed = seeds();
   for (int tree = 1; tree < options.trees; ++tree) {
@@ -178,11 +203,12 @@ std::vector<int> MostVisitedModes(const ModeSequenceProblem& problem,
                  options.iterations,
                  options.depth,
                  options.trees);
+  const FactorTable factors(problem, options.roll_out);
   std::mt19937_64 seeds(seed);
   std::vector<int> states;
   int before = 0;
   for (int step = 0; step < problem.steps(); ++step) {
-    const std::vector<int> visits = SearchStep(problem, options, step, before, seeds);
+    const std::vector<int> visits = SearchStep(problem, factors, options, step, before, seeds);
     before = static_cast<int>(std::max_element(visits.begin(), visits.end()) - visits.begin());
     states.push_back(before);
   }

@@ -62,6 +62,7 @@ void SearchTree::Record(int node, double value) {
   Node& at = nodes_[static_cast<std::size_t>(node)];
   ++at.visits;
   at.value_sum += value;
+  at.value = at.value_sum / at.visits;
 }
 
 ValueRange SearchTree::Range() const {
@@ -69,9 +70,8 @@ ValueRange SearchTree::Range() const {
                    -std::numeric_limits<double>::infinity()};
   for (const Node& node : nodes_) {
     if (node.visits == 0) continue;
-    const double value = node.value_sum / node.visits;
-    range.min = std::min(range.min, value);
-    range.max = std::max(range.max, value);
+    range.min = std::min(range.min, node.value);
+    range.max = std::max(range.max, node.value);
   }
   return range;
 }

@@ -54,7 +54,7 @@ class SearchTree {
   int Visits(int node) const { return At(node).visits; }
 
   /// Q of IJRR (24): the mean value of the sequences through a visited node.
-  double Value(int node) const { return At(node).value_sum / At(node).visits; }
+  double Value(int node) const { return At(node).value; }
 
   /// Over Q of all visited nodes.
   ValueRange Range() const;
@@ -63,6 +63,7 @@ class SearchTree {
   struct Node {
     int visits = 0;
     double value_sum = 0.0;
+    double value = 0.0;  // The mean.
   };
 
   std::size_t ChildIndex(int node, int state) const {

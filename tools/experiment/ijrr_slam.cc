@@ -1,92 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/ijrr_slam.h"
 
-#include <memory>
-#include <set>
+#include <cmath>
+#include <limits>
+#include <utility>
 
-#include "localizer/models/observation_model.h"
-#include "mapper/graph/graph.h"
-#include "mapstore/geometry/covariance.h"
+#include "mapper/incremental/incremental_mapper.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr int kSolverIterations = 20;
+// Of the first pose: the robot starts at the origin. [m], [rad]
+constexpr double kStartSd = 1e-6;
 
-// Of what the graph could also estimate and this problem does not have.
-constexpr double kHeldSd = 1e-9;
+// All modes are known: what is seen is of the nearest of them, however far it is.
+constexpr double kOpenGate = 1.0 - 1e-12;
 
-Observation CartesianObservation(const Eigen::Vector2d& z) {
+IncrementalOptions OptionsOf(const IjrrSelectorsOptions& options, const SelectorOptions& selector) {
+  IncrementalOptions result;
+  result.selector = selector;
+  result.gate_probability = kOpenGate;
+  result.min_sightings = std::numeric_limits<int>::max();
+  result.merge_probability = 0.0;
+  result.change_probability = options.change_probability;
+  result.sensor.max_range_m = 1e3;
+  result.sensor.max_bearing_rad = 2.0 * M_PI;
+  result.sensor.detection_probability = options.detection_probability;
+  result.smoother.loss_scale = 1e6;  // Least squares, as in the paper.
+  result.max_alternations = options.max_alternations;
+  return result;
+}
+
+IncrementalPrior PriorOf(const IjrrSelectorsOptions& options, const IjrrSlamProblem& problem) {
+  const auto size = 2 * std::ssize(problem.prior);
+  IncrementalPrior prior;
+  prior.groups = 1;
+  prior.group.assign(problem.prior.size(), 0);
+  prior.mean.resize(size);
+  for (std::size_t k = 0; k < problem.prior.size(); ++k) {
+    prior.mean.segment<2>(static_cast<Eigen::Index>(2 * k)) = problem.prior[k];
+  }
+  prior.cov = Eigen::MatrixXd::Identity(size, size) * (options.prior_sd_m * options.prior_sd_m);
+  if (options.known_start) prior.choice_before = {0};
+  return prior;
+}
+
+IncrementalFrame FrameOf(const IjrrSelectorsOptions& options,
+                         const IjrrSlamProblem& problem,
+                         std::size_t t) {
+  IncrementalFrame frame;
+  frame.stamp = StampFromSeconds(static_cast<double>(t));
+  frame.motion.cov = options.process_sd.cwiseAbs2().asDiagonal();
   Observation observation;
   observation.kind = Observation::Kind::kCartesian;
-  observation.z = z;
-  return observation;
-}
-
-// The graph with every pose at the origin and every mode where the map has it.
-Graph StartGraph(const IjrrSelectorsOptions& options, const IjrrSlamProblem& problem) {
-  Graph graph;
-  graph.loss_scale = 1e6;  // Least squares, as in the paper.
-  graph.modes = problem.prior;
-  GraphRun run;
-  run.poses.assign(problem.observations.size(), Se2());
-  MotionIncrement still;
-  still.cov = options.process_sd.cwiseAbs2().asDiagonal();
-  run.motions.assign(problem.observations.size() - 1, still);
-  run.correction_prior_sd.setConstant(kHeldSd);
-  run.sensor_bias_sd.setConstant(kHeldSd);
-  graph.runs.push_back(std::move(run));
-  return graph;
-}
-
-// Switches the observations to the modes of `states`. The first pose is held at the origin, so an
-// observation from there is a prior of a mode.
-void SwitchObservations(const IjrrSelectorsOptions& options,
-                        const IjrrSlamProblem& problem,
-                        const std::vector<int>& states,
-                        Graph* graph) {
-  graph->observations.clear();
-  const Eigen::Matrix2d prior_cov =
-      Eigen::Matrix2d::Identity() * (options.prior_sd_m * options.prior_sd_m);
-  for (std::size_t k = 0; k < problem.prior.size(); ++k) {
-    graph->observations.push_back(
-        {0, 0, static_cast<int>(k), CartesianObservation(problem.prior[k]), prior_cov, 0.0});
-  }
-  for (std::size_t t = 0; t < states.size(); ++t) {
-    graph->observations.push_back({0,
-                                   static_cast<int>(t),
-                                   states[t],
-                                   CartesianObservation(problem.observations[t]),
-                                   Eigen::Matrix2d::Identity() * problem.noise_m2,
-                                   0.0});
-  }
-}
-
-// log p(z_t | x_t, M, δ_t) at the graph's present values, which IJRR 5.3 takes as given.
-ModeSequenceProblem MakeSequence(const IjrrSelectorsOptions& options,
-                                 const IjrrSlamProblem& problem,
-                                 const Graph& graph) {
-  const Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * problem.noise_m2;
-  std::vector<Eigen::VectorXd> log_densities;
-  for (std::size_t t = 0; t < problem.observations.size(); ++t) {
-    Eigen::VectorXd log_density(std::ssize(graph.modes));
-    for (std::size_t k = 0; k < graph.modes.size(); ++k) {
-      const Innovation innovation = Linearize(
-          CartesianObservation(problem.observations[t]), graph.runs[0].poses[t], graph.modes[k]);
-      log_density[static_cast<Eigen::Index>(k)] = LogGaussian(innovation.nu, cov);
-    }
-    log_densities.push_back(std::move(log_density));
-  }
-  return MakeIjrrSequence(options, log_densities);
-}
-
-double SquaredError(const IjrrSelectorsOptions& options,
-                    const IjrrSlamProblem& problem,
-                    const Graph& graph) {
-  const auto last = static_cast<std::size_t>(problem.truth.back());
-  const Eigen::Vector2d robot =
-      graph.runs[0].poses.back().translation() - problem.true_poses.back().translation();
-  return robot.squaredNorm() + (graph.modes[last] - options.places[last]).squaredNorm();
+  observation.z = problem.observations[t];
+  observation.cov_z = Eigen::Matrix2d::Identity() * problem.noise_m2;
+  frame.observations.push_back({0, std::move(observation)});
+  return frame;
 }
 
 }  // namespace
@@ -121,25 +92,22 @@ IjrrSlamProblem SimulateIjrrSlam(const IjrrSelectorsOptions& options,
 IjrrSlamResult SolveIjrrSlam(const IjrrSelectorsOptions& options,
                              const SelectorOptions& selector_options,
                              const IjrrSlamProblem& problem) {
-  const std::unique_ptr<Selector> selector = MakeSelector(selector_options);
-  const bool at_linearization = selector_options.kind == SelectorKind::kMaxMixture;
-  const int alternations = at_linearization ? kSolverIterations : options.max_alternations;
-  const int solver_iterations = at_linearization ? 1 : kSolverIterations;
-  Graph graph = StartGraph(options, problem);
+  const PoseWithCovariance start{Se2(), Eigen::Matrix3d::Identity() * (kStartSd * kStartSd)};
+  StatusOr<IncrementalMapper> mapper = IncrementalMapper::Create(
+      OptionsOf(options, selector_options), PriorOf(options, problem), start);
+  SHIFTMAP_CHECK(mapper.ok(), "{}", Message(mapper.status()));
   IjrrSlamResult result;
-  std::set<std::vector<int>> seen;
-  while (result.alternations < alternations) {
-    result.states = selector->Select(MakeSequence(options, problem, graph)).states;
-    const bool recurs = !seen.insert(result.states).second;
-    SwitchObservations(options, problem, result.states, &graph);
-    SolveGraph(solver_iterations, &graph);
-    ++result.alternations;
-    if (recurs) {
-      if (at_linearization) SolveGraph(kSolverIterations, &graph);
-      break;
-    }
+  for (std::size_t t = 0; t < problem.observations.size(); ++t) {
+    const StatusOr<IncrementalStep> step = mapper->AddFrame(FrameOf(options, problem, t));
+    SHIFTMAP_CHECK(step.ok(), "{}", Message(step.status()));
+    result.alternations += step->alternations;
   }
-  result.squared_error_m2 = SquaredError(options, problem, graph);
+  result.states = mapper->Choices();
+  const auto last = static_cast<std::size_t>(problem.truth.back());
+  const Eigen::Vector2d robot =
+      mapper->T_map_vehicle().translation() - problem.true_poses.back().translation();
+  result.squared_error_m2 =
+      robot.squaredNorm() + (mapper->Modes(0)[last] - options.places[last]).squaredNorm();
   return result;
 }
 

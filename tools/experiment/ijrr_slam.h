@@ -27,13 +27,11 @@ IjrrSlamProblem SimulateIjrrSlam(const IjrrSelectorsOptions& options,
 
 struct IjrrSlamResult {
   std::vector<int> states;
-  int alternations = 0;
+  int alternations = 0;           ///< Over all steps.
   double squared_error_m2 = 0.0;  ///< Of the last robot position plus that of the last mode.
 };
 
-/// Selection at the present estimate and the solver of the mapper, in turn until the states stay, a
-/// state comes again or the alternations are used up. The max-mixture selects after every step of
-/// the solver instead.
+/// The incremental mapper over the observations, a step each. The modes are known; none is made.
 IjrrSlamResult SolveIjrrSlam(const IjrrSelectorsOptions& options,
                              const SelectorOptions& selector_options,
                              const IjrrSlamProblem& problem);

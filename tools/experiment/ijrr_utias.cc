@@ -2,7 +2,6 @@
 #include "tools/experiment/ijrr_utias.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -11,6 +10,7 @@
 #include "mapper/mapper.h"
 #include "tools/experiment/ijrr_utias_selectors.h"
 #include "tools/experiment/ijrr_utias_static.h"
+#include "tools/experiment/monte_carlo.h"
 
 namespace shiftmap {
 namespace {
@@ -62,43 +62,74 @@ struct Method {
   std::function<StatusOr<UtiasEstimate>(const Trial&)> run;
 };
 
-// The options of IJRR 8.2.2, or of 8.2.4.
-UtiasEstimate RunSelector(const Trial& trial, SelectorKind kind, const UtiasNoise& noise) {
-  UtiasSelectorOptions options;
-  options.selector.kind = kind;
-  options.selector.seed = trial.options->seed;
-  options.prior_sd_m = trial.options->protocol.prior_sd_m;
-  options.max_range_m = trial.options->protocol.max_range_m;
-  options.max_bearing_rad = trial.options->protocol.max_bearing_rad;
-  if (trial.options->more_modes) {
+// The paper's own sliding window, IJRR 8.3. [s]
+constexpr double kWindowSeconds = 40.0;
+
+// A selector as IJRR 8.2.2 has it, or 8.2.4.
+StatusOr<UtiasEstimate> RunSelector(const Trial& trial,
+                                    SelectorKind kind,
+                                    const UtiasNoise& noise,
+                                    double window_s) {
+  const IjrrUtiasOptions& experiment = *trial.options;
+  IncrementalOptions options = PrintedSelectorOptions(kind, noise, experiment.protocol);
+  options.selector.seed = experiment.seed;
+  options.window_s = window_s;
+  if (experiment.more_modes) {
     options.change_probability = 0.1;
     options.gate_probability = 0.8;
   }
-  options.gate_probability = trial.options->gate_probability.value_or(options.gate_probability);
-  return SolveWithSelector(*trial.data, noise, trial.map, options);
+  options.gate_probability = experiment.gate_probability.value_or(options.gate_probability);
+  return SolveFrameByFrame(*trial.data, noise, trial.map, experiment.protocol.prior_sd_m, options);
+}
+
+StatusOr<UtiasEstimate> RunIncremental(const Trial& trial, double window_s) {
+  IncrementalOptions options = OwnSelectorOptions(trial.calibrated, trial.options->protocol);
+  options.window_s = window_s;
+  return SolveFrameByFrame(
+      *trial.data, trial.calibrated, trial.map, trial.options->protocol.prior_sd_m, options);
+}
+
+// A selector four times: with either noise, over the whole run and in a window.
+void AddSelector(SelectorKind kind, std::vector<Method>* methods) {
+  const std::string name = SelectorName(kind);
+  for (const bool printed : {true, false}) {
+    for (const bool windowed : {false, true}) {
+      const double window_s = windowed ? kWindowSeconds : std::numeric_limits<double>::infinity();
+      IjrrUtiasMethod about;
+      about.name = name + (printed ? "-printed" : "") + (windowed ? "-40s" : "");
+      const bool search = kind == SelectorKind::kMcts;
+      if (!windowed || search) about.figure = printed ? "printed" : "calibrated";
+      about.slow = search && !windowed;
+      methods->push_back({about, [kind, printed, window_s](const Trial& trial) {
+                            const UtiasNoise noise =
+                                printed ? PrintedNoise(trial.data->dataset) : trial.calibrated;
+                            return RunSelector(trial, kind, noise, window_s);
+                          }});
+    }
+  }
 }
 
 std::vector<Method> Methods() {
   std::vector<Method> methods = {
-      {{"ours", true, false}, RunOurs},
-      {{"oracle", true, false}, RunOracle},
-      {{"static", true, false},
+      {{"ours", "calibrated", true, false}, RunOurs},
+      {{"oracle", "calibrated", true, false}, RunOracle},
+      {{"static", "calibrated", true, false},
        [](const Trial& trial) { return RunStatic(trial, StaticLoss::kSquare); }},
-      {{"static-cauchy", true, false},
-       [](const Trial& trial) { return RunStatic(trial, StaticLoss::kCauchy); }}};
+      {{"static-cauchy", "calibrated", true, false},
+       [](const Trial& trial) { return RunStatic(trial, StaticLoss::kCauchy); }},
+      {{"incremental", "calibrated", true, false},
+       [](const Trial& trial) {
+         return RunIncremental(trial, std::numeric_limits<double>::infinity());
+       }},
+      {{"incremental-40s", "", true, false},
+       [](const Trial& trial) { return RunIncremental(trial, kWindowSeconds); }}};
   for (const SelectorKind kind : {SelectorKind::kNearestNeighbor,
                                   SelectorKind::kEm,
                                   SelectorKind::kMcts,
                                   SelectorKind::kMaxMixture,
+                                  SelectorKind::kNoHypotheses,
                                   SelectorKind::kViterbi}) {
-    const std::string name = SelectorName(kind);
-    const bool slow = kind == SelectorKind::kMcts;
-    methods.push_back({{name + "-printed", false, slow}, [kind](const Trial& trial) {
-                         return RunSelector(trial, kind, PrintedNoise(trial.data->dataset));
-                       }});
-    methods.push_back({{name, false, slow}, [kind](const Trial& trial) {
-                         return RunSelector(trial, kind, trial.calibrated);
-                       }});
+    AddSelector(kind, &methods);
   }
   return methods;
 }
@@ -118,16 +149,19 @@ IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m)
   row.delta_m = delta_m;
   row.method = method.about.name;
   row.frames = static_cast<int>(trial.data->frames.frames.size());
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin_s = ThreadProcessorSeconds();
   StatusOr<UtiasEstimate> estimate = method.run(trial);
-  row.wall_s = ToSeconds(std::chrono::steady_clock::now() - begin);
-  row.pose_rmse_m = row.landmark_rmse_m = std::numeric_limits<double>::quiet_NaN();
+  row.cpu_s = ThreadProcessorSeconds() - begin_s;
+  row.pose_rmse_m = row.step_pose_rmse_m = row.landmark_rmse_m =
+      std::numeric_limits<double>::quiet_NaN();
   if (!estimate.ok()) return row;
   const UtiasScore score = ScoreUtias(*trial.data, *estimate);
   row.pose_rmse_m = score.pose_rmse_m;
+  if (!estimate->step_poses.empty()) row.step_pose_rmse_m = score.step_pose_rmse_m;
   row.landmark_rmse_m = score.landmark_rmse_m;
   row.modes = score.modes;
   row.created = estimate->created;
+  row.full_optimizations = estimate->full_optimizations;
   row.estimate = *std::move(estimate);
   return row;
 }

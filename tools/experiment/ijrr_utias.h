@@ -21,8 +21,8 @@ struct IjrrUtiasOptions {
   std::vector<double> deltas_m = {0.0, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, 2.1, 2.5};
   UtiasProtocol protocol;
 
-  /// Names of IjrrUtiasMethods(); empty for all. Selectors run as calibrated, and with `-printed`
-  /// as the paper prints odometry and noise.
+  /// Names of IjrrUtiasMethods(); empty for all. Selectors run frame by frame as calibrated, with
+  /// `-printed` as the paper prints odometry and noise, and with `-40s` in a window of 40 s.
   std::vector<std::string> methods;
 
   /// IJRR 8.2.4 instead of 8.2.2: change probability 0.1 and gate 0.8, many more modes.
@@ -43,11 +43,13 @@ struct IjrrUtiasRow {
   int robot = 0;
   double delta_m = 0.0;
   std::string method;
-  double pose_rmse_m = 0.0;      ///< Not finite if the method failed.
-  double landmark_rmse_m = 0.0;  ///< The same.
+  double pose_rmse_m = 0.0;       ///< Not finite if the method failed.
+  double step_pose_rmse_m = 0.0;  ///< Of the poses when they came in; not finite for a batch.
+  double landmark_rmse_m = 0.0;   ///< Not finite if the method failed.
   int modes = 0;
   int created = 0;
-  double wall_s = 0.0;
+  int full_optimizations = 0;
+  double cpu_s = 0.0;      ///< Processor time.
   int frames = 0;          ///< Key frames.
   UtiasEstimate estimate;  ///< Empty if the method failed.
 };
@@ -55,6 +57,7 @@ struct IjrrUtiasRow {
 /// A method as the experiment names it.
 struct IjrrUtiasMethod {
   std::string name;
+  std::string figure;  ///< Of the RMSE, that it is drawn in: "printed", "calibrated", or none.
   bool fine_deltas = false;  ///< Also at displacements that are not in the paper's series.
   bool slow = false;         ///< Left out in a quick run.
 };

@@ -53,6 +53,11 @@ const IjrrUtiasRow* RowOf(const std::vector<const IjrrUtiasRow*>& rows, const ch
   return found == rows.end() || (*found)->estimate.poses.empty() ? nullptr : *found;
 }
 
+// The tree search over the whole run or, where that did not run, in a window.
+const char* TreeSearchOf(const std::vector<const IjrrUtiasRow*>& rows) {
+  return RowOf(rows, "mcts") != nullptr ? "mcts" : "mcts-40s";
+}
+
 // All but the first of each landmark, which the map has.
 std::vector<Eigen::Vector2d> CreatedModes(const IjrrUtiasRow& row) {
   std::vector<Eigen::Vector2d> created;
@@ -67,7 +72,7 @@ std::vector<Eigen::Vector2d> CreatedModes(const IjrrUtiasRow& row) {
 Chart DrawPaths(const UtiasCase& data, const std::vector<const IjrrUtiasRow*>& rows) {
   const double delta_m = rows.front()->delta_m;
   Chart chart = MapOf(data, delta_m, "paths");
-  for (const char* method : {"maxmix", "mcts", "ours"}) {
+  for (const char* method : {"maxmix", TreeSearchOf(rows), "ours"}) {
     if (const IjrrUtiasRow* row = RowOf(rows, method)) AddPath(*row, &chart);
   }
   AddLandmarks(data, delta_m, &chart);
@@ -79,7 +84,7 @@ Chart DrawCreatedModes(const UtiasCase& data, const std::vector<const IjrrUtiasR
   Chart chart = MapOf(data, delta_m, "modes created");
   AddLandmarks(data, delta_m, &chart);
   // The one with the most modes first, under the others.
-  for (const char* method : {"em", "mcts", "ours"}) {
+  for (const char* method : {"em", TreeSearchOf(rows), "ours"}) {
     const IjrrUtiasRow* row = RowOf(rows, method);
     if (row == nullptr) continue;
     AddPath(*row, &chart);

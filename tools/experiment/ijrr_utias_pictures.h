@@ -8,8 +8,9 @@
 
 namespace shiftmap {
 
-/// IJRR figure 8: the true path, those of our mapper, of the tree search and of the max-mixture, as
-/// far as they ran, and the surveyed landmarks with those that the map has displaced.
+/// IJRR figure 8: the true path, those of our mapper, of the tree search (in a window, if that is
+/// what ran) and of the max-mixture, as far as they ran, and the surveyed landmarks with those that
+/// the map has displaced.
 /// @param rows  Of this case, all with the same displacement.
 Chart DrawPaths(const UtiasCase& data, const std::vector<const IjrrUtiasRow*>& rows);
 

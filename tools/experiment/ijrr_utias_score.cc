@@ -76,6 +76,20 @@ Eigen::VectorXd ScoreVisit(const UtiasCase& data,
   return scores;
 }
 
+// RMSE of the position over the key frames with a true pose; 0 for no poses.
+double PoseRmse(const UtiasCase& data, const std::vector<Se2>& poses, int* count) {
+  double squares = 0.0;
+  *count = 0;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const std::optional<Se2> truth =
+        Interpolate(data.truth, data.frames.frames[i].stamp, kMaxTruthGap);
+    if (!truth) continue;
+    squares += (poses[i].translation() - truth->translation()).squaredNorm();
+    ++*count;
+  }
+  return poses.empty() ? 0.0 : std::sqrt(squares / *count);
+}
+
 }  // namespace
 
 UtiasScore ScoreUtias(const UtiasCase& data, const UtiasEstimate& estimate) {
@@ -86,22 +100,16 @@ UtiasScore ScoreUtias(const UtiasCase& data, const UtiasEstimate& estimate) {
                  estimate.poses.size(),
                  data.frames.frames.size());
   UtiasScore score;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < estimate.poses.size(); ++i) {
-    const std::optional<Se2> truth =
-        Interpolate(data.truth, data.frames.frames[i].stamp, kMaxTruthGap);
-    if (!truth) continue;
-    squares += (estimate.poses[i].translation() - truth->translation()).squaredNorm();
-    ++score.poses;
-  }
-  score.pose_rmse_m = std::sqrt(squares / score.poses);
+  int step_poses = 0;
+  score.pose_rmse_m = PoseRmse(data, estimate.poses, &score.poses);
+  score.step_pose_rmse_m = PoseRmse(data, estimate.step_poses, &step_poses);
 
   std::vector<bool> seen(data.signatures.size());
   for (const MappingVisit& visit : data.frames.visits) {
     seen[static_cast<std::size_t>(visit.group)] = true;
   }
   const std::vector<std::vector<double>> weights = ExplainedVisits(data, estimate);
-  squares = 0.0;
+  double squares = 0.0;
   for (std::size_t group = 0; group < data.signatures.size(); ++group) {
     const std::vector<Eigen::Vector2d>& modes = estimate.modes[group];
     score.modes += static_cast<int>(modes.size());

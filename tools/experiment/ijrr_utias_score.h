@@ -11,19 +11,22 @@ namespace shiftmap {
 
 /// What a method makes of a case: one comparable form for all of them.
 struct UtiasEstimate {
-  std::vector<Se2> poses;                           ///< T_map_vehicle at every key frame.
+  std::vector<Se2> poses;       ///< T_map_vehicle at every key frame.
+  std::vector<Se2> step_poses;  ///< The same when the frame came in; empty for a batch.
   std::vector<std::vector<Eigen::Vector2d>> modes;  ///< Per signature of the case. [m]
 
   /// Per sighting of the case: the mode of its landmark that it is of, or -1 for none.
   std::vector<int> sighting_modes;
 
-  int created = 0;  ///< Modes that the map did not have.
+  int created = 0;             ///< Modes that the map did not have.
+  int full_optimizations = 0;  ///< Steps whose alternation did not settle.
 };
 
 /// Errors against the truth, without alignment: the map holds the frame.
 struct UtiasScore {
-  double pose_rmse_m = 0.0;      ///< Of the position, over key frames with a true pose.
-  double landmark_rmse_m = 0.0;  ///< Over landmarks that are seen.
+  double pose_rmse_m = 0.0;       ///< Of the position, over key frames with a true pose.
+  double step_pose_rmse_m = 0.0;  ///< The same of the poses when they came in; 0 for a batch.
+  double landmark_rmse_m = 0.0;   ///< Over landmarks that are seen.
   int poses = 0;
   int landmarks = 0;
   int modes = 0;  ///< Of all landmarks.

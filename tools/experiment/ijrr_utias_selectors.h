@@ -1,37 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-
-#include "mapper/selection/selector.h"
+#include "mapper/incremental/incremental_options.h"
+#include "proto/core/status.h"
 #include "tools/experiment/ijrr_utias_data.h"
 #include "tools/experiment/ijrr_utias_score.h"
 #include "tools/experiment/ijrr_utias_static.h"
 
 namespace shiftmap {
 
-/// The system of IJRR 8.2.2 with one of its selectors.
-struct UtiasSelectorOptions {
-  SelectorOptions selector;
-  double prior_sd_m = 0.05;            ///< Of each coordinate in the map.
-  double gate_probability = 0.95;      ///< An observation beyond it of all modes makes another.
-  double change_probability = 1e-4;    ///< Per observation.
-  double detection_probability = 0.6;  ///< Within the field of view.
-  double max_range_m = 5.0;            ///< γ_r of IJRR (31).
-  double max_bearing_rad = 0.4;        ///< γ_b.
-  int max_alternations = 10;           ///< Of selection and solving.
-};
+/// The settings of IJRR 8.2.2 for one of its selectors: modes made at once beyond a gate of 0.95
+/// and never merged, P_D = 0.6.
+/// @param noise  As it is told to the mapper.
+IncrementalOptions PrintedSelectorOptions(SelectorKind kind,
+                                          const UtiasNoise& noise,
+                                          const UtiasProtocol& protocol);
 
-/// Modes per observation, IJRR (21)-(31). A filter over pose and modes goes through the run once:
-/// what it sees beyond the gate of every mode of a landmark, by the joint marginal of pose and
-/// mode, makes a mode, as IJRR 7.1 has it. Then selection over the whole run, missed observations
-/// included, and solve in turn until no mode changes. The max-mixture selects after every step of
-/// the solver.
-///
-/// Unlike in the paper the solver is no iSAM2, and modes are made before selections are made again.
-UtiasEstimate SolveWithSelector(const UtiasCase& data,
-                                const UtiasNoise& noise,
-                                const LandmarkPlaces& map,
-                                const UtiasSelectorOptions& options);
+/// Those of the incremental mapper itself: its defaults, Viterbi.
+IncrementalOptions OwnSelectorOptions(const UtiasNoise& noise, const UtiasProtocol& protocol);
+
+/// Maps the run frame by frame. What the paper leaves open: the run starts where motion capture has
+/// it, with a standard deviation of 0.05 m and 0.02 rad. Errors: as IncrementalMapper.
+StatusOr<UtiasEstimate> SolveFrameByFrame(const UtiasCase& data,
+                                          const UtiasNoise& noise,
+                                          const LandmarkPlaces& map,
+                                          double prior_sd_m,
+                                          const IncrementalOptions& options);
 
 }  // namespace shiftmap

@@ -97,6 +97,9 @@ void SolveReweighted(double prior_sd_m, Graph* graph) {
 UtiasNoise CalibratedNoise(const MapperResult& without_map) {
   UtiasNoise noise;
   noise.odometry = without_map.runs.front().odometry;
+  const OdometryCalibration& fleet = without_map.content.calibration.odometry;
+  noise.odometry.noise_v = fleet.noise_v;
+  noise.odometry.noise_omega = fleet.noise_omega;
   noise.sensor = without_map.content.calibration.sensor;
   noise.bias = without_map.runs.front().sensor_bias;
   return noise;
@@ -133,9 +136,9 @@ std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoi
   std::vector<Observation> observations;
   for (const Sighting& sighting : data.frames.sightings) {
     Observation observation = sighting.observation;
-    const double bearing_rad = observation.z.y() - noise.bias[0];
-    const double curvature =
-        noise.bias[1] * (bearing_rad * bearing_rad - data.frames.mean_squared_bearing);
+    const double bearing_rad = observation.z.y() - noise.bias[kBearingOffset];
+    const double curvature = noise.bias[kRangeCurvature] *
+                             (bearing_rad * bearing_rad - data.frames.mean_squared_bearing);
     observation.z = {observation.z.x() / (1.0 + curvature), bearing_rad};
     observations.push_back(std::move(observation));
   }

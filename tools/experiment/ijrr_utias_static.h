@@ -29,7 +29,8 @@ struct UtiasNoise {
   double loss_scale = 2.5;
 };
 
-/// As a build of the run by itself, without any map, estimates them.
+/// As a build of the run by itself, without any map, estimates them. The odometry's noise is that
+/// of its map, which holds over seconds; from one key frame to the next it is less.
 UtiasNoise CalibratedNoise(const MapperResult& without_map);
 
 /// As IJRR 8.2 prints them: 0.2 m, 0.11 rad, Q = dt² 0.01² I (0.03² for data set 2), odometry as it

@@ -8,11 +8,11 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <set>
 #include <utility>
 
 #include "mapper/mapper.h"
-#include "tools/experiment/monte_carlo.h"
 #include "tools/sim/open_world.h"
 
 namespace shiftmap {
@@ -26,6 +26,13 @@ double PeakMib() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) * 1024.0 / kMib;
+}
+
+// Of all threads.
+double ProcessorSeconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 double ResidentMib() {
@@ -65,10 +72,12 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   row.true_modes = static_cast<int>(places.size());
   row.logs_mib = ResidentMib();
   const auto wall_begin = std::chrono::steady_clock::now();
-  const double begin = ThreadProcessorSeconds();
+  const double begin = ProcessorSeconds();
+  MapperOptions mapper;
+  mapper.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
-                            BuildMap(std::move(inputs), std::nullopt, MapperOptions()));
-  row.build_s = ThreadProcessorSeconds() - begin;
+                            BuildMap(std::move(inputs), std::nullopt, mapper));
+  row.build_s = ProcessorSeconds() - begin;
   row.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
   for (const MappedRun& run : result.runs) row.key_frames += run.poses;
   row.runs = static_cast<int>(result.runs.size());
@@ -89,6 +98,7 @@ Status ScaleOptions::Validate() const {
       key_frames.front() < 100) {
     return InvalidArgument("key_frames: expected ascending numbers of 100 or more");
   }
+  if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
   if (key_frames_per_run < 100 || key_frames_per_group < 1 || max_groups < 20) {
     return InvalidArgument(
         "key_frames_per_run, key_frames_per_group, max_groups: expected at least 100, 1 and 20");

@@ -15,6 +15,7 @@ struct ScaleOptions {
   int key_frames_per_group = 50;  ///< A site grows with its key frames, up to max_groups landmarks.
   int max_groups = 5000;
   std::uint64_t seed = 1;
+  int threads = 1;  ///< Of the builds.
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
@@ -28,7 +29,7 @@ struct ScaleRow {
   int groups = 0;             ///< In the map.
   int modes = 0;              ///< In the map.
   int true_modes = 0;         ///< Places at which a landmark stood in some run.
-  double build_s = 0.0;       ///< Processor time of BuildMap.
+  double build_s = 0.0;       ///< Processor time of BuildMap, all threads.
   double wall_s = 0.0;        ///< Of BuildMap by the clock on the wall.
   double us_per_frame = 0.0;  ///< Processor time. [µs]
   double logs_mib = 0.0;      ///< Resident before the build: the program and the logs.

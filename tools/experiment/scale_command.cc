@@ -82,7 +82,8 @@ Status Run(const Arguments& arguments, Context& context) {
       output.WriteDocument({{"seed", options.seed},
                             {"key_frames_per_run", options.key_frames_per_run},
                             {"key_frames_per_group", options.key_frames_per_group},
-                            {"max_groups", options.max_groups}},
+                            {"max_groups", options.max_groups},
+                            {"threads", options.threads}},
                            table));
   context.Report(document, table.ToText());
   return OkStatus();
@@ -102,6 +103,8 @@ void AddScaleExperiment(Application* application) {
       .InRange(1000, 1e7)
       .Option("--max-key-frames", &arguments->max_key_frames, "Largest site")
       .InRange(1000, 1e7)
+      .Option("--threads", &arguments->options.threads, "Threads of a build")
+      .InRange(1, 256)
       .Option("--seed", &arguments->options.seed, "Seed of the sites")
       .Writes();
 }

@@ -100,12 +100,14 @@ Scan TakeScan(const OpenWorldOptions& options,
               Random* random) {
   const SensorCalibration& sensor = options.sensor;
   Scan scan{pose.stamp, {}};
+  const Se2 T_vehicle_map = pose.T_map_vehicle.Inverse();
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (active_mode[g] == kAbsent) continue;
     const auto state = static_cast<std::size_t>(active_mode[g].value());
-    const Eigen::Vector2d q = pose.T_map_vehicle.Inverse() * groups[g].modes[state - 1];
+    const Eigen::Vector2d q = T_vehicle_map * groups[g].modes[state - 1];
+    if (q.norm() >= sensor.max_range_m) continue;
     const double bearing = std::atan2(q.y(), q.x());
-    if (q.norm() >= sensor.max_range_m || std::abs(bearing) >= sensor.max_bearing_rad) continue;
+    if (std::abs(bearing) >= sensor.max_bearing_rad) continue;
     if (!Happens(sensor.detection_probability, random)) continue;
     scan.observations.push_back(Observe(groups[g].signature, q.norm(), bearing, sensor, random));
   }

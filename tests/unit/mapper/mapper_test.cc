@@ -115,6 +115,19 @@ TEST(BuildMap, TheOrderOfTheRunsDoesNotMatterAndEveryBuildIsTheSame) {
   EXPECT_EQ(ContentHash(Build({inputs[2], inputs[0], inputs[1]}).content), expected);
 }
 
+TEST(BuildMap, TheNumberOfThreadsChangesNoBit) {
+  const SimulatedWorld world = Simulate(SmallWorld(5));
+  const std::vector<MapperInput> inputs = testing::Inputs(world);
+  const MapperResult one = Build(inputs);
+  MapperOptions options;
+  options.threads = 2;
+  const StatusOr<MapperResult> two = BuildMap(inputs, std::nullopt, options);
+  ASSERT_THAT(two, IsOk());
+  EXPECT_EQ(ContentHash(two->content), ContentHash(one.content));
+  ASSERT_EQ(two->runs.size(), one.runs.size());
+  for (std::size_t r = 0; r < one.runs.size(); ++r) EXPECT_EQ(two->runs[r].chi2, one.runs[r].chi2);
+}
+
 TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
   OpenWorldOptions options = SmallWorld(1);
   options.runs = 2;

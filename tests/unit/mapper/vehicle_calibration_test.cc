@@ -58,7 +58,7 @@ TEST(CalibrateVehicles, NinetyFivePercentHoldTheTruth) {
         }
       }
     }
-    const std::vector<VehicleCalibration> vehicles = Build(inputs).vehicles;
+    const std::vector<VehicleEstimate> vehicles = Build(inputs).vehicles;
     ASSERT_EQ(vehicles.size(), 2u);
     for (std::size_t v = 0; v < 2; ++v) {
       EXPECT_EQ(vehicles[v].runs, 2);
@@ -86,8 +86,8 @@ TEST(CalibrateVehicles, NinetyFivePercentHoldTheTruth) {
 TEST(CalibrateVehicles, MoreRunsTellMore) {
   const std::vector<MapperInput> inputs = testing::Inputs(testing::Simulate(TestSite(3, 6)));
   const auto width = [](const Interval& interval) { return interval.high - interval.low; };
-  const VehicleCalibration few = Build({inputs[0], inputs[1]}).vehicles.front();
-  const VehicleCalibration many = Build(inputs).vehicles.front();
+  const VehicleEstimate few = Build({inputs[0], inputs[1]}).vehicles.front();
+  const VehicleEstimate many = Build(inputs).vehicles.front();
   EXPECT_EQ(few.runs, 1);
   EXPECT_EQ(many.runs, 3);
   EXPECT_LT(width(many.scale_v), width(few.scale_v));

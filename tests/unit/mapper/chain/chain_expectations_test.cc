@@ -59,6 +59,26 @@ TEST(ChainExpectationsTest, GapIntegralIsTheIntegral) {
   }
 }
 
+// A chain that is uniform but for what no integral shows.
+TEST(ChainExpectationsTest, TheClosedFormOfAUniformChainIsThatOfTheBlock) {
+  for (const int states : {2, 3, 5}) {
+    const ModeChain uniform = ModeChain::Uniform(states - 1, 1e-4);
+    Eigen::MatrixXd rates = uniform.rate_matrix();
+    rates(0, 1) *= 1.0 + 1e-9;
+    rates(0, 0) -= 1e-9 * rates(0, 1);
+    const ModeChain general = *ModeChain::FromRates(rates);
+    ASSERT_FALSE(general.uniform());
+    const Eigen::MatrixXd weights = Eigen::MatrixXd::Random(states, states).cwiseAbs();
+    for (const double length : {1e-3, 10.0, 1e4, 1e6}) {
+      EXPECT_THAT(
+          Eigen::MatrixXd(GapIntegral(uniform, FromSeconds(length), weights) / length),
+          IsNearMatrix(Eigen::MatrixXd(GapIntegral(general, FromSeconds(length), weights) / length),
+                       1e-7))
+          << states << " states, " << length << " s";
+    }
+  }
+}
+
 TEST(ChainExpectationsTest, GapsOfYearsStayExact) {
   std::mt19937_64 random(TestSeed(2));
   const ModeChain chain = RandomChain(random, 3, 10.0);

@@ -133,6 +133,24 @@ TEST(RateFitTest, NoChangeOfTheGeneralRatesIsBetter) {
   }
 }
 
+TEST(RateFitTest, WhereTheSearchBeginsDoesNotMatter) {
+  std::mt19937_64 random(TestSeed(14));
+  const ModeChain truth = ModeChain::Uniform(2, 1e-4);
+  const ChainPath path =
+      SimulateChain(truth, 1, StampFromSeconds(0.0), StampFromSeconds(1e6), random);
+  std::vector<Stamp> stamps;
+  for (double now = 0.0; now < 1e6; now += 3000.0) stamps.push_back(StampFromSeconds(now));
+  const ChainSteps steps = MakeChainSteps(ObservePath(path, 3, stamps, 0.01, random));
+  const Gamma prior{0.5, 0.5e5};
+  for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
+    const RateFit cold = FitRates(steps, structure, prior, {});
+    const Eigen::VectorXd near = cold.log_rates.array() + 0.05;
+    const RateFit warm = FitRates(steps, structure, prior, {}, near);
+    EXPECT_LE(warm.iterations, cold.iterations);
+    EXPECT_LT((warm.log_rates - cold.log_rates).cwiseAbs().maxCoeff(), 1e-4);
+  }
+}
+
 TEST(RateFitTest, WithoutEvidenceThePriorStays) {
   ChainHistory history{Signature("7"), 3, {}};
   for (const Stamp stamp : Every(1e4, 10)) {

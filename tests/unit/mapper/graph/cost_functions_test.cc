@@ -83,7 +83,8 @@ TEST_F(CostFunctions, MotionJacobians) {
     const Se2 T_map_i = Se2::Exp(Normal(3, 2.0));
     const Se2 T_map_j = T_map_i * motion.T_begin_end * Se2::Exp(Normal(3, 0.2));
     const MotionCost cost(motion);
-    ExpectJacobiansAreDerivatives(cost, {PoseBlock(T_map_i), PoseBlock(T_map_j), Normal(3, 0.1)});
+    ExpectJacobiansAreDerivatives(
+        cost, {PoseBlock(T_map_i), PoseBlock(T_map_j), Normal(3, 0.1), Normal(3, 0.05)});
   }
 }
 
@@ -96,7 +97,8 @@ TEST_F(CostFunctions, MotionResidualIsTheWhitenedCorrectedError) {
   const Se2 T_map_j =
       T_map_i * motion.T_begin_end * Se2::Exp(motion.J_calibration * correction) * Se2::Exp(error);
   const Eigen::VectorXd residual =
-      Residual(MotionCost(motion), {PoseBlock(T_map_i), PoseBlock(T_map_j), correction});
+      Residual(MotionCost(motion),
+               {PoseBlock(T_map_i), PoseBlock(T_map_j), correction, Eigen::Vector3d::Zero()});
   const Eigen::Matrix3d cov = motion.cov + 1e-8 * Eigen::Matrix3d::Identity();
   EXPECT_NEAR(residual.squaredNorm(), error.dot(cov.inverse() * error), 1e-9);
 }
@@ -117,7 +119,7 @@ TEST_F(CostFunctions, ObservationJacobians) {
       item.mean_squared_bearing = 0.15;
       const ObservationCost cost(item);
       ExpectJacobiansAreDerivatives(cost,
-                                    {PoseBlock(T_map_vehicle), T_map_vehicle * q, Normal(2, 0.05)});
+                                    {PoseBlock(T_map_vehicle), T_map_vehicle * q, Normal(3, 0.05)});
     }
   }
 }

@@ -78,6 +78,20 @@ TEST(Multifrontal, SolvesLikeADenseMatrix) {
   }
 }
 
+TEST(Multifrontal, QuadraticFormIsThatOfTheInverse) {
+  std::mt19937_64 random(testing::TestSeed(74));
+  for (const bool local : {true, false}) {
+    const System system = RandomSystem(60, 80, local, random);
+    Multifrontal factor(system.size, system.terms);
+    ASSERT_TRUE(factor.Factorize(system.terms));
+    const Eigen::MatrixXd inverse = system.dense.inverse();
+    const std::vector<int> unknowns = {system.size - 1, 3, system.size / 2};
+    const Eigen::MatrixXd weights = Eigen::MatrixXd::Random(3, 2);
+    const Eigen::MatrixXd expected = weights.transpose() * inverse(unknowns, unknowns) * weights;
+    EXPECT_LT((factor.QuadraticForm(unknowns, weights) - expected).norm(), 1e-9 * expected.norm());
+  }
+}
+
 TEST(Multifrontal, InverseHasEveryPairOfEveryTermOnce) {
   std::mt19937_64 random(testing::TestSeed(72));
   const System system = RandomSystem(60, 80, true, random);

@@ -38,7 +38,7 @@ Graph RandomGraph(const GraphShape& shape, std::mt19937_64& random) {
   }
   const OdometryCalibration odometry{.noise_v = shape.noise_v, .noise_omega = shape.noise_omega};
   GraphRun run;
-  run.sensor_bias_sd = SensorBias(0.05, 0.3);
+  run.sensor_bias_sd = SensorBias(0.02, 0.05, 0.3);
   run.correction_prior_sd = Eigen::Vector3d(0.05, 0.05, 0.2);
   std::vector<Se2> truth = {Se2()};
   for (int i = 0; i < shape.poses; ++i) {
@@ -79,7 +79,7 @@ class DenseGraph {
       Append({run.poses[i].x(), run.poses[i].y(), run.poses[i].yaw()});
     }
     Append({run.correction.x(), run.correction.y(), run.correction.z()});
-    Append({run.sensor_bias.x(), run.sensor_bias.y()});
+    Append({run.sensor_bias.x(), run.sensor_bias.y(), run.sensor_bias.z()});
     for (const Eigen::Vector2d& mode : graph.modes) Append({mode.x(), mode.y()});
   }
 
@@ -94,25 +94,28 @@ class DenseGraph {
     const GraphRun& run = graph_.runs.front();
     const auto poses = static_cast<Eigen::Index>(run.poses.size());
     const Eigen::Vector3d correction = x.segment<3>(3 * (poses - 1));
-    const Eigen::Vector2d bias = x.segment<2>(3 * (poses - 1) + 3);
+    const Eigen::Vector3d bias = x.segment<3>(3 * (poses - 1) + 3);
+    const double scale = std::exp(bias[kLogRangeScale]);
     const auto pose = [&](Eigen::Index i) {
       if (i == 0) return run.poses.front();
       return Se2(x[3 * i - 3], x[3 * i - 2], x[3 * i - 1]);
     };
-    Eigen::VectorXd r(measured() + 5);
+    Eigen::VectorXd r(measured() + kRunCalibration);
     Eigen::Index row = 0;
     for (Eigen::Index i = 0; i + 1 < poses; ++i, row += 3) {
       const MotionIncrement& motion = run.motions[static_cast<std::size_t>(i)];
       const Se2 expected = motion.T_begin_end * Se2::Exp(motion.J_calibration * correction);
       const Eigen::Matrix3d cov = motion.cov + kMotionVarianceFloor * Eigen::Matrix3d::Identity();
-      r.segment<3>(row) = Whiten(cov, (expected.Inverse() * pose(i).Inverse() * pose(i + 1)).Log());
+      Eigen::Vector3d error = (expected.Inverse() * pose(i).Inverse() * pose(i + 1)).Log();
+      error.head<2>() *= scale;
+      r.segment<3>(row) = Whiten(cov, error);
     }
     for (const GraphObservation& item : graph_.observations) {
-      const Eigen::Vector2d p = x.segment<2>(3 * (poses - 1) + 5 + 2 * item.mode);
+      const Eigen::Vector2d p = x.segment<2>(3 * (poses - 1) + kRunCalibration + 2 * item.mode);
       const Eigen::Vector2d q = pose(item.frame).Inverse() * p;
       const double curvature = std::pow(item.observation.z.y(), 2) - item.mean_squared_bearing;
-      const Eigen::Vector2d h(q.norm() * (1.0 + bias[1] * curvature),
-                              std::atan2(q.y(), q.x()) + bias[0]);
+      const Eigen::Vector2d h(scale * q.norm() * (1.0 + bias[kRangeCurvature] * curvature),
+                              std::atan2(q.y(), q.x()) + bias[kBearingOffset]);
       Eigen::Vector2d difference = item.observation.z - h;
       difference.y() = WrapAngle(difference.y());
       r.segment<2>(row) = Whiten(item.cov_z, difference);
@@ -120,13 +123,13 @@ class DenseGraph {
     }
     r.segment<3>(row) =
         (correction - run.correction_prior_mean).cwiseQuotient(run.correction_prior_sd);
-    r.segment<2>(row + 3) = bias.cwiseQuotient(run.sensor_bias_sd);
+    r.segment<3>(row + 3) = bias.cwiseQuotient(run.sensor_bias_sd);
     return r;
   }
 
   Eigen::MatrixXd Jacobian() const {
     constexpr double kStep = 1e-6;
-    Eigen::MatrixXd J(measured() + 5, parameters());
+    Eigen::MatrixXd J(measured() + kRunCalibration, parameters());
     for (Eigen::Index column = 0; column < parameters(); ++column) {
       const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(parameters(), column);
       J.col(column) = (Residuals(x_ + step) - Residuals(x_ - step)) / (2.0 * kStep);
@@ -169,6 +172,7 @@ TEST_F(Posterior, TwoPosesHaveTheClosedFormSolution) {
   run.motions.resize(1);
   run.motions[0].T_begin_end = Se2(1.0, 0.0, 0.0);
   run.motions[0].cov = motion_variance.asDiagonal();
+  run.sensor_bias_sd.setConstant(1e-6);
   graph.runs.push_back(run);
   const std::vector<Eigen::Vector2d> z = {{3.0, 1.0}, {2.2, 0.9}};
   for (int frame = 0; frame < 2; ++frame) {

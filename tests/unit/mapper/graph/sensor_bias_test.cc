@@ -27,10 +27,10 @@ TEST(SensorBias, JacobianIsTheDerivative) {
     const Se2 T_map_vehicle(normal(random), normal(random), normal(random));
     const Eigen::Vector2d p_map_landmark(5.0 + normal(random), normal(random));
     const Observation observation = RangeBearing(4.0 + std::abs(normal(random)), normal(random));
-    const SensorBias bias(0.05 * normal(random), 0.5 * normal(random));
-    Eigen::Matrix2d J_bias;
+    const SensorBias bias(0.02 * normal(random), 0.05 * normal(random), 0.5 * normal(random));
+    Eigen::Matrix<double, 2, 3> J_bias;
     LinearizeBiased(observation, T_map_vehicle, p_map_landmark, bias, 0.2, &J_bias);
-    for (int column = 0; column < 2; ++column) {
+    for (int column = 0; column < 3; ++column) {
       const SensorBias step = kStep * SensorBias::Unit(column);
       const auto nu = [&](const SensorBias& at) {
         return LinearizeBiased(observation, T_map_vehicle, p_map_landmark, at, 0.2).nu;
@@ -44,29 +44,33 @@ TEST(SensorBias, JacobianIsTheDerivative) {
 
 TEST(SensorBias, ExplainsWhatABiasedSensorReads) {
   const Eigen::Vector2d p_map_landmark(4.0, 3.0);
-  const SensorBias bias(0.04, -0.4);
+  const SensorBias bias(0.03, 0.04, -0.4);
   const double mean_squared_bearing = 0.1;
   const double range = 5.0;
   const double bearing = std::atan2(3.0, 4.0);
   // The curvature is evaluated at the bearing that was read.
-  const double read = bearing + bias[0];
+  const double read = bearing + bias[kBearingOffset];
   const Observation observation =
-      RangeBearing(range * (1.0 + bias[1] * (read * read - mean_squared_bearing)), read);
+      RangeBearing(std::exp(bias[kLogRangeScale]) * range *
+                       (1.0 + bias[kRangeCurvature] * (read * read - mean_squared_bearing)),
+                   read);
   const Innovation innovation =
       LinearizeBiased(observation, Se2(), p_map_landmark, bias, mean_squared_bearing);
   EXPECT_THAT(innovation.nu, testing::IsNearMatrix(Eigen::Vector2d::Zero(), 1e-12));
 }
 
-TEST(SensorBias, CartesianObservationsHaveNone) {
+TEST(SensorBias, CartesianObservationsHaveTheScaleAlone) {
   Observation observation;
   observation.kind = Observation::Kind::kCartesian;
   observation.z = {3.0, 1.0};
   const Eigen::Vector2d p_map_landmark(3.2, 0.9);
-  Eigen::Matrix2d J_bias = Eigen::Matrix2d::Ones();
-  const Innovation biased =
-      LinearizeBiased(observation, Se2(), p_map_landmark, SensorBias(0.1, 0.5), 0.2, &J_bias);
-  EXPECT_EQ(biased.nu, Linearize(observation, Se2(), p_map_landmark).nu);
-  EXPECT_EQ(J_bias, Eigen::Matrix2d::Zero());
+  Eigen::Matrix<double, 2, 3> J_bias;
+  const SensorBias bias(0.02, 0.1, 0.5);
+  const Innovation biased = LinearizeBiased(observation, Se2(), p_map_landmark, bias, 0.2, &J_bias);
+  const Eigen::Vector2d read = std::exp(0.02) * p_map_landmark;
+  EXPECT_THAT(biased.nu, testing::IsNearMatrix(observation.z - read, 1e-12));
+  EXPECT_THAT(J_bias.col(kLogRangeScale), testing::IsNearMatrix(read, 1e-12));
+  EXPECT_TRUE(J_bias.rightCols<2>().isZero());
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ std::vector<IjrrSelectorsRow> RunExperiment(const IjrrSelectorsOptions& options)
 
 TEST(IjrrSelectors, ViterbiHasAtMostHalfTheWrongSelectionsOfNearestNeighborAndEm) {
   IjrrSelectorsOptions options;
-  options.runs = 30;
+  options.runs = 12;
   options.noises_m2 = {0.2};
   std::map<std::string, IjrrSelectorsRow> by_name;
   for (const IjrrSelectorsRow& row : RunExperiment(options)) by_name[row.selector] = row;
@@ -48,7 +48,7 @@ TEST(IjrrSelectors, ViterbiHasAtMostHalfTheWrongSelectionsOfNearestNeighborAndEm
 
 TEST(IjrrSelectors, WithoutNoiseToSpeakOfAllButOnePositionAreRight) {
   IjrrSelectorsOptions options;
-  options.runs = 5;
+  options.runs = 2;
   options.noises_m2 = {1e-4};
   for (const IjrrSelectorsRow& row : RunExperiment(options)) {
     if (row.selector == "nohyp") continue;
@@ -63,8 +63,8 @@ TEST(IjrrSelectors, WithoutNoiseToSpeakOfAllButOnePositionAreRight) {
 
 TEST(IjrrSelectors, RowsDoNotDependOnTheThreads) {
   IjrrSelectorsOptions options;
-  options.runs = 6;
-  options.noises_m2 = {0.1, 0.3};
+  options.runs = 3;
+  options.noises_m2 = {0.2};
   const std::vector<IjrrSelectorsRow> one = RunExperiment(options);
   options.threads = 3;
   const std::vector<IjrrSelectorsRow> three = RunExperiment(options);

@@ -15,8 +15,8 @@
 #include "mapstore/geometry/covariance.h"
 #include "tests/support/status_matchers.h"
 #include "tools/experiment/ijrr_utias_data.h"
-#include "tools/experiment/ijrr_utias_filter.h"
 #include "tools/experiment/ijrr_utias_score.h"
+#include "tools/experiment/ijrr_utias_selectors.h"
 #include "tools/experiment/ijrr_utias_static.h"
 
 namespace shiftmap {
@@ -125,25 +125,21 @@ TEST(IjrrUtiasTest, PrintedNoiseOfTheOdometryGrowsBySamples) {
   EXPECT_TRUE(motions[0].cov.isApprox(Eigen::Matrix3d::Identity() * 50.0 * 4e-8, 1e-9));
 }
 
-TEST(IjrrUtiasTest, FilterGatesWithTheJointMarginal) {
-  // Both the pose's error along x and the mode's are in the innovation of a landmark straight
-  // ahead.
-  ModeFilter filter(Se2(), {0.3, 0.1, 1e-6});
-  const int mode = filter.AddKnown({2.0, 0.0}, 0.4);
-  const Eigen::Matrix2d cov_z = Eigen::Vector2d(0.01, 1.0).asDiagonal();
-  const double squared = filter.SquaredDistance(Seen("a", 2.5, 0.0), cov_z, mode);
-  EXPECT_NEAR(squared, 0.25 / (0.09 + 0.16 + 0.01), 1e-6);
-}
-
-TEST(IjrrUtiasTest, FilterKeepsWhatAModeSharesWithThePoseItWasSeenFrom) {
-  ModeFilter filter(Se2(1.0, 2.0, 0.7), {0.5, 0.5, 0.1});
-  const Observation observation = Seen("a", 3.0, 0.2);
-  const Eigen::Matrix2d cov_z = Eigen::Vector2d(0.01, 0.0004).asDiagonal();
-  const int mode = filter.AddSeen(observation, cov_z);
-  EXPECT_NEAR(filter.SquaredDistance(observation, cov_z, mode), 0.0, 1e-18);
-  // The pose's error cancels: the innovation has twice the noise of an observation, no more.
-  const Observation longer = Seen("a", 3.2, 0.2);
-  EXPECT_NEAR(filter.SquaredDistance(longer, cov_z, mode), 0.04 / 0.02, 1e-6);
+TEST(IjrrUtiasTest, FrameByFrameALandmarkThatStandsElsewhereIsAMode) {
+  const UtiasCase data = StandingCase(10);
+  UtiasNoise noise;
+  noise.sensor.sd_range_m = 0.05;
+  LandmarkPlaces map = data.landmarks;
+  map.begin()->second.x() += 1.0;
+  const IncrementalOptions options = OwnSelectorOptions(noise, UtiasProtocol());
+  const StatusOr<UtiasEstimate> estimate = SolveFrameByFrame(data, noise, map, 0.05, options);
+  ASSERT_THAT(estimate, IsOk());
+  EXPECT_EQ(estimate->created, 1);
+  ASSERT_EQ(estimate->modes[0].size(), 2u);
+  EXPECT_NEAR(estimate->modes[0][0].x(), 3.0, 0.05);
+  EXPECT_NEAR(estimate->modes[0][1].x(), 2.0, 0.05);
+  EXPECT_EQ(estimate->step_poses.size(), 10u);
+  EXPECT_EQ(estimate->sighting_modes, std::vector<int>(10, 1));
 }
 
 TEST(IjrrUtiasTest, RejectsWhatIsOutOfRange) {
@@ -176,6 +172,34 @@ TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
     EXPECT_LE(ours.pose_rmse_m, bound(oracle.pose_rmse_m));
     EXPECT_LE(ours.landmark_rmse_m, bound(oracle.landmark_rmse_m));
   }
+}
+
+// Without hypotheses the frames end in the static solve; with them the moved landmarks do no harm.
+TEST(IjrrUtiasTest, FrameByFrameIsNearTheBatchOnRecordedData) {
+  const char* data = std::getenv("SHIFTMAP_DATA");
+  IjrrUtiasOptions options;
+  options.data = std::string(data == nullptr ? "" : data) + "/utias";
+  if (!std::filesystem::exists(options.data + "/MRCLAM_Dataset1")) {
+    GTEST_SKIP() << "no UTIAS data: set SHIFTMAP_DATA to the folder that holds utias";
+  }
+  options.datasets = {1};
+  options.deltas_m = {0.0, 1.0};
+  options.methods = {"static", "nohyp", "incremental-40s"};
+  const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+  ASSERT_THAT(result, IsOk());
+  ASSERT_EQ(result->rows.size(), 6u);
+  const auto row = [&](std::size_t delta, const std::string& method) {
+    for (std::size_t i = 3 * delta; i < 3 * delta + 3; ++i) {
+      if (result->rows[i].method == method) return result->rows[i];
+    }
+    return IjrrUtiasRow();
+  };
+  EXPECT_NEAR(row(0, "nohyp").pose_rmse_m, row(0, "static").pose_rmse_m, 0.01);
+  EXPECT_NEAR(row(0, "nohyp").landmark_rmse_m, row(0, "static").landmark_rmse_m, 0.01);
+  EXPECT_EQ(row(0, "incremental-40s").created, 0);
+  EXPECT_EQ(row(1, "incremental-40s").created, 4);
+  EXPECT_LT(row(1, "incremental-40s").pose_rmse_m, 1.3 * row(0, "static").pose_rmse_m);
+  EXPECT_GT(row(1, "nohyp").pose_rmse_m, 5.0 * row(0, "static").pose_rmse_m);
 }
 
 }  // namespace

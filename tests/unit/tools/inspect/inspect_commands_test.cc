@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -36,7 +37,7 @@ class InspectCommands : public ::testing::Test {
  protected:
   void SetUp() override {
     std::mt19937_64 random(testing::TestSeed(11));
-    content_ = testing::RandomContent(random, {.groups = 6});
+    content_ = testing::RandomContent(random, {.groups = 6, .vehicles = 2});
     auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
     ASSERT_THAT(store, IsOk());
     Provenance provenance;
@@ -119,6 +120,23 @@ TEST_F(InspectCommands, ShowsAMapBitByBit) {
                   1e-12);
     }
   }
+}
+
+TEST_F(InspectCommands, ListsVehiclesWithIntervals) {
+  const Outcome outcome = Run({"vehicles", "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json vehicles = outcome.json()["vehicles"];
+  ASSERT_EQ(vehicles.size(), 2U);
+  const VehicleCalibration& expected = content_.vehicles[1];
+  EXPECT_EQ(vehicles[1]["vehicle"], "truck-1");
+  EXPECT_EQ(vehicles[1]["runs"], expected.runs);
+  const Json& scale = vehicles[1]["scale_v"];
+  EXPECT_NEAR(scale["value"].get<double>(), std::exp(expected.log_scale_v.value), 1e-12);
+  EXPECT_NEAR(scale["interval_95"][0].get<double>(),
+              std::exp(expected.log_scale_v.value - 1.959964 * expected.log_scale_v.sd),
+              1e-9);
+  EXPECT_EQ(Run({"show", "--json"}).json()["vehicles"], vehicles);
+  EXPECT_THAT(Run({"vehicles"}).out, HasSubstr("bearing_offset_rad"));
 }
 
 TEST_F(InspectCommands, AtATimeTheChainsAreRunToIt) {

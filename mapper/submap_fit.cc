@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/submap_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "mapper/datum.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// How freely the datum of a submap floats before known modes hold it. [m]
+constexpr double kDatumSd = 10.0;
+
+// How well a mode is to be known to be matched. A vehicle that comes back to mapped ground after a
+// while is less sure where it is: only when nothing else is left is the limit raised. [m]
+constexpr double kFirstMaxSd = 0.5;
+constexpr double kLastMaxSd = 4.0;
+
+// Matches that the others contradict at this probability are none.
+constexpr double kContradicted = 0.999;
+
+// The map is bent as well; its share is taken to be as large as the submap's.
+constexpr double kBothBent = 2.0;
+
+// So many modes hold a submap while it is bent: they are seen every few metres.
+constexpr std::size_t kMaxHeld = 40;
+
+Eigen::Index RowOf(std::size_t mode) { return static_cast<Eigen::Index>(2 * mode); }
+
+// The mode of a group that is nearest to a point, or kUnassigned.
+int NearestOf(const std::vector<BuildMode>& modes, const Eigen::Vector2d& point) {
+  int nearest = kUnassigned;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const double squared = (modes[k].p_map_landmark - point).squaredNorm();
+    if (squared >= least) continue;
+    least = squared;
+    nearest = static_cast<int>(k);
+  }
+  return nearest;
+}
+
+// A submap's modes as what is known of them tells of the others.
+class BentSubmap {
+ public:
+  BentSubmap(const MapperOptions& options, const Submap& submap, const MapProblem& map)
+      : map_(map), noise_(2.0 * std::pow(options.modes.position_floor_m, 2)) {
+    for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+      for (const BuildMode& mode : submap.problem.modes[group]) {
+        group_.push_back(group);
+        positions_.push_back(mode.p_map_landmark);
+      }
+    }
+    covariance_ = AddScaleUncertainty(positions_, options.sd_range_scale, submap.covariance);
+    const Eigen::MatrixXd G = DatumDirections(positions_);
+    covariance_.noalias() += kDatumSd * kDatumSd * G * G.transpose();
+    gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
+  }
+
+  // Conditions on the known modes.
+  void Hold(const std::vector<int>& known) {
+    std::vector<Eigen::Index> rows;
+    std::vector<double> differences;
+    held_.clear();
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] == kUnassigned) continue;
+      held_.push_back(i);
+      const Eigen::Vector2d difference = ModeAt(i, known[i]) - positions_[i];
+      for (const int axis : {0, 1}) {
+        rows.push_back(RowOf(i) + axis);
+        differences.push_back(difference[axis]);
+      }
+    }
+    Eigen::MatrixXd S = covariance_(rows, rows);
+    S.diagonal().array() += noise_;
+    llt_.compute(S);
+    explained_ = llt_.matrixL().solve(covariance_(rows, Eigen::all));
+    differences_ = Eigen::Map<const Eigen::VectorXd>(differences.data(),
+                                                     static_cast<Eigen::Index>(differences.size()));
+    shift_ = explained_.transpose() * llt_.matrixL().solve(differences_);
+  }
+
+  // Of the matches that Hold() was told of, those that the others contradict. With K = P_MM + R and
+  // differences d, a match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of
+  // covariance [K⁻¹]_ii⁻¹.
+  std::vector<std::size_t> Contradicted() const {
+    const double gate = kBothBent * ChiSquareQuantile(kContradicted, 2);
+    const Eigen::MatrixXd inverse =
+        llt_.solve(Eigen::MatrixXd::Identity(differences_.size(), differences_.size()));
+    const Eigen::VectorXd weighted = inverse * differences_;
+    std::vector<std::size_t> contradicted;
+    for (std::size_t k = 0; k < held_.size(); ++k) {
+      const Eigen::Index row = RowOf(k);
+      const Eigen::Matrix2d information = inverse.block<2, 2>(row, row);
+      const Eigen::Vector2d at = weighted.segment<2>(row);
+      if (at.dot(information.llt().solve(at)) > gate) contradicted.push_back(held_[k]);
+    }
+    return contradicted;
+  }
+
+  // The mode of the map that mode i is, or kUnassigned if that does not show.
+  int Match(std::size_t i, double max_sd) const {
+    const Eigen::Index row = RowOf(i);
+    const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(row);
+    const auto explained = explained_.middleCols<2>(row);
+    const Eigen::Matrix2d cov =
+        covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
+    if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
+    const int nearest = NearestOf(map_.modes[group_[i]], expected);
+    if (nearest == kUnassigned) return kUnassigned;
+    const Eigen::Matrix2d S = kBothBent * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
+    const bool agrees = SquaredMahalanobis(ModeAt(i, nearest) - expected, S) <= gate_;
+    return agrees ? nearest : kUnassigned;
+  }
+
+ private:
+  const Eigen::Vector2d& ModeAt(std::size_t i, int mode) const {
+    return map_.modes[group_[i]][static_cast<std::size_t>(mode)].p_map_landmark;
+  }
+
+  const MapProblem& map_;
+  double noise_;  // Between a mode of the submap and the same of the map, per axis. [m²]
+  double gate_ = 0.0;
+  std::vector<std::size_t> group_;
+  std::vector<Eigen::Vector2d> positions_;
+  Eigen::MatrixXd covariance_;
+
+  // Of the known modes.
+  std::vector<std::size_t> held_;
+  Eigen::VectorXd differences_;  // Map less submap. [m]
+  Eigen::LLT<Eigen::MatrixXd> llt_;
+  Eigen::MatrixXd explained_;  // Columns: what the known modes explain of each coordinate.
+  Eigen::VectorXd shift_;
+};
+
+}  // namespace
+
+std::vector<int> GrowMatches(const MapperOptions& options,
+                             const Submap& submap,
+                             const MapProblem& map,
+                             std::vector<int> known,
+                             const std::vector<bool>& fixed) {
+  BentSubmap bent(options, submap, map);
+  std::vector<bool> settled = fixed;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (known[i] != kUnassigned) settled[i] = true;
+  }
+  bent.Hold(known);
+  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd;) {
+    bool grew = false;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] != kUnassigned || settled[i]) continue;
+      known[i] = bent.Match(i, max_sd);
+      grew = grew || known[i] != kUnassigned;
+    }
+    max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
+    if (!grew) continue;
+    bent.Hold(known);
+    for (const std::size_t i : bent.Contradicted()) {
+      if (!settled[i]) known[i] = kUnassigned;
+      settled[i] = true;
+    }
+    bent.Hold(known);
+  }
+  return known;
+}
+
+void BendOntoMap(const MapperOptions& options,
+                 const MapProblem& map,
+                 const std::vector<int>& known,
+                 Submap* submap) {
+  // The next solve goes on from where this one ends.
+  constexpr int kIterations = 4;
+  std::vector<int> modes;
+  std::vector<Eigen::Vector2d> positions;
+  std::size_t i = 0;
+  for (std::size_t group = 0; group < submap->problem.modes.size(); ++group) {
+    for (std::size_t m = 0; m < submap->problem.modes[group].size(); ++m, ++i) {
+      if (known[i] == kUnassigned) continue;
+      modes.push_back(static_cast<int>(i));
+      positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
+    }
+  }
+  GraphPrior held;
+  const std::size_t step = modes.size() / kMaxHeld + 1;
+  for (std::size_t k = 0; k < modes.size(); k += step) held.modes.push_back(modes[k]);
+  const auto size = static_cast<Eigen::Index>(2 * held.modes.size());
+  held.mean.resize(size);
+  for (std::size_t k = 0; k < held.modes.size(); ++k) {
+    held.mean.segment<2>(RowOf(k)) = positions[k * step];
+  }
+  held.sqrt_information =
+      Eigen::MatrixXd::Identity(size, size) / (std::sqrt(2.0) * options.modes.position_floor_m);
+  MapperOptions few = options;
+  few.max_solver_iterations = std::min(kIterations, options.max_solver_iterations);
+  submap->problem.prior = std::move(held);
+  SolveContinuous(few, &submap->problem);
+  submap->problem.prior = {};
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapper/map_problem.h"
+#include "mapper/mapper_options.h"
+#include "mapper/submap.h"
+
+namespace shiftmap {
+
+/// Finds more modes of an aligned submap that are modes of the map: a submap of a long run is bent,
+/// and what a rigid transform leaves apart at its ends is one place all the same.
+///
+/// Given the modes p_M known to stand at z_M in the map, the others are expected at
+///
+///   p + P_·M (P_MM + R)⁻¹ (z_M - p_M)
+///
+/// with P the submap's joint covariance, its datum and scale left free, and are known there by the
+/// conditional covariance. One that gates with a mode of its group becomes known too, those known
+/// to 0.5 m first, and so on outward until no other does. What the other matches contradict (each
+/// left out in turn) is none.
+/// @param known  Per mode of the submap, flat, the mode of its group in the map, or kUnassigned.
+/// @param fixed  Per mode whether `known` is the last word on it.
+/// @return `known` with what was found.
+std::vector<int> GrowMatches(const MapperOptions& options,
+                             const Submap& submap,
+                             const MapProblem& map,
+                             std::vector<int> known,
+                             const std::vector<bool>& fixed);
+
+/// Bends a submap, its trajectory with it, so that known modes come to stand where the map has
+/// them: a solve of its run with some of them held.
+/// @param known  As of GrowMatches().
+void BendOntoMap(const MapperOptions& options,
+                 const MapProblem& map,
+                 const std::vector<int>& known,
+                 Submap* submap);
+
+}  // namespace shiftmap
