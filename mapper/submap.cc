@@ -116,7 +116,8 @@ std::vector<bool> Displaced(const MapperOptions& options,
         submap.problem.modes[tested[a].group][tested[a].mode].p_map_landmark - positions[a];
     for (std::size_t b = 0; b < tested.size(); ++b) {
       cov.block<2, 2>(row, static_cast<Eigen::Index>(2 * b)) =
-          submap.covariance.block<2, 2>(2 * tested[a].flat, 2 * tested[b].flat) +
+          submap.covariance.block<2, 2>(Eigen::Index{2} * tested[a].flat,
+                                        Eigen::Index{2} * tested[b].flat) +
           prior_covariance.Block(prior_modes[a], prior_modes[b]);
     }
   }

@@ -52,7 +52,7 @@ class Search {
   }
 
   Clustered Collect(const std::vector<int>& clusters) const {
-    const int count = Count(clusters);
+    const Eigen::Index count = Count(clusters);
     Clustered sums{Eigen::MatrixXd::Zero(2 * count, 2 * count),
                    Eigen::VectorXd::Zero(2 * count),
                    std::vector<int>(static_cast<std::size_t>(count))};
