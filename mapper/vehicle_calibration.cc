@@ -7,6 +7,7 @@
 #include <map>
 
 #include "mapper/fleet_calibration.h"
+#include "mapper/mode_grid.h"
 
 namespace shiftmap {
 namespace {
@@ -111,11 +112,14 @@ struct DetectionCount {
 
 // What stood in the field of view of a run's key frames. A landmark stands where the visit going on
 // has it, or the last one.
-void CountDetections(const MapProblem& problem, const BuildRun& run, DetectionCount* count) {
+void CountDetections(const MapProblem& problem,
+                     const ModeGrid& grid,
+                     const BuildRun& run,
+                     DetectionCount* count) {
   const SensorCalibration& sensor = problem.sensor;
   std::vector<int> mode_of(problem.signatures.size(), kUnassigned);
   std::size_t next_visit = 0;
-  std::vector<char> seen(problem.signatures.size());
+  std::vector<int> seen_at(problem.signatures.size(), -1);  // The last frame of each group.
   for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
     const KeyFrame& frame = run.data->frames[f];
     for (;
@@ -125,25 +129,27 @@ void CountDetections(const MapProblem& problem, const BuildRun& run, DetectionCo
       mode_of[static_cast<std::size_t>(run.data->visits[next_visit].group)] =
           run.assignment[next_visit];
     }
-    std::fill(seen.begin(), seen.end(), 0);
+    const auto now = static_cast<int>(f);
+    int all_seen = 0;
     for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
       const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
       const auto visit = static_cast<std::size_t>(sighting.visit);
       if (!IsInlier(problem, run, sighting)) continue;
-      seen[static_cast<std::size_t>(run.data->visits[visit].group)] = 1;
+      int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
+      all_seen += at != now ? 1 : 0;
+      at = now;
     }
-    const auto all_seen = std::count(seen.begin(), seen.end(), 1);
     const Se2 T_vehicle_map = run.poses[f].Inverse();
-    for (std::size_t group = 0; group < mode_of.size(); ++group) {
-      if (mode_of[group] == kUnassigned || all_seen - seen[group] == 0) continue;
-      const Eigen::Vector2d q =
-          T_vehicle_map *
-          problem.modes[group][static_cast<std::size_t>(mode_of[group])].p_map_landmark;
-      if (q.squaredNorm() > sensor.max_range_m * sensor.max_range_m) continue;
-      if (std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) continue;
+    grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+      const auto group = static_cast<std::size_t>(entry.group);
+      const int seen = seen_at[group] == now ? 1 : 0;
+      if (mode_of[group] != entry.mode || all_seen - seen == 0) return;
+      const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
+      if (q.squaredNorm() > sensor.max_range_m * sensor.max_range_m) return;
+      if (std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) return;
       count->expected += 1.0;
-      count->detected += seen[group];
-    }
+      count->detected += seen;
+    });
   }
 }
 
@@ -177,15 +183,18 @@ Estimate EstimateOf(const SystematicErrors& errors, Eigen::Index i) {
   return {errors.mean[i], std::sqrt(errors.cov(i, i))};
 }
 
-ShareEstimate DetectionOf(const MapProblem& problem, const std::vector<std::size_t>& runs) {
+ShareEstimate DetectionOf(const MapProblem& problem,
+                          const ModeGrid& grid,
+                          const std::vector<std::size_t>& runs) {
   DetectionCount count;
-  for (const std::size_t r : runs) CountDetections(problem, problem.runs[r], &count);
+  for (const std::size_t r : runs) CountDetections(problem, grid, problem.runs[r], &count);
   if (count.expected == 0.0) return {};
   return {count.detected / count.expected, count.expected};
 }
 
 // What a map knows of the vehicle from these runs.
 VehicleCalibration CalibrationFrom(const MapProblem& problem,
+                                   const ModeGrid& grid,
                                    const std::string& name,
                                    const std::vector<std::size_t>& runs,
                                    const SystematicErrors& errors,
@@ -213,7 +222,7 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
   vehicle.range_m = Larger(scatter.range_m, noise.range_m);
   vehicle.bearing_rad = Larger(scatter.bearing_rad, noise.bearing_rad);
   vehicle.position_m = Larger(scatter.position_m, noise.position_m);
-  vehicle.detection = DetectionOf(problem, runs);
+  vehicle.detection = DetectionOf(problem, grid, runs);
   return vehicle;
 }
 
@@ -226,6 +235,7 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, Map
       CombineRuns(options.calibration.odometry, graph, *problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, kSamples, options.seed);
+  const ModeGrid grid(*problem, problem->sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {
     const auto index = static_cast<Eigen::Index>(vehicles.size());
@@ -234,8 +244,8 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, Map
     vehicle.runs = static_cast<int>(runs.size());
     vehicle.systematic = systematic.Of(index);
     const VehicleNoise scatter = ScatterOf(*problem, runs, statistics);
-    vehicle.calibration =
-        CalibrationFrom(*problem, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
+    vehicle.calibration = CalibrationFrom(
+        *problem, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
     const VehicleCalibration& found = vehicle.calibration;
     vehicle.scale_v = Exponential(IntervalOf(found.log_scale_v));
     vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));
