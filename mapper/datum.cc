@@ -76,6 +76,16 @@ Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& position
   return cov + sd_scale * sd_scale * q * q.transpose();
 }
 
+Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_scale,
+                                  const Eigen::MatrixXd& cov) {
+  constexpr double kFreeSd = 10.0;
+  Eigen::MatrixXd result = AddScaleUncertainty(positions, sd_scale, cov);
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  result += kFreeSd * kFreeSd * G * G.transpose();
+  return result;
+}
+
 GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov) {

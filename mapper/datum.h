@@ -47,6 +47,12 @@ Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& position
                                     double sd_scale,
                                     const Eigen::MatrixXd& cov);
 
+/// The covariance of a run's positions before others hold it: AddScaleUncertainty(), and the datum
+/// floats by ten metres.
+Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_scale,
+                                  const Eigen::MatrixXd& cov);
+
 /// The prior of a map version as a graph takes it: information P⁻¹ outside the datum directions,
 /// and the datum held where it is.
 /// @param modes  Flat indices of the positions in the graph that will use it.

@@ -56,7 +56,7 @@ void UpdateMotions(BuildRun* run) {
   }
 }
 
-// @param in_map_units  A prior map says how long a metre is.
+// @param in_map_units  As in MapProblem.
 GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
   const OdometryCalibration& fleet = options.calibration.odometry;
   const bool calibrate = options.calibrate;
@@ -119,7 +119,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   }
   for (std::size_t r = 0; r < problem->runs.size(); ++r) {
     BuildRun& run = problem->runs[r];
-    graph.runs.push_back(MakeGraphRun(options, !problem->prior.modes.empty(), &run));
+    graph.runs.push_back(MakeGraphRun(options, problem->in_map_units, &run));
     for (const Sighting& sighting : run.data->sightings) {
       const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
       if (mode == kUnassigned) continue;

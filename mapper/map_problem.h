@@ -59,6 +59,10 @@ struct MapProblem {
   /// Joint Gaussian of the prior map's modes; `modes` of it are flat indices, see FlatModes.
   GraphPrior prior;
 
+  /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
+  /// of the map so far that merely hold a run do not.
+  bool in_map_units = false;
+
   int modes_merged = 0;
   double cost = 0.0;  ///< Half the sum of all losses at the last solve.
 };

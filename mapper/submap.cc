@@ -16,9 +16,6 @@
 namespace shiftmap {
 namespace {
 
-// How freely the datum of a submap floats against the prior map. [m]
-constexpr double kDatumSd = 10.0;
-
 // Error of a position in a submap that its covariance does not know of. [m]
 constexpr double kSubmapFloor = 0.03;
 
@@ -122,9 +119,7 @@ std::vector<bool> Displaced(const MapperOptions& options,
     }
   }
   cov.diagonal().array() += 2.0 * kSubmapFloor * kSubmapFloor;
-  cov = AddScaleUncertainty(positions, options.sd_range_scale, cov);
-  const Eigen::MatrixXd G = DatumDirections(positions);
-  cov += kDatumSd * kDatumSd * G * G.transpose();
+  cov = FreeDatumAndScale(positions, options.sd_range_scale, cov);
   const std::vector<int> clusters = FindDisplaced(difference, cov, options.displacement);
   for (std::size_t a = 0; a < indices.size(); ++a) displaced[indices[a]] = clusters[a] >= 0;
   return displaced;
@@ -265,6 +260,7 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
   problem.sensor = sensor;
   problem.modes.resize(signatures.size());
   if (!prior) return problem;
+  problem.in_map_units = true;
   std::vector<int> flat;
   std::vector<Eigen::Vector2d> positions;
   for (const LandmarkGroup& group : prior->groups) {

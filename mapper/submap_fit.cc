@@ -13,9 +13,6 @@
 namespace shiftmap {
 namespace {
 
-// How freely the datum of a submap floats before known modes hold it. [m]
-constexpr double kDatumSd = 10.0;
-
 // How well a mode is to be known to be matched. A vehicle that comes back to mapped ground after a
 // while is less sure where it is: only when nothing else is left is the limit raised. [m]
 constexpr double kFirstMaxSd = 0.5;
@@ -56,9 +53,7 @@ class BentSubmap {
         positions_.push_back(mode.p_map_landmark);
       }
     }
-    covariance_ = AddScaleUncertainty(positions_, options.sd_range_scale, submap.covariance);
-    const Eigen::MatrixXd G = DatumDirections(positions_);
-    covariance_.noalias() += kDatumSd * kDatumSd * G * G.transpose();
+    covariance_ = FreeDatumAndScale(positions_, options.sd_range_scale, submap.covariance);
     gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
   }
 
