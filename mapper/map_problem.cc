@@ -42,16 +42,14 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
 void UpdateMotions(BuildRun* run) {
   IntegratedMotions& motions = run->motions;
   const std::vector<KeyFrame>& frames = run->data->frames;
-  const bool same_noise = motions.calibration.noise_v == run->odometry.noise_v &&
-                          motions.calibration.noise_omega == run->odometry.noise_omega;
   const bool near = CorrectionBetween(motions.calibration, run->odometry).cwiseAbs().maxCoeff() <
                     kLinearCorrection;
-  if (motions.increments.size() + 1 == frames.size() && same_noise && near) return;
+  if (motions.between_frames.size() + 1 == frames.size() && near) return;
   motions.calibration = run->odometry;
-  motions.increments.clear();
+  motions.between_frames.clear();
   std::size_t hint = 0;
   for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    motions.increments.push_back(IntegrateMotion(
+    motions.between_frames.push_back(IntegrateOdometry(
         run->data->odometry, frames[i].stamp, frames[i + 1].stamp, run->odometry, &hint));
   }
 }
@@ -63,7 +61,9 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   UpdateMotions(run);
   GraphRun result;
   result.poses = run->poses;
-  result.motions = run->motions.increments;
+  for (const IntegratedMotion& motion : run->motions.between_frames) {
+    result.motions.push_back(motion.WithNoise(run->odometry.noise_v, run->odometry.noise_omega));
+  }
   const double sd_scale = calibrate ? fleet.sd_log_scale : kHeldSd;
   result.correction = CorrectionBetween(run->motions.calibration, run->odometry);
   result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : kHeldSd};

@@ -28,7 +28,7 @@ struct BuildMode {
 /// The odometry of a run between its key frames, integrated at some calibration.
 struct IntegratedMotions {
   OdometryCalibration calibration;
-  std::vector<MotionIncrement> increments;
+  std::vector<IntegratedMotion> between_frames;
 };
 
 /// One run in the problem: its data, and what is estimated of it.

@@ -37,13 +37,33 @@ void AppendMotion(double v_mps,
                   const OdometryCalibration& calibration,
                   MotionIncrement* increment);
 
-/// Integrates odometry from `begin` to `end` >= begin. The velocity that holds at time t is that of
+/// A motion whose noise is still open: its covariance is linear in the variances of v and omega.
+struct IntegratedMotion {
+  Se2 T_begin_end;                                          ///< As in MotionIncrement.
+  Eigen::Matrix3d J_calibration = Eigen::Matrix3d::Zero();  ///< As in MotionIncrement.
+  double slip_s = 0.0;  ///< Variance of x and of y per noise_v². [s]
+
+  /// Covariance per noise_omega², order (x, y, yaw), in the end frame. [m²s, m·rad·s, rad²s]
+  Eigen::Matrix3d cov_per_yaw_noise = Eigen::Matrix3d::Zero();
+
+  MotionIncrement WithNoise(double noise_v, double noise_omega) const;
+};
+
+/// Integrates odometry from `begin` to `end` >= begin, as many calls of AppendMotion() would, in a
+/// fraction of the time: see the source. The velocity that holds at time t is that of
 /// the newest sample at or before t - lag (the first sample, before it).
 /// @param odometry  By non-decreasing stamp, not empty.
 /// @param hint      In: where to start looking for `begin`, 0 if unknown. Out: where `end` was
 /// found, the
 ///                  hint for an interval that starts there; a sequence of intervals is then linear
 ///                  in time.
+IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
+                                   Stamp begin,
+                                   Stamp end,
+                                   const OdometryCalibration& calibration,
+                                   std::size_t* hint);
+
+/// The same with the noise of `calibration`.
 MotionIncrement IntegrateMotion(std::span<const OdometrySample> odometry,
                                 Stamp begin,
                                 Stamp end,

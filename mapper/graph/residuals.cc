@@ -24,7 +24,7 @@ Matrix SqrtInformation(const Matrix& cov) {
 }  // namespace
 
 MotionResidual::MotionResidual(const MotionIncrement& motion)
-    : T_i_j_(motion.T_begin_end), J_calibration_(motion.J_calibration) {
+    : T_i_j_(motion.T_begin_end), R_i_j_(T_i_j_.Rotation()), J_calibration_(motion.J_calibration) {
   const Eigen::Matrix3d floor = Eigen::Matrix3d::Identity() * (kMinMotionSd * kMinMotionSd);
   sqrt_information_ = SqrtInformation<Eigen::Matrix3d>(motion.cov + floor);
 }
@@ -33,20 +33,34 @@ MotionResidual::Linear MotionResidual::At(const Se2& T_map_i,
                                           const Se2& T_map_j,
                                           const Eigen::Vector3d& correction,
                                           double log_range_scale) const {
+  // Rotations are chained as matrices: one sine and cosine for all of them.
   const Se2::Step shift = Se2::ExpStep(J_calibration_ * correction);
-  const Se2 T_i_j = T_map_i.Inverse() * T_map_j;
-  const Se2 error = (T_i_j_ * shift.T).Inverse() * T_i_j;
+  const Eigen::Matrix2d R_i_odometry =
+      R_i_j_ * shift.inverse_adjoint.topLeftCorner<2, 2>().transpose();
+  const Eigen::Vector2d p_i_odometry = T_i_j_.translation() + R_i_j_ * shift.T.translation();
+  const Eigen::Vector2d p_i_j =
+      T_map_i.Rotation().transpose() * (T_map_j.translation() - T_map_i.translation());
+  const double yaw_i_j = T_map_j.yaw() - T_map_i.yaw();
+  const Se2 error(R_i_odometry.transpose() * (p_i_j - p_i_odometry),
+                  yaw_i_j - T_i_j_.yaw() - shift.T.yaw());
   const Eigen::Vector3d r = error.Log();
+  const Se2::Step at_error = Se2::ExpStep(r);
+  const Eigen::Matrix2d R_j_i =
+      at_error.inverse_adjoint.topLeftCorner<2, 2>() * R_i_odometry.transpose();
+  Eigen::Matrix3d adjoint_j_i = Eigen::Matrix3d::Identity();
+  adjoint_j_i.topLeftCorner<2, 2>() = R_j_i;
+  adjoint_j_i.topRightCorner<2, 1>() = R_j_i * Eigen::Vector2d(-p_i_j.y(), p_i_j.x());
+
   const double scale = std::exp(log_range_scale);
   const Eigen::Matrix3d whitening =
       sqrt_information_ * Eigen::Vector3d(scale, scale, 1.0).asDiagonal();
-  const Eigen::Matrix3d whitened = whitening * Se2::RightJacobian(r).inverse();
+  const Eigen::Matrix3d whitened = whitening * at_error.right_jacobian.inverse();
+  const Eigen::Matrix3d by_shift = at_error.inverse_adjoint * shift.right_jacobian;
   Linear linear;
   linear.r = whitening * r;
-  linear.J_i = -whitened * T_i_j.InverseAdjoint();
+  linear.J_i = -whitened * adjoint_j_i;
   linear.J_j = whitened;
-  linear.J_calibration << -whitened * error.InverseAdjoint() * shift.right_jacobian *
-                              J_calibration_,
+  linear.J_calibration << -whitened * (by_shift * J_calibration_),
       whitening.leftCols<2>() * r.head<2>();
   return linear;
 }

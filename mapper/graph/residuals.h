@@ -32,6 +32,7 @@ class MotionResidual {
 
  private:
   Se2 T_i_j_;
+  Eigen::Matrix2d R_i_j_;  // Rotation of T_i_j_.
   Eigen::Matrix3d J_calibration_;
   Eigen::Matrix3d sqrt_information_;
 };

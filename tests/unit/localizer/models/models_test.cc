@@ -6,6 +6,7 @@
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/angle.h"
+#include "tests/support/geometry_matchers.h"
 
 namespace shiftmap {
 namespace {
@@ -90,6 +91,42 @@ TEST(MotionModel, CalibrationJacobianAgreesWithDifferences) {
     const Eigen::Vector3d column = (at.T_begin_end.Inverse() * moved.T_begin_end).Log() / kStep;
     EXPECT_LT((column - at.J_calibration.col(i)).norm(), 1e-5);
   }
+}
+
+// The sums of a whole stretch against the same, arc by arc, over standing, turns and a gap.
+TEST(MotionModel, IntegratingIsAppendingArcByArc) {
+  std::vector<OdometrySample> odometry;
+  double seconds = 5.0;
+  for (int i = 0; i < 400; ++i) {
+    const bool stands = i % 50 > 40;
+    odometry.push_back({StampFromSeconds(seconds),
+                        stands ? 0.0 : 1.5 - 0.02 * (i % 90),
+                        stands ? 0.0 : 0.9 * std::sin(0.05 * i) - 0.004 * (i % 100)});
+    seconds += i == 200 ? 3.0 : 0.04;
+  }
+  OdometryCalibration calibration;
+  calibration.scale_v = 1.07;
+  calibration.scale_omega = 0.94;
+  calibration.noise_v = 0.03;
+  calibration.noise_omega = 0.05;
+  calibration.lag_s = 0.0;
+
+  MotionIncrement expected;
+  for (std::size_t i = 0; i + 1 < odometry.size(); ++i) {
+    AppendMotion(odometry[i].v_mps,
+                 odometry[i].omega_radps,
+                 odometry[i + 1].stamp - odometry[i].stamp,
+                 calibration,
+                 &expected);
+  }
+  std::size_t hint = 0;
+  const MotionIncrement motion =
+      IntegrateMotion(odometry, odometry.front().stamp, odometry.back().stamp, calibration, &hint);
+  EXPECT_THAT(motion.T_begin_end, testing::IsNearPose(expected.T_begin_end, 1e-12));
+  EXPECT_TRUE(motion.cov.isApprox(expected.cov, 1e-11));
+  EXPECT_TRUE(
+      motion.J_calibration.leftCols<2>().isApprox(expected.J_calibration.leftCols<2>(), 1e-11));
+  EXPECT_EQ(hint, odometry.size() - 1);
 }
 
 }  // namespace

@@ -32,16 +32,6 @@ TEST(Se2Test, ExpOfAConstantTwistIsAnArc) {
   EXPECT_THAT(Se2::Exp({3.0, -1.0, 0.0}), IsNearPose(Se2(3.0, -1.0, 0.0), 0.0));
 }
 
-TEST(Se2Test, ExpIsSmoothAtTheBoundOfItsSeries) {
-  for (const double yaw : {1e-4 * (1.0 - 1e-9), 1e-4 * (1.0 + 1e-9)}) {
-    const Se2 T = Se2::Exp({5.0, 2.0, yaw});
-    const double sinc = 1.0 - yaw * yaw / 6.0;
-    const double cosc = yaw / 2.0 - yaw * yaw * yaw / 24.0;
-    EXPECT_NEAR(T.x(), 5.0 * sinc - 2.0 * cosc, 1e-14);
-    EXPECT_NEAR(T.y(), 2.0 * sinc + 5.0 * cosc, 1e-14);
-  }
-}
-
 TEST(Se2Test, InverseAdjointIsTheAdjointOfTheInverse) {
   const Se2 T(1.5, -0.7, 2.1);
   EXPECT_TRUE(T.InverseAdjoint().isApprox(T.Inverse().Adjoint(), 1e-14));
