@@ -189,7 +189,7 @@ void CalibrateNoise(const MapperOptions& options,
   // Draws of the posterior; thousands of residuals share them.
   constexpr int kNoiseSamples = 6;
   // The next round goes on from where this one ends: none needs to end at the minimum.
-  constexpr int kIterations = 5;
+  constexpr int kIterations = 3;
   GraphSolver solver;
   for (int round = 0; round < rounds; ++round) {
     if (go_on && !go_on(*problem)) return;

@@ -106,10 +106,11 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
                    const std::vector<Eigen::Vector3d>& twists,
                    const OdometryCalibration& prior) {
   constexpr int kIterations = 5;
+  constexpr double kSettled = 1e-4;  // A step shorter than this leaves the cost as it is.
   const double prior_information = 1.0 / (prior.sd_log_scale * prior.sd_log_scale);
   const Eigen::Vector2d prior_mean(std::log(prior.scale_v), std::log(prior.scale_omega));
   ScaleFit fit{prior_mean, 0.0};
-  for (int iteration = 0; iteration <= kIterations; ++iteration) {
+  for (int iteration = 0;; ++iteration) {
     Eigen::Matrix2d H = Eigen::Matrix2d::Identity() * prior_information;
     Eigen::Vector2d g = prior_information * (prior_mean - fit.log_scale);
     fit.cost = 0.5 * prior_information * (prior_mean - fit.log_scale).squaredNorm();
@@ -135,9 +136,11 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
       g += weight * J.transpose() * pairs[i].information * residual;
       fit.cost += 0.5 * kCauchyScale * kCauchyScale * std::log1p(squared);
     }
-    if (iteration < kIterations) fit.log_scale += H.inverse() * g;
+    if (iteration == kIterations) return fit;
+    const Eigen::Vector2d step = H.inverse() * g;
+    fit.log_scale += step;
+    if (step.norm() < kSettled) return fit;
   }
-  return fit;
 }
 
 }  // namespace
