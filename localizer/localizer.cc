@@ -7,6 +7,8 @@
 #include <variant>
 
 #include "localizer/models/observation_model.h"
+#include "localizer/monitor/landmark_distances.h"
+#include "localizer/monitor/wrong_pose.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -18,9 +20,6 @@ constexpr double kDuplicateSigmas = 5.0;
 // A landmark seen nearer to a mode than this does not count as moved: map or pose may be less exact
 // than they say. [m]
 constexpr double kMinDisplacement = 0.5;
-
-// Two landmarks are as far apart as two modes if their distance is inside these.
-constexpr double kDistanceSigmas = 3.0;
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
   const Eigen::Matrix2d cov = PositionNoiseInVehicle(a, ObservationNoise(a, sensor)) +
@@ -36,7 +35,9 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
       options_(options),
       odometry_(snapshot_.calibration().odometry),
       next_start_(options.initial_pose),
-      changes_(snapshot_.groups().size(), options.min_sightings) {
+      health_(snapshot_.groups().size()),
+      changes_(snapshot_.groups().size(), options.min_sightings),
+      missed_(snapshot_) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
   if (options.max_delay_s > 0.0) buffer_.emplace(FromSeconds(options.max_delay_s));
@@ -65,6 +66,13 @@ void Localizer::Flush() {
   new_estimates_.clear();
   if (!buffer_) return;
   buffer_->Flush();
+  LocalizeDue();
+}
+
+void Localizer::FlushPaused() {
+  new_estimates_.clear();
+  if (!buffer_) return;
+  buffer_->FlushPaused();
   LocalizeDue();
 }
 
@@ -115,7 +123,13 @@ void Localizer::ProcessScan(const Scan& scan) {
     window_.clear();
     return;
   }
-  window_.push_back(step_);
+  if (searching) {
+    window_.push_back(step_);
+  } else {
+    // Just lost: what failed tells where the vehicle is.
+    const std::vector<WindowScan> failing = recent_.Since(health_.failing_since());
+    window_.assign(failing.begin(), failing.end());
+  }
   const Duration kept = FromSeconds(options_.global_start.window_s);
   while (window_.front().scan.stamp < scan.stamp - kept) window_.pop_front();
   // The scan that shows that the pose is lost is reported as such.
@@ -163,11 +177,13 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 }
 
 void Localizer::Step(const WindowScan& step) {
+  recent_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const BankEvents& events = bank_->Correct(step.scan);
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
+  JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
   decisions_.insert(decisions_.end(), events.decisions.begin(), events.decisions.end());
@@ -180,7 +196,9 @@ void Localizer::Step(const WindowScan& step) {
 
 void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
   const bool was_lost = health_.lost();
-  if (!was_lost) JudgeDistances(scan, events);
+  if (!was_lost) {
+    health_.AddPairs(scan.stamp, CompareDistances(scan, events.outcomes, snapshot_));
+  }
   for (const Observation& observation : scan.observations) {
     if (snapshot_.GroupIndex(observation.signature) >= 0) continue;
     ++statistics_.unknown_signatures;
@@ -198,39 +216,24 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
     const auto nis = outcome.gated ? std::optional(outcome.nis) : std::nullopt;
     health_.Add(scan.stamp, outcome.group, explained, nis);
   }
+  health_.Judge();
+  if (!health_.lost()) {
+    const PoseWithCovariance pose = bank_->best().filter.Pose();
+    const auto wrong_since =
+        FindWrongPose(recent_, health_, snapshot_, pose, options_.global_start, scan.stamp);
+    if (wrong_since) health_.DeclareLost(*wrong_since);
+  }
   if (health_.lost() && !was_lost) DistrustPose();
 }
 
-void Localizer::JudgeDistances(const Scan& scan, const BankEvents& events) {
-  const auto as_in_map = [&](const ObservationOutcome& a, const ObservationOutcome& b) {
-    const Observation& seen_a = scan.observations[a.index];
-    const Observation& seen_b = scan.observations[b.index];
-    const SensorCalibration& sensor = snapshot_.calibration().sensor;
-    const Eigen::Vector2d d = seen_a.PositionInVehicle() - seen_b.PositionInVehicle();
-    const Eigen::Matrix2d cov = PositionNoiseInVehicle(seen_a, ObservationNoise(seen_a, sensor)) +
-                                PositionNoiseInVehicle(seen_b, ObservationNoise(seen_b, sensor));
-    const double variance = d.dot(cov * d) / d.squaredNorm();
-    for (const Mode& mode_a : snapshot_.groups()[static_cast<std::size_t>(a.group)].modes) {
-      for (const Mode& mode_b : snapshot_.groups()[static_cast<std::size_t>(b.group)].modes) {
-        const double mismatch = (mode_a.p_map_landmark - mode_b.p_map_landmark).norm() - d.norm();
-        const double modes =
-            0.5 * mode_a.cov_p_map_landmark.trace() + 0.5 * mode_b.cov_p_map_landmark.trace();
-        if (std::abs(mismatch) < kDistanceSigmas * std::sqrt(variance + modes)) return true;
-      }
-    }
-    return false;
-  };
-  int pairs = 0;
-  int matches = 0;
-  for (std::size_t i = 0; i < events.outcomes.size(); ++i) {
-    if (events.outcomes[i].gated_any) continue;
-    for (std::size_t j = 0; j < i; ++j) {
-      if (events.outcomes[j].gated_any) continue;
-      ++pairs;
-      matches += as_in_map(events.outcomes[i], events.outcomes[j]);
-    }
-  }
-  if (pairs > 0) health_.AddPairs(scan.stamp, matches, pairs);
+void Localizer::JudgeMisses(const Scan& scan, const BankEvents& events) {
+  const bool explained = std::any_of(
+      events.outcomes.begin(), events.outcomes.end(), [](const ObservationOutcome& outcome) {
+        return outcome.gated_any;
+      });
+  // A sensor may log nothing where it sees nothing, and what a lost vehicle misses says nothing.
+  if (!explained || health_.lost()) return;
+  for (const int group : missed_.Add(scan, *bank_, snapshot_)) changes_.Missed(group, scan.stamp);
 }
 
 bool Localizer::Explains(const ObservationOutcome& outcome, const Scan& scan) {
@@ -278,7 +281,7 @@ void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
     mode_changed_ = evidence;
   }
   if (health_.lost()) return;
-  while (const auto gone = changes_.TakeGone(health_)) {
+  while (const auto gone = changes_.TakeGone(health_, stamp)) {
     evidence.signature = snapshot_.groups()[static_cast<std::size_t>(gone->group)].signature;
     evidence.mode = kAbsent;
     evidence.support = gone->support;
@@ -308,6 +311,7 @@ void Localizer::DistrustPose() {
   ForgetSince(since);
   sightings_.ForgetSince(since);
   changes_.Reset();
+  missed_.Reset();
   if (mode_changed_ && mode_changed_->stamp >= since) mode_changed_.reset();
   if (unknown_change_ && unknown_change_->stamp >= since) unknown_change_.reset();
 }
@@ -329,12 +333,15 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   const Stamp stamp = window_[first].scan.stamp;
   if (bank_) {
     bank_->Restart(pose, stamp);
-    ForgetSince(stamp);
+    ForgetSince(health_.lost() ? std::min(stamp, health_.failing_since()) : stamp);
   } else {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   ++statistics_.starts;
   health_.Reset();
+  changes_.Reset();
+  missed_.Reset();
+  recent_.Clear();
   quality_.Reset();
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   for (std::size_t i = first; i < replayed.size(); ++i) {

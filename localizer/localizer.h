@@ -17,6 +17,8 @@
 #include "localizer/monitor/change_monitor.h"
 #include "localizer/monitor/health_monitor.h"
 #include "localizer/monitor/innovation_quality.h"
+#include "localizer/monitor/missed_passes.h"
+#include "localizer/monitor/recent_scans.h"
 #include "localizer/monitor/sighting_collector.h"
 #include "localizer/monitor/state_change.h"
 
@@ -73,6 +75,9 @@ class Localizer {
   /// Localizes what is held for items that may be late. These are too late from then on.
   void Flush();
 
+  /// As Flush(), for a stream that pauses: see EventBuffer::FlushPaused().
+  void FlushPaused();
+
   /// Starts again at the next scan, at a pose that somebody knows. What ended visits say stays.
   /// Flushes first.
   void Initialize(const PoseWithCovariance& pose);
@@ -90,6 +95,9 @@ class Localizer {
   /// Changes of the state, oldest first, each with what it rests on; the last thousand.
   const std::deque<StateChange>& state_changes() const { return state_changes_; }
   LocalizerStatistics Statistics() const;
+
+  /// The hypotheses, to look at; null while INITIALIZING.
+  const HypothesisBank* hypotheses() const { return bank_ ? &*bank_ : nullptr; }
 
   /// Probability of each state of a group now; size n + 1.
   Eigen::VectorXd Probabilities(int group) const;
@@ -119,9 +127,9 @@ class Localizer {
   void ForgetSince(Stamp stamp);
 
   void JudgeOutcomes(const Scan& scan, const BankEvents& events);
-  void JudgeDistances(const Scan& scan, const BankEvents& events);
   void JudgeDecisions(const BankEvents& events, Stamp stamp);
   SightingCollector::PlaceState Collect(const Observation& observation, Stamp stamp);
+  void JudgeMisses(const Scan& scan, const BankEvents& events);
   bool Explains(const ObservationOutcome& outcome, const Scan& scan);
   bool NearAMode(int group, const SightingCollector::PlaceState& place) const;
   void DistrustPose();
@@ -138,8 +146,10 @@ class Localizer {
   WindowScan step_;                               // The present scan.
   std::vector<const Observation*> by_signature_;  // Scratch.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
+  RecentScans recent_;
   HealthMonitor health_;
   ChangeMonitor changes_;
+  MissedPasses missed_;
   InnovationQuality quality_;
   SightingCollector sightings_;
   LocalizerState state_ = LocalizerState::kInitializing;

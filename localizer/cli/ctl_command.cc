@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "localizer/cli/commands.h"
+#include "localizer/cli/hypothesis_json.h"
 #include "localizer/cli/initial_pose.h"
 #include "localizer/cli/service_json.h"
 #include "localizer/live/client.h"
@@ -36,6 +37,7 @@ struct CtlOptions {
 // Verbs and what their argument is; nullptr: they take none.
 const std::map<std::string, const char*>& Verbs() {
   static const std::map<std::string, const char*> verbs = {{"state", nullptr},
+                                                           {"hypotheses", nullptr},
                                                            {"start", nullptr},
                                                            {"stop", nullptr},
                                                            {"stop-and-save", nullptr},
@@ -78,7 +80,7 @@ live::Command CommandOf(const CtlOptions& options) {
     if (options.version) map.version = VersionNumber(*options.version);
     return map;
   }
-  return live::GetState();
+  return live::GetState{.hypotheses = options.verb == "hypotheses"};
 }
 
 // Sends the items of a run log, at `rate` times their own pace or, for 0, as fast as they go.
@@ -123,6 +125,11 @@ Status Say(const CtlOptions& options, live::Client* client, Context* context) {
     SHIFTMAP_RETURN_IF_ERROR(Feed(*options.argument, options.rate, client));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const live::Reply reply, client->Call(CommandOf(options)));
+  if (options.verb == "hypotheses") {
+    if (!reply.hypotheses) return NotFound("no hypotheses, expected a shift that has a pose");
+    context->Report(HypothesisJson(*reply.hypotheses), HypothesisText(*reply.hypotheses));
+    return OkStatus();
+  }
   if (!reply.state) return Internal("service replied without its state");
   context->Report(ServiceJson(*reply.state), ServiceText(*reply.state));
   return OkStatus();
@@ -147,7 +154,8 @@ void AddCtlCommand(Application* application) {
       .Required()
       .Option("VERB",
               &options->verb,
-              "state, start, stop, stop-and-save, set-map, initialize-pose, subscribe, feed")
+              "state, hypotheses, start, stop, stop-and-save, set-map, initialize-pose, subscribe, "
+              "feed")
       .Required()
       .Option("ARGUMENT", &options->argument, "AREA, X,Y,YAW or RUN.mcap")
       .Option("--vehicle", &options->vehicle, "start: name of the vehicle")

@@ -90,8 +90,12 @@ class Shift {
   }
 
   ShiftReport Finish() {
-    localizer_->Finish();
+    localizer_->Flush();
     RecordPoses();
+    if (const HypothesisBank* bank = localizer_->hypotheses()) {
+      summary_.hypotheses = ViewHypotheses(*bank, localizer_->snapshot());
+    }
+    localizer_->Finish();
     ShiftReport report = localizer_->Report();
     report.uuid = RandomUuid();
     report.vehicle = summary_.vehicle;

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "localizer/cli/hypothesis_json.h"
+
 namespace shiftmap {
 namespace {
 
@@ -136,6 +138,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
     const Se2& T_map_vehicle = estimate->pose.T_map_vehicle;
     document["T_map_vehicle"] = {T_map_vehicle.x(), T_map_vehicle.y(), T_map_vehicle.yaw()};
   }
+  if (summary.hypotheses) document["hypotheses"] = HypothesisJson(*summary.hypotheses);
   if (!summary.report_uuid.empty()) document["report_uuid"] = summary.report_uuid;
   return document;
 }

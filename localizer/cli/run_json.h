@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "localizer/hypothesis/hypothesis_view.h"
 #include "localizer/localizer.h"
 #include "mapstore/cli/context.h"
 
@@ -15,6 +17,7 @@ struct RunSummary {
   std::string truncation;            ///< As RunLog::truncation.
   std::string vehicle;               ///< Empty if nothing names it.
   std::string report_uuid;
+  std::optional<HypothesisView> hypotheses;  ///< After the last item; nothing without a pose.
 };
 
 /// The document of `run --json`; its keys are fixed, see README.md.

@@ -77,6 +77,13 @@ void EventBuffer::DropReturned() {
   --size_;
 }
 
+void EventBuffer::FlushPaused() {
+  DropReturned();
+  if (far_ahead_) Insert(*far_ahead_);
+  far_ahead_.reset();
+  Flush();
+}
+
 void EventBuffer::Flush() {
   DropReturned();
   if (far_ahead_) ++jumps_;

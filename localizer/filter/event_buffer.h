@@ -47,6 +47,10 @@ class EventBuffer {
   /// Makes all items due that are held now.
   void Flush();
 
+  /// As Flush(), for a stream that pauses: an item far ahead that nothing followed came after a
+  /// gap.
+  void FlushPaused();
+
   std::size_t size() const { return size_; }
 
   /// Items dropped because their stamps had jumped.

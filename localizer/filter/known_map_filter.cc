@@ -242,13 +242,14 @@ void KnownMapFilter::Update(const Prediction& prediction,
   }
   StateMatrix M = StateMatrix::Identity();
   M.leftCols<3>() -= K * H_x;
-  TransformGains(M);
-  GainOf(mode_index) -= K * H_m;
+  const StateMatrix A = Move(K * prediction.nu);
+  TransformGains(A * M);
+  GainOf(mode_index) -= A * K * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
-  Move(K * prediction.nu);
 }
 
-void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
+KnownMapFilter::StateMatrix KnownMapFilter::Move(
+    const Eigen::Matrix<double, kStates, 1>& correction) {
   const Se2 step = Se2::Exp(correction.head<3>());
   MoveTo(T_map_vehicle_ * step);
   log_scale_ += correction.tail<2>();
@@ -258,7 +259,7 @@ void KnownMapFilter::Move(const Eigen::Matrix<double, kStates, 1>& correction) {
   shared_errors_.Move(A, correction);
   range_bearing_bias_.cross = A * range_bearing_bias_.cross;
   position_bias_.cross = A * position_bias_.cross;
-  TransformGains(A);
+  return A;
 }
 
 PoseWithCovariance KnownMapFilter::Pose() const {

@@ -88,6 +88,9 @@ class KnownMapFilter {
     /// log of the density of z, in z's own units, with the errors of map and sensor as they were
     /// before the first observation.
     double LogLikelihood() const { return LogGaussian(nu, S) + measurement.log_m2_per_unit; }
+
+    /// The largest that it could be, for nu = 0.
+    double LogPeak() const { return LogLikelihood() + 0.5 * nis; }
   };
   Prediction PredictObservation(const Measurement& measurement, const Point& point) const;
   Prediction PredictObservation(const Observation& observation,
@@ -158,8 +161,8 @@ class KnownMapFilter {
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
-  // unknown to the next one.
-  void Move(const Eigen::Matrix<double, kStates, 1>& correction);
+  // unknown to the next one. Returns what the step makes of an error, for the gains.
+  StateMatrix Move(const Eigen::Matrix<double, kStates, 1>& correction);
   void LetGoOfWeakest(int except);
 
   void MoveTo(const Se2& T_map_vehicle);

@@ -87,7 +87,7 @@ void SharedErrors::Update(const Observed& observed, const JointCovariance& covar
   mean_ += K * (observed.nu - expected.nu);
   for (Eigen::Index i = 0; i < cov_.cols(); ++i) {
     const Eigen::Index rows = cov_.rows() - i;
-    cov_.col(i).tail(rows) -= K.bottomRows(rows).lazyProduct(cross.row(i).transpose());
+    cov_.col(i).tail(rows) -= K.col(0).tail(rows) * cross(i, 0) + K.col(1).tail(rows) * cross(i, 1);
   }
 }
 

@@ -251,7 +251,7 @@ VisitEvidence HypothesisBank::CloseVisit(std::size_t visit_index) {
   const std::size_t index = BeliefIndex(visit.group);
   const StateValues log_posterior = LogPosterior(visit, MarginalLogProbability(leaves_, index));
   visits_.erase(visits_.begin() + static_cast<std::ptrdiff_t>(visit_index));
-  if (visit.decided || leaves_.size() == 1) {
+  if (LeavesAgree(index)) {
     posteriors_[static_cast<std::size_t>(visit.group)] = {Floored(Exponential(log_posterior)),
                                                           visit.end};
     EraseBelief(index);
@@ -259,6 +259,13 @@ VisitEvidence HypothesisBank::CloseVisit(std::size_t visit_index) {
     held_since_[static_cast<std::size_t>(visit.group)] = visit.end;
   }
   return EvidenceOf(visit, log_posterior, GroupAt(visit.group));
+}
+
+bool HypothesisBank::LeavesAgree(std::size_t index) const {
+  const GroupBelief& first = best().beliefs[index];
+  return std::all_of(leaves_.all().begin(), leaves_.all().end(), [&](const Leaf* leaf) {
+    return Agree(leaf->beliefs[index], first);
+  });
 }
 
 void HypothesisBank::EraseBelief(std::size_t index) {
@@ -281,14 +288,8 @@ void HypothesisBank::CloseStaleVisits(std::vector<VisitEvidence>* evidence) {
 
 void HypothesisBank::ReleaseAgreedBeliefs() {
   for (std::size_t i = 0; i < leaves_.front().beliefs.size();) {
-    const GroupBelief& first = leaves_.front().beliefs[i];
-    const int group = first.group;
-    const bool agreed =
-        !FindVisit(group) &&
-        std::all_of(leaves_.all().begin(), leaves_.all().end(), [&](const Leaf* leaf) {
-          return Agree(leaf->beliefs[i], first);
-        });
-    if (!agreed) {
+    const int group = leaves_.front().beliefs[i].group;
+    if (FindVisit(group) || !LeavesAgree(i)) {
       ++i;
       continue;
     }
@@ -299,40 +300,44 @@ void HypothesisBank::ReleaseAgreedBeliefs() {
   }
 }
 
+// A decision is said, and leaves that speak against it stay until they are hopeless: the other
+// groups' decisions rest on the same pose, and would else be as wrong as the first without knowing.
 void HypothesisBank::Test(BankEvents* events) {
   for (Visit& visit : visits_) {
-    if (visit.decided || visit.observations == 0) continue;
+    if (visit.observations == 0 || visit.Settled()) continue;
     const std::size_t index = BeliefIndex(visit.group);
     const StateValues log_alive = MarginalLogProbability(leaves_, index);
-    const StateValues log_p = LogPosterior(visit, log_alive);
     const TestOutcome outcome = TestStates(AsVector(log_alive), threshold_);
-
     const bool seen_there =
         outcome.decided.value_or(0) == 0 || best().beliefs[index].resolved == *outcome.decided;
-    if (outcome.decided && seen_there) {
-      visit.decided = outcome.decided;
-      for (std::size_t state = 0; state < log_p.size(); ++state) {
-        std::optional<double>& given_up = visit.given_up[state];
-        if (static_cast<int>(state) != *visit.decided && !given_up) given_up = log_p[state];
-      }
-      int favourite = 0;
-      AsVector(visit.log_prior).maxCoeff(&favourite);
-      const LandmarkGroup& landmark = GroupAt(visit.group);
-      events->decisions.push_back(
-          {landmark.signature, landmark.NumberOf(*visit.decided), stamp_, outcome.log_odds});
-      events->surprising.push_back(favourite != *visit.decided);
-      ConditionOn(index, *visit.decided, &leaves_);
-      Reduce();
-      continue;
+    if (outcome.decided && outcome.decided != visit.decided && seen_there) {
+      Decide(*outcome.decided, outcome.log_odds, &visit, events);
     }
-    for (const int state : outcome.hopeless) {
-      const auto i = static_cast<std::size_t>(state);
-      if (visit.given_up[i] || log_p[i] > visit.log_prior[i] - kMinEvidence) continue;
-      visit.given_up[i] = log_p[i];
-      Exclude(index, state, &leaves_);
-      Reduce();
-    }
+    if (!outcome.hopeless.empty()) GiveUp(outcome.hopeless, log_alive, index, &visit);
   }
+}
+
+void HypothesisBank::GiveUp(const HopelessStates& states,
+                            const StateValues& log_alive,
+                            std::size_t belief_index,
+                            Visit* visit) {
+  const StateValues log_p = LogPosterior(*visit, log_alive);
+  for (const int state : states) {
+    const auto i = static_cast<std::size_t>(state);
+    if (visit->given_up[i] || log_p[i] > visit->log_prior[i] - kMinEvidence) continue;
+    visit->given_up[i] = log_p[i];
+    Exclude(belief_index, state, &leaves_);
+    Reduce();
+  }
+}
+
+void HypothesisBank::Decide(int state, double log_odds, Visit* visit, BankEvents* events) const {
+  visit->decided = state;
+  int favourite = 0;
+  AsVector(visit->log_prior).maxCoeff(&favourite);
+  const LandmarkGroup& landmark = GroupAt(visit->group);
+  events->decisions.push_back({landmark.signature, landmark.NumberOf(state), stamp_, log_odds});
+  events->surprising.push_back(favourite != state);
 }
 
 void HypothesisBank::Reduce() {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/leaf_set.h"
+#include "localizer/hypothesis/sequential_test.h"
 #include "localizer/hypothesis/visit.h"
 #include "localizer/models/mode_grid.h"
 #include "mapstore/map/map_snapshot.h"
@@ -123,9 +124,13 @@ class HypothesisBank {
                     int state,
                     GroupBelief* belief) const;
 
+  // A bound on LogUngated() that costs less.
+  static double LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score);
+
   void OpenVisitsInView(const Scan& scan);
   void OpenVisit(int group);
   VisitEvidence CloseVisit(std::size_t visit_index);
+  bool LeavesAgree(std::size_t index) const;
   void EraseBelief(std::size_t index);
   void CloseStaleVisits(std::vector<VisitEvidence>* evidence);
   void ReleaseAgreedBeliefs();
@@ -149,6 +154,11 @@ class HypothesisBank {
   void Miss(int group);
   void AddMiss(int state, double log_miss, GroupBelief* belief, double* log_likelihood) const;
   void Test(BankEvents* events);
+  void GiveUp(const HopelessStates& states,
+              const StateValues& log_alive,
+              std::size_t belief_index,
+              Visit* visit);
+  void Decide(int state, double log_odds, Visit* visit, BankEvents* events) const;
   void Reduce();
 
   MapSnapshot snapshot_;

@@ -131,6 +131,12 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
   return LogAdd(log_clutter, log_misjudged);
 }
 
+// No miss raises a likelihood, and misjudged positions scatter more widely than others.
+double HypothesisBank::LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score) {
+  return LogAdd(seen.log_false_alarm,
+                std::log(kMisjudgedShare) + score.log_detection + score.prediction.LogPeak());
+}
+
 ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {
   const GroupBelief& belief = best().beliefs[seen.belief_index];
   ObservationOutcome outcome;
@@ -215,6 +221,12 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
     std::optional<ModeScore>& known = heaviest ? judged_[static_cast<std::size_t>(state)] : own;
     if (!known) known = Score(*leaf, seen, state);
     ModeScore& score = *known;
+    if (!unresolved &&
+        LogLikelihood(*leaf, {seen.group, state}, &score) >= LogUngatedAtMost(seen, score)) {
+      Resolve(seen, score, state, weight, leaf);
+      leaves_.Keep(leaf);
+      return;
+    }
     const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
     if (unresolved) {
       if (score.prediction.nis < kMaxForkNis) {

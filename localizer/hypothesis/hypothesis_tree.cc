@@ -7,18 +7,19 @@
 
 namespace shiftmap {
 
-HypothesisTree::HypothesisTree(const LeafSet& leaves) : nodes_(1) {
-  SHIFTMAP_CHECK(!leaves.empty(), "a tree of no leaves");
+HypothesisTree::HypothesisTree(const LeafSet& leaves, std::size_t max_leaves) : nodes_(1) {
+  SHIFTMAP_CHECK(!leaves.empty() && max_leaves > 0, "a tree of no leaves");
+  const auto heaviest = leaves.all().first(std::min(leaves.size(), max_leaves));
   const std::vector<GroupBelief>& first = leaves.front().beliefs;
   for (std::size_t i = 0; i < first.size(); ++i) {
-    const bool same = std::all_of(leaves.all().begin(), leaves.all().end(), [&](const Leaf* leaf) {
+    const bool same = std::all_of(heaviest.begin(), heaviest.end(), [&](const Leaf* leaf) {
       return leaf->beliefs[i].resolved == first[i].resolved;
     });
     if (same) continue;
     groups_.push_back(first[i].group);
     beliefs_.push_back(i);
   }
-  for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) Add(leaves, static_cast<int>(leaf));
+  for (std::size_t leaf = 0; leaf < heaviest.size(); ++leaf) Add(leaves, static_cast<int>(leaf));
 }
 
 void HypothesisTree::Add(const LeafSet& leaves, int leaf) {
@@ -32,7 +33,7 @@ void HypothesisTree::Add(const LeafSet& leaves, int leaf) {
     node = Child(node, added.beliefs[belief].group, added.beliefs[belief].resolved);
     count();
   }
-  nodes_[node].leaf = leaf;
+  if (nodes_[node].leaf < 0) nodes_[node].leaf = leaf;
 }
 
 std::size_t HypothesisTree::Child(std::size_t parent, int group, int state) {

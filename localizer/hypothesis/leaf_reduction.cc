@@ -11,8 +11,11 @@
 namespace shiftmap {
 namespace {
 
-// Squared Mahalanobis distance of two poses that count as one, κ² of T-IV (26).
+// Squared Mahalanobis distances of two poses that count as one, κ² of T-IV (26). Leaves with one
+// assignment have seen the same modes, and their poses differ by what each took for a false alarm:
+// a leaf that took a false alarm for the mode must not replace the one that did not.
 constexpr double kSamePose = 0.05;
+constexpr double kSamePoseOfOneAssignment = 1.0;
 
 // Equal for leaves that agree where they must: spares most comparisons of two leaves.
 std::uint64_t AgreementKey(const Leaf& leaf, const std::vector<bool>& must_agree) {
@@ -32,12 +35,11 @@ bool SameHypothesis(const Leaf& a, const Leaf& b, const std::vector<bool>& must_
     if (must_agree[i]) return false;
     all_equal = false;
   }
-  if (all_equal) return true;
   const PoseWithCovariance pose_a = a.filter.Pose();
   const PoseWithCovariance pose_b = b.filter.Pose();
   const Eigen::Vector3d d = (pose_a.T_map_vehicle.Inverse() * pose_b.T_map_vehicle).Log();
   const Eigen::Matrix3d cov = pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle;
-  return d.dot(cov.inverse() * d) < kSamePose;
+  return d.dot(cov.inverse() * d) < (all_equal ? kSamePoseOfOneAssignment : kSamePose);
 }
 
 // Adds the lighter leaf `from` to `into`.
@@ -120,15 +122,6 @@ double KeepHeaviest(int max_leaves, double min_weight, LeafSet* leaves) {
   }
   NormalizeWeights(leaves);
   return dropped;
-}
-
-void ConditionOn(std::size_t index, int state, LeafSet* leaves) {
-  for (Leaf* leaf : leaves->all()) {
-    GroupBelief& belief = leaf->beliefs[index];
-    leaf->log_weight += belief.LogProbability(state);
-    belief.resolved = state;
-  }
-  RemoveImpossible(leaves);
 }
 
 void Exclude(std::size_t index, int state, LeafSet* leaves) {

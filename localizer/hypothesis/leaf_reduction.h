@@ -16,9 +16,9 @@ double NormalizeWeights(LeafSet* leaves);
 StateValues MarginalLogProbability(const LeafSet& leaves, std::size_t index);
 
 /// Merges leaves that stand for the same hypothesis: the heavier one's filter stays, weights add,
-/// unresolved beliefs mix. The same hypothesis: equal resolved states for every group, or equal
-/// where `must_agree` holds and poses that are the same within a fraction of their uncertainty,
-/// T-IV (26).
+/// unresolved beliefs mix. The same hypothesis: equal resolved states for every group and poses
+/// that are the same within their uncertainty; or equal states where `must_agree` holds and poses
+/// that are the same within a fraction of it, T-IV (26).
 /// @param must_agree  By belief.
 void MergeLeaves(const std::vector<bool>& must_agree, LeafSet* leaves);
 
@@ -26,10 +26,6 @@ void MergeLeaves(const std::vector<bool>& must_agree, LeafSet* leaves);
 /// mass that went, in [0, 1).
 /// Precondition: weights sum to 1; min_weight < 1 / leaves->size(). They do so again after it.
 double KeepHeaviest(int max_leaves, double min_weight, LeafSet* leaves);
-
-/// Conditions all leaves on a state of the belief at `index`. Leaves that exclude it go.
-/// Precondition: some leaf does not exclude it. Weights do not sum to 1 after it.
-void ConditionOn(std::size_t index, int state, LeafSet* leaves);
 
 /// Takes a state of the belief at `index` out of all leaves.
 /// Precondition: some leaf has another one. Weights do not sum to 1 after it.

@@ -12,6 +12,15 @@ constexpr double kMinLogLikelihood = -50.0;
 
 }  // namespace
 
+bool Visit::Settled() const {
+  if (!decided) return false;
+  for (std::size_t i = 0; i < given_up.size(); ++i) {
+    const bool alive = !given_up[i];
+    if (alive != (static_cast<int>(i) == *decided)) return false;
+  }
+  return true;
+}
+
 StateValues LogPosterior(const Visit& visit, const StateValues& log_alive) {
   StateValues log_p = log_alive;
   for (std::size_t i = 0; i < log_p.size(); ++i) {

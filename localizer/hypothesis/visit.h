@@ -27,8 +27,11 @@ struct Visit {
   /// Log-probability of each state when the sequential test gave it up; nothing while it is alive.
   boost::container::small_vector<std::optional<double>, kInlineStates> given_up;
 
-  std::optional<int> decided;  ///< State.
+  std::optional<int> decided;  ///< State; the last decision, if it was revised.
   int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
+
+  /// Decided, and all other states were given up: there is nothing left to test.
+  bool Settled() const;
 };
 
 /// Log-probability per state over all leaves and the states given up; sums to 1.

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "localizer/hypothesis/hypothesis_view.h"
 #include "localizer/localizer_state.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
@@ -20,7 +21,9 @@
 
 namespace shiftmap::live {
 
-struct GetState {};
+struct GetState {
+  bool hypotheses = false;  ///< Also what the vehicle believes, and why.
+};
 
 /// Begins a shift.
 struct Start {
@@ -83,6 +86,7 @@ struct Reply {
   std::uint64_t id = 0;
   Status status;
   std::optional<ServiceState> state;  ///< After the request; none for odometry and scans.
+  std::optional<HypothesisView> hypotheses = std::nullopt;  ///< If asked for and there is a pose.
 };
 
 /// The pose after an odometry sample or a scan.

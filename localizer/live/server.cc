@@ -50,6 +50,7 @@ Status Server::Run(Service* service) {
   notifier_->Ready();
   for (bool stop = false; !stop;) {
     SHIFTMAP_RETURN_IF_ERROR(Wait(&stop));
+    LocalizeHeld();
     service_->WriteJournal();
     FlushAll();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_sync_) {
@@ -69,8 +70,7 @@ Status Server::Wait(bool* stop) {
     const int events = (client.wants_read() ? POLLIN : 0) | (client.wants_write() ? POLLOUT : 0);
     waiting.push_back({.fd = client.fd(), .events = static_cast<short>(events), .revents = 0});
   }
-  const auto longest = std::min(kSyncEvery, notifier_->interval().value_or(kSyncEvery));
-  if (poll(waiting.data(), waiting.size(), static_cast<int>(longest.count())) < 0) {
+  if (poll(waiting.data(), waiting.size(), static_cast<int>(LongestWait().count())) < 0) {
     if (errno == EINTR) return OkStatus();
     return Unavailable("poll: {}", std::strerror(errno));
   }
@@ -83,6 +83,21 @@ Status Server::Wait(bool* stop) {
   }
   if (waiting[1].revents != 0) Accept();
   return OkStatus();
+}
+
+std::chrono::milliseconds Server::LongestWait() const {
+  const auto longest = std::min(kSyncEvery, notifier_->interval().value_or(kSyncEvery));
+  const auto held_until = service_->held_until();
+  if (!held_until) return longest;
+  const auto left =
+      std::chrono::ceil<std::chrono::milliseconds>(*held_until - std::chrono::steady_clock::now());
+  return std::clamp(left, std::chrono::milliseconds(0), longest);
+}
+
+void Server::LocalizeHeld() {
+  events_.clear();
+  service_->LocalizeHeld(std::chrono::steady_clock::now(), &events_);
+  SendNews();
 }
 
 void Server::Accept() {
@@ -123,6 +138,10 @@ void Server::Answer(Connection* client, const std::string& message) {
   events_.clear();
   const Reply reply = service_->Handle(*request, &events_);
   if (id != 0) client->SendReply(FramedEvent(reply));
+  SendNews();
+}
+
+void Server::SendNews() {
   for (const Event& event : events_) {
     const std::string frame = FramedEvent(event);
     for (Connection& other : clients_) other.SendNews(event, frame);

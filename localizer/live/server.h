@@ -16,9 +16,9 @@ namespace shiftmap::live {
 
 /// Serves clients on a Unix socket, one thread, until SIGTERM or SIGINT.
 ///
-/// One turn: wait, take in requests, step, write the journal, then send replies and news. So a
-/// reply to a step is sent after the journal has it, and neither disk nor a client is waited for
-/// inside a step.
+/// One turn: wait, take in requests, step (also when the stream pauses), write the journal, then
+/// send replies and news. So a reply to a step is sent after the journal has it, and neither disk
+/// nor a client is waited for inside a step.
 class Server {
  public:
   /// Clients can connect from here on; they are answered by Run().
@@ -45,6 +45,9 @@ class Server {
   void Accept();
   void Serve(Connection* client);
   void Answer(Connection* client, const std::string& message);
+  std::chrono::milliseconds LongestWait() const;
+  void LocalizeHeld();
+  void SendNews();
   void FlushAll();
 
   std::string path_;

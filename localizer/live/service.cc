@@ -86,7 +86,15 @@ Reply Service::Handle(const Request& request, std::vector<Event>* events) {
   const bool fed = std::holds_alternative<OdometrySample>(request.command) ||
                    std::holds_alternative<Scan>(request.command);
   if (request.id != 0 && !fed) reply.state = State();
+  const auto* get = std::get_if<GetState>(&request.command);
+  if (get != nullptr && get->hypotheses) reply.hypotheses = Hypotheses();
   return reply;
+}
+
+std::optional<HypothesisView> Service::Hypotheses() const {
+  const HypothesisBank* bank = shift_ ? shift_->localizer().hypotheses() : nullptr;
+  if (bank == nullptr) return std::nullopt;
+  return ViewHypotheses(*bank, shift_->localizer().snapshot());
 }
 
 Status Service::Do(const OdometrySample& sample, std::vector<Event>* events) {
@@ -112,9 +120,7 @@ Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
   const std::int64_t late = shift_->localizer().Statistics().late;
   const auto begin = std::chrono::steady_clock::now();
   const Status status = shift_->Process(item, events);
-  const std::chrono::duration<double, std::milli> elapsed =
-      std::chrono::steady_clock::now() - begin;
-  if (elapsed.count() > options_.step_budget_ms) ++overruns_;
+  CountOverrun(begin);
   if (!status.ok()) {
     // What is too late is counted by the localizer.
     if (shift_->localizer().Statistics().late == late) dropped_.Add("invalid");
@@ -122,7 +128,30 @@ Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
   }
   journal_->Append(std::visit(
       [](const auto& value) { return EncodeJournalRecord(JournalRecord(value)); }, item));
+  HoldUntilNextItem();
   return OkStatus();
+}
+
+void Service::CountOverrun(std::chrono::steady_clock::time_point begin) {
+  const std::chrono::duration<double, std::milli> elapsed =
+      std::chrono::steady_clock::now() - begin;
+  if (elapsed.count() > options_.step_budget_ms) ++overruns_;
+}
+
+void Service::HoldUntilNextItem() {
+  const double max_delay_s = shift_->header().max_delay_s;
+  if (max_delay_s > 0.0) held_until_ = std::chrono::steady_clock::now() + FromSeconds(max_delay_s);
+}
+
+// The journal has no word of it: items in the order of their stamps give the same bits, whenever
+// they were localized, and what came too late afterwards is not in it.
+void Service::LocalizeHeld(std::chrono::steady_clock::time_point now, std::vector<Event>* events) {
+  if (!held_until_ || now < *held_until_) return;
+  held_until_.reset();
+  if (!shift_) return;
+  const auto begin = std::chrono::steady_clock::now();
+  shift_->LocalizeHeld(events);
+  CountOverrun(begin);
 }
 
 void Service::ChooseStart(Stamp now) {
@@ -213,6 +242,7 @@ Status Service::Do(const Stop& stop, std::vector<Event>*) {
   journal_.reset();
   unlink(File(kJournal).c_str());
   shift_.reset();
+  held_until_.reset();
   given_start_.reset();
   return OkStatus();
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -63,6 +64,14 @@ class Service {
   /// Subscribe is the connection's business and does nothing here.
   Reply Handle(const Request& request, std::vector<Event>* events);
 
+  /// Localizes what waits for late items once the last item is older than the bound on the delay:
+  /// a stream that pauses must not keep it waiting. News are appended to `events`.
+  /// @param now  By the clock of the items' arrival, std::chrono::steady_clock.
+  void LocalizeHeld(std::chrono::steady_clock::time_point now, std::vector<Event>* events);
+
+  /// When LocalizeHeld() has something to do if no item comes; nothing if nothing waits.
+  std::optional<std::chrono::steady_clock::time_point> held_until() const { return held_until_; }
+
   /// Counts what a connection dropped.
   void CountDropped(const std::string& reason, std::int64_t count = 1) {
     dropped_.Add(reason, count);
@@ -80,6 +89,8 @@ class Service {
   ServiceState State() const;
 
  private:
+  std::optional<HypothesisView> Hypotheses() const;
+
   explicit Service(ServiceOptions options) : options_(std::move(options)) {}
 
   Status Do(const OdometrySample& sample, std::vector<Event>* events);
@@ -92,6 +103,8 @@ class Service {
   Status Do(const InitializePose& start, std::vector<Event>* events);
 
   Status Feed(const RunEvent& item, std::vector<Event>* events);
+  void HoldUntilNextItem();
+  void CountOverrun(std::chrono::steady_clock::time_point begin);
 
   // Where a shift starts: a pose that somebody gave, or the saved one, or it will be found.
   void ChooseStart(Stamp now);
@@ -108,6 +121,7 @@ class Service {
   std::optional<Shift> shift_;
   std::optional<JournalFile> journal_;
   std::optional<PoseWithCovariance> given_start_;  // For the shift that starts next.
+  std::optional<std::chrono::steady_clock::time_point> held_until_;
   bool start_chosen_ = false;
   bool resumed_ = false;
   bool journal_warned_ = false;

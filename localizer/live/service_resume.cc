@@ -104,6 +104,7 @@ Status Service::Resume() {
   start_chosen_ = replay.has_start();
   resumed_ = true;
   last_uuid_ = shift_->header().uuid;
+  HoldUntilNextItem();
   return OkStatus();
 }
 

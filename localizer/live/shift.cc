@@ -34,13 +34,23 @@ Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
     predictor_.Add(*sample);
     TellOdometer(*sample);
   }
+  UpdatePose();
+  TellNews(events);
+  return OkStatus();
+}
+
+void Shift::LocalizeHeld(std::vector<Event>* events) {
+  localizer_.FlushPaused();
+  UpdatePose();
+  TellNews(events);
+}
+
+void Shift::UpdatePose() {
   const std::int64_t scans = localizer_.Statistics().scans;
   const auto estimate = localizer_.Estimate();
   if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
   corrected_scans_ = scans;
   pose_ = predictor_.At(now_);
-  TellNews(events);
-  return OkStatus();
 }
 
 void Shift::TellOdometer(const OdometrySample& sample) {

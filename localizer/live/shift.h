@@ -30,6 +30,9 @@ class Shift {
   /// Errors: as Localizer::Process; the shift is then as before.
   Status Process(const RunEvent& item, std::vector<Event>* events);
 
+  /// Localizes what waits for late items, since the stream pauses; appends to `events`.
+  void LocalizeHeld(std::vector<Event>* events);
+
   /// As Localizer::Initialize.
   void Initialize(const PoseWithCovariance& pose) { localizer_.Initialize(pose); }
 
@@ -49,6 +52,7 @@ class Shift {
 
  private:
   void TellOdometer(const OdometrySample& sample);
+  void UpdatePose();
   void TellNews(std::vector<Event>* events);
 
   ShiftHeader header_;

@@ -14,7 +14,8 @@ namespace {
 double ProbabilityBelow(double limit, double mean, double variance) {
   constexpr double kMinVariance = 1e-12;
   const double sd = std::sqrt(std::max(variance, kMinVariance));
-  return 0.5 * std::erfc((mean - limit) / (sd * std::numbers::sqrt2));
+  const double x = (mean - limit) / (sd * std::numbers::sqrt2);
+  return x < -6.0 ? 1.0 : 0.5 * std::erfc(x);  // To the last bit.
 }
 
 }  // namespace

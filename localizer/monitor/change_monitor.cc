@@ -9,18 +9,36 @@ namespace {
 // A pose that went wrong is found out in this time; until then nothing is a change.
 constexpr double kMinDoubtS = 3.0;
 
+// How long ago others must have agreed with the pose.
+constexpr double kRecentS = 2.0;
+
 }  // namespace
+
+void ChangeMonitor::Explained(int group) {
+  failures_[static_cast<std::size_t>(group)].count = 0;
+  std::erase_if(gone_, [&](const Doubt& doubt) { return doubt.group == group; });
+}
 
 std::optional<PoseSupport> ChangeMonitor::Sighted(int group,
                                                   const SightingCollector::PlaceState& place,
                                                   const HealthMonitor& health) {
-  const int failures = ++failures_[static_cast<std::size_t>(group)];
-  if (failures < min_sightings_ || place.count < min_sightings_ || !place.from_apart ||
-      ToSeconds(place.last - place.first) < kMinDoubtS) {
+  Failures& failures = failures_[static_cast<std::size_t>(group)];
+  if (failures.count++ == 0) failures.first = place.last;
+  const Stamp first = std::max(place.first, failures.first);
+  if (failures.count < min_sightings_ || place.count < min_sightings_ || !place.from_apart ||
+      ToSeconds(place.last - first) < kMinDoubtS) {
     return std::nullopt;
   }
-  const PoseSupport support = health.Support(place.first, group);
+  return Support(group, first, place.last, health);
+}
+
+std::optional<PoseSupport> ChangeMonitor::Support(int group,
+                                                  Stamp first,
+                                                  Stamp now,
+                                                  const HealthMonitor& health) const {
+  const PoseSupport support = health.Support(first, group);
   if (!support.Confirms()) return std::nullopt;
+  if (!health.Support(now - FromSeconds(kRecentS), group).Agrees()) return std::nullopt;
   return support;
 }
 
@@ -29,11 +47,12 @@ void ChangeMonitor::Decided(int group, bool absent, Stamp stamp) {
   if (absent) gone_.push_back({group, stamp});
 }
 
-std::optional<ChangeMonitor::Gone> ChangeMonitor::TakeGone(const HealthMonitor& health) {
+std::optional<ChangeMonitor::Gone> ChangeMonitor::TakeGone(const HealthMonitor& health, Stamp now) {
   for (std::size_t i = 0; i < gone_.size(); ++i) {
-    const PoseSupport support = health.Support(gone_[i].stamp, gone_[i].group);
-    if (!support.Confirms()) continue;
-    const Gone gone{gone_[i].group, support};
+    if (ToSeconds(now - gone_[i].stamp) < kMinDoubtS) continue;
+    const auto support = Support(gone_[i].group, gone_[i].stamp, now, health);
+    if (!support) continue;
+    const Gone gone{gone_[i].group, *support};
     gone_.erase(gone_.begin() + static_cast<std::ptrdiff_t>(i));
     return gone;
   }
@@ -41,7 +60,7 @@ std::optional<ChangeMonitor::Gone> ChangeMonitor::TakeGone(const HealthMonitor& 
 }
 
 void ChangeMonitor::Reset() {
-  std::fill(failures_.begin(), failures_.end(), 0);
+  std::fill(failures_.begin(), failures_.end(), Failures());
   gone_.clear();
 }
 

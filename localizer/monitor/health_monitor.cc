@@ -2,19 +2,18 @@
 #include "localizer/monitor/health_monitor.h"
 
 #include <algorithm>
-#include <map>
 
-#include "mapstore/geometry/covariance.h"
+#include "localizer/monitor/innovation_quality.h"
 
 namespace shiftmap {
 namespace {
 
-// Observations gone by for being lost.
-constexpr std::size_t kLostWindow = 20;
-
+// What it takes to be lost without another pose that explains what is seen, and to be found.
+constexpr double kLostS = 20.0;
+constexpr int kMinObservations = 20;
 constexpr double kLostShare = 0.2;
 constexpr double kFoundShare = 0.5;
-constexpr int kMinGroups = 3;
+constexpr int kMinFailing = 3;
 
 // Pairs that tell, and the share of them that keeps its distance where the pose is wrong.
 constexpr int kMinPairs = 4;
@@ -22,74 +21,124 @@ constexpr double kMinPairShare = 0.6;
 
 constexpr int kMinAgreeing = 3;
 
+// A landmark that agreed so long before it fails turned.
+constexpr double kTurnS = 10.0;
+
 // Least chance of the innovations by which a pose is confirmed.
-constexpr double kMinTail = 1e-3;
+constexpr double kMinTail = 0.02;
 
 }  // namespace
 
 bool PoseSupport::Confirms() const {
-  return agreeing >= kMinAgreeing && agreeing >= 2 + 2 * failing && updates > 0 &&
-         ChiSquareTail(nis_sum, 2 * updates) > kMinTail;
+  return agreeing >= kMinAgreeing && agreeing >= 2 + 2 * failing;
 }
+
+bool PoseSupport::Agrees() const {
+  return agreeing > failing && updates >= agreeing && InnovationTail(nis_sum, updates) > kMinTail;
+}
+
+bool PoseSupport::Doubts() const { return failing >= kMinFailing && 3 * agreeing <= failing; }
 
 void HealthMonitor::Add(Stamp stamp, int group, bool explained, std::optional<double> nis) {
-  window_.push_back({stamp, group, explained, nis});
-  JudgeLost();
+  LastSeen& last = last_[static_cast<std::size_t>(group)];
+  last.stamp = stamp;
+  last.explained = explained;
+  if (explained) last.agreed = stamp;
+  Tally& tally = TallyAt(stamp);
+  ++(explained ? tally.explained : tally.failed);
+  if (!nis) return;
+  tally.nis_sum += *nis;
+  ++tally.updates;
 }
 
-void HealthMonitor::JudgeLost() {
-  if (window_.size() < kLostWindow) return;
-  const auto begin = window_.end() - static_cast<std::ptrdiff_t>(kLostWindow);
-  const auto explained =
-      std::count_if(begin, window_.end(), [](const Outcome& outcome) { return outcome.explained; });
-  const double share = static_cast<double>(explained) / static_cast<double>(kLostWindow);
-  if (share >= kFoundShare) lost_ = false;
-  if (lost_ || share > kLostShare) return;
-  const PoseSupport support = Support(begin->stamp, -1);
-  if (support.failing < kMinGroups || 3 * support.agreeing > support.failing) return;
-  if (LandmarksMoved(begin->stamp)) return;
-  lost_ = true;
-  auto first = begin;
-  while (first != window_.begin() && !(first - 1)->explained) --first;
-  failing_since_ = first->stamp;
+void HealthMonitor::AddPairs(Stamp stamp, const FailingPairs& pairs) {
+  if (pairs.pairs > 0) TallyAt(stamp).pairs = pairs;
 }
 
-void HealthMonitor::AddPairs(Stamp stamp, int as_in_map, int pairs) {
-  pairs_.push_back({stamp, as_in_map, pairs});
-}
-
-bool HealthMonitor::LandmarksMoved(Stamp since) const {
-  int as_in_map = 0;
-  int pairs = 0;
-  for (const Pairs& scan : pairs_) {
-    if (scan.stamp < since) continue;
-    as_in_map += scan.as_in_map;
-    pairs += scan.pairs;
+HealthMonitor::Tally& HealthMonitor::TallyAt(Stamp stamp) {
+  if (tallies_.empty() || tallies_.back().stamp != stamp) {
+    tallies_.push_back({});
+    tallies_.back().stamp = stamp;
   }
-  return pairs >= kMinPairs && as_in_map < kMinPairShare * pairs;
+  return tallies_.back();
+}
+
+HealthMonitor::Tallies::const_iterator HealthMonitor::StretchBegin(double seconds,
+                                                                   int observations) const {
+  int seen = 0;
+  for (auto it = tallies_.end(); it != tallies_.begin();) {
+    --it;
+    seen += it->explained + it->failed;
+    const bool long_enough = ToSeconds(tallies_.back().stamp - it->stamp) >= seconds ||
+                             (it == tallies_.begin() && tallies_.full());
+    if (seen >= observations && long_enough) return it;
+  }
+  return tallies_.end();
+}
+
+double HealthMonitor::ExplainedShare(Tallies::const_iterator begin) const {
+  int explained = 0;
+  int seen = 0;
+  for (auto it = begin; it != tallies_.end(); ++it) {
+    explained += it->explained;
+    seen += it->explained + it->failed;
+  }
+  return static_cast<double>(explained) / seen;
+}
+
+void HealthMonitor::Judge() {
+  if (lost_) {
+    const auto begin = StretchBegin(0.0, kMinObservations);
+    lost_ = begin == tallies_.end() || ExplainedShare(begin) < kFoundShare;
+    return;
+  }
+  auto begin = StretchBegin(kLostS, kMinObservations);
+  if (begin == tallies_.end() || ExplainedShare(begin) > kLostShare) return;
+  if (!Support(begin->stamp, -1).Doubts() || LandmarksMoved(begin)) return;
+  while (begin != tallies_.begin() && (begin - 1)->explained == 0) --begin;
+  DeclareLost(begin->stamp);
+}
+
+void HealthMonitor::DeclareLost(Stamp since) {
+  lost_ = true;
+  failing_since_ = since;
+}
+
+bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
+  FailingPairs sum;
+  for (auto it = begin; it != tallies_.end(); ++it) {
+    sum.as_in_map += it->pairs.as_in_map;
+    sum.pairs += it->pairs.pairs;
+  }
+  return sum.pairs >= kMinPairs && sum.as_in_map < kMinPairShare * sum.pairs;
 }
 
 PoseSupport HealthMonitor::Support(Stamp since, int except) const {
-  std::map<int, bool> last;
   PoseSupport support;
   support.since = since;
-  bool first = true;
-  for (const Outcome& outcome : window_) {
-    if (outcome.stamp < since || outcome.group == except) continue;
-    if (first) support.since = outcome.stamp;
-    first = false;
-    last[outcome.group] = outcome.explained;
-    if (!outcome.nis) continue;
-    support.nis_sum += *outcome.nis;
-    ++support.updates;
+  for (std::size_t group = 0; group < last_.size(); ++group) {
+    const LastSeen& seen = last_[group];
+    if (seen.stamp == Stamp::min() || seen.stamp < since || static_cast<int>(group) == except) {
+      continue;
+    }
+    ++(seen.explained ? support.agreeing : support.failing);
+    const bool agreed = seen.agreed != Stamp::min() && ToSeconds(seen.stamp - seen.agreed) < kTurnS;
+    support.turned += !seen.explained && agreed;
   }
-  for (const auto& [group, explained] : last) ++(explained ? support.agreeing : support.failing);
+  bool first = true;
+  for (const Tally& tally : tallies_) {
+    if (tally.stamp < since) continue;
+    if (first) support.since = tally.stamp;
+    first = false;
+    support.nis_sum += tally.nis_sum;
+    support.updates += tally.updates;
+  }
   return support;
 }
 
 void HealthMonitor::Reset() {
-  window_.clear();
-  pairs_.clear();
+  std::fill(last_.begin(), last_.end(), LastSeen());
+  tallies_.clear();
   lost_ = false;
 }
 

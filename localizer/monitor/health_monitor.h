@@ -4,7 +4,9 @@
 #include <boost/circular_buffer.hpp>
 #include <cstddef>
 #include <optional>
+#include <vector>
 
+#include "localizer/monitor/landmark_distances.h"
 #include "mapstore/core/stamp.h"
 
 namespace shiftmap {
@@ -13,7 +15,8 @@ namespace shiftmap {
 struct PoseSupport {
   int agreeing = 0;
   int failing = 0;
-  Stamp since;           ///< Of the oldest observation that counts.
+  int turned = 0;        ///< Of those that fail, the ones that agreed less than ten seconds before.
+  Stamp since;           ///< Of the oldest scan that counts.
   double nis_sum = 0.0;  ///< Of all observations that gated with a mode.
   int updates = 0;       ///< Their number.
 
@@ -21,61 +24,84 @@ struct PoseSupport {
   /// third of those in view may have moved at once), and not barely, as they do with a pose that is
   /// off by little.
   bool Confirms() const;
+
+  /// More agree than do not, and not barely.
+  bool Agrees() const;
+
+  /// So few agree that the pose may be wrong.
+  bool Doubts() const;
 };
 
-/// Tells a lost vehicle from an old map.
+/// Keeps which of the landmarks seen last agree with the pose, and tells a lost vehicle from an old
+/// map where nothing else does.
 ///
-/// A landmark at an unknown place fails alone; when the pose is wrong, everything does. So the pose
-/// counts as lost when nearly all of the landmarks seen last agree with none of their modes and
-/// with no place that they were found to have moved to. It counts as found again when half of them
-/// agree.
+/// A landmark at an unknown place fails alone; when the pose is wrong, everything does. So a pose
+/// counts as lost when for ten seconds nearly everything seen agreed with none of its modes and
+/// with no place that it was found to have moved to. With another pose at hand that explains what
+/// fails, the vehicle is known to be lost earlier: DeclareLost(). It counts as found again when
+/// half of what is seen agrees.
+///
+/// Memory: as much as its constructor takes.
 class HealthMonitor {
  public:
+  explicit HealthMonitor(std::size_t groups) : last_(groups) {}
+
   /// @param explained  By a mode of the group, or by a place that it is known to have moved to.
   /// @param nis        Of the mode, 2 dof; nothing where none explains.
   void Add(Stamp stamp, int group, bool explained, std::optional<double> nis);
 
-  /// Takes in how many pairs of landmarks that fail were seen in one scan, and how many of them
-  /// are as far apart as two of their modes. A wrong pose leaves distances as they are; landmarks
-  /// that moved do not keep theirs.
-  void AddPairs(Stamp stamp, int as_in_map, int pairs);
+  /// Takes in the pairs of landmarks that fail of a scan. A wrong pose leaves distances as they
+  /// are; landmarks that moved do not keep theirs.
+  void AddPairs(Stamp stamp, const FailingPairs& pairs);
+
+  /// Judges what was added.
+  void Judge();
+
+  /// Another pose explains what failed since then.
+  void DeclareLost(Stamp since);
 
   bool lost() const { return lost_; }
 
-  /// Of the last observations, those younger than `since` and not of `except` (-1: of all).
+  /// Of the last observations, those from `since` on and not of `except` (-1: of all).
   PoseSupport Support(Stamp since, int except) const;
 
   /// Of all that it goes by.
   PoseSupport Support() const { return Support(Stamp::min(), -1); }
 
-  /// Begin of the failures that made the pose lost: after the last observation that was explained
-  /// before them. What was concluded since is not to be trusted.
+  /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
 
   void Reset();
 
  private:
-  struct Outcome {
-    Stamp stamp;
-    int group;
-    bool explained;
-    std::optional<double> nis;
+  struct LastSeen {
+    Stamp stamp = Stamp::min();
+    bool explained = false;
+    Stamp agreed = Stamp::min();  // When it was explained last.
   };
 
-  struct Pairs {
+  // What was seen in one scan.
+  struct Tally {
     Stamp stamp;
-    int as_in_map;
-    int pairs;
+    int explained = 0;
+    int failed = 0;
+    double nis_sum = 0.0;
+    int updates = 0;
+    FailingPairs pairs;
   };
+  using Tallies = boost::circular_buffer<Tally>;
 
-  void JudgeLost();
-  bool LandmarksMoved(Stamp since) const;
+  Tally& TallyAt(Stamp stamp);
+  // The first scan of the least stretch up to now that is as long and tells as much; end() if there
+  // is none yet.
+  Tallies::const_iterator StretchBegin(double seconds, int observations) const;
+  double ExplainedShare(Tallies::const_iterator begin) const;
+  bool LandmarksMoved(Tallies::const_iterator begin) const;
 
-  // Observations gone by for the support of a change, and as many scans.
-  static constexpr std::size_t kWindow = 48;
+  static constexpr std::size_t kScans = 512;
 
-  boost::circular_buffer<Outcome> window_{kWindow};  // The last ones.
-  boost::circular_buffer<Pairs> pairs_{kWindow};
+  std::vector<LastSeen> last_;  // By group.
+  Tallies tallies_{kScans};     // Of scans in which something was seen.
   bool lost_ = false;
   Stamp failing_since_;
 };

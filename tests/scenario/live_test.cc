@@ -63,8 +63,9 @@ class LiveTest : public ::testing::Test {
     return words;
   }
 
-  // Nothing waits, so that what was taken is what was localized.
-  Arguments Serve() const { return OnMap({"serve", "--socket", socket_, "--max-delay-s", "0"}); }
+  Arguments Serve() const {
+    return OnMap({"serve", "--socket", socket_, "--max-delay-s", max_delay_s_});
+  }
 
   // A service that answers.
   std::unique_ptr<BackgroundCommand> Served(Arguments more = {},
@@ -135,6 +136,7 @@ class LiveTest : public ::testing::Test {
   static std::vector<RunEvent>* items_;
   TempDir folder_;
   std::string socket_;
+  std::string max_delay_s_ = "0";  // Nothing waits: what was taken is what was localized.
 };
 
 World* LiveTest::world_ = nullptr;
@@ -329,6 +331,43 @@ TEST_F(LiveTest, ClientThatNeverReadsLosesNewsOnly) {
   EXPECT_GT(Dropped(state, "slow_client"), 1000);
 }
 
+TEST_F(LiveTest, WhatIsHeldDoesNotWaitForTheNextItem) {
+  max_delay_s_ = "0.2";
+  const auto service = Served({"--start"});
+  live::Client client = Connected();
+  const std::size_t fed = items_->size() / 2;
+  live::ServiceState state = Feed(&client, 0, fed);
+  const std::int64_t scans =
+      std::count_if(items_->begin(),
+                    items_->begin() + static_cast<std::ptrdiff_t>(fed),
+                    [](const RunEvent& item) { return std::holds_alternative<Scan>(item); });
+  const auto deadline = Clock::now() + std::chrono::seconds(20);
+  while (state.scans < scans && Clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    state = Call(&client, live::GetState());
+  }
+  EXPECT_EQ(state.scans, scans);
+}
+
+TEST_F(LiveTest, SaysWhatItBelieves) {
+  const auto service = Served({"--start"});
+  live::Client client = Connected();
+  Feed(&client, 0, items_->size());
+  const Json hypotheses =
+      RunForJson("shiftmap-localizer", {"ctl", "--socket", socket_, "hypotheses"});
+  EXPECT_GE(hypotheses["leaves"].get<int>(), 1);
+  EXPECT_NEAR(hypotheses["tree"]["probability"].get<double>() +
+                  hypotheses["probability_left_out"].get<double>(),
+              1.0,
+              1e-6);
+  ASSERT_FALSE(hypotheses["visits"].empty());
+  for (const Json& visit : hypotheses["visits"]) {
+    double sum = 0.0;
+    for (const auto& probability : visit["probabilities"]) sum += probability.get<double>();
+    EXPECT_NEAR(sum, 1.0, 1e-6);
+  }
+}
+
 TEST_F(LiveTest, VerbsOutOfTurnAreRefused) {
   const auto service = Served();
   const auto refused = [&](int exit_code, const std::string& why, Arguments words) {
@@ -336,6 +375,7 @@ TEST_F(LiveTest, VerbsOutOfTurnAreRefused) {
     ExpectError("shiftmap-localizer", words, exit_code, why);
   };
   refused(kBadInput, "no shift is under way", {"stop"});
+  refused(kNotFound, "no hypotheses", {"hypotheses"});
   refused(kNotFound, "'cellar'", {"set-map", "cellar"});
   refused(kBadInput, "content hash", {"set-map", "floor", "--content-hash", "1234"});
   refused(kNotFound, "version 9", {"set-map", "floor", "--map-version", "9"});

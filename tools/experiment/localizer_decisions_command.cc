@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "tools/experiment/experiment_output.h"
@@ -11,8 +12,6 @@
 
 namespace shiftmap {
 namespace {
-
-constexpr double kAlphas[] = {1e-1, 1e-2, 1e-3};
 
 struct Arguments {
   std::string output;
@@ -22,7 +21,19 @@ struct Arguments {
   double sd_mode_m = 0.05;
   double misjudged_share = 0.0;
   std::uint64_t seed = 1;
+  int max_leaves = HypothesisOptions().max_leaves;
+
+  // The only one of its kind; nothing: all of them.
+  std::optional<double> alpha;
+  std::optional<double> sd_pose_m;
+  std::optional<std::int64_t> modes;
+  std::optional<double> clutter_per_m2;
 };
+
+template <typename T>
+std::vector<T> Chosen(const std::optional<T>& only, std::vector<T> all) {
+  return only ? std::vector<T>{*only} : all;
+}
 
 struct Row {
   VisitScene scene;
@@ -32,15 +43,15 @@ struct Row {
 
 std::vector<VisitScene> Scenes(const Arguments& arguments) {
   std::vector<VisitScene> scenes;
-  for (const double sd_pose : {0.02, 0.1, 0.3, 1.0}) {
-    for (const int modes : {2, 3, 4}) {
-      for (const double clutter : {1e-4, 1e-3}) {
+  for (const double sd_pose : Chosen(arguments.sd_pose_m, {0.02, 0.1, 0.3, 1.0})) {
+    for (const std::int64_t modes : Chosen(arguments.modes, {2, 3, 4})) {
+      for (const double clutter : Chosen(arguments.clutter_per_m2, {1e-4, 1e-3})) {
         VisitScene scene;
         scene.sd_pose_m = sd_pose;
         scene.sd_yaw_rad = 0.02 + 0.08 * sd_pose;
         scene.sd_mode_m = arguments.sd_mode_m;
         scene.groups = arguments.groups;
-        scene.modes = modes;
+        scene.modes = static_cast<int>(modes);
         scene.clutter_density_per_m2 = clutter;
         scene.misjudged_share = arguments.misjudged_share;
         scenes.push_back(scene);
@@ -81,14 +92,14 @@ ResultTable MakeTable(const std::vector<Row>& rows) {
   return table;
 }
 
-// Wrong share over pose uncertainty, a line per α and number of modes.
+// Wrong share over pose uncertainty, a line per α and number of modes, for the least clutter.
 Chart WrongShareChart(const std::vector<Row>& rows) {
   Chart chart{.title = "Wrong decisions",
               .x_label = "standard deviation of the pose at the start [log10 m]",
               .y_label = "share of decisions that are wrong",
               .log_y = true};
   for (const Row& row : rows) {
-    if (row.scene.clutter_density_per_m2 > 1e-4) continue;
+    if (row.scene.clutter_density_per_m2 > rows.front().scene.clutter_density_per_m2) continue;
     const std::string name = fmt::format("α {}, {} modes", row.alpha, row.scene.modes);
     auto series = chart.series.begin();
     while (series != chart.series.end() && series->name != name) ++series;
@@ -101,18 +112,20 @@ Chart WrongShareChart(const std::vector<Row>& rows) {
 Status Measure(const Arguments& arguments, Context& context) {
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   const std::vector<VisitScene> scenes = Scenes(arguments);
+  const std::vector<double> alphas = Chosen(arguments.alpha, {1e-1, 1e-2, 1e-3});
   std::vector<Row> rows;
-  for (const double alpha : kAlphas) {
+  for (const double alpha : alphas) {
     for (const VisitScene& scene : scenes) {
       HypothesisOptions options;
       options.alpha = alpha;
+      options.max_leaves = arguments.max_leaves;
       rows.push_back(
           {scene,
            alpha,
            TallyDecisions(scene, options, arguments.seed, arguments.visits, arguments.threads)});
-      progress->Update("visits",
-                       static_cast<double>(rows.size()) /
-                           static_cast<double>(std::size(kAlphas) * scenes.size()));
+      progress->Update(
+          "visits",
+          static_cast<double>(rows.size()) / static_cast<double>(alphas.size() * scenes.size()));
     }
   }
   ExperimentOutput output("localizer-decisions", arguments.output, context.dry_run());
@@ -121,6 +134,7 @@ Status Measure(const Arguments& arguments, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));
   const Json options{{"visits", arguments.visits},
                      {"seed", arguments.seed},
+                     {"max_leaves", arguments.max_leaves},
                      {"groups", arguments.groups},
                      {"sd_mode_m", arguments.sd_mode_m},
                      {"misjudged_share", arguments.misjudged_share}};
@@ -147,6 +161,16 @@ void AddLocalizerDecisionsExperiment(Application* application) {
       .InRange(1e-3, 1.0)
       .Option("--misjudged-share", &arguments->misjudged_share, "Share of detections at six sigma")
       .InRange(0.0, 0.5)
+      .Option("--alpha", &arguments->alpha, "This bound on wrong decisions alone; default: three")
+      .InRange(1e-6, 0.4)
+      .Option("--sd-pose-m", &arguments->sd_pose_m, "This start alone; default: four [m]")
+      .InRange(1e-3, 10.0)
+      .Option("--modes", &arguments->modes, "This number of modes alone; default: 2, 3 and 4")
+      .InRange(1, 7)
+      .Option("--clutter-per-m2", &arguments->clutter_per_m2, "These false alarms; default: two")
+      .InRange(1e-9, 1.0)
+      .Option("--max-leaves", &arguments->max_leaves, "Hypotheses kept at most")
+      .InRange(1, 10000)
       .Option("--threads", &arguments->threads, "Threads; the results do not depend on it")
       .InRange(1, 64)
       .Option("--seed", &arguments->seed, "Seed of the first visit")

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/codec/hypothesis_codec.h"
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/codec/proto_values.h"
 
@@ -70,6 +71,7 @@ void Fill(const Reply& reply, proto::Event* event) {
   out->set_code(static_cast<int>(reply.status.code()));
   out->set_message(Message(reply.status));
   if (reply.state) FillState(*reply.state, out->mutable_state());
+  if (reply.hypotheses) ToProto(*reply.hypotheses, out->mutable_hypotheses());
 }
 
 void Fill(const PoseEvent& pose, proto::Event* event) {
@@ -99,6 +101,9 @@ StatusOr<Event> ReplyFromProto(const proto::Reply& in) {
   }
   if (in.has_state()) {
     SHIFTMAP_ASSIGN_OR_RETURN(reply.state, FromProto(in.state()));
+  }
+  if (in.has_hypotheses()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(reply.hypotheses, HypothesesFromProto(in.hypotheses()));
   }
   return Event(std::move(reply));
 }

@@ -12,7 +12,9 @@ void Fill(const OdometrySample& sample, proto::Request* out) {
 
 void Fill(const Scan& scan, proto::Request* out) { ToProto(scan, out->mutable_scan()); }
 
-void Fill(const GetState&, proto::Request* out) { out->mutable_get_state(); }
+void Fill(const GetState& get, proto::Request* out) {
+  out->mutable_get_state()->set_hypotheses(get.hypotheses);
+}
 
 void Fill(const Start& start, proto::Request* out) {
   out->mutable_start()->set_vehicle(start.vehicle);
@@ -74,7 +76,7 @@ StatusOr<Command> CommandFromProto(const proto::Request& in) {
       return Command(std::move(scan));
     }
     case proto::Request::kGetState:
-      return Command(GetState());
+      return Command(GetState{in.get_state().hypotheses()});
     case proto::Request::kStart:
       return StartFromProto(in.start());
     case proto::Request::kStop:

@@ -115,5 +115,19 @@ TEST(EventBuffer, AGapIsNoJump) {
   EXPECT_EQ(buffer.jumps(), 0);
 }
 
+TEST(EventBuffer, APauseMakesAllDueAlsoWhatCameAfterAGap) {
+  EventBuffer buffer(FromSeconds(kDelay));
+  buffer.Add(Sample(1000.0));
+  buffer.Add(Sample(1000.1));
+  buffer.Add(Sample(1005.0));
+  buffer.FlushPaused();
+  EXPECT_EQ(Drain(&buffer).size(), 3u);
+  buffer.Add(Sample(1010.0));
+  buffer.FlushPaused();
+  EXPECT_EQ(Drain(&buffer).size(), 1u);
+  EXPECT_EQ(buffer.size(), 0u);
+  EXPECT_EQ(buffer.jumps(), 0);
+}
+
 }  // namespace
 }  // namespace shiftmap

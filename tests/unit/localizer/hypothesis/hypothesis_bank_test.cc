@@ -161,6 +161,27 @@ TEST(HypothesisBank, WrongDecisionsAreAsRareAsPromised) {
   EXPECT_GT(wrong, 0);  // Nor does it wait for certainty.
 }
 
+// A decision says what is likely enough; it does not take away what speaks against it.
+TEST(HypothesisBank, ADecisionIsRevisedByWhatComesAfterIt) {
+  const MapContent content = OneGroup({4.0, 0.0}, {4.4, 0.0});
+  HypothesisOptions options;
+  options.alpha = 0.2;
+  HypothesisBank bank(Snapshot(content), options, AtOrigin(0.05), StampFromSeconds(1000.0));
+  MotionIncrement turn;  // Another view each time.
+  turn.T_begin_end = Se2(0.0, 0.0, 0.06);
+  std::vector<Decision> decisions;
+  for (int i = 0; i < 12; ++i) {
+    bank.Predict(turn, 0.3);
+    const double range = i == 0 ? 4.1 : 4.4;
+    const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, {range, -0.06 * (i + 1)}));
+    decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
+  }
+  ASSERT_EQ(decisions.size(), 2u);
+  EXPECT_EQ(decisions[0].mode, ModeNumber(1));
+  EXPECT_EQ(decisions[1].mode, ModeNumber(2));
+  EXPECT_EQ(bank.EndVisits().size(), 1u);
+}
+
 TEST(HypothesisBank, LeavesStayBounded) {
   MapContent content = MakeTwoModeMap(30, 8.0, 9);
   content.calibration.sensor.max_bearing_rad = 3.1;

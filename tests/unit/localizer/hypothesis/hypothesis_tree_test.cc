@@ -60,6 +60,27 @@ TEST(HypothesisTree, TheGlobalHypothesisIsTheBestChildOfTheBestChild) {
   EXPECT_EQ(HypothesisTree(leaves).GlobalHypothesis(), 1);  // Though leaf 0 is heavier.
 }
 
+TEST(HypothesisTree, OfTheHeaviestLeavesAlone) {
+  LeafSet leaves;
+  leaves.Add(MakeLeaf(0.40, {2, 1, 1}));
+  leaves.Add(MakeLeaf(0.35, {1, 1, 1}));
+  leaves.Add(MakeLeaf(0.25, {1, 1, 2}));
+  const HypothesisTree tree(leaves, 2);
+  EXPECT_THAT(tree.groups(), ElementsAre(3));
+  EXPECT_NEAR(std::exp(tree.nodes()[0].log_probability), 0.75, 1e-12);
+}
+
+TEST(HypothesisTree, LeavesOfOneAssignmentShareANode) {
+  LeafSet leaves;
+  leaves.Add(MakeLeaf(0.5, {2, 1, 1}));
+  leaves.Add(MakeLeaf(0.3, {1, 1, 1}));
+  leaves.Add(MakeLeaf(0.2, {2, 1, 1}));
+  const HypothesisTree tree(leaves);
+  ASSERT_EQ(tree.nodes().size(), 3u);
+  EXPECT_NEAR(std::exp(tree.nodes()[1].log_probability), 0.7, 1e-12);
+  EXPECT_EQ(tree.nodes()[1].leaf, 0);
+}
+
 TEST(HypothesisTree, OfOneLeafIsTheRoot) {
   LeafSet leaves;
   leaves.Add(MakeLeaf(1.0, {2, GroupBelief::kUnresolved, 1}));

@@ -81,17 +81,25 @@ TEST(LeafReduction, MergingKeepsTheMarginal) {
   EXPECT_LT((Marginal(leaves) - before).norm(), 1e-12);
 }
 
-TEST(LeafReduction, ConditioningIsBayes) {
+TEST(LeafReduction, LeavesOfOneAssignmentStayApartWhereTheirPosesDo) {
+  const Eigen::Vector3d p(0.5, 0.25, 0.25);
+  Leaf elsewhere = MakeLeaf(0.3, 1, p);
+  const PoseWithCovariance far_off{Se2(4.0, 0.0, 0.0), Eigen::Matrix3d::Identity()};
+  elsewhere.filter = KnownMapFilter(far_off, {});
+  LeafSet leaves = SetOf({MakeLeaf(0.4, 1, p), MakeLeaf(0.3, 1, p), elsewhere});
+  MergeLeaves({true}, &leaves);
+  ASSERT_EQ(leaves.size(), 2u);
+  EXPECT_NEAR(std::exp(leaves[0].log_weight), 0.7, 1e-12);
+  EXPECT_EQ(leaves[1].filter.T_map_vehicle().x(), 4.0);
+}
+
+TEST(LeafReduction, ExcludingIsBayes) {
   LeafSet leaves = SetOf({MakeLeaf(0.6, 1, {0.5, 0.25, 0.25}),
                           MakeLeaf(0.4, GroupBelief::kUnresolved, {0.5, 0.3, 0.2})});
-  LeafSet excluded = leaves;
-  ConditionOn(0, 2, &leaves);
+  Exclude(0, 1, &leaves);
   ASSERT_EQ(leaves.size(), 1u);
-  EXPECT_NEAR(NormalizeWeights(&leaves), std::log(0.4 * 0.2), 1e-12);
-  Exclude(0, 1, &excluded);
-  ASSERT_EQ(excluded.size(), 1u);
-  EXPECT_NEAR(NormalizeWeights(&excluded), std::log(0.4 * 0.7), 1e-12);
-  EXPECT_NEAR(excluded[0].beliefs[0].log_p[0], std::log(0.5 / 0.7), 1e-12);
+  EXPECT_NEAR(NormalizeWeights(&leaves), std::log(0.4 * 0.7), 1e-12);
+  EXPECT_NEAR(leaves[0].beliefs[0].log_p[0], std::log(0.5 / 0.7), 1e-12);
 }
 
 TEST(LeafReduction, ReportsWhatTheBoundDropped) {

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "localizer/live/codec/live_codec.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
 #include "tests/support/random_map.h"
@@ -184,6 +185,66 @@ TEST_F(ServiceTest, LateItemsAndACrashChangeNothing) {
   ASSERT_TRUE(service->State().resumed);
   Feed(&*service, crash, items_.size());
   EXPECT_TRUE(said(&*service) == expected);
+}
+
+// What is held is localized once no item has come for as long as one may be late, and the report
+// says what it says without the pause.
+TEST_F(ServiceTest, APauseOfTheStreamKeepsNothingWaiting) {
+  ServiceOptions options = Options();
+  options.localizer.max_delay_s = 0.2;
+  // Up to a scan, which is held.
+  std::size_t half = items_.size() / 2;
+  while (!std::holds_alternative<Scan>(items_[half - 1])) ++half;
+  std::string expected;
+  for (const bool pauses : {false, true}) {
+    StatusOr<Service> service = Service::Open(options);
+    ASSERT_THAT(service, IsOk());
+    ASSERT_THAT(Do(&*service, Start()), IsOk());
+    EXPECT_FALSE(service->held_until());
+    Feed(&*service, 0, half);
+    if (pauses) {
+      const std::int64_t scans = service->State().scans;
+      ASSERT_TRUE(service->held_until());
+      service->LocalizeHeld(*service->held_until() - std::chrono::milliseconds(1), &events_);
+      EXPECT_EQ(service->State().scans, scans);
+      service->LocalizeHeld(*service->held_until(), &events_);
+      const std::int64_t fed = std::count_if(
+          items_.begin(), items_.begin() + static_cast<std::ptrdiff_t>(half), [](const auto& item) {
+            return std::holds_alternative<Scan>(item);
+          });
+      EXPECT_EQ(service->State().scans, fed);
+      EXPECT_GT(fed, scans);
+      EXPECT_FALSE(service->held_until());
+    }
+    Feed(&*service, half, items_.size());
+    EXPECT_THAT(Do(&*service, live::Stop()), IsOk());
+    auto report = ReadShiftReport(service->State().report_path);
+    ASSERT_THAT(report, IsOk());
+    report->uuid.clear();
+    if (pauses) {
+      EXPECT_TRUE(EncodeShiftReport(*report) == expected);
+    } else {
+      expected = EncodeShiftReport(*report);
+    }
+  }
+}
+
+TEST_F(ServiceTest, SaysWhatItBelieves) {
+  Service service = Opened();
+  const Request ask{.id = 7, .command = GetState{.hypotheses = true}};
+  EXPECT_FALSE(service.Handle(ask, &events_).hypotheses);
+  ASSERT_THAT(Do(&service, Start()), IsOk());
+  Feed(&service, 0, items_.size());
+  const Reply reply = service.Handle(ask, &events_);
+  ASSERT_TRUE(reply.hypotheses);
+  EXPECT_NEAR(reply.hypotheses->nodes[0].probability, 1.0, 1e-6);
+  EXPECT_FALSE(reply.hypotheses->visits.empty());
+  EXPECT_FALSE(service.Handle({.id = 8, .command = GetState()}, &events_).hypotheses);
+
+  const std::string bytes = EncodeEvent(reply);
+  const auto decoded = DecodeEvent(bytes);
+  ASSERT_THAT(decoded, IsOk());
+  EXPECT_TRUE(EncodeEvent(*decoded) == bytes);
 }
 
 TEST_F(ServiceTest, WhatIsTooLateIsCounted) {

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "localizer/initialization/sighting_clusters.h"
+
+namespace shiftmap {
+
+/// The last scans with the motion between them.
+///
+/// Memory: 64 scans with room for 32 observations each, made at once; for more where there were
+/// more.
+class RecentScans {
+ public:
+  RecentScans();
+
+  void Add(const WindowScan& scan);
+  void Clear() { size_ = 0; }
+
+  /// Those from `since` on, oldest first.
+  std::vector<WindowScan> Since(Stamp since) const;
+
+ private:
+  static constexpr std::size_t kScans = 64;
+
+  // The newest has the age 0.
+  const WindowScan& OfAge(std::size_t age) const {
+    return scans_[(next_ + kScans - 1 - age) % kScans];
+  }
+
+  std::vector<WindowScan> scans_;
+  std::size_t next_ = 0;
+  std::size_t size_ = 0;
+};
+
+}  // namespace shiftmap

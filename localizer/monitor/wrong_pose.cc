@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/monitor/wrong_pose.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "localizer/monitor/missed_passes.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kWindowsS[] = {3.0, 1.5, 0.75};
+
+// Landmarks that must have turned for the pose to have gone wrong in view of them.
+constexpr int kMinTurned = 2;
+
+// Seeing nothing counts where one would have failed to see the landmark with e⁻³. [nat]
+constexpr double kMissed = 3.0;
+
+// Landmarks that another pose must explain more: two fit some pose or other, always.
+constexpr int kMinGain = 3;
+
+// Chi-square quantile of 0.999 with 3 degrees of freedom.
+constexpr double kSamePose = 16.3;
+
+// A pose at the first scan of a window, moved on to the last.
+PoseWithCovariance MovedToEnd(PoseWithCovariance pose, const std::vector<WindowScan>& window) {
+  for (std::size_t i = 1; i < window.size(); ++i) {
+    const MotionIncrement& motion = window[i].motion.increment;
+    const Eigen::Matrix3d F = motion.T_begin_end.InverseAdjoint();
+    pose.T_map_vehicle = pose.T_map_vehicle * motion.T_begin_end;
+    pose.cov_T_map_vehicle = F * pose.cov_T_map_vehicle * F.transpose() + motion.cov;
+  }
+  return pose;
+}
+
+bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
+  const Eigen::Vector3d difference = (a.T_map_vehicle.Inverse() * b.T_map_vehicle).Log();
+  const Eigen::Matrix3d cov = a.cov_T_map_vehicle + b.cov_T_map_vehicle;
+  return difference.dot(cov.llt().solve(difference)) > kSamePose;
+}
+
+// Landmarks that one who is at `pose` after the last scan would have seen and did not, by where
+// they were most likely when the map was built.
+int CountMissed(const Se2& pose,
+                const std::vector<WindowScan>& window,
+                const MapSnapshot& snapshot) {
+  const SensorCalibration& sensor = snapshot.calibration().sensor;
+  std::vector<double> missed(snapshot.groups().size());
+  Se2 T_map_vehicle = pose;
+  for (std::size_t i = window.size(); i-- > 0;) {
+    const std::vector<Observation>& seen = window[i].scan.observations;
+    const Se2 T_vehicle_map = T_map_vehicle.Inverse();
+    for (std::size_t group = 0; !seen.empty() && group < missed.size(); ++group) {
+      const LandmarkGroup& landmark = snapshot.groups()[group];
+      int likely = 0;
+      landmark.probabilities.tail(landmark.probabilities.size() - 1).maxCoeff(&likely);
+      const Mode& mode = landmark.modes[static_cast<std::size_t>(likely)];
+      if (!WellInView(T_vehicle_map * mode.p_map_landmark, sensor)) continue;
+      missed[group] -= std::log1p(-sensor.detection_probability);
+    }
+    for (const Observation& observation : seen) {
+      const int group = snapshot.GroupIndex(observation.signature);
+      if (group >= 0) missed[static_cast<std::size_t>(group)] = -1e9;
+    }
+    T_map_vehicle = T_map_vehicle * window[i].motion.increment.T_begin_end.Inverse();
+  }
+  return static_cast<int>(
+      std::count_if(missed.begin(), missed.end(), [](double m) { return m > kMissed; }));
+}
+
+}  // namespace
+
+std::optional<Stamp> FindWrongPose(const RecentScans& recent,
+                                   const HealthMonitor& health,
+                                   const MapSnapshot& snapshot,
+                                   const PoseWithCovariance& pose,
+                                   const GlobalStartOptions& options,
+                                   Stamp now) {
+  for (const double window_s : kWindowsS) {
+    const Stamp since = now - FromSeconds(window_s);
+    const PoseSupport support = health.Support(since, -1);
+    if (!support.Doubts()) continue;
+    // Landmarks that never agreed may be all that is in view: then it takes the longest.
+    if (support.turned < kMinTurned && window_s < kWindowsS[0]) continue;
+    const std::vector<WindowScan> window = recent.Since(since);
+    if (window.empty()) continue;
+    const auto other = FindGlobalStart(window, snapshot, options);
+    if (!other || other->explained < support.agreeing + kMinGain) continue;
+    const PoseWithCovariance there = MovedToEnd(other->pose, window);
+    if (!ClearlyApart(there, pose)) continue;
+    if (support.turned >= kMinTurned || CountMissed(there.T_map_vehicle, window, snapshot) <
+                                            CountMissed(pose.T_map_vehicle, window, snapshot)) {
+      return since;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "localizer/initialization/global_start.h"
+#include "localizer/monitor/health_monitor.h"
+#include "localizer/monitor/recent_scans.h"
+
+namespace shiftmap {
+
+/// Finds out that the vehicle is elsewhere: that one other pose explains what fails.
+///
+/// Two causes are weighed for the landmarks that fail. If they moved, each did so by itself, and no
+/// pose fits more than two of them but by chance. If the pose is wrong, one motion puts all of them
+/// back on modes of theirs, and takes those that agree off theirs. So another pose has to explain
+/// three landmarks more than agree with this one, be clearly apart from it, and beat every third
+/// pose as FindGlobalStart() asks.
+///
+/// Several that moved as one, as a rack does, are also explained by one motion. So if landmarks
+/// that agreed before have not turned, what is missed decides: one who is elsewhere misses what
+/// should be here, and not what should be there.
+///
+/// Windows of 3, 1.5 and 0.75 s are asked: the longer tell more, the shorter do without what was
+/// seen before the pose went wrong, and without odometry that may be what is wrong.
+/// @param recent  Up to the present scan.
+/// @param pose    After it.
+/// @return Begin of the window in which the pose was wrong; nothing if it may be right.
+std::optional<Stamp> FindWrongPose(const RecentScans& recent,
+                                   const HealthMonitor& health,
+                                   const MapSnapshot& snapshot,
+                                   const PoseWithCovariance& pose,
+                                   const GlobalStartOptions& options,
+                                   Stamp now);
+
+}  // namespace shiftmap

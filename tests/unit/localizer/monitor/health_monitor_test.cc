@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/monitor/health_monitor.h"
+
+#include <gtest/gtest.h>
+
+namespace shiftmap {
+namespace {
+
+constexpr double kScanS = 0.25;
+
+Stamp At(double seconds) { return StampFromSeconds(1000.0 + seconds); }
+
+PoseSupport SupportOf(int agreeing, int failing, double nis_sum, int updates) {
+  PoseSupport support;
+  support.agreeing = agreeing;
+  support.failing = failing;
+  support.nis_sum = nis_sum;
+  support.updates = updates;
+  return support;
+}
+
+// A scan in which the first `agreeing` of four groups agree and the rest fail.
+void AddScan(double seconds, int agreeing, const FailingPairs& pairs, HealthMonitor* health) {
+  health->AddPairs(At(seconds), pairs);
+  for (int group = 0; group < 4; ++group) {
+    const bool explained = group < agreeing;
+    health->Add(At(seconds), group, explained, explained ? std::optional(2.0) : std::nullopt);
+  }
+  health->Judge();
+}
+
+TEST(PoseSupport, ConfirmsIfThreeAgreeAndTwoMoreThanTwiceThoseThatFail) {
+  EXPECT_FALSE(SupportOf(2, 0, 4.0, 2).Confirms());
+  EXPECT_TRUE(SupportOf(3, 0, 6.0, 3).Confirms());
+  EXPECT_FALSE(SupportOf(3, 1, 6.0, 3).Confirms());
+  EXPECT_TRUE(SupportOf(4, 1, 8.0, 4).Confirms());
+}
+
+TEST(PoseSupport, DoesNotAgreeWithInnovationsThatAreTooLarge) {
+  // χ² of 8 degrees of freedom: 0.02 of it is above 18.2; four innovations count nearly as that.
+  EXPECT_TRUE(SupportOf(4, 1, 16.0, 4).Agrees());
+  EXPECT_FALSE(SupportOf(4, 1, 20.0, 4).Agrees());
+  EXPECT_FALSE(SupportOf(4, 4, 8.0, 4).Agrees());
+}
+
+TEST(HealthMonitor, CountsTheLastObservationOfEachGroup) {
+  HealthMonitor health(4);
+  health.Add(At(0.0), 0, true, 1.0);
+  health.Add(At(0.0), 1, false, std::nullopt);
+  health.Add(At(1.0), 0, false, std::nullopt);
+  health.Add(At(1.0), 2, true, 3.0);
+  const PoseSupport all = health.Support();
+  EXPECT_EQ(all.agreeing, 1);
+  EXPECT_EQ(all.failing, 2);
+  EXPECT_EQ(all.turned, 1);
+  EXPECT_EQ(all.updates, 2);
+  EXPECT_DOUBLE_EQ(all.nis_sum, 4.0);
+  const PoseSupport late = health.Support(At(0.5), 2);
+  EXPECT_EQ(late.agreeing, 0);
+  EXPECT_EQ(late.failing, 1);
+  EXPECT_EQ(late.since, At(1.0));
+}
+
+TEST(HealthMonitor, AVehicleIsLostWhenNothingAgreesForTwentySeconds) {
+  HealthMonitor health(4);
+  for (double t = 0.0; t < 20.0; t += kScanS) {
+    AddScan(t, 0, {}, &health);
+    ASSERT_FALSE(health.lost()) << t;
+  }
+  AddScan(20.0, 0, {}, &health);
+  EXPECT_TRUE(health.lost());
+  EXPECT_EQ(health.failing_since(), At(0.0));
+  // Found when half of the last twenty observations agree.
+  for (double t = 20.25; t < 21.0; t += kScanS) AddScan(t, 4, {}, &health);
+  EXPECT_FALSE(health.lost());
+}
+
+TEST(HealthMonitor, AVehicleIsNotLostWhileOneOfFourAgrees) {
+  HealthMonitor health(4);
+  for (double t = 0.0; t < 60.0; t += kScanS) AddScan(t, 1, {}, &health);
+  EXPECT_FALSE(health.lost());
+}
+
+TEST(HealthMonitor, LandmarksThatDoNotKeepTheirDistancesMoved) {
+  HealthMonitor health(4);
+  for (double t = 0.0; t < 60.0; t += kScanS) AddScan(t, 0, {6, 1}, &health);
+  EXPECT_FALSE(health.lost());
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A vehicle stands 3 m from a landmark, on one side of it after the other, and sees nothing.
+#include "localizer/monitor/missed_passes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/unit/localizer/simulated_run.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kPassS = 5.0;
+constexpr double kApartS = 8.0;  // Between passes.
+constexpr double kScanS = 0.25;
+
+class MissedPassesTest : public ::testing::Test {
+ protected:
+  MissedPassesTest() {
+    content_ = MakeTwoModeMap(1, 10.0, 1);
+    LandmarkGroup& group = content_.groups[0];
+    group.modes.resize(1);
+    group.modes[0].p_map_landmark.setZero();
+    group.chain = ModeChain::Uniform(1, 1e-6);
+    group.probabilities = Eigen::Vector2d(0.05, 0.95);
+    content_.covariance = JointCovariance({group.modes[0].cov_p_map_landmark}, {});
+    content_.calibration.sensor.detection_probability = 0.8;
+  }
+
+  // How often the landmark is found gone over passes from these directions, and is seen once, by
+  // chance, in pass `seen`.
+  int Gone(const std::vector<double>& directions_rad, int seen = -1) {
+    const MapSnapshot snapshot = Snapshot(content_);
+    MissedPasses missed(snapshot);
+    int gone = 0;
+    double t = 0.0;
+    for (std::size_t pass = 0; pass < directions_rad.size(); ++pass, t += kApartS) {
+      const Se2 turned(0.0, 0.0, directions_rad[pass]);
+      const PoseWithCovariance pose{turned * Se2(-3.0, 0.0, 0.0),
+                                    Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal()};
+      HypothesisBank bank(snapshot, {}, pose, StampFromSeconds(1000.0 + t));
+      for (double end = t + kPassS; t < end; t += kScanS) {
+        Scan scan;
+        scan.stamp = StampFromSeconds(1000.0 + t);
+        if (static_cast<int>(pass) == seen && scan.observations.empty() && t + 1.0 > end) {
+          Observation observation;
+          observation.signature = content_.groups[0].signature;
+          observation.z = {3.0, 0.0};
+          scan.observations.push_back(observation);
+        }
+        bank.Correct(scan);
+        gone += static_cast<int>(missed.Add(scan, bank, snapshot).size());
+      }
+    }
+    return gone;
+  }
+
+  MapContent content_;
+};
+
+constexpr double kThird = 2.0 * M_PI / 3.0;
+
+TEST_F(MissedPassesTest, ALandmarkMissedInThreePassesFromAllAroundIsGone) {
+  EXPECT_EQ(Gone({0.1, 0.1 + kThird}), 0);
+  EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird}), 1);
+  // And said again after each further pass.
+  EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}), 2);
+}
+
+TEST_F(MissedPassesTest, ASignMissedFromBehindIsNot) {
+  EXPECT_EQ(Gone({0.1, 0.9, 1.7, 0.1, 0.9, 1.7, 0.1, 0.9}), 0);
+}
+
+TEST_F(MissedPassesTest, WhatWasSeenStartsAgain) {
+  EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}, 1), 0);
+}
+
+TEST_F(MissedPassesTest, OnePassIsBoundedEvidenceHoweverLong) {
+  EXPECT_EQ(Gone(std::vector<double>(20, 0.1)), 0);
+}
+
+}  // namespace
+}  // namespace shiftmap
