@@ -139,13 +139,17 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
 }
 
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
+  GraphSolver solver;
+  return SolveContinuous(options, problem, &solver);
+}
+
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
   // Integrate again until the calibration stays.
   constexpr int kMaxIntegrations = 4;
   Graph graph;
-  GraphSolver solver;
   for (int i = 0; i < kMaxIntegrations; ++i) {
     graph = MakeGraph(options, problem);
-    problem->cost = solver.Solve(options.max_solver_iterations, &graph).final_cost;
+    problem->cost = solver->Solve(options.max_solver_iterations, &graph).final_cost;
     CopyBack(graph, problem);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
       return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;

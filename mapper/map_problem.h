@@ -90,6 +90,9 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
 /// calibration found. Returns the graph at the solution.
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 
+/// The same, and what the solver keeps goes on from and to other solves.
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver);
+
 /// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
 /// is multiplied by what its residuals have too much or too little (variance components). Returns
 /// the largest factor that a standard deviation changed by, 1 or more.

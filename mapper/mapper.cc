@@ -173,6 +173,91 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   return iterations;
 }
 
+// The inputs in the order of time, whatever order they were named in, with every landmark named.
+Status PrepareInputs(const std::optional<MapContent>& prior,
+                     const MapperOptions& options,
+                     std::vector<MapperInput>* inputs) {
+  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
+  for (const MapperInput& input : *inputs) {
+    if (const Status valid = ValidateRun(input.run); !valid.ok()) {
+      return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
+    }
+  }
+  if (prior) {
+    SHIFTMAP_RETURN_IF_ERROR(CheckPrior(*prior));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(SizeOf(*inputs, prior), options.max_memory_bytes));
+  std::sort(inputs->begin(), inputs->end(), [](const MapperInput& a, const MapperInput& b) {
+    return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
+           std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
+  });
+  return NameAnonymous(options, inputs);
+}
+
+std::vector<Signature> AllSignatures(const std::vector<MapperInput>& inputs,
+                                     const std::optional<MapContent>& prior) {
+  std::vector<Signature> known;
+  if (prior) {
+    for (const LandmarkGroup& group : prior->groups) known.push_back(group.signature);
+  }
+  std::vector<const Run*> runs;
+  for (const MapperInput& input : inputs) runs.push_back(&input.run);
+  return CollectSignatures(runs, known);
+}
+
+// Runs mapped one by one and placed in one frame, by begin.
+StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
+                               const std::vector<Signature>& signatures,
+                               const std::optional<MapContent>& prior,
+                               const MapperOptions& options,
+                               Watch* watch,
+                               std::vector<RejectedRun>* rejected) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
+                            MapRunsSingly(runs, signatures, options, watch));
+  MapProblem problem =
+      StartProblem(signatures, prior, MeanSensor(submaps, options.calibration.sensor));
+  PlaceSubmaps(options,
+               prior,
+               std::move(submaps),
+               &problem,
+               rejected,
+               watch->During("placing runs", kSingleRunsShare));
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), *rejected));
+  std::stable_sort(
+      problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
+        return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
+               std::tie(b.data->odometry.front().stamp, b.data->sha256);
+      });
+  if (!prior) AnchorFrame(&problem);
+  return problem;
+}
+
+// What is told of a solved problem.
+Status Conclude(const std::optional<MapContent>& prior,
+                const MapperOptions& options,
+                MapProblem* problem,
+                MapperResult* result) {
+  const JointCovariance covariance =
+      MapCovariance(MakeGraph(options, problem), options.sd_range_scale);
+  SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output, MakeMapContent(*problem, prior, covariance, options));
+  result->content = std::move(output.content);
+  result->chains = std::move(output.chains);
+  if (options.calibrate) result->vehicles = CalibrateVehicles(options, problem);
+  if (prior) result->content.vehicles = prior->vehicles;
+  UpdateVehicles(result->vehicles, &result->content.vehicles);
+  SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));
+  for (std::size_t i = 0; i < problem->runs.size(); ++i) {
+    result->runs.push_back(MakeMappedRun(*problem, i));
+  }
+  for (const std::vector<BuildMode>& group : problem->modes) {
+    for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;
+  }
+  result->modes_merged = problem->modes_merged;
+  result->selection = SummarizeSelection(options.modes, *problem);
+  return OkStatus();
+}
+
 }  // namespace
 
 Status MapperOptions::Validate() const {
@@ -206,56 +291,17 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,
                                 const MapperMonitor& monitor) {
-  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
-  for (const MapperInput& input : inputs) {
-    if (const Status valid = ValidateRun(input.run); !valid.ok()) {
-      return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
-    }
-  }
-  BuildSize size = SizeOf(inputs, prior);
-  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
-  // The order of time, whatever order the runs were named in.
-  std::sort(inputs.begin(), inputs.end(), [](const MapperInput& a, const MapperInput& b) {
-    return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
-           std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
-  });
-
+  SHIFTMAP_RETURN_IF_ERROR(PrepareInputs(prior, options, &inputs));
   MapperResult result;
-  SHIFTMAP_RETURN_IF_ERROR(NameAnonymous(options, &inputs));
-  // Tracks are landmarks from here on.
-  size = SizeOf(inputs, prior);
+  BuildSize size = SizeOf(inputs, prior);
   result.estimated_memory_bytes = EstimateBuildMemory(size);
-  std::vector<Signature> known;
-  if (prior) {
-    SHIFTMAP_RETURN_IF_ERROR(CheckPrior(*prior));
-    for (const LandmarkGroup& group : prior->groups) known.push_back(group.signature);
-  }
-  std::vector<const Run*> all_runs;
-  for (const MapperInput& input : inputs) all_runs.push_back(&input.run);
-  const std::vector<Signature> signatures = CollectSignatures(all_runs, known);
+  const std::vector<Signature> signatures = AllSignatures(inputs, prior);
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 
   Watch watch(monitor);
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
-                            MapRunsSingly(runs, signatures, options, &watch));
-  MapProblem problem =
-      StartProblem(signatures, prior, MeanSensor(submaps, options.calibration.sensor));
-  PlaceSubmaps(options,
-               prior,
-               std::move(submaps),
-               &problem,
-               &result.rejected,
-               watch.During("placing runs", kSingleRunsShare));
-  SHIFTMAP_RETURN_IF_ERROR(watch.status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), result.rejected));
-  std::stable_sort(
-      problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
-        return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
-               std::tie(b.data->odometry.front().stamp, b.data->sha256);
-      });
-  if (!prior) AnchorFrame(&problem);
-
+  SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
+                            PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
   // What was to be expected before the runs were placed may be less than what they brought.
   size.modes = FlatModes(problem).count;
   SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
@@ -264,23 +310,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   if (!prior) AnchorFrame(&problem);
   watch.Report("covariance", 0.9, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
-  const Graph graph = MakeGraph(options, &problem);
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      MapOutput output,
-      MakeMapContent(problem, prior, MapCovariance(graph, options.sd_range_scale), options));
-  result.content = std::move(output.content);
-  result.chains = std::move(output.chains);
-  if (options.calibrate) result.vehicles = CalibrateVehicles(options, &problem);
-  if (prior) result.content.vehicles = prior->vehicles;
-  UpdateVehicles(result.vehicles, &result.content.vehicles);
-  SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
-  for (std::size_t i = 0; i < problem.runs.size(); ++i)
-    result.runs.push_back(MakeMappedRun(problem, i));
-  for (const std::vector<BuildMode>& group : problem.modes) {
-    for (const BuildMode& mode : group) result.modes_created += mode.number == kAbsent;
-  }
-  result.modes_merged = problem.modes_merged;
-  result.selection = SummarizeSelection(options.modes, problem);
+  SHIFTMAP_RETURN_IF_ERROR(Conclude(prior, options, &problem, &result));
   watch.Report("done", 1.0, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;

@@ -22,6 +22,10 @@ class ModeDifferences {
   /// Precondition: every mode is observed or in the prior.
   explicit ModeDifferences(const Graph& graph);
 
+  /// The same with what a solver kept that has just solved the graph: where runs are many, without
+  /// another factor, given their calibrations, and from draws alone.
+  ModeDifferences(const Graph& graph, GraphSolver* solver);
+
   /// From the joint covariance of all modes. [m²]
   explicit ModeDifferences(Eigen::MatrixXd joint) : joint_(std::move(joint)) {}
 
@@ -38,6 +42,8 @@ class ModeDifferences {
 
  private:
   static constexpr double kSafety = 4.0;
+
+  void Draw(const Graph& graph);
 
   // `factor` times what the draws say.
   Eigen::Matrix2d SampledCovariance(int a, int b, double factor) const;

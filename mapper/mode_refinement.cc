@@ -68,7 +68,11 @@ bool HasSeveralModes(const MapProblem& problem) {
                      [](const std::vector<BuildMode>& group) { return group.size() > 1; });
 }
 
-// True if two modes i and j, `difference` apart, are not one place.
+// What is known no better than this may be anywhere: that two modes are near each other is then no
+// sign that they are one place. [m]
+constexpr double kMaxMergeSd = 4.0;
+
+// True if two modes i and j, `difference` apart, are not known to be one place.
 // @param floor  Variance per axis beyond what their covariance knows of. [m²]
 bool ToldApart(const Eigen::Vector2d& difference,
                int i,
@@ -76,13 +80,22 @@ bool ToldApart(const Eigen::Vector2d& difference,
                double floor,
                double gate,
                const ModeDifferences& differences) {
+  const auto unknown = [](const Eigen::Matrix2d& cov) {
+    return 0.5 * cov.trace() > kMaxMergeSd * kMaxMergeSd;
+  };
   const auto apart_by = [&](const Eigen::Matrix2d& cov) {
     return SquaredMahalanobis(difference, cov + floor * Eigen::Matrix2d::Identity()) > gate;
   };
   // What the least or the largest covariance there can be decides needs no other.
-  if (!apart_by(differences.MinCovariance(i, j))) return false;
-  if (apart_by(differences.MaxCovariance(i, j))) return true;
-  return apart_by(differences.Covariance(i, j));
+  const Eigen::Matrix2d least = differences.MinCovariance(i, j);
+  const Eigen::Matrix2d most = differences.MaxCovariance(i, j);
+  if (unknown(least)) return true;
+  if (!unknown(most)) {
+    if (!apart_by(least)) return false;
+    if (apart_by(most)) return true;
+  }
+  const Eigen::Matrix2d cov = differences.Covariance(i, j);
+  return unknown(cov) || apart_by(cov);
 }
 
 bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
@@ -299,10 +312,11 @@ int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& g
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
-    const Graph graph = SolveContinuous(options, problem);
+    GraphSolver solver;
+    const Graph graph = SolveContinuous(options, problem, &solver);
     solved = state;
     if (HasSeveralModes(*problem)) {
-      if (MergeModes(options.modes, ModeDifferences(graph), problem) > 0) {
+      if (MergeModes(options.modes, ModeDifferences(graph, &solver), problem) > 0) {
         solved.clear();
         if (!recurs) continue;
         // What is merged here would be made again.
@@ -312,6 +326,15 @@ int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& g
     if (recurs) return iteration;
   }
   return options.max_outer_iterations;
+}
+
+void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+  constexpr int kAlternations = 2;
+  constexpr int kIterations = 5;
+  MapperOptions coarse = options;
+  coarse.max_outer_iterations = std::min(kAlternations, options.max_outer_iterations);
+  coarse.max_solver_iterations = std::min(kIterations, options.max_solver_iterations);
+  RefineModes(coarse, problem, go_on);
 }
 
 }  // namespace shiftmap

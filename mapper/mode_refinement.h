@@ -65,4 +65,8 @@ int DropFaintModes(const ModeOptions& options, MapProblem* problem);
 /// @param go_on  Asked before each alternation.
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
 
+/// As RefineModes(), but no further than other runs need to be placed in the map: nothing is solved
+/// to its end, and modes that are one place are merged.
+void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+
 }  // namespace shiftmap

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "mapper/alignment/displaced_landmarks.h"
 #include "mapper/datum.h"
+#include "mapper/mode_refinement.h"
+#include "mapper/submap_alignment.h"
 #include "mapper/submap_fit.h"
 #include "mapper/waiting_submaps.h"
 #include "mapstore/geometry/covariance.h"
@@ -150,19 +153,22 @@ std::vector<int> KnownModes(const MapperOptions& options,
 
 // Adds a submap, already moved into the map frame. False, and nothing is done, if too little of it
 // is known to hold it there.
-// @param alignment  Nothing for the first submap, which meets no other.
+// @param aligned  Nothing for the first submap, which meets no other.
 bool Absorb(const MapperOptions& options,
             const std::optional<MapContent>& prior,
-            const std::optional<Alignment>& alignment,
+            const std::optional<SubmapAlignment>& aligned,
             Submap submap,
             MapProblem* problem) {
   const std::vector<Encounter> encounters = Meet(submap.problem, *problem);
+  const bool bent = aligned && aligned->bent;
   const std::vector<bool> displaced =
-      prior ? Displaced(options, prior->covariance, submap, encounters, *problem)
-            : std::vector<bool>(encounters.size());
+      prior && !bent ? Displaced(options, prior->covariance, submap, encounters, *problem)
+                     : std::vector<bool>(encounters.size());
   std::vector<int> known(encounters.size(), kUnassigned);
-  if (alignment) {
-    known = KnownModes(options, *alignment, submap, encounters, displaced, *problem);
+  if (bent) {
+    known = FitBentSubmap(options, *problem, aligned->places, &submap);
+  } else if (aligned) {
+    known = KnownModes(options, aligned->alignment, submap, encounters, displaced, *problem);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (std::ssize(known) - unknown < kMinKnown) return false;
     std::vector<bool> decided;  // With all modes of the prior at once.
@@ -203,10 +209,19 @@ bool Absorb(const MapperOptions& options,
   return true;
 }
 
-RejectedRun Rejected(const Submap& submap, const std::string& why) {
-  return {submap.problem.runs.front().data->name,
-          fmt::format("{} ({} landmarks seen)", why, submap.points.size())};
+RejectedRun Rejected(const BuildRun& run, const std::string& why) {
+  std::set<int> seen;
+  for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
+  return {run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())};
 }
+
+RejectedRun NotAligned(const BuildRun& run) {
+  return Rejected(run, "no consistent alignment with the other runs");
+}
+
+// Runs that are placed before they are solved together for the first time. Then again whenever they
+// are twice as many: those to come are placed in a map that is right, at the cost of two solves.
+constexpr std::size_t kFirstSettled = 4;
 
 // The area that the map takes so far. [m²]
 double AreaOf(const MapProblem& problem) {
@@ -227,12 +242,88 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
   }
 }
 
+// Places a submap that waits, if it aligns.
+void PlaceNext(const MapperOptions& options,
+               const std::optional<MapContent>& prior,
+               std::size_t next,
+               WaitingSubmaps* waiting,
+               MapProblem* problem,
+               std::vector<RejectedRun>* rejected) {
+  const std::optional<SubmapAlignment> aligned = AlignSubmap(
+      waiting->Reference(next, *problem), waiting->At(next), AreaOf(*problem), options.alignment);
+  if (!aligned) {
+    waiting->SetAside(next);
+    return;
+  }
+  Submap placed = waiting->Take(next);
+  const Se2& T_map_submap = aligned->alignment.T_reference_other;
+  MoveProblem(T_map_submap, &placed.problem);
+  Rotate(T_map_submap.Rotation(), &placed.covariance);
+  const RejectedRun rejection =
+      Rejected(placed.problem.runs.front(), "too few landmarks stand where the map has them");
+  if (!Absorb(options, prior, aligned, std::move(placed), problem)) {
+    rejected->push_back(rejection);
+  }
+  waiting->Update(next, *problem);
+}
+
+// Places what waits and aligns, the submap first that shares most signatures with what is there.
+void PlaceWaiting(const MapperOptions& options,
+                  const std::optional<MapContent>& prior,
+                  WaitingSubmaps* waiting,
+                  MapProblem* problem,
+                  std::vector<RejectedRun>* rejected,
+                  const GoOn& go_on) {
+  std::size_t settled = kFirstSettled / 2;  // Runs in the map when it was last solved as a whole.
+  while (true) {
+    const auto next = waiting->Next();
+    // One more try in the map as all its runs have it for what did not align so far.
+    const bool last_try = !next && settled >= kFirstSettled && settled < problem->runs.size();
+    if (!next && (!last_try || waiting->Remaining().empty())) return;
+    if (go_on && !go_on(*problem)) return;
+    if (last_try || problem->runs.size() >= 2 * settled) {
+      SettleModes(options, problem, go_on);
+      settled = problem->runs.size();
+      waiting->Recount(*problem);
+      continue;
+    }
+    PlaceNext(options, prior, *next, waiting, problem, rejected);
+  }
+}
+
+// Without a prior map the submap of most landmarks is the first. It may be of another area: where
+// more runs are left than were placed, they are placed by themselves, and the larger part is the
+// map.
+void PlaceMost(const MapperOptions& options,
+               WaitingSubmaps* waiting,
+               MapProblem* problem,
+               std::vector<RejectedRun>* rejected,
+               const GoOn& go_on) {
+  const MapProblem nothing = *problem;
+  do {
+    MapProblem part = nothing;
+    waiting->Recount(part);
+    const auto first = waiting->Largest();
+    if (!first) return;
+    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*first), &part);
+    waiting->Update(*first, part);
+    PlaceWaiting(options, std::nullopt, waiting, &part, rejected, go_on);
+    if (part.runs.size() > problem->runs.size()) std::swap(part, *problem);
+    for (const BuildRun& run : part.runs) rejected->push_back(NotAligned(run));
+    if (go_on && !go_on(*problem)) return;
+  } while (waiting->Remaining().size() > problem->runs.size());
+}
+
 }  // namespace
+
+Eigen::MatrixXd SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
+  const Graph graph = MakeGraph(options, problem);
+  return ReferToPositions(graph.modes, ComputeModeCovariance(graph));
+}
 
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {
   Submap submap{std::move(problem), {}, {}};
-  const Graph graph = MakeGraph(options, &submap.problem);
-  submap.covariance = ReferToPositions(graph.modes, ComputeModeCovariance(graph));
+  submap.covariance = SubmapCovariance(options, &submap.problem);
   for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
     for (const BuildMode& mode : submap.problem.modes[group]) {
       const auto at = static_cast<Eigen::Index>(2 * submap.points.size());
@@ -287,33 +378,13 @@ void PlaceSubmaps(const MapperOptions& options,
   const bool empty = std::all_of(problem->modes.begin(),
                                  problem->modes.end(),
                                  [](const auto& group) { return group.empty(); });
-  if (const auto first = waiting.Largest(); first && empty) {
-    // Without a prior the run that sees most landmarks is the first.
-    Absorb(options, prior, std::nullopt, waiting.Take(*first), problem);
-    waiting.Update(*first, *problem);
-  }
-  while (const auto next = waiting.Next()) {
-    if (go_on && !go_on(*problem)) return;
-    const std::optional<Alignment> alignment = AlignByConsensus(waiting.Reference(*next, *problem),
-                                                                waiting.At(*next).points,
-                                                                AreaOf(*problem),
-                                                                options.alignment);
-    if (!alignment) {
-      waiting.SetAside(*next);
-      continue;
-    }
-    Submap placed = waiting.Take(*next);
-    MoveProblem(alignment->T_reference_other, &placed.problem);
-    Rotate(alignment->T_reference_other.Rotation(), &placed.covariance);
-    const RejectedRun rejection =
-        Rejected(placed, "too few landmarks stand where the map has them");
-    if (!Absorb(options, prior, alignment, std::move(placed), problem)) {
-      rejected->push_back(rejection);
-    }
-    waiting.Update(*next, *problem);
+  if (empty) {
+    PlaceMost(options, &waiting, problem, rejected, go_on);
+  } else {
+    PlaceWaiting(options, prior, &waiting, problem, rejected, go_on);
   }
   for (const std::size_t i : waiting.Remaining()) {
-    rejected->push_back(Rejected(waiting.At(i), "no consistent alignment with the other runs"));
+    rejected->push_back(NotAligned(waiting.At(i).problem.runs.front()));
   }
 }
 

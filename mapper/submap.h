@@ -20,6 +20,9 @@ struct Submap {
   Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
 };
 
+/// The covariance of a submap's modes, as Submap::covariance, at their present values.
+Eigen::MatrixXd SubmapCovariance(const MapperOptions& options, MapProblem* problem);
+
 /// @param problem  As MapSingleRun() leaves it.
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem);
 
@@ -32,7 +35,9 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
                         const SensorCalibration& sensor);
 
 /// Places submaps one after the other, always the one that shares most signatures with what is
-/// there, and adds them to the problem. One that does not align is tried again once the map has
+/// there, and adds them to the problem. Whenever the runs in the map are twice as many as the last
+/// time, from four on, and once more when some are left that do not align, what is there is solved
+/// as a whole (SettleModes). One that does not align is tried again once the map has
 /// other modes of its signatures. A mode of a submap becomes one that is there, or a mode beside
 /// it:
 ///

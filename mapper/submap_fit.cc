@@ -165,6 +165,30 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   return known;
 }
 
+std::vector<int> FitBentSubmap(const MapperOptions& options,
+                               const MapProblem& map,
+                               const std::vector<std::optional<Eigen::Vector2d>>& places,
+                               Submap* submap) {
+  constexpr int kMaxRounds = 4;
+  std::vector<int> known;
+  for (std::size_t group = 0; group < submap->problem.modes.size(); ++group) {
+    for (std::size_t m = 0; m < submap->problem.modes[group].size(); ++m) {
+      const auto& place = places[known.size()];
+      known.push_back(place ? NearestOf(map.modes[group], *place) : kUnassigned);
+    }
+  }
+  for (int round = 0; round < kMaxRounds; ++round) {
+    BendOntoMap(options, map, known, submap);
+    submap->covariance = SubmapCovariance(options, &submap->problem);
+    std::vector<int> grown =
+        GrowMatches(options, *submap, map, known, std::vector<bool>(known.size()));
+    if (grown == known) break;
+    known = std::move(grown);
+  }
+  BendOntoMap(options, map, known, submap);
+  return known;
+}
+
 void BendOntoMap(const MapperOptions& options,
                  const MapProblem& map,
                  const std::vector<int>& known,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "mapper/map_problem.h"
@@ -28,6 +30,16 @@ std::vector<int> GrowMatches(const MapperOptions& options,
                              const MapProblem& map,
                              std::vector<int> known,
                              const std::vector<bool>& fixed);
+
+/// Finds the modes of a bent submap in the map and bends it onto them, in turn until no more are
+/// found.
+/// @param places  Per mode of the submap, flat, where the map has it as far as is known yet. [m]
+/// @param submap  Moved into the map frame.
+/// @return Per mode the mode of its group in the map, or kUnassigned.
+std::vector<int> FitBentSubmap(const MapperOptions& options,
+                               const MapProblem& map,
+                               const std::vector<std::optional<Eigen::Vector2d>>& places,
+                               Submap* submap);
 
 /// Bends a submap, its trajectory with it, so that known modes come to stand where the map has
 /// them: a solve of its run with some of them held.

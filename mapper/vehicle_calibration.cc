@@ -96,8 +96,7 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
     }
     column += kRunCalibration;
   }
-  const Eigen::LLT<Eigen::MatrixXd> C(ComputeCalibrationCovariance(graph));
-  const Eigen::MatrixXd EtC = C.solve(E).transpose();
+  const Eigen::MatrixXd EtC = ComputeCalibrationInformationTimes(graph, E).transpose();
   Eigen::MatrixXd information = EtC * E;
   information.diagonal() -= prior;
   result.cov = information.llt().solve(Eigen::MatrixXd::Identity(size, size));

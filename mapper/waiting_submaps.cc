@@ -65,9 +65,16 @@ void WaitingSubmaps::Count(std::size_t group, const MapProblem& problem) {
   const std::size_t before = std::exchange(modes_of_group_[group], now);
   if (now == before) return;
   for (const std::size_t i : with_group_[group]) {
-    entries_[i].modes += now - before;
-    entries_[i].shared += before == 0 ? 1 : 0;
+    Entry& entry = entries_[i];
+    entry.modes = entry.modes - before + now;
+    if (before == 0) ++entry.shared;
+    if (now == 0) --entry.shared;
   }
+}
+
+void WaitingSubmaps::Recount(const MapProblem& problem) {
+  for (std::size_t group = 0; group < problem.modes.size(); ++group) Count(group, problem);
+  for (Entry& entry : entries_) entry.tried_with_modes = 0;
 }
 
 std::vector<AlignmentPoint> WaitingSubmaps::Reference(std::size_t i,

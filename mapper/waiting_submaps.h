@@ -37,6 +37,9 @@ class WaitingSubmaps {
   /// Counts what a submap that was taken has brought to the map.
   void Update(std::size_t i, const MapProblem& problem);
 
+  /// Counts anew in a map that has changed as a whole. What was set aside may be tried again.
+  void Recount(const MapProblem& problem);
+
   /// Every mode of the map of the signatures that a submap has.
   std::vector<AlignmentPoint> Reference(std::size_t i, const MapProblem& problem) const;
 

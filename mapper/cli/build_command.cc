@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <unistd.h>
+#include <algorithm>
 
 #include <charconv>
 #include <chrono>
@@ -11,6 +12,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -44,6 +46,7 @@ struct BuildOptions {
   std::optional<std::int64_t> max_memory_mib;
   std::optional<std::string> trajectories;
   std::uint64_t seed = MapperOptions().seed;
+  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
   std::vector<std::string> logs;
 };
@@ -223,6 +226,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
                                           const Context& context) {
   MapperOptions mapper_options;
   mapper_options.seed = options.seed;
+  mapper_options.threads = options.threads;
   mapper_options.max_memory_bytes = MaxMemory(options);
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.association.associate = options.anonymous == "associate";
@@ -333,6 +337,10 @@ void AddBuildCommand(Application* application) {
       .Option("--trajectories", &options->trajectories, "Folder for one <run>.tum per run")
       .Option(
           "--seed", &options->seed, "Seed of the noise estimate's samples and of --selector mcts")
+      .Option("--threads",
+              &options->threads,
+              "Threads of a build, by default as many as the machine runs; the map is the same")
+      .InRange(1, 256)
       .Option("--leave-rate-per-s",
               &options->leave_rate_per_s,
               "Rate at which landmarks leave a mode, before there is evidence")

@@ -15,6 +15,9 @@ namespace {
 // Poses between two separators. More make the rest smaller and let a segment see more modes.
 constexpr int kSegmentPoses = 31;
 
+// Draws of the calibrations for what they add to the covariance of modes, a small part of it.
+constexpr int kCalibrationDraws = 32;
+
 // Columns of a segment's boundary.
 constexpr int kBefore = 0;
 constexpr int kAfter = 3;
@@ -136,9 +139,17 @@ GraphElimination::GraphElimination(const Graph& graph, std::vector<std::vector<i
 
 GraphElimination::GraphElimination(const Graph& graph, std::unique_ptr<RestSystem> rest)
     : GraphElimination(graph) {
-  if (rest && rest->size() == first_mode_ + 2 * static_cast<int>(graph.modes.size())) {
+  if (rest && rest->size() == RestSize() && rest->border() == Calibrations()) {
     rest_ = std::move(rest);
   }
+}
+
+int GraphElimination::RestSize() const {
+  return first_mode_ + 2 * static_cast<int>(graph_.modes.size());
+}
+
+Border GraphElimination::Calibrations() const {
+  return {first_calibration_, static_cast<int>(graph_.runs.size()), kRunCalibration};
 }
 
 void GraphElimination::MakeStretches() {
@@ -200,7 +211,7 @@ bool GraphElimination::LinearizeSegments(double damping) {
   if (rest_) {
     rest_->Clear();
   } else {
-    rest_ = std::make_unique<RestSystem>(first_mode_ + 2 * static_cast<int>(graph_.modes.size()));
+    rest_ = std::make_unique<RestSystem>(RestSize(), Calibrations());
   }
   cost_ = AddPriors(rest_.get());
   AddTogether(rest_.get());
@@ -356,6 +367,22 @@ GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
   return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
 }
 
+std::vector<GraphStep> GraphElimination::Draws(int count, std::mt19937_64& random) const {
+  std::vector<GraphStep> draws;
+  if (!HoldsCalibrations()) {
+    for (int i = 0; i < count; ++i) draws.push_back(Draw(random));
+    return draws;
+  }
+  const Eigen::MatrixXd rest = rest_->DrawColumns(count, random);
+  for (int i = 0; i < count; ++i) draws.push_back(Complete(rest.col(i), &random));
+  return draws;
+}
+
+Eigen::MatrixXd GraphElimination::CalibrationInformationTimes(
+    const Eigen::MatrixXd& weights) const {
+  return rest_->BorderInformationTimes(weights);
+}
+
 Eigen::MatrixXd GraphElimination::CalibrationCovariance() const {
   const auto size = static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size());
   Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rest_->size(), size);
@@ -390,6 +417,19 @@ Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) 
 }
 
 void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {
+  // Columns y of which the mean of y yᵀ is what the calibrations add: P = A⁻¹ + E[y yᵀ].
+  Eigen::MatrixXd added(rest_->size(), 0);
+  if (HoldsCalibrations()) {
+    std::mt19937_64 random(1);
+    const Eigen::MatrixXd draws = rest_->DrawColumns(kCalibrationDraws, random);
+    added = rest_->FollowBorder(
+                draws.middleRows(first_calibration_, first_mode_ - first_calibration_)) /
+            std::sqrt(kCalibrationDraws);
+  }
+  const auto block_of = [&](int a, int b, const Eigen::Matrix2d& held) -> Eigen::Matrix2d {
+    return held + added.middleRows<2>(first_mode_ + 2 * a) *
+                      added.middleRows<2>(first_mode_ + 2 * b).transpose();
+  };
   std::vector<std::pair<Eigen::Index, int>> modes;  // Row in the block, mode.
   rest_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
     modes.clear();
@@ -401,9 +441,10 @@ void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {
     for (std::size_t a = 0; a < modes.size() && modes[a].first < own; ++a) {
       const auto [row, mode] = modes[a];
       const Eigen::Matrix2d marginal = block.block<2, 2>(row, row);
-      visitor(mode, mode, Symmetrized(marginal));
+      visitor(mode, mode, block_of(mode, mode, Symmetrized(marginal)));
       for (std::size_t b = a + 1; b < modes.size(); ++b) {
-        visitor(mode, modes[b].second, block.block<2, 2>(row, modes[b].first));
+        const int other = modes[b].second;
+        visitor(mode, other, block_of(mode, other, block.block<2, 2>(row, modes[b].first)));
       }
     }
   });

@@ -48,6 +48,11 @@ class GraphElimination {
 
   std::unique_ptr<RestSystem> TakeRest() { return std::move(rest_); }
 
+  /// True if the system that this went on with has a factor in which the calibrations are held.
+  /// DrawModes() and ModeDifferenceCovariance() may then be had without Linearize(): they are those
+  /// given the calibrations, which runs that cross each other tell well.
+  bool HoldsCalibrations() const { return rest_ && rest_->HoldsBorder(); }
+
   /// Linearizes at the present values and eliminates. False if something is not determined.
   bool Linearize() { return LinearizeSegments() && rest_->Factorize(); }
 
@@ -70,6 +75,9 @@ class GraphElimination {
   /// A draw of the Gaussian around the last linearization.
   GraphStep Draw(std::mt19937_64& random) const;
 
+  /// As many draws.
+  std::vector<GraphStep> Draws(int count, std::mt19937_64& random) const;
+
   /// Joint covariance of the modes. [m²]
   Eigen::MatrixXd ModeCovariance() const;
 
@@ -85,12 +93,16 @@ class GraphElimination {
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const;
 
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
-  /// pairs in `together`, and others that come along. As costly as Linearize(). [m²]
+  /// pairs in `together`, and others that come along. As costly as Linearize(). Where calibrations
+  /// are held, what they add is the mean over draws of them (Rao-Blackwell). [m²]
   using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
   void VisitModeCovariance(const BlockVisitor& visitor) const;
 
   /// Joint covariance of all runs' calibrations, kRunCalibration rows a run.
   Eigen::MatrixXd CalibrationCovariance() const;
+
+  /// Its inverse times a matrix.
+  Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const;
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
   const std::vector<ObservationResidual>& observations() const { return observations_; }
@@ -108,6 +120,8 @@ class GraphElimination {
     Segment segment;
   };
 
+  int RestSize() const;
+  Border Calibrations() const;
   void MakeStretches();
   void AddMode(int mode, Stretch* stretch);
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;

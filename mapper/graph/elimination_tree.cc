@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/graph/elimination_tree.h"
 
-#include <Eigen/OrderingMethods>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <utility>
+
+#include "mapper/graph/elimination_order.h"
 
 namespace shiftmap {
 namespace {
@@ -13,32 +13,10 @@ namespace {
 constexpr int kNarrow = 24;            // [unknowns]
 constexpr double kMaxZeroShare = 0.2;  // [-]
 
-using Lists = std::vector<std::vector<int>>;
+// Up to as many nodes minimum degree is as good as nested dissection.
+constexpr int kMinDissected = 1500;
 
-// Nodes in the order of elimination.
-std::vector<int> MinimumDegreeOrder(int nodes, const Lists& cliques) {
-  Lists cliques_of(static_cast<std::size_t>(nodes));
-  for (std::size_t c = 0; c < cliques.size(); ++c) {
-    for (const int node : cliques[c]) {
-      cliques_of[static_cast<std::size_t>(node)].push_back(static_cast<int>(c));
-    }
-  }
-  std::vector<Eigen::Triplet<double>> entries;
-  std::vector<int> mark(static_cast<std::size_t>(nodes), -1);
-  for (int node = 0; node < nodes; ++node) {
-    for (const int c : cliques_of[static_cast<std::size_t>(node)]) {
-      for (const int other : cliques[static_cast<std::size_t>(c)]) {
-        if (std::exchange(mark[static_cast<std::size_t>(other)], node) == node) continue;
-        if (other <= node) entries.emplace_back(node, other, 1.0);
-      }
-    }
-  }
-  Eigen::SparseMatrix<double> pattern(nodes, nodes);
-  pattern.setFromTriplets(entries.begin(), entries.end());
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
-  Eigen::AMDOrdering<int>()(pattern, order);
-  return {order.indices().begin(), order.indices().end()};
-}
+using Lists = std::vector<std::vector<int>>;
 
 std::vector<int> Inverse(const std::vector<int>& order) {
   std::vector<int> position(order.size());
@@ -181,18 +159,22 @@ class FrontMaker {
 
 }  // namespace
 
-EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes, const Lists& cliques) {
+EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes,
+                                    const Lists& cliques,
+                                    bool local) {
   const auto nodes = static_cast<int>(node_sizes.size());
-  const std::vector<int> by_degree = MinimumDegreeOrder(nodes, cliques);
-  const Structure structure = Eliminate(Inverse(by_degree), cliques);
+  const std::vector<int> found = local && nodes >= kMinDissected
+                                     ? DissectionOrder(nodes, cliques)
+                                     : MinimumDegreeOrder(nodes, cliques);
+  const Structure structure = Eliminate(Inverse(found), cliques);
   const std::vector<int> place = Postorder(structure.parent);
 
   // The same structure by the positions of the postorder.
-  std::vector<int> order(by_degree.size());
-  Structure ordered{Lists(by_degree.size()), std::vector<int>(by_degree.size(), -1)};
-  for (std::size_t j = 0; j < by_degree.size(); ++j) {
+  std::vector<int> order(found.size());
+  Structure ordered{Lists(found.size()), std::vector<int>(found.size(), -1)};
+  for (std::size_t j = 0; j < found.size(); ++j) {
     const auto at = static_cast<std::size_t>(place[j]);
-    order[at] = by_degree[j];
+    order[at] = found[j];
     if (structure.parent[j] >= 0) {
       ordered.parent[at] = place[static_cast<std::size_t>(structure.parent[j])];
     }

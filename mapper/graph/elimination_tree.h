@@ -19,13 +19,15 @@ struct EliminationTree {
   std::vector<int> front_of_node;  ///< Where each node is eliminated.
 };
 
-/// A fill-reducing order (approximate minimum degree) of a system whose terms each couple the nodes
+/// A fill-reducing order (elimination_order.h) of a system whose terms each couple the nodes
 /// of a clique. Fronts that hardly differ from their parent are joined with it: a few zeros cost
 /// less than another front.
 /// @param node_sizes  Unknowns of each node.
 /// @param cliques     Nodes, each once in a clique.
+/// @param local       Nodes couple with near ones only: nested dissection if they are many.
 /// Deterministic.
 EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes,
-                                    const std::vector<std::vector<int>>& cliques);
+                                    const std::vector<std::vector<int>>& cliques,
+                                    bool local);
 
 }  // namespace shiftmap

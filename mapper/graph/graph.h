@@ -90,6 +90,9 @@ class GraphSolver {
   /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
   GraphSummary Solve(int max_iterations, Graph* graph);
 
+  /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
+  std::unique_ptr<RestSystem> TakeRest();
+
  private:
   std::unique_ptr<RestSystem> rest_;
 };
@@ -120,6 +123,11 @@ Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 /// range curvature [1/rad²]).
 /// Precondition: as ComputeModeCovariance().
 Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph);
+
+/// The inverse of that covariance times a matrix of as many rows. The covariance need not be known
+/// for that.
+Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
+                                                   const Eigen::MatrixXd& weights);
 
 /// The statistics at the graph's present values. The redundancy of each kind of residual is
 /// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the Gaussian around

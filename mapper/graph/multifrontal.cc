@@ -15,10 +15,34 @@ Eigen::Index Index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
 }  // namespace
 
-Multifrontal::Multifrontal(int size, const std::vector<SystemTerm>& terms) {
-  FindNodes(size, terms);
+Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& x) {
+  Eigen::MatrixXd y = Eigen::MatrixXd::Zero(x.rows(), x.cols());
+  Eigen::MatrixXd local;
+  for (const SystemTerm& term : terms) {
+    local.setZero(Index(term.index.size()), x.cols());
+    for (std::size_t i = 0; i < term.index.size(); ++i) {
+      if (term.index[i] >= 0) local.row(Index(i)) = x.row(term.index[i]);
+    }
+    local = (term.H.selfadjointView<Eigen::Lower>() * local).eval();
+    for (std::size_t i = 0; i < term.index.size(); ++i) {
+      if (term.index[i] >= 0) y.row(term.index[i]) += local.row(Index(i));
+    }
+  }
+  return y;
+}
+
+Multifrontal::Multifrontal(int size, const std::vector<SystemTerm>& terms, const Border& left_out)
+    : left_out_(left_out) {
+  const int inside = size - left_out.blocks * left_out.size;
+  FindNodes(inside, terms);
   MakeFactors(terms);
-  local_.resize(static_cast<std::size_t>(size));
+  local_.resize(static_cast<std::size_t>(inside));
+}
+
+// The number of an unknown among those that are not left out; -1 if it is.
+int Multifrontal::Inside(int unknown) const {
+  if (unknown < left_out_.begin || left_out_.blocks == 0) return unknown;
+  return unknown < left_out_.end() ? -1 : unknown - left_out_.blocks * left_out_.size;
 }
 
 // Consecutive unknowns that every term has together or not at all are one node.
@@ -31,10 +55,12 @@ void Multifrontal::FindNodes(int size, const std::vector<SystemTerm>& terms) {
     const auto has = [&](int unknown) {
       return unknown >= 0 && unknown < size && mark[static_cast<std::size_t>(unknown)] == term;
     };
-    for (const int unknown : terms[t].index) {
+    for (const int index : terms[t].index) {
+      const int unknown = Inside(index);
       if (unknown >= 0) mark[static_cast<std::size_t>(unknown)] = term;
     }
-    for (const int unknown : terms[t].index) {
+    for (const int index : terms[t].index) {
+      const int unknown = Inside(index);
       if (unknown < 0) continue;
       if (!has(unknown - 1)) begins[static_cast<std::size_t>(unknown)] = true;
       if (!has(unknown + 1)) begins[static_cast<std::size_t>(unknown) + 1] = true;
@@ -55,14 +81,15 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
   std::vector<std::vector<int>> cliques;
   for (const SystemTerm& term : terms) {
     std::vector<int> nodes;
-    for (const int unknown : term.index) {
+    for (const int index : term.index) {
+      const int unknown = Inside(index);
       if (unknown < 0) continue;
       const int node = node_of_[static_cast<std::size_t>(unknown)];
       if (node_begin_[static_cast<std::size_t>(node)] == unknown) nodes.push_back(node);
     }
     cliques.push_back(std::move(nodes));
   }
-  const EliminationTree tree = MakeEliminationTree(sizes, cliques);
+  const EliminationTree tree = MakeEliminationTree(sizes, cliques, left_out_.blocks > 0);
 
   place_.resize(node_of_.size());
   for (const Front& front : tree.fronts) {
@@ -110,7 +137,8 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
   for (std::size_t t = 0; t < terms.size(); ++t) {
     int first = static_cast<int>(place_.size());
     int node = -1;
-    for (const int unknown : terms[t].index) {
+    for (const int index : terms[t].index) {
+      const int unknown = Inside(index);
       if (unknown < 0 || place_[static_cast<std::size_t>(unknown)] >= first) continue;
       first = place_[static_cast<std::size_t>(unknown)];
       node = node_of_[static_cast<std::size_t>(unknown)];
@@ -144,7 +172,8 @@ bool Multifrontal::FactorizeFront(const std::vector<SystemTerm>& terms,
   for (const int t : factor.terms) {
     const SystemTerm& term = terms[static_cast<std::size_t>(t)];
     row.clear();
-    for (const int unknown : term.index) {
+    for (const int index : term.index) {
+      const int unknown = Inside(index);
       row.push_back(
           unknown < 0
               ? -1

@@ -15,6 +15,20 @@ struct SystemTerm {
   Eigen::MatrixXd H;       ///< The lower triangle counts.
 };
 
+/// Unknowns [begin, begin + blocks * size) of a system: blocks that do not couple with each other,
+/// but each with very many of the other unknowns.
+struct Border {
+  int begin = 0;
+  int blocks = 0;
+  int size = 0;  ///< Of a block.
+
+  int end() const { return begin + blocks * size; }
+  friend bool operator==(const Border&, const Border&) = default;
+};
+
+/// Σ terms times x, any number of columns.
+Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& x);
+
 /// Called with unknowns, how many of them are new, and their block of an inverse.
 using InverseVisitor =
     std::function<void(const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block)>;
@@ -27,9 +41,11 @@ using InverseVisitor =
 /// One thread; same input, same bits.
 class Multifrontal {
  public:
-  /// @param size   Number of unknowns.
-  /// @param terms  Their `index` tells the shape; values are not read.
-  Multifrontal(int size, const std::vector<SystemTerm>& terms);
+  /// @param size      Number of unknowns.
+  /// @param terms     Their `index` tells the shape; values are not read.
+  /// @param left_out  Unknowns whose rows and columns are left out: the factor is that of the
+  ///                  others, and so are right sides and solutions.
+  Multifrontal(int size, const std::vector<SystemTerm>& terms, const Border& left_out = {});
 
   /// Factors Σ terms. False if it is not positive definite.
   /// @param terms  With the indices that the constructor saw.
@@ -70,6 +86,7 @@ class Multifrontal {
     std::vector<int> terms;      // Added here.
   };
 
+  int Inside(int unknown) const;
   void FindNodes(int size, const std::vector<SystemTerm>& terms);
   void MakeFactors(const std::vector<SystemTerm>& terms);
   bool FactorizeFront(const std::vector<SystemTerm>& terms,
@@ -80,6 +97,7 @@ class Multifrontal {
   Eigen::MatrixXd Permuted(const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd BackSubstitute(Eigen::MatrixXd x) const;
 
+  Border left_out_;
   std::vector<int> node_of_;     // Per unknown.
   std::vector<int> node_begin_;  // Per node its first unknown, and the number of unknowns.
   std::vector<int> place_;       // Per unknown its place in the order of elimination.

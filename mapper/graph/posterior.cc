@@ -102,6 +102,13 @@ Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph) {
   return elimination.CalibrationCovariance();
 }
 
+Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
+                                                   const Eigen::MatrixXd& weights) {
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  return elimination.CalibrationInformationTimes(weights);
+}
+
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      int samples,
                                                      std::uint64_t seed) {
@@ -109,8 +116,7 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
   GraphElimination elimination(graph);
   SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   std::mt19937_64 random(seed);
-  std::vector<GraphStep> draws;
-  for (int i = 0; i < samples; ++i) draws.push_back(elimination.Draw(random));
+  const std::vector<GraphStep> draws = elimination.Draws(samples, random);
   std::vector<ResidualStatistics> statistics(graph.runs.size());
   CountMotions(graph, elimination, draws, &statistics);
   CountObservations(graph, elimination, draws, &statistics);

@@ -5,6 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "proto/core/check.h"
+
 namespace shiftmap {
 namespace {
 
@@ -19,12 +21,16 @@ constexpr int kMaxIterations = 8;
 // Slower than this, per iteration in the squared norm, they do not get there.
 constexpr double kLeastProgress = 0.1;
 
+// Blocks of a border from which on it is left out of the factor.
+constexpr int kMinBorder = 24;
+
 // Right sides solved at once: as many as a cache holds.
 constexpr Eigen::Index kColumns = 64;
 
 }  // namespace
 
-RestSystem::RestSystem(int size) : b_(Eigen::VectorXd::Zero(size)) {
+RestSystem::RestSystem(int size, const Border& border)
+    : b_(Eigen::VectorXd::Zero(size)), border_(border), bordered_(size, border) {
   if (dense()) H_.setZero(size, size);
 }
 
@@ -50,12 +56,12 @@ void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eig
   if (dense()) return;
   if (added_ == terms_.size()) {
     terms_.push_back({index, std::move(H)});
-    factor_.reset();
+    Forget();
   } else {
     SystemTerm& term = terms_[added_];
     if (term.index != index) {
       term.index = index;
-      factor_.reset();
+      Forget();
     }
     term.H = std::move(H);
   }
@@ -68,44 +74,42 @@ bool RestSystem::Factorize() {
     return dense_.info() == Eigen::Success;
   }
   Shape();
+  if (border_.blocks >= kMinBorder) return bordered_.Factorize(terms_);
   if (!factor_) factor_ = std::make_unique<Multifrontal>(size(), terms_);
   has_factor_ = factor_->Factorize(terms_);
   for (SystemTerm& term : terms_) term.H.resize(0, 0);
   return has_factor_;
 }
 
+bool RestSystem::HoldsBorder() const {
+  return !dense() && !(factor_ && has_factor_) && bordered_.has_factor();
+}
+
+void RestSystem::Forget() {
+  factor_.reset();
+  bordered_.Forget();
+}
+
 // Forgets a factor of another shape.
 void RestSystem::Shape() {
   if (added_ == terms_.size()) return;
   terms_.resize(added_);
-  factor_.reset();
+  Forget();
 }
 
 std::optional<Eigen::VectorXd> RestSystem::SolveSimilar() {
   if (!dense()) {
     Shape();
+    if (border_.blocks >= kMinBorder) {
+      if (std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b_)) return x->col(0);
+      return std::nullopt;
+    }
     if (factor_ && has_factor_) {
       if (std::optional<Eigen::VectorXd> x = ConjugateGradients()) return x;
     }
   }
   if (!Factorize()) return std::nullopt;
   return Solve();
-}
-
-Eigen::VectorXd RestSystem::Times(const Eigen::VectorXd& x) const {
-  Eigen::VectorXd y = Eigen::VectorXd::Zero(x.size());
-  Eigen::VectorXd local;
-  for (const SystemTerm& term : terms_) {
-    local.resize(static_cast<Eigen::Index>(term.index.size()));
-    for (std::size_t i = 0; i < term.index.size(); ++i) {
-      local[static_cast<Eigen::Index>(i)] = term.index[i] < 0 ? 0.0 : x[term.index[i]];
-    }
-    local = (term.H.selfadjointView<Eigen::Lower>() * local).eval();
-    for (std::size_t i = 0; i < term.index.size(); ++i) {
-      if (term.index[i] >= 0) y[term.index[i]] += local[static_cast<Eigen::Index>(i)];
-    }
-  }
-  return y;
 }
 
 // Hestenes and Stiefel, preconditioned. Nothing if it does not get there.
@@ -117,7 +121,7 @@ std::optional<Eigen::VectorXd> RestSystem::ConjugateGradients() const {
   const double enough = kTolerance * kTolerance * squared;
   double slow = squared;
   for (int i = 0; i < kMaxIterations && squared > enough; ++i) {
-    const Eigen::VectorXd image = Times(direction);
+    const Eigen::VectorXd image = Times(terms_, direction);
     const double curvature = direction.dot(image);
     if (!(curvature > 0.0)) return std::nullopt;
     const double length = squared / curvature;
@@ -136,11 +140,17 @@ std::optional<Eigen::VectorXd> RestSystem::ConjugateGradients() const {
 
 Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
   if (dense()) return dense_.solve(b);
+  if (HoldsBorder()) {
+    std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b);
+    SHIFTMAP_CHECK(x, "a system of {} unknowns is too badly conditioned", size());
+    return *std::move(x);
+  }
   return factor_->Solve(b);
 }
 
 Eigen::MatrixXd RestSystem::QuadraticForm(const std::vector<int>& index,
                                           const Eigen::MatrixXd& weights) const {
+  if (HoldsBorder()) return bordered_.QuadraticForm(index, weights);
   if (!dense()) return factor_->QuadraticForm(index, weights);
   Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size(), weights.cols());
   for (std::size_t i = 0; i < index.size(); ++i) {
@@ -152,7 +162,22 @@ Eigen::MatrixXd RestSystem::QuadraticForm(const std::vector<int>& index,
 
 Eigen::MatrixXd RestSystem::Draw(const Eigen::MatrixXd& z) const {
   if (dense()) return dense_.matrixU().solve(z);
+  if (HoldsBorder()) return bordered_.SolveUpper(z);
   return factor_->SolveUpper(z);
+}
+
+Eigen::MatrixXd RestSystem::DrawColumns(int columns, std::mt19937_64& random) {
+  std::optional<Eigen::MatrixXd> x = bordered_.Draw(terms_, columns, random);
+  SHIFTMAP_CHECK(x, "a system of {} unknowns is too badly conditioned", size());
+  return *std::move(x);
+}
+
+Eigen::MatrixXd RestSystem::BorderInformationTimes(const Eigen::MatrixXd& E) const {
+  if (HoldsBorder()) return bordered_.BorderInformationTimes(terms_, E);
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(size(), E.rows());
+  unit.middleRows(border_.begin, E.rows()).setIdentity();
+  const Eigen::MatrixXd covariance = SolveFor(unit).middleRows(border_.begin, E.rows());
+  return covariance.llt().solve(E);
 }
 
 Eigen::MatrixXd RestSystem::TailCovariance(int size) const {
@@ -168,6 +193,10 @@ Eigen::MatrixXd RestSystem::TailCovariance(int size) const {
 }
 
 void RestSystem::VisitInverse(const InverseVisitor& visitor) const {
+  if (HoldsBorder()) {
+    bordered_.VisitInverse(visitor);
+    return;
+  }
   if (!dense()) {
     factor_->VisitInverse(visitor);
     return;

@@ -5,8 +5,10 @@
 #include <Eigen/Core>
 #include <memory>
 #include <optional>
+#include <random>
 #include <vector>
 
+#include "mapper/graph/bordered_solver.h"
 #include "mapper/graph/multifrontal.h"
 
 namespace shiftmap {
@@ -15,8 +17,10 @@ namespace shiftmap {
 /// Cholesky: dense while small, multifrontal with a fill-reducing order beyond.
 class RestSystem {
  public:
-  explicit RestSystem(int size);
+  /// @param border  Unknowns that SolveSimilar() is to leave out of a factor if they are many.
+  explicit RestSystem(int size, const Border& border = {});
 
+  const Border& border() const { return border_; }
   int size() const { return static_cast<int>(b_.size()); }
 
   /// Takes all blocks away. Adding as many over the same unknowns again spares finding an order.
@@ -27,13 +31,18 @@ class RestSystem {
   /// @param H  Its lower triangle counts.
   void Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b);
 
-  /// Adds up what is there. False if the system is not positive definite.
+  /// Adds up what is there. False if the system is not positive definite. With a border of very
+  /// many blocks the factor is without it (HoldsBorder).
   bool Factorize();
 
   /// H⁻¹ b without Factorize(), to a millionth: by conjugate gradients on the factor of an earlier,
   /// similar H if there is one of the same shape, with a factor of its own where these are slow.
   /// Nothing if the system is not positive definite.
   std::optional<Eigen::VectorXd> SolveSimilar();
+
+  /// True if there is no factor but one, of an earlier, similar H, without the border: Draw() and
+  /// QuadraticForm() are then those of the system with the border held at zero.
+  bool HoldsBorder() const;
 
   /// H⁻¹ b. Precondition, here and in what follows: Factorize() succeeded.
   Eigen::VectorXd Solve() const { return SolveFor(b_); }
@@ -49,6 +58,19 @@ class RestSystem {
   /// L⁻ᵀ z, any number of columns: a draw of N(0, H⁻¹) if z is one of N(0, I).
   Eigen::MatrixXd Draw(const Eigen::MatrixXd& z) const;
 
+  /// Draws of N(0, H⁻¹), a column each, the border included. Precondition: HoldsBorder().
+  Eigen::MatrixXd DrawColumns(int columns, std::mt19937_64& random);
+
+  /// -A⁻¹ B c, how the others follow the border. Precondition: HoldsBorder(), with a factor of its
+  /// own.
+  Eigen::MatrixXd FollowBorder(const Eigen::MatrixXd& c) const {
+    return bordered_.FollowBorder(terms_, c);
+  }
+
+  /// The information about the border, all others unknown, times a matrix: the inverse of that part
+  /// of H⁻¹, which need not be known.
+  Eigen::MatrixXd BorderInformationTimes(const Eigen::MatrixXd& E) const;
+
   /// The lower right `size` x `size` block of H⁻¹.
   Eigen::MatrixXd TailCovariance(int size) const;
 
@@ -58,11 +80,13 @@ class RestSystem {
 
  private:
   bool dense() const;
+  void Forget();
   void Shape();
-  Eigen::VectorXd Times(const Eigen::VectorXd& x) const;
   std::optional<Eigen::VectorXd> ConjugateGradients() const;
 
   Eigen::VectorXd b_;
+  Border border_;
+  mutable BorderedSolver bordered_;    // If not dense.
   Eigen::MatrixXd H_;                  // If dense.
   Eigen::LLT<Eigen::MatrixXd> dense_;  // If dense.
   std::vector<SystemTerm> terms_;      // If not; those from added_ on are of before Clear().

@@ -20,15 +20,66 @@ constexpr double kCostTolerance = 1e-5;
 // A step that does not help is halved as often; then steps are damped.
 constexpr int kMaxHalvings = 3;
 
+// Takes the rigid motion of the modes as a whole out of a step, and out of the poses with it. No
+// residual changes by a rigid motion of everything, but a long one is none: modes go straight where
+// they ought to turn. A step that holds the first pose of one run has one whenever the start of
+// that run, by which it hangs on everything else, is turned against it.
+void TakeOutRigidMotion(const Graph& graph, GraphStep* step) {
+  const auto count = static_cast<double>(graph.modes.size());
+  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    centroid += graph.modes[m] / count;
+    shift += step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) / count;
+  }
+  double turning = 0.0;
+  double spread = 0.0;
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    const Eigen::Vector2d q = graph.modes[m] - centroid;
+    const Eigen::Vector2d moved = step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) - shift;
+    turning += q.x() * moved.y() - q.y() * moved.x();
+    spread += q.squaredNorm();
+  }
+  const double turn = spread > 0.0 ? turning / spread : 0.0;
+  const auto motion_at = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
+    const Eigen::Vector2d q = p - centroid;
+    return shift + turn * Eigen::Vector2d(-q.y(), q.x());
+  };
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) -= motion_at(graph.modes[m]);
+  }
+  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+    for (std::size_t i = 0; i < graph.runs[r].poses.size(); ++i) {
+      const Se2& T_map_vehicle = graph.runs[r].poses[i];
+      auto xi = step->poses[r].segment<3>(static_cast<Eigen::Index>(3 * i));
+      xi.head<2>() -= T_map_vehicle.Rotation().transpose() * motion_at(T_map_vehicle.translation());
+      xi[2] -= turn;
+    }
+  }
+}
+
+// Moves everything rigidly so that the pose that fixes the frame is where it was.
+void HoldFrame(const Se2& T_map_anchor, Graph* graph) {
+  Se2& anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
+  const Se2 T_map_moved = T_map_anchor * anchor.Inverse();
+  for (GraphRun& run : graph->runs) {
+    for (Se2& pose : run.poses) pose = T_map_moved * pose;
+  }
+  for (Eigen::Vector2d& mode : graph->modes) mode = T_map_moved * mode;
+  anchor = T_map_anchor;
+}
+
 // Gauss-Newton from a linearization until the cost stays. False if a step is not determined or does
 // not go down; the graph is then where it was before that step.
 bool GaussNewton(int max_iterations,
                  GraphElimination* elimination,
                  Graph* graph,
                  GraphSummary* summary) {
+  const bool floats = graph->prior.modes.empty() && !graph->modes.empty();
   while (summary->iterations < max_iterations && !summary->converged) {
     std::optional<GraphStep> step = elimination->SimilarStep();
     if (!step) return false;
+    if (floats) TakeOutRigidMotion(*graph, &*step);
     Apply(*step, graph);
     ++summary->iterations;
     bool down = elimination->LinearizeSegments() &&
@@ -90,15 +141,19 @@ void DampedGaussNewton(int max_iterations,
 GraphSolver::GraphSolver() = default;
 GraphSolver::~GraphSolver() = default;
 
+std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
+
 GraphSummary GraphSolver::Solve(int max_iterations, Graph* graph) {
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;
   if (!elimination.LinearizeSegments()) return SolveGraphByTrustRegion(max_iterations, graph);
   summary.initial_cost = elimination.cost();
   summary.final_cost = elimination.cost();
+  const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
   if (!GaussNewton(max_iterations, &elimination, graph, &summary)) {
     DampedGaussNewton(max_iterations, &elimination, graph, &summary);
   }
+  if (graph->prior.modes.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();
   return summary;
 }

@@ -9,10 +9,13 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <map>
 #include <set>
 #include <utility>
 
 #include "mapper/mapper.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/run/trajectory.h"
 #include "tools/sim/open_world.h"
 
 namespace shiftmap {
@@ -48,7 +51,7 @@ OpenWorldOptions SiteOptions(const ScaleOptions& options, int key_frames) {
   OpenWorldOptions site;
   site.seed = options.seed;
   site.runs = std::max(1, key_frames / options.key_frames_per_run);
-  site.duration_s = key_frames / site.runs / kScanRate;
+  site.duration_s = static_cast<double>(key_frames) / site.runs / kScanRate;
   site.scan_rate_hz = kScanRate;
   site.groups = std::clamp(key_frames / options.key_frames_per_group, 20, options.max_groups);
   site.size_m = std::sqrt(kSquareMetres * site.groups);
@@ -56,12 +59,82 @@ OpenWorldOptions SiteOptions(const ScaleOptions& options, int key_frames) {
   return site;
 }
 
+using Place = std::pair<std::size_t, ModeNumber>;  // Of a landmark, by its index.
+
+// Adds the places of landmarks that a run saw well enough for a mode: in one visit as often as one
+// needs.
+void AddSeen(const SimulatedRun& run,
+             const std::map<Signature, std::size_t>& index,
+             const MapperOptions& mapper,
+             std::set<Place>* seen) {
+  struct Visit {
+    Stamp last;
+    int sightings = 0;
+  };
+  std::map<std::size_t, Visit> visits;
+  for (const Scan& scan : run.run.scans) {
+    for (const Observation& observation : scan.observations) {
+      const std::size_t group = index.at(observation.signature);
+      Visit& visit = visits[group];
+      const bool goes_on =
+          visit.sightings > 0 && ToSeconds(scan.stamp - visit.last) <= mapper.front_end.visit_gap_s;
+      visit = {scan.stamp, goes_on ? visit.sightings + 1 : 1};
+      if (visit.sightings == mapper.modes.min_sightings) {
+        seen->emplace(group, run.active_mode[group]);
+      }
+    }
+  }
+}
+
+// Errors of a map's modes against the nearest true place of their landmark.
+Status Score(const MapContent& content,
+             const std::map<Signature, std::size_t>& index,
+             const std::vector<SimulatedGroup>& truth,
+             const Se2& T_truth_start,
+             ScaleRow* row) {
+  std::vector<PointPair> pairs;
+  std::vector<Eigen::Matrix2d> covariances;
+  for (const LandmarkGroup& group : content.groups) {
+    const std::vector<Eigen::Vector2d>& places = truth[index.at(group.signature)].modes;
+    for (const Mode& mode : group.modes) {
+      const Eigen::Vector2d p = T_truth_start * mode.p_map_landmark;
+      const auto nearest =
+          std::min_element(places.begin(), places.end(), [&](const auto& a, const auto& b) {
+            return (a - p).squaredNorm() < (b - p).squaredNorm();
+          });
+      pairs.push_back({mode.p_map_landmark, *nearest});
+      covariances.push_back(mode.cov_p_map_landmark);
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_map_truth, AlignRigid2d(pairs));
+  double squares = 0.0;
+  double nees = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::Vector2d error = pairs[i].p_a - T_map_truth * pairs[i].p_b;
+    squares += error.squaredNorm();
+    nees += SquaredMahalanobis(error, covariances[i]);
+  }
+  const auto count = static_cast<double>(pairs.size());
+  row->rms_m = std::sqrt(squares / count);
+  row->nees = nees / count;
+  return OkStatus();
+}
+
 StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   SHIFTMAP_ASSIGN_OR_RETURN(SimulatedWorld world, SimulateOpen(SiteOptions(options, key_frames)));
   ScaleRow row;
-  std::set<std::pair<std::size_t, ModeNumber>> places;
+  MapperOptions mapper;
+  mapper.threads = options.threads;
+  mapper.sd_range_scale = 0.0;  // Simulated sensors have the same scale, which is right.
+  std::map<Signature, std::size_t> index;
+  for (std::size_t g = 0; g < world.groups.size(); ++g) index[world.groups[g].signature] = g;
+  const std::vector<SimulatedGroup> truth = world.groups;
+  const Se2 T_truth_start = world.runs.front().truth.front().T_map_vehicle;
+  std::set<Place> places;
+  std::set<Place> seen;
   std::vector<MapperInput> inputs;
   for (SimulatedRun& run : world.runs) {
+    AddSeen(run, index, mapper, &seen);
     for (std::size_t group = 0; group < run.active_mode.size(); ++group) {
       if (run.active_mode[group] != kAbsent) places.emplace(group, run.active_mode[group]);
     }
@@ -70,11 +143,10 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   }
   world = SimulatedWorld();
   row.true_modes = static_cast<int>(places.size());
+  row.seen_modes = static_cast<int>(seen.size());
   row.logs_mib = ResidentMib();
   const auto wall_begin = std::chrono::steady_clock::now();
   const double begin = ProcessorSeconds();
-  MapperOptions mapper;
-  mapper.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
                             BuildMap(std::move(inputs), std::nullopt, mapper));
   row.build_s = ProcessorSeconds() - begin;
@@ -86,6 +158,7 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   for (const LandmarkGroup& group : result.content.groups) {
     row.modes += static_cast<int>(group.modes.size());
   }
+  SHIFTMAP_RETURN_IF_ERROR(Score(result.content, index, truth, T_truth_start, &row));
   row.us_per_frame = 1e6 * row.build_s / std::max(1, row.key_frames);
   row.peak_mib = PeakMib();
   return row;

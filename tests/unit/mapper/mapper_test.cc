@@ -146,6 +146,22 @@ TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
   EXPECT_EQ(result.runs[0].name, "run-0");
 }
 
+// Also if it is the run that sees most landmarks, with which the map would begin.
+TEST(BuildMap, ALargeRunOfAnotherPlaceDoesNotTakeThePlaceOfTheOthers) {
+  OpenWorldOptions elsewhere = SmallWorld(19);
+  elsewhere.groups = 20;
+  elsewhere.size_m = 18.0;
+  std::vector<MapperInput> inputs = testing::Inputs(Simulate(SmallWorld(13)));
+  ASSERT_GE(inputs.size(), 2u);
+  MapperInput stranger = testing::Inputs(Simulate(elsewhere))[0];
+  stranger.name = "stranger";
+  inputs.insert(inputs.begin(), stranger);
+  const MapperResult result = Build(inputs);
+  EXPECT_EQ(result.runs.size(), inputs.size() - 1);
+  ASSERT_EQ(result.rejected.size(), 1u);
+  EXPECT_EQ(result.rejected[0].name, "stranger");
+}
+
 TEST(BuildMap, NothingToBuildFromIsAnError) {
   EXPECT_THAT(BuildMap({}, std::nullopt, {}), StatusIs(StatusCode::kInvalidArgument, "no runs"));
 

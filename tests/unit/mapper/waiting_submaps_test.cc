@@ -124,6 +124,22 @@ TEST(WaitingSubmaps, OneThatWasSetAsideWaitsForOtherModesOfItsGroups) {
   EXPECT_EQ(submaps.Next(), 0u);
 }
 
+TEST(WaitingSubmaps, IsRightAfterTheMapHasLostModes) {
+  MapProblem problem;
+  problem.modes.resize(kGroups);
+  AddToMap({1, 2, 3, 4, 5}, &problem);
+  WaitingSubmaps submaps = Waiting({{1, 2, 3}, {4, 5, 6}}, problem);
+  ASSERT_EQ(submaps.Next(), std::optional<std::size_t>(0));
+  submaps.SetAside(0);
+  ASSERT_EQ(submaps.Next(), std::optional<std::size_t>(1));
+  submaps.SetAside(1);
+  ASSERT_EQ(submaps.Next(), std::nullopt);
+  problem.modes[1].clear();
+  problem.modes[2].clear();
+  submaps.Recount(problem);
+  EXPECT_EQ(submaps.Next(), std::optional<std::size_t>(1));
+}
+
 TEST(WaitingSubmaps, TheOrderOfPlacesDoesNotDependOnTheOrderOfSubmaps) {
   // All shared counts differ: submap i has 3 + i groups, all of them in the map.
   std::mt19937_64 random(testing::TestSeed(93));

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/bordered_solver.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace shiftmap {
+namespace {
+
+// Relative error of the solution in the norm of the preconditioner.
+constexpr double kTolerance = 1e-4;
+
+// Iterations on an earlier factor that cost less than another one, and on a factor of its own until
+// a factor with the border in it is better.
+constexpr int kMaxSimilar = 40;
+constexpr int kMaxIterations = 200;
+
+}  // namespace
+
+void BorderedSolver::Forget() {
+  inner_.reset();
+  has_factor_ = false;
+}
+
+std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTerm>& terms,
+                                                     const Eigen::MatrixXd& b) {
+  if (!FactorizeBorder(terms)) return std::nullopt;
+  if (has_factor()) {
+    if (std::optional<Eigen::MatrixXd> x = ConjugateGradients(terms, b, kMaxSimilar)) return x;
+  }
+  if (!Factorize(terms)) return std::nullopt;
+  return ConjugateGradients(terms, b, kMaxIterations);
+}
+
+bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
+  if (!inner_) inner_ = std::make_unique<Multifrontal>(size_, terms, border_);
+  has_factor_ = inner_->Factorize(terms);
+  return has_factor_ && FactorizeBorder(terms);
+}
+
+std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,
+                                                    int columns,
+                                                    std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd b = Eigen::MatrixXd::Zero(size_, columns);
+  for (const SystemTerm& term : terms) {
+    const Eigen::MatrixXd H = term.H.selfadjointView<Eigen::Lower>();
+    const Eigen::LDLT<Eigen::MatrixXd> ldlt(H);
+    Eigen::MatrixXd z(H.rows(), columns);
+    for (double& value : z.reshaped()) value = normal(random);
+    z = ldlt.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal() * z;
+    z = ldlt.transpositionsP().transpose() * Eigen::MatrixXd(ldlt.matrixL() * z);
+    for (std::size_t i = 0; i < term.index.size(); ++i) {
+      if (term.index[i] >= 0) b.row(term.index[i]) += z.row(static_cast<Eigen::Index>(i));
+    }
+  }
+  return Solve(terms, b);
+}
+
+Eigen::MatrixXd BorderedSolver::BorderInformationTimes(const std::vector<SystemTerm>& terms,
+                                                       const Eigen::MatrixXd& E) const {
+  Eigen::MatrixXd x = FollowBorder(terms, E);
+  x.middleRows(border_.begin, E.rows()) = E;
+  return Times(terms, x).middleRows(border_.begin, E.rows());
+}
+
+Eigen::MatrixXd BorderedSolver::FollowBorder(const std::vector<SystemTerm>& terms,
+                                             const Eigen::MatrixXd& c) const {
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
+  x.middleRows(border_.begin, c.rows()) = c;
+  return -SolveInner(Times(terms, x));
+}
+
+void BorderedSolver::VisitInverse(const InverseVisitor& visitor) const {
+  std::vector<int> outer;
+  inner_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& Z) {
+    outer.clear();
+    for (const int unknown : unknowns) {
+      outer.push_back(unknown < border_.begin ? unknown : unknown + border_.blocks * border_.size);
+    }
+    visitor(outer, own, Z);
+  });
+}
+
+bool BorderedSolver::FactorizeBorder(const std::vector<SystemTerm>& terms) {
+  std::vector<Eigen::MatrixXd> C(static_cast<std::size_t>(border_.blocks),
+                                 Eigen::MatrixXd::Zero(border_.size, border_.size));
+  for (const SystemTerm& term : terms) {
+    for (std::size_t j = 0; j < term.index.size(); ++j) {
+      const int column = term.index[j] - border_.begin;
+      if (column < 0 || term.index[j] >= border_.end()) continue;
+      Eigen::MatrixXd& block = C[static_cast<std::size_t>(column / border_.size)];
+      for (std::size_t i = j; i < term.index.size(); ++i) {
+        const int row = term.index[i] - border_.begin;
+        if (row < 0 || term.index[i] >= border_.end()) continue;
+        block(std::max(row, column) % border_.size, std::min(row, column) % border_.size) +=
+            term.H(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+      }
+    }
+  }
+  blocks_.clear();
+  for (const Eigen::MatrixXd& block : C) {
+    if (blocks_.emplace_back(block).info() != Eigen::Success) return false;
+  }
+  return true;
+}
+
+// C⁻¹ in the rows of the border, zero in the others.
+Eigen::MatrixXd BorderedSolver::SolveBorder(const Eigen::MatrixXd& c) const {
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
+  for (int block = 0; block < border_.blocks; ++block) {
+    const int row = border_.begin + block * border_.size;
+    x.middleRows(row, border_.size) =
+        blocks_[static_cast<std::size_t>(block)].solve(c.middleRows(row, border_.size));
+  }
+  return x;
+}
+
+// b - [B; C] C⁻¹ b_c, which is zero in the rows of the border.
+Eigen::MatrixXd BorderedSolver::Reduce(const std::vector<SystemTerm>& terms,
+                                       const Eigen::MatrixXd& b) const {
+  Eigen::MatrixXd reduced = b - Times(terms, SolveBorder(b));
+  reduced.middleRows(border_.begin, border_.end() - border_.begin).setZero();
+  return reduced;
+}
+
+// The rows that are not in the border.
+Eigen::MatrixXd BorderedSolver::Inner(const Eigen::MatrixXd& x) const {
+  const Eigen::Index below = size_ - border_.end();
+  Eigen::MatrixXd inner(border_.begin + below, x.cols());
+  inner << x.topRows(border_.begin), x.bottomRows(below);
+  return inner;
+}
+
+// The same with zeros in the border.
+Eigen::MatrixXd BorderedSolver::Outer(const Eigen::MatrixXd& inner) const {
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, inner.cols());
+  x.topRows(border_.begin) = inner.topRows(border_.begin);
+  x.bottomRows(size_ - border_.end()) = inner.bottomRows(size_ - border_.end());
+  return x;
+}
+
+Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,
+                                              const Eigen::MatrixXd& weights) const {
+  std::vector<int> rows;
+  std::vector<int> unknowns;
+  for (std::size_t i = 0; i < index.size(); ++i) {
+    if (index[i] >= border_.begin && index[i] < border_.end()) continue;
+    rows.push_back(static_cast<int>(i));
+    unknowns.push_back(index[i] < border_.begin ? index[i]
+                                                : index[i] - border_.blocks * border_.size);
+  }
+  return inner_->QuadraticForm(unknowns, weights(rows, Eigen::all));
+}
+
+Eigen::MatrixXd BorderedSolver::SolveUpper(const Eigen::MatrixXd& z) const {
+  return Outer(inner_->SolveUpper(Inner(z)));
+}
+
+// A⁻¹ b outside the border.
+Eigen::MatrixXd BorderedSolver::SolveInner(const Eigen::MatrixXd& b) const {
+  return Outer(inner_->Solve(Inner(b)));
+}
+
+// Each column by itself, side by side.
+std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
+    const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& b, int max_iterations) const {
+  const auto dots = [](const Eigen::MatrixXd& u, const Eigen::MatrixXd& v) -> Eigen::ArrayXd {
+    return u.cwiseProduct(v).colwise().sum().transpose();
+  };
+  // Columns that are done, or zero, stay.
+  const auto ratio = [](const Eigen::ArrayXd& u, const Eigen::ArrayXd& v) -> Eigen::ArrayXd {
+    return (v > 0.0).select(u / v, 0.0);
+  };
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, b.cols());
+  Eigen::MatrixXd residual = Reduce(terms, b);
+  Eigen::MatrixXd direction = SolveInner(residual);
+  Eigen::ArrayXd squared = dots(residual, direction);
+  const Eigen::ArrayXd enough = kTolerance * kTolerance * squared;
+  for (int i = 0; i < max_iterations && (squared > enough).any(); ++i) {
+    const Eigen::MatrixXd image = Reduce(terms, Times(terms, direction));
+    const Eigen::ArrayXd curvature = dots(direction, image);
+    if ((curvature < 0.0).any() || !curvature.allFinite()) return std::nullopt;
+    const Eigen::ArrayXd length = ratio(squared, curvature);
+    x += direction * length.matrix().asDiagonal();
+    residual -= image * length.matrix().asDiagonal();
+    const Eigen::MatrixXd preconditioned = SolveInner(residual);
+    const Eigen::ArrayXd next = dots(residual, preconditioned);
+    direction = preconditioned + direction * ratio(next, squared).matrix().asDiagonal();
+    squared = next;
+  }
+  if (!(squared <= enough).all()) return std::nullopt;
+  // The border, given the others.
+  return x + SolveBorder(b - Times(terms, x));
+}
+
+}  // namespace shiftmap

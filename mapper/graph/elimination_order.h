@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+namespace shiftmap {
+
+/// In which order to eliminate nodes so that few entries of a factor are filled: approximate
+/// minimum degree (Amestoy, Davis, Duff 1996).
+/// @param cliques  Nodes that couple with each other, each list a clique.
+std::vector<int> MinimumDegreeOrder(int nodes, const std::vector<std::vector<int>>& cliques);
+
+/// The same by nested dissection (George 1973): a few nodes that take the rest apart are last, and
+/// so on in either part. Better than minimum degree where nodes are many and couple with near ones
+/// only, as they do on a floor. Parts are found by breadth-first search: all nodes as far from one
+/// at the edge as half of the nodes are.
+std::vector<int> DissectionOrder(int nodes, const std::vector<std::vector<int>>& cliques);
+
+}  // namespace shiftmap

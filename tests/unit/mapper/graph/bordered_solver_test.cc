@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/bordered_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "tests/support/random_map.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kBefore = 90;  // Unknowns before the border, and after it.
+constexpr int kAfter = 60;
+constexpr Border kBorder{kBefore, 30, 3};
+constexpr int kSize = kBefore + 90 + kAfter;
+
+struct System {
+  std::vector<SystemTerm> terms;
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(kSize, kSize);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(kSize);
+};
+
+// Terms over near unknowns outside the border and one of its blocks.
+System RandomSystem(std::mt19937_64& random) {
+  System system;
+  std::normal_distribution<double> normal;
+  const auto outside = [](int i) { return i < kBefore ? i : i + kBorder.end() - kBefore; };
+  for (int t = 0; t < 300; ++t) {
+    SystemTerm term;
+    for (int k = 0; k < 4; ++k) term.index.push_back(outside((t + k) % (kBefore + kAfter)));
+    for (int k = 0; k < kBorder.size; ++k) {
+      term.index.push_back(kBorder.begin + (t / 10) * kBorder.size + k);
+    }
+    term.index.push_back(-1);
+    const auto size = static_cast<Eigen::Index>(term.index.size());
+    const Eigen::MatrixXd A =
+        Eigen::MatrixXd::NullaryExpr(size, size, [&](auto, auto) { return normal(random); });
+    term.H = A * A.transpose();
+    for (Eigen::Index i = 0; i + 1 < size; ++i) {
+      for (Eigen::Index j = 0; j + 1 < size; ++j) {
+        system.dense(term.index[static_cast<std::size_t>(i)],
+                     term.index[static_cast<std::size_t>(j)]) += term.H(i, j);
+      }
+    }
+    system.terms.push_back(std::move(term));
+  }
+  for (double& value : system.b) value = normal(random);
+  return system;
+}
+
+// The dense system without the border.
+Eigen::MatrixXd Held(const System& system) {
+  std::vector<int> rows;
+  for (int i = 0; i < kSize; ++i) {
+    if (i < kBorder.begin || i >= kBorder.end()) rows.push_back(i);
+  }
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(kSize, kSize);
+  const Eigen::MatrixXd A = system.dense(rows, rows);
+  const Eigen::MatrixXd inverse_A = A.inverse();
+  inverse(rows, rows) = inverse_A;
+  return inverse;
+}
+
+TEST(BorderedSolver, SolvesLikeADenseMatrixAndOnAnOldFactor) {
+  std::mt19937_64 random(testing::TestSeed(75));
+  System system = RandomSystem(random);
+  BorderedSolver solver(kSize, kBorder);
+  for (const double scale : {1.0, 1.3}) {
+    for (std::size_t t = 0; t < system.terms.size(); t += 2) {
+      for (std::size_t i = 0; i + 1 < system.terms[t].index.size(); ++i) {
+        for (std::size_t j = 0; j + 1 < system.terms[t].index.size(); ++j) {
+          system.dense(system.terms[t].index[i], system.terms[t].index[j]) +=
+              (scale - 1.0) *
+              system.terms[t].H(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        }
+      }
+      system.terms[t].H *= scale;
+    }
+    const Eigen::VectorXd expected = system.dense.llt().solve(system.b);
+    const auto x = solver.Solve(system.terms, system.b);
+    ASSERT_TRUE(x.has_value());
+    const Eigen::VectorXd error = x->col(0) - expected;
+    EXPECT_LT(error.dot(system.dense * error), 1e-6 * expected.dot(system.dense * expected));
+  }
+}
+
+TEST(BorderedSolver, DrawsHaveTheCovariance) {
+  std::mt19937_64 random(testing::TestSeed(76));
+  const System system = RandomSystem(random);
+  BorderedSolver solver(kSize, kBorder);
+  constexpr int kDraws = 2000;
+  const auto draws = solver.Draw(system.terms, kDraws, random);
+  ASSERT_TRUE(draws.has_value());
+  // x ~ N(0, H⁻¹): xᵀ H x is χ² of as many degrees of freedom as there are unknowns.
+  const Eigen::VectorXd squares =
+      draws->cwiseProduct(system.dense * *draws).colwise().sum().transpose();
+  EXPECT_NEAR(squares.mean(), kSize, 4.0 * std::sqrt(2.0 * kSize / kDraws));
+  const Eigen::MatrixXd inverse = system.dense.inverse();
+  for (int i = 0; i < kSize; i += 7) {
+    EXPECT_NEAR(draws->row(i).squaredNorm() / kDraws / inverse(i, i), 1.0, 0.17) << i;
+  }
+}
+
+TEST(BorderedSolver, TellsTheBorderApart) {
+  std::mt19937_64 random(testing::TestSeed(77));
+  const System system = RandomSystem(random);
+  BorderedSolver solver(kSize, kBorder);
+  ASSERT_TRUE(solver.Factorize(system.terms));
+  const int width = kBorder.end() - kBorder.begin;
+  const Eigen::MatrixXd E = Eigen::MatrixXd::Random(width, 2);
+  const Eigen::MatrixXd covariance =
+      system.dense.inverse().block(kBorder.begin, kBorder.begin, width, width);
+  EXPECT_LT((covariance * solver.BorderInformationTimes(system.terms, E) - E).norm(), 1e-8);
+  const Eigen::MatrixXd held = Held(system);
+  const Eigen::MatrixXd expected = -held * system.dense.middleCols(kBorder.begin, width) * E;
+  EXPECT_LT((solver.FollowBorder(system.terms, E) - expected).norm(), 1e-8 * expected.norm());
+  int visited = 0;
+  solver.VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& Z) {
+    for (int i = 0; i < own; ++i, ++visited) {
+      const int unknown = unknowns[static_cast<std::size_t>(i)];
+      EXPECT_NEAR(Z(i, i), held(unknown, unknown), 1e-9);
+    }
+  });
+  EXPECT_EQ(visited, kBefore + kAfter);
+}
+
+}  // namespace
+}  // namespace shiftmap
