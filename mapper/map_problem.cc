@@ -91,6 +91,17 @@ void CopyBack(const Graph& graph, MapProblem* problem) {
   }
 }
 
+// Draws of the posterior for the redundancy of residuals: many residuals share few.
+int NoiseSamples(const Graph& graph) {
+  constexpr std::size_t kResiduals = 24'000;
+  constexpr std::size_t kLeast = 4;
+  constexpr std::size_t kMost = 24;
+  std::size_t residuals = 2 * graph.observations.size();
+  for (const GraphRun& run : graph.runs) residuals += 3 * run.motions.size();
+  return static_cast<int>(
+      std::clamp(kResiduals / std::max<std::size_t>(residuals, 1), kLeast, kMost));
+}
+
 }  // namespace
 
 FlatModes::FlatModes(const MapProblem& problem) {
@@ -190,8 +201,6 @@ void CalibrateNoise(const MapperOptions& options,
                     int rounds,
                     MapProblem* problem,
                     const GoOn& go_on) {
-  // Draws of the posterior; thousands of residuals share them.
-  constexpr int kNoiseSamples = 6;
   // The next round goes on from where this one ends: none needs to end at the minimum.
   constexpr int kIterations = 3;
   GraphSolver solver;
@@ -202,7 +211,7 @@ void CalibrateNoise(const MapperOptions& options,
         solver.Solve(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
     CopyBack(graph, problem);
     const ResidualStatistics statistics =
-        ComputeResidualStatistics(graph, kNoiseSamples, options.seed);
+        ComputeResidualStatistics(graph, NoiseSamples(graph), options.seed);
     if (UpdateNoise(statistics, problem) < kSettledNoise) return;
   }
 }
