@@ -26,6 +26,9 @@ struct DatumChange {
   /// @param cov_times_directions  P G.
   DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions);
 
+  /// The same of vectors: x - G Gᵀ x.
+  Eigen::MatrixXd Refer(const Eigen::MatrixXd& x) const { return x - G * (G.transpose() * x); }
+
   /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
   Eigen::Matrix2d Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const;
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <mutex>
 #include <tuple>
 #include <utility>
@@ -233,13 +234,26 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
   return problem;
 }
 
+// Runs of a build without a prior map do not tell their scales, and those of one vehicle share one.
+ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem) {
+  ScaleUncertainty scale{options.sd_range_scale, options.sd_run_range_scale};
+  if (problem.in_map_units) return scale;
+  std::map<std::string, std::vector<int>> runs;
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    runs[problem.runs[r].data->info.vehicle].push_back(static_cast<int>(r));
+  }
+  if (runs.size() < 2) return scale;
+  for (const auto& [vehicle, of_vehicle] : runs) scale.runs_of_vehicles.push_back(of_vehicle);
+  return scale;
+}
+
 // What is told of a solved problem.
 Status Conclude(const std::optional<MapContent>& prior,
                 const MapperOptions& options,
                 MapProblem* problem,
                 MapperResult* result) {
   const JointCovariance covariance =
-      MapCovariance(MakeGraph(options, problem), options.sd_range_scale);
+      MapCovariance(MakeGraph(options, problem), ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output, MakeMapContent(*problem, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);

@@ -57,7 +57,28 @@ DatumChange MakeDatumChange(const Graph& graph, const GraphElimination& eliminat
   return {std::move(G), PG};
 }
 
-JointCovariance TiledCovariance(const Graph& graph, double sd_range_scale) {
+// Root of what the scales of ranges make uncertain, relative to the positions as a whole: columns
+// sd S, and sd q for the common one.
+Eigen::MatrixXd ScaleRoot(const Graph& graph,
+                          const GraphElimination& elimination,
+                          const DatumChange& change,
+                          const ScaleUncertainty& scale) {
+  const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
+  const std::ptrdiff_t vehicles = std::ssize(scale.runs_of_vehicles);
+  Eigen::MatrixXd root(rows, 1 + vehicles);
+  const Eigen::Vector2d centroid = Centroid(graph.modes);
+  for (std::size_t i = 0; i < graph.modes.size(); ++i) {
+    root.block<2, 1>(static_cast<Eigen::Index>(2 * i), 0) =
+        scale.sd_common * (graph.modes[i] - centroid);
+  }
+  if (vehicles > 0) {
+    root.rightCols(vehicles) =
+        scale.sd_vehicle * change.Refer(elimination.ModesByRangeScale(scale.runs_of_vehicles));
+  }
+  return root;
+}
+
+JointCovariance TiledCovariance(const Graph& graph, const ScaleUncertainty& scale) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   std::vector<int> tile_of(graph.modes.size());
   for (std::size_t t = 0; t < tiles.size(); ++t) {
@@ -68,7 +89,7 @@ JointCovariance TiledCovariance(const Graph& graph, double sd_range_scale) {
   GraphElimination elimination(graph, tiles);
   SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   const DatumChange change = MakeDatumChange(graph, elimination);
-  const Eigen::Vector2d centroid = Centroid(graph.modes);
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
   elimination.VisitModeCovariance([&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
@@ -76,9 +97,8 @@ JointCovariance TiledCovariance(const Graph& graph, double sd_range_scale) {
     const auto j = static_cast<std::size_t>(b);
     if (tile_of[i] != tile_of[j]) return;
     Eigen::Matrix2d block = change.Refer(a, b, cov_a_b);
-    const Eigen::Vector2d q_a = sd_range_scale * (graph.modes[i] - centroid);
-    const Eigen::Vector2d q_b = sd_range_scale * (graph.modes[j] - centroid);
-    block.noalias() += q_a * q_b.transpose();
+    block.noalias() += root.middleRows<2>(Eigen::Index{2} * a) *
+                       root.middleRows<2>(Eigen::Index{2} * b).transpose();
     if (a == b) {
       diagonal[i] = block;
     } else if (a < b) {
@@ -143,12 +163,14 @@ std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int 
   return tiles;
 }
 
-JointCovariance MapCovariance(const Graph& graph, double sd_range_scale) {
-  if (static_cast<int>(graph.modes.size()) > kMaxJointModes) {
-    return TiledCovariance(graph, sd_range_scale);
-  }
-  const Eigen::MatrixXd referred = ReferToPositions(graph.modes, ComputeModeCovariance(graph));
-  return JointCovariance::FromDense(AddScaleUncertainty(graph.modes, sd_range_scale, referred));
+JointCovariance MapCovariance(const Graph& graph, const ScaleUncertainty& scale) {
+  if (static_cast<int>(graph.modes.size()) > kMaxJointModes) return TiledCovariance(graph, scale);
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  const Eigen::MatrixXd cov = elimination.ModeCovariance();
+  const Eigen::MatrixXd G = DatumDirections(graph.modes);
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumChange(G, cov * G), scale);
+  return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
 }
 
 }  // namespace shiftmap

@@ -56,12 +56,23 @@ class ModeDifferences {
 /// Modes in tiles of at most `size`, by halves of the longer side; every mode is in one.
 std::vector<std::vector<int>> TileModes(const std::vector<Eigen::Vector2d>& positions, int size);
 
+/// How well the scale of a map is known.
+struct ScaleUncertainty {
+  double sd_common = 0.0;   ///< Of what all sensors get wrong together. [-]
+  double sd_vehicle = 0.0;  ///< Of what each vehicle's gets wrong beside it. [-]
+
+  /// Indices of each vehicle's runs, where they do not tell their own scale (Graph: it is held at
+  /// 0).
+  std::vector<std::vector<int>> runs_of_vehicles = {};
+};
+
 /// Covariance of a graph's modes as a map has it: referred to the positions as a whole
-/// (ReferToPositions) and with the uncertainty of scale (AddScaleUncertainty), order of
-/// Graph::modes. Beyond kMaxJointModes modes it is that of modes in one tile of neighbours;
-/// between tiles it is zero, and positive definite all the same, as any block-diagonal part of a
-/// covariance is. [m²]
-/// Precondition: every mode is observed or in the prior.
-JointCovariance MapCovariance(const Graph& graph, double sd_range_scale);
+/// (ReferToPositions) and with what no run tells of the scale: the common scale
+/// (AddScaleUncertainty) and that of each vehicle, a column S = d modes / d log scale, by P' = P +
+/// sd² S Sᵀ. A covariance without these would be that of runs that agree about lengths. Order of
+/// Graph::modes. Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between
+/// tiles it is zero, and positive definite all the same, as any block-diagonal part of a covariance
+/// is. [m²] Precondition: every mode is observed or in the prior.
+JointCovariance MapCovariance(const Graph& graph, const ScaleUncertainty& scale);
 
 }  // namespace shiftmap

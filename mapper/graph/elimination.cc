@@ -407,6 +407,31 @@ Eigen::MatrixXd GraphElimination::ModeCovarianceTimes(const Eigen::MatrixXd& wei
   return rest_->SolveFor(right).bottomRows(weights.rows());
 }
 
+// A scale that is held with the information w goes where it is pushed by w times its way, and all
+// others follow. Beside a factor without calibrations, odometry's scale is taken along by hand.
+Eigen::MatrixXd GraphElimination::ModesByRangeScale(
+    const std::vector<std::vector<int>>& runs) const {
+  constexpr int kScaleOfRanges = 3 + kLogRangeScale;  // After the correction.
+  constexpr int kScaleOfOdometry = 0;
+  const bool held = HoldsCalibrations();
+  Eigen::MatrixXd c = Eigen::MatrixXd::Zero(
+      static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size()), std::ssize(runs));
+  for (std::size_t column = 0; column < runs.size(); ++column) {
+    for (const int r : runs[column]) {
+      const double sd = graph_.runs[static_cast<std::size_t>(r)].sensor_bias_sd[kLogRangeScale];
+      auto of_run = c.col(static_cast<Eigen::Index>(column))
+                        .segment<kRunCalibration>(Eigen::Index{kRunCalibration} * r);
+      of_run[kScaleOfRanges] = held ? 1.0 : 1.0 / (sd * sd);
+      of_run[kScaleOfOdometry] = held ? 1.0 : 0.0;
+    }
+  }
+  const auto modes = static_cast<Eigen::Index>(2 * graph_.modes.size());
+  if (held) return rest_->FollowBorder(c).bottomRows(modes);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), c.cols());
+  right.middleRows(first_calibration_, c.rows()) = c;
+  return rest_->SolveFor(right).bottomRows(modes);
+}
+
 Eigen::Matrix2d GraphElimination::ModeDifferenceCovariance(int a, int b) const {
   const int i = first_mode_ + 2 * a;
   const int j = first_mode_ + 2 * b;

@@ -138,6 +138,8 @@ TEST_P(NightlyBuilds, KnowHowGoodTheyAre) {
     EXPECT_GT(night.PerLandmark(), 1.3);
     EXPECT_LT(night.PerLandmark(), 2.5);
   }
+  EXPECT_GT(at_once.PerLandmark(), 1.3);
+  EXPECT_LT(at_once.PerLandmark(), 2.5);
   if (GetParam().sd_vehicle > 0.0) return;
   // The scale of a map is no better than the sensor's, and the same for both.
   EXPECT_LT(nights.back().squared_error / nights.back().modes,

@@ -32,6 +32,7 @@ Graph Corridor(int modes) {
     MotionIncrement motion;
     motion.T_begin_end = Se2(1.0, 0.0, 0.0);
     motion.cov = Eigen::Vector3d(4e-4, 4e-4, 1e-4).asDiagonal();
+    motion.J_calibration(0, 0) = 1.0;
     run.motions.push_back(motion);
   }
   graph.runs.push_back(std::move(run));
@@ -60,10 +61,24 @@ TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
   EXPECT_EQ(seen.size(), 40u);
 }
 
+// What all ranges have too much makes the whole map larger, about its centroid, odometry's scale
+// with it: with one vehicle its own scale is as good as the common one, in small maps and in large.
+TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
+  for (const int modes : {80, kMaxJointModes + 60}) {
+    Graph graph = Corridor(modes);
+    graph.runs.front().sensor_bias_sd[kLogRangeScale] = 1e-9;
+    constexpr double kScale = 0.02;
+    const Eigen::MatrixXd common = MapCovariance(graph, {kScale}).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, {0.0, kScale, {{0}}}).Dense();
+    const Eigen::MatrixXd neither = MapCovariance(graph, {}).Dense();
+    EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
+  }
+}
+
 TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;
-  const JointCovariance blocks = MapCovariance(graph, kScale);
+  const JointCovariance blocks = MapCovariance(graph, {kScale});
   const Eigen::MatrixXd dense = AddScaleUncertainty(
       graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph)));
   for (int i = 0; i < blocks.size(); ++i) {

@@ -3,10 +3,12 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <cmath>
 #include <random>
 
 #include "localizer/models/observation_model.h"
+#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapstore/geometry/angle.h"
 #include "tests/support/geometry_matchers.h"
@@ -215,6 +217,29 @@ TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
     const Eigen::VectorXd gradient = J.transpose() * dense.Residuals();
     EXPECT_LT(std::sqrt(gradient.dot(cov * gradient)), 0.05);
   }
+}
+
+TEST_F(Posterior, ModesFollowAScaleThatIsHeldAsInTheDenseProblem) {
+  Graph graph = RandomGraph({}, random_);
+  GraphRun& run = graph.runs.front();
+  run.sensor_bias_sd[kLogRangeScale] = 1e-9;
+  ASSERT_TRUE(SolveGraph(100, &graph).converged);
+  GraphElimination elimination(graph);
+  ASSERT_TRUE(elimination.Linearize());
+  const Eigen::MatrixXd followed = elimination.ModesByRangeScale({{0}});
+
+  const DenseGraph dense(graph);
+  Eigen::MatrixXd J = dense.Jacobian();
+  const auto scale = static_cast<Eigen::Index>(3 * (run.poses.size() - 1) + 3 + kLogRangeScale);
+  const Eigen::VectorXd J_scale = J.col(scale);
+  J.col(scale) = J.col(J.cols() - 1);
+  J.conservativeResize(Eigen::NoChange, J.cols() - 1);
+  Eigen::VectorXd wanted = -J.householderQr().solve(J_scale);
+  const double last = wanted[scale];
+  wanted.conservativeResize(wanted.size() + 1);
+  wanted[wanted.size() - 1] = last;
+  const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
+  EXPECT_THAT(followed, testing::IsNearMatrix(wanted.tail(rows), 1e-4 * wanted.norm()));
 }
 
 TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
