@@ -408,7 +408,8 @@ Eigen::MatrixXd GraphElimination::ModeCovarianceTimes(const Eigen::MatrixXd& wei
 }
 
 // A scale that is held with the information w goes where it is pushed by w times its way, and all
-// others follow. Beside a factor without calibrations, odometry's scale is taken along by hand.
+// others follow. Beside a factor without calibrations, odometry's scale is taken along by hand:
+// where ranges read too much the world is smaller, and odometry makes too much of it.
 Eigen::MatrixXd GraphElimination::ModesByRangeScale(
     const std::vector<std::vector<int>>& runs) const {
   constexpr int kScaleOfRanges = 3 + kLogRangeScale;  // After the correction.
@@ -422,7 +423,7 @@ Eigen::MatrixXd GraphElimination::ModesByRangeScale(
       auto of_run = c.col(static_cast<Eigen::Index>(column))
                         .segment<kRunCalibration>(Eigen::Index{kRunCalibration} * r);
       of_run[kScaleOfRanges] = held ? 1.0 : 1.0 / (sd * sd);
-      of_run[kScaleOfOdometry] = held ? 1.0 : 0.0;
+      of_run[kScaleOfOdometry] = held ? -1.0 : 0.0;
     }
   }
   const auto modes = static_cast<Eigen::Index>(2 * graph_.modes.size());

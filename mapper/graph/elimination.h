@@ -86,7 +86,7 @@ class GraphElimination {
   /// what they sum up to, without the rest.
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
 
-  /// How the modes follow when the ranges of some runs, whose scales are held, are all longer by a
+  /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
   Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<int>>& runs) const;
 

@@ -126,6 +126,7 @@ StatusOr<ScaleRow> BuildSite(const ScaleOptions& options, int key_frames) {
   MapperOptions mapper;
   mapper.threads = options.threads;
   mapper.sd_range_scale = 0.0;  // Simulated sensors have the same scale, which is right.
+  mapper.sd_run_range_scale = 1e-6;
   std::map<Signature, std::size_t> index;
   for (std::size_t g = 0; g < world.groups.size(); ++g) index[world.groups[g].signature] = g;
   const std::vector<SimulatedGroup> truth = world.groups;

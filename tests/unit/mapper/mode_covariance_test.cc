@@ -16,8 +16,8 @@
 namespace shiftmap {
 namespace {
 
-// A run along a corridor with `modes` landmarks on either side, more than have a joint covariance.
-Graph Corridor(int modes) {
+// Runs along a corridor with `modes` landmarks on either side.
+Graph Corridor(int modes, int runs = 1) {
   std::mt19937_64 random(testing::TestSeed(81));
   std::normal_distribution<double> normal;
   Graph graph;
@@ -35,15 +35,16 @@ Graph Corridor(int modes) {
     motion.J_calibration(0, 0) = 1.0;
     run.motions.push_back(motion);
   }
-  graph.runs.push_back(std::move(run));
-  for (int f = 0; f < frames; ++f) {
-    for (int m = std::max(0, 2 * f - 1); m < std::min(modes, 2 * f + 8); ++m) {
-      const Eigen::Vector2d q = graph.runs[0].poses[static_cast<std::size_t>(f)].Inverse() *
+  graph.runs.assign(static_cast<std::size_t>(runs), run);
+  for (int f = 0; f < runs * frames; ++f) {
+    const int frame = f % frames;
+    for (int m = std::max(0, 2 * frame - 1); m < std::min(modes, 2 * frame + 8); ++m) {
+      const Eigen::Vector2d q = run.poses[static_cast<std::size_t>(frame)].Inverse() *
                                 graph.modes[static_cast<std::size_t>(m)];
       Observation observation;
       observation.z = {q.norm() + 0.05 * normal(random), std::atan2(q.y(), q.x())};
       graph.observations.push_back(
-          {0, f, m, observation, Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(), 0.1});
+          {f / frames, frame, m, observation, Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(), 0.1});
     }
   }
   return graph;
@@ -62,14 +63,19 @@ TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
 }
 
 // What all ranges have too much makes the whole map larger, about its centroid, odometry's scale
-// with it: with one vehicle its own scale is as good as the common one, in small maps and in large.
+// with it: with one vehicle its own scale is as good as the common one, in small maps, in large
+// ones, and where calibrations are beside the factor.
 TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
-  for (const int modes : {80, kMaxJointModes + 60}) {
-    Graph graph = Corridor(modes);
-    graph.runs.front().sensor_bias_sd[kLogRangeScale] = 1e-9;
+  for (const auto& [modes, runs] : {std::pair{80, 1}, {kMaxJointModes + 60, 1}, {400, 24}}) {
+    Graph graph = Corridor(modes, runs);
+    std::vector<int> all;
+    for (int r = 0; r < runs; ++r) {
+      graph.runs[static_cast<std::size_t>(r)].sensor_bias_sd[kLogRangeScale] = 1e-9;
+      all.push_back(r);
+    }
     constexpr double kScale = 0.02;
     const Eigen::MatrixXd common = MapCovariance(graph, {kScale}).Dense();
-    const Eigen::MatrixXd own = MapCovariance(graph, {0.0, kScale, {{0}}}).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, {0.0, kScale, {all}}).Dense();
     const Eigen::MatrixXd neither = MapCovariance(graph, {}).Dense();
     EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
   }
