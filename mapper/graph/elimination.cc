@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <memory>
 #include <utility>
 
@@ -97,16 +96,10 @@ void AddFactor(const Residual& r,
   AddGradient(c, J_c, r, out);
 }
 
-// Mean and variance of a standard normal draw, squares that scatter less (Hutchinson 1990), and 64
-// of them for one random number.
-Eigen::VectorXd RandomSigns(Eigen::Index size, std::mt19937_64& random) {
-  constexpr Eigen::Index kBits = 64;
+Eigen::VectorXd StandardNormal(Eigen::Index size, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
   Eigen::VectorXd z(size);
-  std::uint64_t bits = 0;
-  for (Eigen::Index i = 0; i < size; ++i, bits >>= 1) {
-    if (i % kBits == 0) bits = random();
-    z[i] = (bits & 1U) != 0 ? 1.0 : -1.0;
-  }
+  for (double& value : z) value = normal(random);
   return z;
 }
 
@@ -352,7 +345,7 @@ GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_6
     poses.segment(Eigen::Index{3} * (stretch.first + 1), Eigen::Index{3} * inside) =
         random == nullptr ? stretch.segment.Solve(boundary)
                           : stretch.segment.BackSubstitute(
-                                RandomSigns(Eigen::Index{3} * inside, *random), boundary);
+                                StandardNormal(Eigen::Index{3} * inside, *random), boundary);
   }
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
     step.calibrations.emplace_back(rest.segment<kRunCalibration>(
@@ -371,7 +364,7 @@ std::optional<GraphStep> GraphElimination::SimilarStep() {
 GraphStep GraphElimination::Step() const { return Complete(rest_->Solve(), nullptr); }
 
 GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
-  return Complete(rest_->Draw(RandomSigns(rest_->size(), random)), &random);
+  return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
 }
 
 std::vector<GraphStep> GraphElimination::Draws(int count, std::mt19937_64& random) const {
@@ -444,7 +437,7 @@ Eigen::Matrix2d GraphElimination::ModeDifferenceCovariance(int a, int b) const {
 Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) const {
   Eigen::MatrixXd z(rest_->size(), draws);
   for (Eigen::Index column = 0; column < draws; ++column) {
-    z.col(column) = RandomSigns(rest_->size(), random);
+    z.col(column) = StandardNormal(rest_->size(), random);
   }
   return rest_->Draw(z).bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
 }

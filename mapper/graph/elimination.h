@@ -72,8 +72,7 @@ class GraphElimination {
   /// Linearize() succeeded.
   GraphStep Step() const;
 
-  /// A random step of the mean and covariance of the Gaussian around the last linearization, for
-  /// estimates of these: it is made of signs, not of normal draws.
+  /// A draw of the Gaussian around the last linearization.
   GraphStep Draw(std::mt19937_64& random) const;
 
   /// As many draws.
@@ -94,7 +93,7 @@ class GraphElimination {
   /// [m²]
   Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const;
 
-  /// The same of all modes' errors, a column each; the poses are left out.
+  /// Draws of all modes' errors, a column each; the poses are left out.
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const;
 
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
