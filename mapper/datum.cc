@@ -65,14 +65,19 @@ Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
   return result;
 }
 
-Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,
-                                    double sd_scale,
-                                    const Eigen::MatrixXd& cov) {
+Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions) {
   const Eigen::Vector2d centroid = Centroid(positions);
   Eigen::VectorXd q(static_cast<Eigen::Index>(2 * positions.size()));
   for (std::size_t i = 0; i < positions.size(); ++i) {
     q.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i] - centroid;
   }
+  return q;
+}
+
+Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,
+                                    double sd_scale,
+                                    const Eigen::MatrixXd& cov) {
+  const Eigen::VectorXd q = OffsetsFromCentroid(positions);
   return cov + sd_scale * sd_scale * q * q.transpose();
 }
 

@@ -26,9 +26,6 @@ struct DatumChange {
   /// @param cov_times_directions  P G.
   DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions);
 
-  /// The same of vectors: x - G Gᵀ x.
-  Eigen::MatrixXd Refer(const Eigen::MatrixXd& x) const { return x - G * (G.transpose() * x); }
-
   /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
   Eigen::Matrix2d Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const;
 
@@ -42,6 +39,9 @@ struct DatumChange {
 /// floor of 1 mm per axis keeps it positive definite.
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  const Eigen::MatrixXd& cov);
+
+/// q, stacked (x, y): how positions move as their scale grows. [m]
+Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions);
 
 /// Adds what no run tells: the scale of the map, which the sensors' own scale sets. All positions
 /// move together along their offsets q from the centroid: P' = P + sd² q qᵀ.

@@ -111,6 +111,14 @@ FlatModes::FlatModes(const MapProblem& problem) {
   }
 }
 
+std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem) {
+  std::map<std::string, std::vector<std::size_t>> runs;
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    runs[problem.runs[r].data->info.vehicle].push_back(r);
+  }
+  return runs;
+}
+
 int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
   std::vector<BuildMode>& modes = problem->modes[static_cast<std::size_t>(group)];
   const auto index = static_cast<int>(modes.size());

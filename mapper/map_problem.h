@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "localizer/models/motion_model.h"
@@ -79,6 +81,9 @@ struct FlatModes {
   std::vector<int> first;  ///< Per group.
   int count = 0;
 };
+
+/// Indices of each vehicle's runs, by its name.
+std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem);
 
 /// Adds a mode to a group and returns its index there; the prior's flat indices stay right.
 int AddMode(int group, const BuildMode& mode, MapProblem* problem);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <mutex>
 #include <tuple>
 #include <utility>
@@ -238,10 +237,7 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
 ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem) {
   ScaleUncertainty scale{options.sd_range_scale, options.sd_run_range_scale};
   if (problem.in_map_units) return scale;
-  std::map<std::string, std::vector<int>> runs;
-  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
-    runs[problem.runs[r].data->info.vehicle].push_back(static_cast<int>(r));
-  }
+  const auto runs = RunsByVehicle(problem);
   if (runs.size() < 2) return scale;
   for (const auto& [vehicle, of_vehicle] : runs) scale.runs_of_vehicles.push_back(of_vehicle);
   return scale;
@@ -252,12 +248,12 @@ Status Conclude(const std::optional<MapContent>& prior,
                 const MapperOptions& options,
                 MapProblem* problem,
                 MapperResult* result) {
-  const JointCovariance covariance =
-      MapCovariance(MakeGraph(options, problem), ScaleOf(options, *problem));
+  const Graph graph = MakeGraph(options, problem);
+  const JointCovariance covariance = MapCovariance(graph, ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output, MakeMapContent(*problem, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
-  if (options.calibrate) result->vehicles = CalibrateVehicles(options, problem);
+  if (options.calibrate) result->vehicles = CalibrateVehicles(options, graph, *problem);
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));

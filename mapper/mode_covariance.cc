@@ -59,21 +59,18 @@ DatumChange MakeDatumChange(const Graph& graph, const GraphElimination& eliminat
 
 // Root of what the scales of ranges make uncertain, relative to the positions as a whole: columns
 // sd S, and sd q for the common one.
+// @param G  DatumDirections().
 Eigen::MatrixXd ScaleRoot(const Graph& graph,
                           const GraphElimination& elimination,
-                          const DatumChange& change,
+                          const Eigen::MatrixXd& G,
                           const ScaleUncertainty& scale) {
   const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
   const std::ptrdiff_t vehicles = std::ssize(scale.runs_of_vehicles);
   Eigen::MatrixXd root(rows, 1 + vehicles);
-  const Eigen::Vector2d centroid = Centroid(graph.modes);
-  for (std::size_t i = 0; i < graph.modes.size(); ++i) {
-    root.block<2, 1>(static_cast<Eigen::Index>(2 * i), 0) =
-        scale.sd_common * (graph.modes[i] - centroid);
-  }
+  root.col(0) = scale.sd_common * OffsetsFromCentroid(graph.modes);
   if (vehicles > 0) {
-    root.rightCols(vehicles) =
-        scale.sd_vehicle * change.Refer(elimination.ModesByRangeScale(scale.runs_of_vehicles));
+    const Eigen::MatrixXd S = elimination.ModesByRangeScale(scale.runs_of_vehicles);
+    root.rightCols(vehicles) = scale.sd_vehicle * (S - G * (G.transpose() * S));
   }
   return root;
 }
@@ -89,7 +86,7 @@ JointCovariance TiledCovariance(const Graph& graph, const ScaleUncertainty& scal
   GraphElimination elimination(graph, tiles);
   SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   const DatumChange change = MakeDatumChange(graph, elimination);
-  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change, scale);
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
   elimination.VisitModeCovariance([&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
@@ -168,8 +165,7 @@ JointCovariance MapCovariance(const Graph& graph, const ScaleUncertainty& scale)
   GraphElimination elimination(graph);
   SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   const Eigen::MatrixXd cov = elimination.ModeCovariance();
-  const Eigen::MatrixXd G = DatumDirections(graph.modes);
-  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumChange(G, cov * G), scale);
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumDirections(graph.modes), scale);
   return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
 }
 

@@ -63,7 +63,7 @@ struct ScaleUncertainty {
 
   /// Indices of each vehicle's runs, where they do not tell their own scale (Graph: it is held at
   /// 0).
-  std::vector<std::vector<int>> runs_of_vehicles = {};
+  std::vector<std::vector<std::size_t>> runs_of_vehicles = {};
 };
 
 /// Covariance of a graph's modes as a map has it: referred to the positions as a whole

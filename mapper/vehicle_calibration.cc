@@ -12,7 +12,7 @@
 namespace shiftmap {
 namespace {
 
-// A run's calibration, order of ComputeCalibrationCovariance(). Localizers leave the scale of
+// A run's calibration, order of ComputeCalibrationInformationTimes(). Localizers leave the scale of
 // ranges in their noise.
 using Parameters = Eigen::Vector<double, kRunCalibration>;
 constexpr int kRangeScale = 3;
@@ -39,15 +39,6 @@ NoiseEstimate NoiseFrom(double sum_of_squares, double redundancy, double count) 
   const double dof = 1.0 / (1.0 / std::max(of_residuals, 1e-3) + kUnsettled);
   if (dof < 2.0) return {};
   return {std::sqrt(sum_of_squares / redundancy), dof};
-}
-
-// The runs of each vehicle, by name.
-std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem) {
-  std::map<std::string, std::vector<std::size_t>> runs;
-  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
-    runs[problem.runs[r].data->info.vehicle].push_back(r);
-  }
-  return runs;
 }
 
 // Systematic errors of all vehicles with their joint covariance, and the prior that is in it.
@@ -227,14 +218,15 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
 
 }  // namespace
 
-std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, MapProblem* problem) {
-  const Graph graph = MakeGraph(options, problem);
-  const auto by_vehicle = RunsByVehicle(*problem);
+std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
+                                               const Graph& graph,
+                                               const MapProblem& problem) {
+  const auto by_vehicle = RunsByVehicle(problem);
   const Systematic systematic =
-      CombineRuns(options.calibration.odometry, graph, *problem, by_vehicle);
+      CombineRuns(options.calibration.odometry, graph, problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, kSamples, options.seed);
-  const ModeGrid grid(*problem, problem->sensor.max_range_m);
+  const ModeGrid grid(problem, problem.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {
     const auto index = static_cast<Eigen::Index>(vehicles.size());
@@ -242,9 +234,9 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, Map
     vehicle.vehicle = name;
     vehicle.runs = static_cast<int>(runs.size());
     vehicle.systematic = systematic.Of(index);
-    const VehicleNoise scatter = ScatterOf(*problem, runs, statistics);
+    const VehicleNoise scatter = ScatterOf(problem, runs, statistics);
     vehicle.calibration = CalibrationFrom(
-        *problem, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
+        problem, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
     const VehicleCalibration& found = vehicle.calibration;
     vehicle.scale_v = Exponential(IntervalOf(found.log_scale_v));
     vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));

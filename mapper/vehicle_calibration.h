@@ -66,6 +66,9 @@ struct VehicleEstimate {
 ///   it sees another one. Wilson's interval (1927).
 ///
 /// By name. Precondition: the options calibrate; every mode is observed or in the prior.
-std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options, MapProblem* problem);
+/// @param graph  That of the problem.
+std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
+                                               const Graph& graph,
+                                               const MapProblem& problem);
 
 }  // namespace shiftmap

@@ -33,10 +33,7 @@ std::optional<PoseEstimate> PosePredictor::At(Stamp now) {
   const MotionIncrement increment = motion_.Take(now).increment;
   PoseEstimate moved;
   moved.stamp = now;
-  moved.pose.T_map_vehicle = corrected_->pose.T_map_vehicle * increment.T_begin_end;
-  const Eigen::Matrix3d F = increment.T_begin_end.InverseAdjoint();
-  moved.pose.cov_T_map_vehicle =
-      Symmetrized(F * corrected_->pose.cov_T_map_vehicle * F.transpose() + increment.cov);
+  moved.pose = Moved(corrected_->pose, increment);
   return moved;
 }
 

@@ -69,6 +69,12 @@ Eigen::Vector3d ScaledVelocity(const OdometrySample& sample,
 
 }  // namespace
 
+PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion) {
+  const Eigen::Matrix3d F = motion.T_begin_end.InverseAdjoint();
+  return {pose.T_map_vehicle * motion.T_begin_end,
+          Symmetrized(F * pose.cov_T_map_vehicle * F.transpose() + motion.cov)};
+}
+
 void AppendMotion(double v_mps,
                   double omega_radps,
                   Duration elapsed,

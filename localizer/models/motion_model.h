@@ -5,6 +5,7 @@
 #include <span>
 
 #include "mapstore/core/stamp.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
@@ -23,6 +24,9 @@ struct MotionIncrement {
   /// steady.
   Eigen::Matrix3d J_calibration = Eigen::Matrix3d::Zero();
 };
+
+/// A pose moved on by a motion that is independent of it.
+PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion);
 
 /// Appends a stretch of constant velocity: the exact arc of SE(2), unlike the Euler step of T-IV
 /// (28).

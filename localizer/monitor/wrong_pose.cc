@@ -28,10 +28,7 @@ constexpr double kSamePose = 16.3;
 // A pose at the first scan of a window, moved on to the last.
 PoseWithCovariance MovedToEnd(PoseWithCovariance pose, const std::vector<WindowScan>& window) {
   for (std::size_t i = 1; i < window.size(); ++i) {
-    const MotionIncrement& motion = window[i].motion.increment;
-    const Eigen::Matrix3d F = motion.T_begin_end.InverseAdjoint();
-    pose.T_map_vehicle = pose.T_map_vehicle * motion.T_begin_end;
-    pose.cov_T_map_vehicle = F * pose.cov_T_map_vehicle * F.transpose() + motion.cov;
+    pose = Moved(pose, window[i].motion.increment);
   }
   return pose;
 }

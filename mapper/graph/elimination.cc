@@ -361,8 +361,6 @@ std::optional<GraphStep> GraphElimination::SimilarStep() {
   return Complete(*rest, nullptr);
 }
 
-GraphStep GraphElimination::Step() const { return Complete(rest_->Solve(), nullptr); }
-
 GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
   return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
 }
@@ -383,13 +381,6 @@ Eigen::MatrixXd GraphElimination::CalibrationInformationTimes(
   return rest_->BorderInformationTimes(weights);
 }
 
-Eigen::MatrixXd GraphElimination::CalibrationCovariance() const {
-  const auto size = static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size());
-  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rest_->size(), size);
-  unit.middleRows(first_calibration_, size).setIdentity();
-  return rest_->SolveFor(unit).middleRows(first_calibration_, size);
-}
-
 Eigen::MatrixXd GraphElimination::ModeCovariance() const {
   return rest_->TailCovariance(static_cast<int>(2 * graph_.modes.size()));
 }
@@ -404,17 +395,17 @@ Eigen::MatrixXd GraphElimination::ModeCovarianceTimes(const Eigen::MatrixXd& wei
 // others follow. Beside a factor without calibrations, odometry's scale is taken along by hand:
 // where ranges read too much the world is smaller, and odometry makes too much of it.
 Eigen::MatrixXd GraphElimination::ModesByRangeScale(
-    const std::vector<std::vector<int>>& runs) const {
+    const std::vector<std::vector<std::size_t>>& runs) const {
   constexpr int kScaleOfRanges = 3 + kLogRangeScale;  // After the correction.
   constexpr int kScaleOfOdometry = 0;
   const bool held = HoldsCalibrations();
   Eigen::MatrixXd c = Eigen::MatrixXd::Zero(
       static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size()), std::ssize(runs));
   for (std::size_t column = 0; column < runs.size(); ++column) {
-    for (const int r : runs[column]) {
-      const double sd = graph_.runs[static_cast<std::size_t>(r)].sensor_bias_sd[kLogRangeScale];
+    for (const std::size_t r : runs[column]) {
+      const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
       auto of_run = c.col(static_cast<Eigen::Index>(column))
-                        .segment<kRunCalibration>(Eigen::Index{kRunCalibration} * r);
+                        .segment<kRunCalibration>(static_cast<Eigen::Index>(kRunCalibration * r));
       of_run[kScaleOfRanges] = held ? 1.0 : 1.0 / (sd * sd);
       of_run[kScaleOfOdometry] = held ? -1.0 : 0.0;
     }

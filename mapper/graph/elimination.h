@@ -68,11 +68,8 @@ class GraphElimination {
   /// linearization where that will do (RestSystem::SolveSimilar). Nothing if it is not determined.
   std::optional<GraphStep> SimilarStep();
 
-  /// The Gauss-Newton step from the last linearization. Precondition, here and in what follows:
+  /// A draw of the Gaussian around the last linearization. Precondition, here and in what follows:
   /// Linearize() succeeded.
-  GraphStep Step() const;
-
-  /// A draw of the Gaussian around the last linearization.
   GraphStep Draw(std::mt19937_64& random) const;
 
   /// As many draws.
@@ -87,7 +84,7 @@ class GraphElimination {
 
   /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
-  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<int>>& runs) const;
+  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<std::size_t>>& runs) const;
 
   /// Covariance of p_a - p_b, of two modes. As costly as the part of the factor that they touch.
   /// [m²]
@@ -102,10 +99,8 @@ class GraphElimination {
   using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
   void VisitModeCovariance(const BlockVisitor& visitor) const;
 
-  /// Joint covariance of all runs' calibrations, kRunCalibration rows a run.
-  Eigen::MatrixXd CalibrationCovariance() const;
-
-  /// Its inverse times a matrix.
+  /// The inverse of the joint covariance of all runs' calibrations, kRunCalibration rows a run,
+  /// times a matrix.
   Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const;
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }

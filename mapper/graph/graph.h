@@ -118,14 +118,10 @@ struct ResidualStatistics {
 /// Precondition: every mode is observed or in the prior.
 Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 
-/// Joint covariance of all runs' (correction, sensor bias), kRunCalibration rows a run, in the same
-/// Gaussian. Order (log scale_v, log scale_omega, lag [s], log range scale, bearing offset [rad],
-/// range curvature [1/rad²]).
-/// Precondition: as ComputeModeCovariance().
-Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph);
-
-/// The inverse of that covariance times a matrix of as many rows. The covariance need not be known
-/// for that.
+/// The inverse of the joint covariance of all runs' (correction, sensor bias), kRunCalibration rows
+/// a run, in the same Gaussian, times a matrix of as many rows. The covariance need not be known
+/// for that. Order (log scale_v, log scale_omega, lag [s], log range scale, bearing offset [rad],
+/// range curvature [1/rad²]). Precondition: as ComputeModeCovariance().
 Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
                                                    const Eigen::MatrixXd& weights);
 

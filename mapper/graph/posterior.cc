@@ -96,12 +96,6 @@ Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
   return elimination.ModeCovariance();
 }
 
-Eigen::MatrixXd ComputeCalibrationCovariance(const Graph& graph) {
-  GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
-  return elimination.CalibrationCovariance();
-}
-
 Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
                                                    const Eigen::MatrixXd& weights) {
   GraphElimination elimination(graph);

@@ -68,9 +68,9 @@ TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
 TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
   for (const auto& [modes, runs] : {std::pair{80, 1}, {kMaxJointModes + 60, 1}, {400, 24}}) {
     Graph graph = Corridor(modes, runs);
-    std::vector<int> all;
-    for (int r = 0; r < runs; ++r) {
-      graph.runs[static_cast<std::size_t>(r)].sensor_bias_sd[kLogRangeScale] = 1e-9;
+    std::vector<std::size_t> all;
+    for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+      graph.runs[r].sensor_bias_sd[kLogRangeScale] = 1e-9;
       all.push_back(r);
     }
     constexpr double kScale = 0.02;

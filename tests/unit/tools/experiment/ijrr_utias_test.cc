@@ -22,6 +22,16 @@
 namespace shiftmap {
 namespace {
 
+constexpr char kNoRecordedData[] =
+    "no UTIAS data: set SHIFTMAP_DATA to the folder that holds utias";
+
+// The folder of the recorded data sets; empty if they are not there.
+std::string RecordedData() {
+  const char* data = std::getenv("SHIFTMAP_DATA");
+  const std::string folder = std::string(data == nullptr ? "" : data) + "/utias";
+  return std::filesystem::exists(folder + "/MRCLAM_Dataset1") ? folder : "";
+}
+
 using testing::IsOk;
 using testing::StatusIs;
 
@@ -152,12 +162,9 @@ TEST(IjrrUtiasTest, RejectsWhatIsOutOfRange) {
 }
 
 TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
-  const char* data = std::getenv("SHIFTMAP_DATA");
   IjrrUtiasOptions options;
-  options.data = std::string(data == nullptr ? "" : data) + "/utias";
-  if (!std::filesystem::exists(options.data + "/MRCLAM_Dataset1")) {
-    GTEST_SKIP() << "no UTIAS data: set SHIFTMAP_DATA to the folder that holds utias";
-  }
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
   options.datasets = {1};
   options.deltas_m = {0.0, 1.0, 2.5};
   options.methods = {"ours", "oracle"};
@@ -176,12 +183,9 @@ TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
 
 // Without hypotheses the frames end in the static solve; with them the moved landmarks do no harm.
 TEST(IjrrUtiasTest, FrameByFrameIsNearTheBatchOnRecordedData) {
-  const char* data = std::getenv("SHIFTMAP_DATA");
   IjrrUtiasOptions options;
-  options.data = std::string(data == nullptr ? "" : data) + "/utias";
-  if (!std::filesystem::exists(options.data + "/MRCLAM_Dataset1")) {
-    GTEST_SKIP() << "no UTIAS data: set SHIFTMAP_DATA to the folder that holds utias";
-  }
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
   options.datasets = {1};
   options.deltas_m = {0.0, 1.0};
   options.methods = {"static", "nohyp", "incremental-40s"};
