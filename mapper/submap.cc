@@ -123,7 +123,7 @@ std::vector<bool> Displaced(const MapperOptions& options,
   }
   cov.diagonal().array() += 2.0 * kSubmapFloor * kSubmapFloor;
   cov = FreeDatumAndScale(positions, options.sd_range_scale, cov);
-  const std::vector<int> clusters = FindDisplaced(difference, cov, options.displacement);
+  const std::vector<int> clusters = FindDisplaced(positions, difference, cov, options.displacement);
   for (std::size_t a = 0; a < indices.size(); ++a) displaced[indices[a]] = clusters[a] >= 0;
   return displaced;
 }

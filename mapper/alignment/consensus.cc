@@ -9,16 +9,10 @@
 #include <random>
 #include <utility>
 
-#include "mapstore/geometry/angle.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
-
-// Two transforms that place the vehicle further apart than this are different answers, not two
-// estimates of one.
-constexpr double kDifferentMetres = 0.5;
-constexpr double kDifferentRadians = 0.1;
 
 // Up to as many pairs of correspondences, all are tried.
 constexpr double kMaxAllPairs = 5000.0;
@@ -116,18 +110,10 @@ class Consensus {
       }
     }
     if (best_.count == 0) return std::nullopt;
-    Alignment alignment = Describe();
-    if (alignment.runner_up > best_.count) return std::nullopt;
-    return alignment;
+    return Describe();
   }
 
  private:
-  // A candidate as a rival of the best.
-  struct Rival {
-    Se2 transform;
-    int count = 0;
-  };
-
   // After so many draws a transform that half as many groups support as the best, or the fewest
   // that count, has been proposed but with probability kMissed: each draws a pair of its
   // supporters with probability (supporters / matches)².
@@ -258,7 +244,6 @@ class Consensus {
     }));
     if (candidate.count < options_.min_signatures) return;
     candidate = Refine(std::move(candidate));
-    rivals_.push_back({candidate.fit.Rigid(), candidate.count});
     if (candidate.score > best_.score) best_ = std::move(candidate);
   }
 
@@ -276,21 +261,7 @@ class Consensus {
       alignment.rms_m += (fit * match.other - match.reference).squaredNorm();
     }
     alignment.rms_m = std::sqrt(alignment.rms_m / best_.count);
-    Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-    for (const Correspondence& match : matches_) {
-      centre += match.other / static_cast<double>(matches_.size());
-    }
-    for (const Rival& rival : rivals_) {
-      if (Different(rival.transform, alignment.T_reference_other, centre)) {
-        alignment.runner_up = std::max(alignment.runner_up, rival.count);
-      }
-    }
     return alignment;
-  }
-
-  static bool Different(const Se2& a, const Se2& b, const Eigen::Vector2d& centre) {
-    return (a * centre - b * centre).norm() > kDifferentMetres ||
-           std::abs(WrapAngle(a.yaw() - b.yaw())) > kDifferentRadians;
   }
 
   const AlignmentOptions& options_;
@@ -299,7 +270,6 @@ class Consensus {
   std::vector<double> squared_;  // Scratch of Support().
   std::vector<Correspondence> matches_;
   Candidate best_;
-  std::vector<Rival> rivals_;
 };
 
 }  // namespace

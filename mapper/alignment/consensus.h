@@ -38,7 +38,6 @@ struct AlignmentOptions {
 struct Alignment {
   Se2 T_reference_other;
   std::vector<int> signatures;  ///< Groups that agree, ascending.
-  int runner_up = 0;            ///< Agreeing signatures of the best clearly different alignment.
   double rms_m = 0.0;           ///< Of the agreeing positions.
 
   /// Where the agreeing positions lie in the reference frame, and how well they hold the alignment.
@@ -61,8 +60,7 @@ struct Alignment {
 /// landmark that stands anywhere in the area A. One more supporter is therefore not worth any price
 /// in the fit of the others.
 ///
-/// Nothing is returned if fewer than min_signatures agree, or if a clearly different transform has
-/// more supporters. Deterministic.
+/// Nothing is returned if fewer than min_signatures agree. Deterministic.
 std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
                                           const std::vector<AlignmentPoint>& other,
                                           const AlignmentOptions& options);

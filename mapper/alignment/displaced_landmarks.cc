@@ -20,10 +20,12 @@ constexpr double kDatumDimension = 3.0;
 
 class Search {
  public:
-  Search(const Eigen::VectorXd& difference,
+  Search(const std::vector<Eigen::Vector2d>& positions,
+         const Eigen::VectorXd& difference,
          const Eigen::MatrixXd& cov,
          const DisplacementOptions& options)
       : options_(options),
+        prior_(positions, options.prior),
         information_(cov.llt().solve(Eigen::MatrixXd::Identity(cov.rows(), cov.cols()))),
         weighted_(information_ * difference),
         squared_(difference.dot(weighted_)),
@@ -40,11 +42,11 @@ class Search {
   }
 
  private:
-  // BᵀΛB and w, and what there is of landmarks in each cluster.
+  // BᵀΛB and w, and the landmarks in each cluster.
   struct Clustered {
     Eigen::MatrixXd M;
     Eigen::VectorXd w;
-    std::vector<int> sizes;
+    std::vector<std::vector<std::size_t>> members;
   };
 
   static int Count(const std::vector<int>& clusters) {
@@ -55,7 +57,7 @@ class Search {
     const Eigen::Index count = Count(clusters);
     Clustered sums{Eigen::MatrixXd::Zero(2 * count, 2 * count),
                    Eigen::VectorXd::Zero(2 * count),
-                   std::vector<int>(static_cast<std::size_t>(count))};
+                   std::vector<std::vector<std::size_t>>(static_cast<std::size_t>(count))};
     std::vector<std::size_t> members;
     for (std::size_t i = 0; i < clusters.size(); ++i) {
       if (clusters[i] >= 0) members.push_back(i);
@@ -63,7 +65,7 @@ class Search {
     for (const std::size_t i : members) {
       const auto row = static_cast<Eigen::Index>(2 * i);
       const Eigen::Index a = Eigen::Index{2} * clusters[i];
-      ++sums.sizes[static_cast<std::size_t>(clusters[i])];
+      sums.members[static_cast<std::size_t>(clusters[i])].push_back(i);
       sums.w.segment<2>(a) += weighted_.segment<2>(row);
       for (const std::size_t j : members) {
         sums.M.block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
@@ -90,10 +92,8 @@ class Search {
 
   double LogPrior(const Clustered& sums) const {
     double log_prior = 0.0;
-    for (const int size : sums.sizes) {
-      if (size == 0) continue;
-      log_prior += std::log(options_.probability_displaced) +
-                   (size - 1) * std::log(options_.probability_together);
+    for (const std::vector<std::size_t>& members : sums.members) {
+      if (!members.empty()) log_prior += prior_.LogProbability(members);
     }
     return log_prior;
   }
@@ -203,6 +203,7 @@ class Search {
   }
 
   DisplacementOptions options_;
+  DisplacementPrior prior_;
   Eigen::MatrixXd information_;
   Eigen::VectorXd weighted_;
   double squared_;
@@ -213,11 +214,12 @@ class Search {
 
 }  // namespace
 
-std::vector<int> FindDisplaced(const Eigen::VectorXd& difference,
+std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
+                               const Eigen::VectorXd& difference,
                                const Eigen::MatrixXd& cov,
                                const DisplacementOptions& options) {
   if (difference.size() == 0) return {};
-  return Search(difference, cov, options).Run();
+  return Search(positions, difference, cov, options).Run();
 }
 
 }  // namespace shiftmap

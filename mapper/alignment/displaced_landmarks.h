@@ -5,14 +5,12 @@
 #include <array>
 #include <vector>
 
+#include "mapper/alignment/displacement_prior.h"
+
 namespace shiftmap {
 
 struct DisplacementOptions {
-  /// Probability that landmarks were displaced: each alone, or a first one of several together.
-  double probability_displaced = 0.05;
-
-  /// Probability that a landmark went along with another that was displaced.
-  double probability_together = 0.3;
+  DisplacementPriorOptions prior;
 
   /// How far they are displaced: standard deviations per axis, each as likely as the others. [m]
   std::array<double, 3> sd_displacement_m = {0.1, 0.3, 1.0};
@@ -40,11 +38,13 @@ inline constexpr int kNotDisplaced = -1;
 /// share (the datum, the scale) belong in `cov`; then a few displaced landmarks cannot pass as many
 /// that stay, nor the other way around.
 ///
+/// @param positions   Where the landmarks were, in one frame. [m]
 /// @param difference  Stacked (x, y). [m]
 /// @param cov         Joint covariance of the differences if nothing was displaced, positive
 ///                    definite. [m²]
 /// @return Per landmark its cluster, from 0, or kNotDisplaced. Deterministic.
-std::vector<int> FindDisplaced(const Eigen::VectorXd& difference,
+std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
+                               const Eigen::VectorXd& difference,
                                const Eigen::MatrixXd& cov,
                                const DisplacementOptions& options);
 

@@ -231,6 +231,7 @@ Json OptionsJson(const IjrrUtiasOptions& options, const IjrrUtiasResult& result)
                      {"moved", moved}});
   }
   return {{"cases", cases},
+          {"start_s", options.protocol.start_s},
           {"duration_s", options.protocol.duration_s},
           {"max_range_m", options.protocol.max_range_m},
           {"max_bearing_rad", options.protocol.max_bearing_rad},
@@ -275,6 +276,10 @@ void AddIjrrUtiasExperiment(Application* application) {
       .Option("--robots", &arguments->robots, "Numbers of the robots; default 1")
       .Option("--deltas", &arguments->deltas, "Displacements in metres; default those of figure 9")
       .Option("--methods", &arguments->options.methods, "Only these methods")
+      .Option("--start-s",
+              &arguments->options.protocol.start_s,
+              "Where in the recording to begin [s]; the paper: 0")
+      .InRange(0.0, 1e5)
       .Option("--prior-sd-m",
               &arguments->options.protocol.prior_sd_m,
               "Standard deviation of each coordinate in the map")

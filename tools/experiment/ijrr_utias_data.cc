@@ -54,8 +54,8 @@ StatusOr<UtiasCase> LoadUtiasCase(const std::string& data,
   options.duration_s = protocol.duration_s;
   SHIFTMAP_ASSIGN_OR_RETURN(UtiasRun recorded, ReadUtias(options));
   const Duration late = result.truth.front().stamp - recorded.run.odometry.front().stamp;
-  if (late > Duration::zero()) {
-    options.start_s = ToSeconds(late);
+  options.start_s = protocol.start_s + std::max(0.0, ToSeconds(late));
+  if (options.start_s > 0.0) {
     SHIFTMAP_ASSIGN_OR_RETURN(recorded, ReadUtias(options));
   }
   result.run =

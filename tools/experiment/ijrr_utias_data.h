@@ -22,6 +22,7 @@ using LandmarkPlaces = std::map<Signature, Eigen::Vector2d>;
 
 /// What of a recording takes part, IJRR 8.2.
 struct UtiasProtocol {
+  double start_s = 0.0;  ///< From where odometry and motion capture have begun.
   double duration_s = 340.0;
   double max_range_m = 5.0;      ///< Observations from further away are left out.
   double max_bearing_rad = 0.4;  ///< And those more to the side.
@@ -41,8 +42,8 @@ struct UtiasCase {
   std::vector<Signature> moved;       ///< Ascending: the group that the map has displaced.
 };
 
-/// Reads `<data>/MRCLAM_Dataset<N>`. The run begins with the odometry or, where motion capture
-/// begins later, with that. Errors: as ReadUtias; kInvalidArgument if nothing is left to see.
+/// Reads `<data>/MRCLAM_Dataset<N>`. The run begins `start_s` after the odometry or, where motion
+/// capture begins later, after that. Errors: as ReadUtias; kInvalidArgument if nothing is left to see.
 StatusOr<UtiasCase> LoadUtiasCase(const std::string& data,
                                   int dataset,
                                   int robot,
