@@ -37,7 +37,10 @@ TEST_P(StateConfusion, LostAndUnknownChangeAreNotTakenForEachOther) {
   const CauseTally tally = TallyCause(cause, 20001, ShiftsPerCause(), 2, LocalizerOptions());
   std::string seeds;
   for (const std::uint64_t seed : tally.confused_seeds) seeds += " " + std::to_string(seed);
-  EXPECT_LE(tally.confused, BinomialBound(tally.shifts, 0.01, 1e-3)) << "seeds" << seeds;
+  // A rack and nothing else in view is as well explained by another pose.
+  const bool rack = cause == ShiftCause::kRackMoved;
+  const std::int64_t unexcused = tally.confused - (rack ? tally.pose_wrong : 0);
+  EXPECT_LE(unexcused, BinomialBound(tally.shifts, rack ? 0.05 : 0.01, 1e-3)) << "seeds" << seeds;
   EXPECT_LE(tally.said_before, BinomialBound(tally.shifts, 0.01, 1e-3));
   EXPECT_LE(tally.shifts - tally.recovered, BinomialBound(tally.shifts, 0.02, 1e-3));
 
@@ -54,6 +57,9 @@ TEST_P(StateConfusion, LostAndUnknownChangeAreNotTakenForEachOther) {
   }
   if (cause == ShiftCause::kMoved) {
     EXPECT_GE(reported(LocalizerState::kUnknownChange), most);
+  }
+  if (rack) {
+    EXPECT_GE(reported(LocalizerState::kUnknownChange), tally.shifts / 2);
   }
   if (cause == ShiftCause::kKidnapped) {
     EXPECT_GE(reported(LocalizerState::kLost), most);

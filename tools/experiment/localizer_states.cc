@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/localizer_states.h"
 
+#include <Eigen/Cholesky>
+#include <variant>
+
 #include "localizer/localizer.h"
 #include "proto/core/check.h"
 #include "tools/experiment/monte_carlo.h"
@@ -16,6 +19,14 @@ enum Column : std::size_t {
   kLostColumn,
   kDuplicateColumn,
 };
+
+// Chi-square quantile of 0.999 with 3 degrees of freedom.
+constexpr double kOutside = 16.3;
+
+bool PoseIsWrong(const PoseWithCovariance& pose, const Se2& T_map_vehicle) {
+  const Eigen::Vector3d error = (pose.T_map_vehicle.Inverse() * T_map_vehicle).Log();
+  return error.dot(pose.cov_T_map_vehicle.llt().solve(error)) > kOutside;
+}
 
 }  // namespace
 
@@ -43,10 +54,20 @@ ReportedShift LocalizeShift(const CausedShift& shift, const LocalizerOptions& op
   Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), started);
   ReportedShift reported;
   reported.first_s.fill(-1.0);
+  reported.lost_rightly = true;
+  std::size_t scans = 0;
+  bool was_lost = false;
   for (const RunEvent& event : shift.events) {
     const Status status = localizer.Process(event);
     SHIFTMAP_CHECK(status.ok(), "{}", Message(status));
+    scans += std::holds_alternative<Scan>(event);
     const LocalizerState state = localizer.state();
+    const bool lost = state == LocalizerState::kLost;
+    if (lost && !was_lost) {
+      reported.lost_rightly &=
+          PoseIsWrong(localizer.Estimate()->pose, shift.T_map_vehicle[scans - 1]);
+    }
+    was_lost = lost;
     const Stamp stamp = StampOf(event);
     if (stamp < shift.cause) {
       reported.said_before |=
@@ -56,6 +77,7 @@ ReportedShift LocalizeShift(const CausedShift& shift, const LocalizerOptions& op
     double& first = reported.first_s[static_cast<std::size_t>(state)];
     if (first < 0.0) first = ToSeconds(stamp - shift.cause);
   }
+  reported.lost_rightly &= reported.Said(LocalizerState::kLost);
   reported.duplicate_alarm = localizer.Statistics().duplicate_signatures > 0;
   reported.last = localizer.state();
   const auto estimate = localizer.Estimate();
@@ -87,6 +109,7 @@ CauseTally TallyCause(ShiftCause cause,
     tally.said_before += reported.said_before;
     if (reported.Confused(cause)) {
       ++tally.confused;
+      tally.pose_wrong += !IsPoseFailure(cause) && reported.lost_rightly;
       tally.confused_seeds.push_back(first_seed + i);
     }
     constexpr double kRight = 0.5;  // [m]

@@ -17,6 +17,9 @@ struct ReportedShift {
   std::array<double, kLocalizerStates> first_s = {};  ///< By state, after the cause; -1: never. [s]
   bool said_before = false;                           ///< LOST or UNKNOWN_CHANGE before the cause.
   bool duplicate_alarm = false;
+
+  /// LOST was said, and each time the pose was outside of 0.999 of the distribution that it stated.
+  bool lost_rightly = false;
   LocalizerState last = LocalizerState::kInitializing;
   double error_m = 0.0;  ///< Of the last pose. [m]
 
@@ -43,6 +46,7 @@ struct CauseTally {
   std::int64_t shifts = 0;
   std::array<std::int64_t, kReportColumns> reported = {};
   std::int64_t confused = 0;
+  std::int64_t pose_wrong = 0;  ///< Of the confused: the pose was indeed wrong when it was LOST.
   std::int64_t said_before = 0;
   std::int64_t recovered = 0;  ///< Ends neither LOST nor INITIALIZING, half a metre right.
   double delay_s = 0.0;        ///< Mean, to LOST or UNKNOWN_CHANGE, where it was said. [s]

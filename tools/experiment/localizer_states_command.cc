@@ -25,7 +25,7 @@ struct Arguments {
 ResultTable MakeTable(const std::vector<CauseTally>& tallies) {
   std::vector<std::string> columns = {"cause", "shifts"};
   for (std::size_t i = 0; i < kReportColumns; ++i) columns.push_back(ReportColumn(i));
-  for (const char* name : {"confused", "said_before", "recovered", "delay_s"}) {
+  for (const char* name : {"confused", "pose_wrong", "said_before", "recovered", "delay_s"}) {
     columns.push_back(name);
   }
   ResultTable table(columns);
@@ -34,6 +34,7 @@ ResultTable MakeTable(const std::vector<CauseTally>& tallies) {
                                           static_cast<double>(tally.shifts)};
     for (const std::int64_t count : tally.reported) row.emplace_back(static_cast<double>(count));
     row.emplace_back(static_cast<double>(tally.confused));
+    row.emplace_back(static_cast<double>(tally.pose_wrong));
     row.emplace_back(static_cast<double>(tally.said_before));
     row.emplace_back(static_cast<double>(tally.recovered));
     row.emplace_back(tally.delay_s);

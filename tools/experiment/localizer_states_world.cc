@@ -171,20 +171,46 @@ class ShiftDraw {
   void ChangeWorld() {
     after_.assign(truth_.begin(), truth_.end());
     const bool map_changes = cause_ == ShiftCause::kModeChange || cause_ == ShiftCause::kMoved ||
-                             cause_ == ShiftCause::kRemoved;
+                             cause_ == ShiftCause::kRemoved || cause_ == ShiftCause::kRackMoved;
     // Half of the changes were there before the shift began.
     if (map_changes && Uniform(0.0, 1.0) < 0.5) change_sample_ = 0;
     if (!map_changes && cause_ != ShiftCause::kDuplicate) return;
     std::vector<std::size_t> order(truth_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::shuffle(order.begin(), order.end(), random_);
-    const auto seen = std::count_if(
-        truth_.begin(), truth_.end(), [&](const Eigen::Vector2d& p) { return ScansSeen(p) > 0; });
-    const int wanted = map_changes ? Integer(1, std::max(1, static_cast<int>(seen) / 3)) : 1;
+    const auto seen = static_cast<int>(std::count_if(
+        truth_.begin(), truth_.end(), [&](const Eigen::Vector2d& p) { return ScansSeen(p) > 0; }));
+    if (cause_ == ShiftCause::kRackMoved) {
+      MoveRack(order, Integer(3, std::clamp(seen / 3, 3, 6)));
+      return;
+    }
+    const int wanted = map_changes ? Integer(1, std::max(1, seen / 3)) : 1;
     for (const std::size_t i : order) {
       if (shift_.affected == wanted) break;
       if (ScansSeen(truth_[i]) >= kMinScansSeen) shift_.affected += Affect(i);
     }
+  }
+
+  // Displaces the first landmark of an order that is seen for long enough, and its neighbours.
+  void MoveRack(std::vector<std::size_t> order, int size) {
+    const auto middle = std::find_if(order.begin(), order.end(), [&](std::size_t i) {
+      return ScansSeen(truth_[i]) >= kMinScansSeen;
+    });
+    if (middle == order.end()) return;
+    const Eigen::Vector2d p_middle = truth_[*middle];
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return (truth_[a] - p_middle).norm() < (truth_[b] - p_middle).norm();
+    });
+    const double direction = Uniform(-M_PI, M_PI);
+    const double turn = Uniform(0.0, 1.0) < 0.5 ? 0.0 : Uniform(-0.5, 0.5);
+    const Se2 moved(
+        p_middle + Uniform(0.5, 3.0) * Eigen::Vector2d(std::cos(direction), std::sin(direction)),
+        turn);
+    for (int n = 0; n < size; ++n) {
+      const std::size_t i = order[static_cast<std::size_t>(n)];
+      after_[i] = moved * (truth_[i] - p_middle).eval();
+    }
+    shift_.affected = size;
   }
 
   bool Affect(std::size_t i) {
@@ -299,6 +325,8 @@ const char* ToString(ShiftCause cause) {
       return "odometry frozen";
     case ShiftCause::kDuplicate:
       return "duplicate";
+    case ShiftCause::kRackMoved:
+      return "rack moved";
   }
   return "";
 }
@@ -308,7 +336,9 @@ bool IsPoseFailure(ShiftCause cause) {
 }
 
 CausedShift DrawShift(ShiftCause cause, std::uint64_t seed) {
-  return ShiftDraw(cause, seed * kShiftCauses + static_cast<std::uint64_t>(cause)).Draw();
+  // Shifts of one cause never share a seed; a few of two causes do.
+  constexpr std::uint64_t kStride = 10;
+  return ShiftDraw(cause, seed * kStride + static_cast<std::uint64_t>(cause)).Draw();
 }
 
 }  // namespace shiftmap

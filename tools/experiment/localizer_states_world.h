@@ -23,9 +23,10 @@ enum class ShiftCause {
   kOdometryDoubled,  ///< Odometry says twice the speed.
   kOdometryFrozen,   ///< Odometry repeats its last sample.
   kDuplicate,        ///< A signature is at two places.
+  kRackMoved,        ///< Neighbours stand where no mode is, all displaced by one motion.
 };
 
-inline constexpr std::size_t kShiftCauses = 10;
+inline constexpr std::size_t kShiftCauses = 11;
 
 /// In tables, e.g. "mode change".
 const char* ToString(ShiftCause cause);
@@ -51,7 +52,8 @@ inline constexpr double kAfterCauseS = 60.0;
 /// rad to either side, ranges to 2 to 12 cm, bearings to 0.5 to 2 degrees, up to 2 % of signatures
 /// misread; the vehicle drives through the landmarks from one random point to the next. A change
 /// affects up to a third of the landmarks seen after it, each of them seen for five seconds or
-/// more. Determinism: the same seed gives the same shift.
+/// more. A rack is 3 to 6 neighbours, displaced by 0.5 to 3 m and, half of them, turned by up to
+/// 0.5 rad. Determinism: the same seed gives the same shift.
 CausedShift DrawShift(ShiftCause cause, std::uint64_t seed);
 
 }  // namespace shiftmap
