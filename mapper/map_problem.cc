@@ -162,11 +162,13 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   return SolveContinuous(options, problem, &solver);
 }
 
-Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
+Graph SolveContinuous(const MapperOptions& options,
+                      MapProblem* problem,
+                      GraphSolver* solver,
+                      int max_integrations) {
   // Integrate again until the calibration stays.
-  constexpr int kMaxIntegrations = 4;
   Graph graph;
-  for (int i = 0; i < kMaxIntegrations; ++i) {
+  for (int i = 0; i < max_integrations; ++i) {
     graph = MakeGraph(options, problem);
     problem->cost = solver->Solve(options.max_solver_iterations, &graph).final_cost;
     CopyBack(graph, problem);
@@ -219,7 +221,7 @@ void CalibrateNoise(const MapperOptions& options,
         solver.Solve(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
     CopyBack(graph, problem);
     const ResidualStatistics statistics =
-        ComputeResidualStatistics(graph, NoiseSamples(graph), options.seed);
+        ComputeResidualStatistics(graph, NoiseSamples(graph), options.seed, &solver);
     if (UpdateNoise(statistics, problem) < kSettledNoise) return;
   }
 }

@@ -91,12 +91,20 @@ int AddMode(int group, const BuildMode& mode, MapProblem* problem);
 /// The continuous part for the present assignment, at its present values.
 Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
 
+/// Integrations of the odometry in one solve, each at the calibration found before, if it does not
+/// stay earlier.
+inline constexpr int kMaxIntegrations = 4;
+
 /// Solves the continuous part for the present assignment, integrating the odometry anew at the
 /// calibration found. Returns the graph at the solution.
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 
 /// The same, and what the solver keeps goes on from and to other solves.
-Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver);
+/// @param max_integrations  Of the odometry at most, > 0, with a solve after each.
+Graph SolveContinuous(const MapperOptions& options,
+                      MapProblem* problem,
+                      GraphSolver* solver,
+                      int max_integrations = kMaxIntegrations);
 
 /// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
 /// is multiplied by what its residuals have too much or too little (variance components). Returns

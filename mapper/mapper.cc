@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <mutex>
 #include <tuple>
 #include <utility>
@@ -162,7 +163,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
       return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                              options.modes.min_sightings);
     }
-    SolveContinuous(options, problem);
+    if (!options.calibrate) SolveContinuous(options, problem);  // Else with the noise.
   }
   if (!options.calibrate) return iterations;
   problem->sensor = EstimateDetection(*problem, options.modes);
@@ -249,11 +250,14 @@ Status Conclude(const std::optional<MapContent>& prior,
                 MapProblem* problem,
                 MapperResult* result) {
   const Graph graph = MakeGraph(options, problem);
-  const JointCovariance covariance = MapCovariance(graph, ScaleOf(options, *problem));
+  const std::unique_ptr<GraphElimination> elimination = LinearizeForMap(graph);
+  const JointCovariance covariance = MapCovariance(graph, *elimination, ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output, MakeMapContent(*problem, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
-  if (options.calibrate) result->vehicles = CalibrateVehicles(options, graph, *problem);
+  if (options.calibrate) {
+    result->vehicles = CalibrateVehicles(options, graph, *elimination, *problem);
+  }
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));

@@ -53,7 +53,7 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
 
 DatumChange MakeDatumChange(const Graph& graph, const GraphElimination& elimination) {
   Eigen::MatrixXd G = DatumDirections(graph.modes);
-  const Eigen::MatrixXd PG = elimination.ModeCovarianceTimes(G);
+  const Eigen::MatrixXd PG = elimination.VisitedCovarianceTimes(G);
   return {std::move(G), PG};
 }
 
@@ -75,7 +75,11 @@ Eigen::MatrixXd ScaleRoot(const Graph& graph,
   return root;
 }
 
-JointCovariance TiledCovariance(const Graph& graph, const ScaleUncertainty& scale) {
+bool IsTiled(const Graph& graph) { return static_cast<int>(graph.modes.size()) > kMaxJointModes; }
+
+JointCovariance TiledCovariance(const Graph& graph,
+                                const GraphElimination& elimination,
+                                const ScaleUncertainty& scale) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   std::vector<int> tile_of(graph.modes.size());
   for (std::size_t t = 0; t < tiles.size(); ++t) {
@@ -83,8 +87,6 @@ JointCovariance TiledCovariance(const Graph& graph, const ScaleUncertainty& scal
       tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
     }
   }
-  GraphElimination elimination(graph, tiles);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   const DatumChange change = MakeDatumChange(graph, elimination);
   const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
@@ -160,10 +162,17 @@ std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int 
   return tiles;
 }
 
-JointCovariance MapCovariance(const Graph& graph, const ScaleUncertainty& scale) {
-  if (static_cast<int>(graph.modes.size()) > kMaxJointModes) return TiledCovariance(graph, scale);
-  GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph) {
+  auto elimination = std::make_unique<GraphElimination>(
+      graph, IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
+  SHIFTMAP_CHECK(elimination->Linearize(), kNotDetermined);
+  return elimination;
+}
+
+JointCovariance MapCovariance(const Graph& graph,
+                              const GraphElimination& elimination,
+                              const ScaleUncertainty& scale) {
+  if (IsTiled(graph)) return TiledCovariance(graph, elimination, scale);
   const Eigen::MatrixXd cov = elimination.ModeCovariance();
   const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumDirections(graph.modes), scale);
   return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());

@@ -66,13 +66,20 @@ struct ScaleUncertainty {
   std::vector<std::vector<std::size_t>> runs_of_vehicles = {};
 };
 
+/// The normal equations of a graph at its present values, of which MapCovariance() can be told, and
+/// what else is to be known of them. Precondition: every mode is observed or in the prior.
+std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph);
+
 /// Covariance of a graph's modes as a map has it: referred to the positions as a whole
 /// (ReferToPositions) and with what no run tells of the scale: the common scale
 /// (AddScaleUncertainty) and that of each vehicle, a column S = d modes / d log scale, by P' = P +
 /// sd² S Sᵀ. A covariance without these would be that of runs that agree about lengths. Order of
 /// Graph::modes. Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between
 /// tiles it is zero, and positive definite all the same, as any block-diagonal part of a covariance
-/// is. [m²] Precondition: every mode is observed or in the prior.
-JointCovariance MapCovariance(const Graph& graph, const ScaleUncertainty& scale);
+/// is. [m²]
+/// @param elimination  LinearizeForMap() of the graph.
+JointCovariance MapCovariance(const Graph& graph,
+                              const GraphElimination& elimination,
+                              const ScaleUncertainty& scale);
 
 }  // namespace shiftmap

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <set>
 #include <utility>
@@ -35,6 +36,18 @@ std::vector<int> DiscreteState(const MapProblem& problem) {
     state.push_back(static_cast<int>(group.size()));
   for (const BuildRun& run : problem.runs)
     state.insert(state.end(), run.assignment.begin(), run.assignment.end());
+  return state;
+}
+
+// The same of one group.
+std::vector<int> DiscreteState(const MapProblem& problem,
+                               const std::vector<VisitRef>& visits,
+                               std::size_t group) {
+  std::vector<int> state = {static_cast<int>(problem.modes[group].size())};
+  for (const VisitRef& ref : visits) {
+    state.push_back(problem.runs[static_cast<std::size_t>(ref.run)]
+                        .assignment[static_cast<std::size_t>(ref.visit)]);
+  }
   return state;
 }
 
@@ -114,6 +127,87 @@ void Select(const MapperOptions& options, MapProblem* problem) {
     SolveContinuous(one_step, problem);
   }
 }
+
+// Two modes of a group that are one place: the second becomes the first.
+struct ModeMerge {
+  std::size_t group = 0;
+  int to = 0;
+  int from = 0;
+};
+
+std::vector<ModeMerge> FindMerges(const ModeOptions& options,
+                                  const ModeDifferences& differences,
+                                  const MapProblem& problem) {
+  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
+  const double gate = ChiSquareQuantile(options.merge_probability, 2);
+  const FlatModes flat(problem);
+  std::vector<ModeMerge> merges;
+  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+    const std::vector<BuildMode>& modes = problem.modes[group];
+    std::vector<bool> gone(modes.size());
+    for (std::size_t a = 0; a < modes.size(); ++a) {
+      for (std::size_t b = a + 1; b < modes.size(); ++b) {
+        if (gone[a] || gone[b] || InPrior(modes[b])) continue;
+        if (InPrior(modes[a]) && modes[b].displaced) continue;
+        const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
+        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
+        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
+        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
+        merges.push_back({group, static_cast<int>(a), static_cast<int>(b)});
+        gone[b] = true;
+      }
+    }
+  }
+  return merges;
+}
+
+void Merge(const std::vector<std::vector<VisitRef>>& by_group,
+           const std::vector<ModeMerge>& merges,
+           MapProblem* problem) {
+  for (const ModeMerge& merge : merges) {
+    Reassign(by_group[merge.group], merge.from, merge.to, problem);
+  }
+  DropUnusedModes(problem);
+}
+
+// Remembers which modes of a group were merged in which of its states. A visit that is told apart
+// from a mode by its likelihood, but whose mode is not, would have it made and merged for ever.
+class MergeMemory {
+ public:
+  explicit MergeMemory(const MapProblem& problem)
+      : by_group_(VisitsByGroup(problem)), merged_(by_group_.size()) {}
+
+  // Merges modes, and will again.
+  void Merge(const std::vector<ModeMerge>& merges, MapProblem* problem) {
+    std::size_t last = by_group_.size();
+    for (const ModeMerge& merge : merges) {
+      const std::size_t group = merge.group;
+      if (std::exchange(last, group) != group) {
+        state_ = DiscreteState(*problem, by_group_[group], group);
+        merged_[group][state_].clear();
+      }
+      merged_[group][state_].push_back(merge);
+    }
+    shiftmap::Merge(by_group_, merges, problem);
+  }
+
+  // Merges what was merged before in groups that are in a state as then.
+  void MergeAgain(MapProblem* problem) const {
+    std::vector<ModeMerge> merges;
+    for (std::size_t group = 0; group < by_group_.size(); ++group) {
+      if (merged_[group].empty()) continue;
+      const auto found = merged_[group].find(DiscreteState(*problem, by_group_[group], group));
+      if (found == merged_[group].end()) continue;
+      merges.insert(merges.end(), found->second.begin(), found->second.end());
+    }
+    shiftmap::Merge(by_group_, merges, problem);
+  }
+
+ private:
+  std::vector<std::vector<VisitRef>> by_group_;
+  std::vector<std::map<std::vector<int>, std::vector<ModeMerge>>> merged_;  // Per group, by state.
+  std::vector<int> state_;                                                  // Of the group at hand.
+};
 
 }  // namespace
 
@@ -237,31 +331,10 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
 int MergeModes(const ModeOptions& options,
                const ModeDifferences& differences,
                MapProblem* problem) {
-  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
-  const double gate = ChiSquareQuantile(options.merge_probability, 2);
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
-  const FlatModes flat(*problem);
-  int merged = 0;
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    const std::vector<BuildMode>& modes = problem->modes[group];
-    std::set<std::size_t> gone;
-    for (std::size_t a = 0; a < modes.size(); ++a) {
-      for (std::size_t b = a + 1; b < modes.size(); ++b) {
-        if (gone.contains(a) || gone.contains(b) || InPrior(modes[b])) continue;
-        if (InPrior(modes[a]) && modes[b].displaced) continue;
-        const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
-        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
-        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
-        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
-        Reassign(by_group[group], static_cast<int>(b), static_cast<int>(a), problem);
-        gone.insert(b);
-      }
-    }
-    merged += static_cast<int>(gone.size());
-  }
-  DropUnusedModes(problem);
-  problem->modes_merged += merged;
-  return merged;
+  const std::vector<ModeMerge> merges = FindMerges(options, differences, *problem);
+  Merge(VisitsByGroup(*problem), merges, problem);
+  problem->modes_merged += static_cast<int>(merges.size());
+  return static_cast<int>(merges.size());
 }
 
 void DropUnusedModes(MapProblem* problem) {
@@ -300,32 +373,48 @@ int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
   return dropped;
 }
 
-int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+namespace {
+
+// RefineModes() with so many integrations of the odometry in each solve at most.
+int Alternate(const MapperOptions& options,
+              int max_integrations,
+              MapProblem* problem,
+              const GoOn& go_on) {
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
+  MergeMemory memory(*problem);
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
     if (go_on && !go_on(*problem)) return iteration - 1;
     Select(options, problem);
     CreateModes(options.modes, problem);
     DropUnusedModes(problem);
+    memory.MergeAgain(problem);
     const std::vector<int> state = DiscreteState(*problem);
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
     GraphSolver solver;
-    const Graph graph = SolveContinuous(options, problem, &solver);
+    const Graph graph = SolveContinuous(options, problem, &solver, max_integrations);
     solved = state;
     if (HasSeveralModes(*problem)) {
-      if (MergeModes(options.modes, ModeDifferences(graph, &solver), problem) > 0) {
-        solved.clear();
-        if (!recurs) continue;
-        // What is merged here would be made again.
-        SolveContinuous(options, problem);
-      }
+      const std::vector<ModeMerge> merges =
+          FindMerges(options.modes, ModeDifferences(graph, &solver), *problem);
+      problem->modes_merged += static_cast<int>(merges.size());
+      memory.Merge(merges, problem);
+      if (!merges.empty()) solved.clear();
     }
-    if (recurs) return iteration;
+    if (recurs) {
+      if (solved.empty()) SolveContinuous(options, problem, &solver, max_integrations);
+      return iteration;
+    }
   }
   return options.max_outer_iterations;
+}
+
+}  // namespace
+
+int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+  return Alternate(options, kMaxIntegrations, problem, go_on);
 }
 
 void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
@@ -334,7 +423,7 @@ void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& 
   MapperOptions coarse = options;
   coarse.max_outer_iterations = std::min(kAlternations, options.max_outer_iterations);
   coarse.max_solver_iterations = std::min(kIterations, options.max_solver_iterations);
-  RefineModes(coarse, problem, go_on);
+  Alternate(coarse, 1, problem, go_on);
 }
 
 }  // namespace shiftmap

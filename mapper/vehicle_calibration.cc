@@ -7,12 +7,13 @@
 #include <map>
 
 #include "mapper/fleet_calibration.h"
+#include "mapper/graph/elimination.h"
 #include "mapper/mode_grid.h"
 
 namespace shiftmap {
 namespace {
 
-// A run's calibration, order of ComputeCalibrationInformationTimes(). Localizers leave the scale of
+// A run's calibration, order of CalibrationInformationTimes(). Localizers leave the scale of
 // ranges in their noise.
 using Parameters = Eigen::Vector<double, kRunCalibration>;
 constexpr int kRangeScale = 3;
@@ -61,6 +62,7 @@ struct Systematic {
 
 Systematic CombineRuns(const OdometryCalibration& fleet,
                        const Graph& graph,
+                       const GraphElimination& elimination,
                        const MapProblem& problem,
                        const std::map<std::string, std::vector<std::size_t>>& vehicles) {
   const auto runs = static_cast<Eigen::Index>(kRunCalibration * problem.runs.size());
@@ -87,7 +89,7 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
     }
     column += kRunCalibration;
   }
-  const Eigen::MatrixXd EtC = ComputeCalibrationInformationTimes(graph, E).transpose();
+  const Eigen::MatrixXd EtC = elimination.CalibrationInformationTimes(E).transpose();
   Eigen::MatrixXd information = EtC * E;
   information.diagonal() -= prior;
   result.cov = information.llt().solve(Eigen::MatrixXd::Identity(size, size));
@@ -220,12 +222,13 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
 
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
+                                               const GraphElimination& elimination,
                                                const MapProblem& problem) {
   const auto by_vehicle = RunsByVehicle(problem);
   const Systematic systematic =
-      CombineRuns(options.calibration.odometry, graph, problem, by_vehicle);
+      CombineRuns(options.calibration.odometry, graph, elimination, problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
-      ComputeRunStatistics(graph, kSamples, options.seed);
+      ComputeRunStatistics(graph, elimination, kSamples, options.seed);
   const ModeGrid grid(problem, problem.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {

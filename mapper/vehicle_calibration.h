@@ -66,9 +66,11 @@ struct VehicleEstimate {
 ///   it sees another one. Wilson's interval (1927).
 ///
 /// By name. Precondition: the options calibrate; every mode is observed or in the prior.
-/// @param graph  That of the problem.
+/// @param graph        That of the problem.
+/// @param elimination  Of the graph, linearized at its present values.
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
+                                               const GraphElimination& elimination,
                                                const MapProblem& problem);
 
 }  // namespace shiftmap

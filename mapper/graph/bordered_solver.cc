@@ -7,9 +7,6 @@
 namespace shiftmap {
 namespace {
 
-// Relative error of the solution in the norm of the preconditioner.
-constexpr double kTolerance = 1e-4;
-
 // Iterations on an earlier factor that cost less than another one, and on a factor of its own until
 // a factor with the border in it is better.
 constexpr int kMaxSimilar = 40;
@@ -23,13 +20,14 @@ void BorderedSolver::Forget() {
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTerm>& terms,
-                                                     const Eigen::MatrixXd& b) {
+                                                     const Eigen::MatrixXd& b,
+                                                     double tolerance) {
   if (!FactorizeBorder(terms)) return std::nullopt;
   if (has_factor()) {
-    if (std::optional<Eigen::MatrixXd> x = ConjugateGradients(terms, b, kMaxSimilar)) return x;
+    if (auto x = ConjugateGradients(terms, b, tolerance, kMaxSimilar)) return x;
   }
   if (!Factorize(terms)) return std::nullopt;
-  return ConjugateGradients(terms, b, kMaxIterations);
+  return ConjugateGradients(terms, b, tolerance, kMaxIterations);
 }
 
 bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
@@ -66,9 +64,7 @@ Eigen::MatrixXd BorderedSolver::BorderInformationTimes(const std::vector<SystemT
 
 Eigen::MatrixXd BorderedSolver::FollowBorder(const std::vector<SystemTerm>& terms,
                                              const Eigen::MatrixXd& c) const {
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
-  x.middleRows(border_.begin, c.rows()) = c;
-  return -SolveInner(Times(terms, x));
+  return -SolveInner(BorderTimes(terms, c));
 }
 
 void BorderedSolver::VisitInverse(const InverseVisitor& visitor) const {
@@ -105,6 +101,29 @@ bool BorderedSolver::FactorizeBorder(const std::vector<SystemTerm>& terms) {
   return true;
 }
 
+// [B; C] c: only those columns of each term take part.
+Eigen::MatrixXd BorderedSolver::BorderTimes(const std::vector<SystemTerm>& terms,
+                                            const Eigen::MatrixXd& c) const {
+  Eigen::MatrixXd y = Eigen::MatrixXd::Zero(size_, c.cols());
+  Eigen::MatrixXd local;
+  for (const SystemTerm& term : terms) {
+    const auto size = static_cast<Eigen::Index>(term.index.size());
+    local.setZero(size, c.cols());
+    for (Eigen::Index k = 0; k < size; ++k) {
+      const int unknown = term.index[static_cast<std::size_t>(k)];
+      if (unknown < border_.begin || unknown >= border_.end()) continue;
+      const auto c_k = c.row(unknown - border_.begin);
+      local.topRows(k).noalias() += term.H.row(k).head(k).transpose() * c_k;
+      local.bottomRows(size - k).noalias() += term.H.col(k).tail(size - k) * c_k;
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+      const int unknown = term.index[static_cast<std::size_t>(i)];
+      if (unknown >= 0) y.row(unknown) += local.row(i);
+    }
+  }
+  return y;
+}
+
 // C⁻¹ in the rows of the border, zero in the others.
 Eigen::MatrixXd BorderedSolver::SolveBorder(const Eigen::MatrixXd& c) const {
   Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
@@ -119,8 +138,10 @@ Eigen::MatrixXd BorderedSolver::SolveBorder(const Eigen::MatrixXd& c) const {
 // b - [B; C] C⁻¹ b_c, which is zero in the rows of the border.
 Eigen::MatrixXd BorderedSolver::Reduce(const std::vector<SystemTerm>& terms,
                                        const Eigen::MatrixXd& b) const {
-  Eigen::MatrixXd reduced = b - Times(terms, SolveBorder(b));
-  reduced.middleRows(border_.begin, border_.end() - border_.begin).setZero();
+  const int width = border_.end() - border_.begin;
+  const Eigen::MatrixXd c = SolveBorder(b).middleRows(border_.begin, width);
+  Eigen::MatrixXd reduced = b - BorderTimes(terms, c);
+  reduced.middleRows(border_.begin, width).setZero();
   return reduced;
 }
 
@@ -164,7 +185,10 @@ Eigen::MatrixXd BorderedSolver::SolveInner(const Eigen::MatrixXd& b) const {
 
 // Each column by itself, side by side.
 std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
-    const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& b, int max_iterations) const {
+    const std::vector<SystemTerm>& terms,
+    const Eigen::MatrixXd& b,
+    double tolerance,
+    int max_iterations) const {
   const auto dots = [](const Eigen::MatrixXd& u, const Eigen::MatrixXd& v) -> Eigen::ArrayXd {
     return u.cwiseProduct(v).colwise().sum().transpose();
   };
@@ -176,7 +200,7 @@ std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
   Eigen::MatrixXd residual = Reduce(terms, b);
   Eigen::MatrixXd direction = SolveInner(residual);
   Eigen::ArrayXd squared = dots(residual, direction);
-  const Eigen::ArrayXd enough = kTolerance * kTolerance * squared;
+  const Eigen::ArrayXd enough = tolerance * tolerance * squared;
   for (int i = 0; i < max_iterations && (squared > enough).any(); ++i) {
     const Eigen::MatrixXd image = Reduce(terms, Times(terms, direction));
     const Eigen::ArrayXd curvature = dots(direction, image);

@@ -41,11 +41,13 @@ class BorderedSolver {
   /// A draw of N(0, A⁻¹) if z is one of N(0, I), as Multifrontal::SolveUpper(); zero in the border.
   Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
 
-  /// H⁻¹ b to 1e-4, which is enough for a step. A factor of an earlier, similar A of the same shape
-  /// is used while that needs few iterations. Nothing if H is not positive definite or so badly
-  /// conditioned that too many are needed.
+  /// H⁻¹ b. A factor of an earlier, similar A of the same shape is used while that needs few
+  /// iterations. Nothing if H is not positive definite or so badly conditioned that too many are
+  /// needed.
+  /// @param tolerance  Relative error of the solution in the norm of the preconditioner. [-]
   std::optional<Eigen::MatrixXd> Solve(const std::vector<SystemTerm>& terms,
-                                       const Eigen::MatrixXd& b);
+                                       const Eigen::MatrixXd& b,
+                                       double tolerance = 1e-4);
 
   /// Factors A and C's blocks. False if they are not positive definite.
   bool Factorize(const std::vector<SystemTerm>& terms);
@@ -64,18 +66,23 @@ class BorderedSolver {
   Eigen::MatrixXd FollowBorder(const std::vector<SystemTerm>& terms,
                                const Eigen::MatrixXd& c) const;
 
+  /// A⁻¹ b, zero in the border.
+  Eigen::MatrixXd SolveHeld(const Eigen::MatrixXd& b) const { return SolveInner(b); }
+
   /// As Multifrontal::VisitInverse(), of A.
   void VisitInverse(const InverseVisitor& visitor) const;
 
  private:
   bool FactorizeBorder(const std::vector<SystemTerm>& terms);
   Eigen::MatrixXd SolveBorder(const Eigen::MatrixXd& c) const;
+  Eigen::MatrixXd BorderTimes(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& c) const;
   Eigen::MatrixXd Reduce(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd SolveInner(const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd Inner(const Eigen::MatrixXd& x) const;
   Eigen::MatrixXd Outer(const Eigen::MatrixXd& inner) const;
   std::optional<Eigen::MatrixXd> ConjugateGradients(const std::vector<SystemTerm>& terms,
                                                     const Eigen::MatrixXd& b,
+                                                    double tolerance,
                                                     int max_iterations) const;
 
   int size_;

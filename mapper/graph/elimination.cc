@@ -433,16 +433,27 @@ Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) 
   return rest_->Draw(z).bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
 }
 
+// Columns y of which Σ y yᵀ is what the calibrations add, P = A⁻¹ + E[y yᵀ]; none where they are in
+// the factor.
+Eigen::MatrixXd GraphElimination::CalibrationRoot() const {
+  if (!HoldsCalibrations()) return Eigen::MatrixXd(rest_->size(), 0);
+  std::mt19937_64 random(1);
+  const Eigen::MatrixXd draws = rest_->DrawColumns(kCalibrationDraws, random);
+  return rest_->FollowBorder(
+             draws.middleRows(first_calibration_, first_mode_ - first_calibration_)) /
+         std::sqrt(kCalibrationDraws);
+}
+
+Eigen::MatrixXd GraphElimination::VisitedCovarianceTimes(const Eigen::MatrixXd& weights) const {
+  if (!HoldsCalibrations()) return ModeCovarianceTimes(weights);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), weights.cols());
+  right.bottomRows(weights.rows()) = weights;
+  const Eigen::MatrixXd added = CalibrationRoot().bottomRows(weights.rows());
+  return rest_->SolveHeld(right).bottomRows(weights.rows()) + added * (added.transpose() * weights);
+}
+
 void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {
-  // Columns y of which the mean of y yᵀ is what the calibrations add: P = A⁻¹ + E[y yᵀ].
-  Eigen::MatrixXd added(rest_->size(), 0);
-  if (HoldsCalibrations()) {
-    std::mt19937_64 random(1);
-    const Eigen::MatrixXd draws = rest_->DrawColumns(kCalibrationDraws, random);
-    added = rest_->FollowBorder(
-                draws.middleRows(first_calibration_, first_mode_ - first_calibration_)) /
-            std::sqrt(kCalibrationDraws);
-  }
+  const Eigen::MatrixXd added = CalibrationRoot();
   const auto block_of = [&](int a, int b, const Eigen::Matrix2d& held) -> Eigen::Matrix2d {
     return held + added.middleRows<2>(first_mode_ + 2 * a) *
                       added.middleRows<2>(first_mode_ + 2 * b).transpose();

@@ -56,6 +56,12 @@ class GraphElimination {
   /// Linearizes at the present values and eliminates. False if something is not determined.
   bool Linearize() { return LinearizeSegments() && rest_->Factorize(); }
 
+  /// The same, but for a factor of an earlier linearization in which the calibrations are held:
+  /// what is drawn with it is of the present one.
+  bool LinearizeSimilar() {
+    return LinearizeSegments() && (HoldsCalibrations() || rest_->Factorize());
+  }
+
   /// The same without the small system, for a cost and a SimilarStep(). False if a segment is not
   /// determined.
   /// @param damping  Share by which the diagonal of the normal equations is raised (Marquardt).
@@ -81,6 +87,10 @@ class GraphElimination {
   /// The joint covariance of the modes times `weights`, two rows a mode: some of its columns, or
   /// what they sum up to, without the rest.
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
+
+  /// The same with the covariance that VisitModeCovariance() tells, to rounding: where calibrations
+  /// are held the two differ by what its draws leave, which is no covariance.
+  Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& weights) const;
 
   /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
@@ -124,6 +134,7 @@ class GraphElimination {
   void MakeStretches();
   void AddMode(int mode, Stretch* stretch);
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
+  Eigen::MatrixXd CalibrationRoot() const;
   double AddPriors(RestSystem* rest) const;
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;

@@ -12,6 +12,7 @@
 
 namespace shiftmap {
 
+class GraphElimination;
 class RestSystem;
 
 /// Unknowns of a run beside its poses: correction (3) and sensor bias (3).
@@ -93,6 +94,9 @@ class GraphSolver {
   /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
   std::unique_ptr<RestSystem> TakeRest();
 
+  /// What a GraphElimination has made of it goes on to the next graph.
+  void KeepRest(std::unique_ptr<RestSystem> rest);
+
  private:
   std::unique_ptr<RestSystem> rest_;
 };
@@ -118,20 +122,20 @@ struct ResidualStatistics {
 /// Precondition: every mode is observed or in the prior.
 Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 
-/// The inverse of the joint covariance of all runs' (correction, sensor bias), kRunCalibration rows
-/// a run, in the same Gaussian, times a matrix of as many rows. The covariance need not be known
-/// for that. Order (log scale_v, log scale_omega, lag [s], log range scale, bearing offset [rad],
-/// range curvature [1/rad²]). Precondition: as ComputeModeCovariance().
-Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
-                                                   const Eigen::MatrixXd& weights);
-
 /// The statistics at the graph's present values. The redundancy of each kind of residual is
 /// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the Gaussian around
 /// them (seeded). Precondition: every mode is observed or in the prior.
-ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed);
+/// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
+///                do. May be null.
+ResidualStatistics ComputeResidualStatistics(const Graph& graph,
+                                             int samples,
+                                             std::uint64_t seed,
+                                             GraphSolver* solver = nullptr);
 
 /// The same of each run's residuals.
+/// @param elimination  Of the graph, linearized at its present values.
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     const GraphElimination& elimination,
                                                      int samples,
                                                      std::uint64_t seed);
 

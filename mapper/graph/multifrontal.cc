@@ -13,6 +13,17 @@ namespace {
 
 Eigen::Index Index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
+// Triangular solve in place. For several columns Eigen copies the triangle, which pays for many.
+template <typename Triangle>
+void SolveTriangle(const Triangle& triangle, Eigen::Ref<Eigen::MatrixXd> x) {
+  if (x.cols() > 1) {
+    triangle.solveInPlace(x);
+    return;
+  }
+  auto column = x.col(0);
+  triangle.solveInPlace(column);
+}
+
 }  // namespace
 
 Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& x) {
@@ -23,7 +34,11 @@ Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixX
     for (std::size_t i = 0; i < term.index.size(); ++i) {
       if (term.index[i] >= 0) local.row(Index(i)) = x.row(term.index[i]);
     }
-    local = (term.H.selfadjointView<Eigen::Lower>() * local).eval();
+    if (local.cols() > 1) {
+      local = (term.H.selfadjointView<Eigen::Lower>() * local).eval();
+    } else {
+      local.col(0) = (term.H.selfadjointView<Eigen::Lower>() * local.col(0)).eval();
+    }
     for (std::size_t i = 0; i < term.index.size(); ++i) {
       if (term.index[i] >= 0) y.row(term.index[i]) += local.row(Index(i));
     }
@@ -223,7 +238,7 @@ Eigen::MatrixXd Multifrontal::Solve(const Eigen::MatrixXd& b) const {
 
 void Multifrontal::SolveLower(const Factor& factor, Eigen::MatrixXd* x) const {
   auto x_J = x->middleRows(factor.rows.front(), factor.own);
-  factor.L.topRows(factor.own).triangularView<Eigen::Lower>().solveInPlace(x_J);
+  SolveTriangle(factor.L.topRows(factor.own).triangularView<Eigen::Lower>(), x_J);
   const Eigen::Index below = factor.L.rows() - factor.own;
   if (below == 0) return;
   const Eigen::MatrixXd change = factor.L.bottomRows(below) * x_J;
@@ -279,7 +294,7 @@ Eigen::MatrixXd Multifrontal::BackSubstitute(Eigen::MatrixXd x) const {
       }
       x_J.noalias() -= factor.L.bottomRows(below).transpose() * x_S;
     }
-    factor.L.topRows(factor.own).triangularView<Eigen::Lower>().transpose().solveInPlace(x_J);
+    SolveTriangle(factor.L.topRows(factor.own).triangularView<Eigen::Lower>().transpose(), x_J);
   }
   Eigen::MatrixXd result(x.rows(), x.cols());
   for (std::size_t i = 0; i < place_.size(); ++i) result.row(Index(i)) = x.row(place_[i]);

@@ -96,19 +96,11 @@ Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
   return elimination.ModeCovariance();
 }
 
-Eigen::MatrixXd ComputeCalibrationInformationTimes(const Graph& graph,
-                                                   const Eigen::MatrixXd& weights) {
-  GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
-  return elimination.CalibrationInformationTimes(weights);
-}
-
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     const GraphElimination& elimination,
                                                      int samples,
                                                      std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
-  GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
   std::mt19937_64 random(seed);
   const std::vector<GraphStep> draws = elimination.Draws(samples, random);
   std::vector<ResidualStatistics> statistics(graph.runs.size());
@@ -117,13 +109,19 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
   return statistics;
 }
 
-ResidualStatistics ComputeResidualStatistics(const Graph& graph, int samples, std::uint64_t seed) {
+ResidualStatistics ComputeResidualStatistics(const Graph& graph,
+                                             int samples,
+                                             std::uint64_t seed,
+                                             GraphSolver* solver) {
+  GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
+  SHIFTMAP_CHECK(elimination.LinearizeSimilar(), kNotDetermined);
   ResidualStatistics total;
-  for (const ResidualStatistics& run : ComputeRunStatistics(graph, samples, seed)) {
+  for (const ResidualStatistics& run : ComputeRunStatistics(graph, elimination, samples, seed)) {
     total.sum_of_squares += run.sum_of_squares;
     total.redundancy += run.redundancy;
     total.count += run.count;
   }
+  if (solver != nullptr) solver->KeepRest(elimination.TakeRest());
   return total;
 }
 

@@ -18,6 +18,10 @@ constexpr int kMaxDense = 400;
 constexpr double kTolerance = 1e-6;
 constexpr int kMaxIterations = 8;
 
+// The same of a step beside a border: of the way down a step leaves the square of it, which is less
+// than the loss' weights change by.
+constexpr double kBorderedTolerance = 1e-2;
+
 // Slower than this, per iteration in the squared norm, they do not get there.
 constexpr double kLeastProgress = 0.1;
 
@@ -101,7 +105,7 @@ std::optional<Eigen::VectorXd> RestSystem::SolveSimilar() {
   if (!dense()) {
     Shape();
     if (border_.blocks >= kMinBorder) {
-      if (std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b_)) return x->col(0);
+      if (auto x = bordered_.Solve(terms_, b_, kBorderedTolerance)) return x->col(0);
       return std::nullopt;
     }
     if (factor_ && has_factor_) {

@@ -35,9 +35,10 @@ class RestSystem {
   /// many blocks the factor is without it (HoldsBorder).
   bool Factorize();
 
-  /// H⁻¹ b without Factorize(), to a millionth: by conjugate gradients on the factor of an earlier,
-  /// similar H if there is one of the same shape, with a factor of its own where these are slow.
-  /// Nothing if the system is not positive definite.
+  /// H⁻¹ b without Factorize(), to a millionth, with a border of very many blocks to a hundredth:
+  /// by conjugate gradients on the factor of an earlier, similar H if there is one of the same
+  /// shape, with a factor of its own where these are slow. Nothing if the system is not positive
+  /// definite.
   std::optional<Eigen::VectorXd> SolveSimilar();
 
   /// True if there is no factor but one, of an earlier, similar H, without the border: Draw() and
@@ -66,6 +67,9 @@ class RestSystem {
   Eigen::MatrixXd FollowBorder(const Eigen::MatrixXd& c) const {
     return bordered_.FollowBorder(terms_, c);
   }
+
+  /// A⁻¹ b, with the border held at zero. Precondition: as FollowBorder().
+  Eigen::MatrixXd SolveHeld(const Eigen::MatrixXd& b) const { return bordered_.SolveHeld(b); }
 
   /// The information about the border, all others unknown, times a matrix: the inverse of that part
   /// of H⁻¹, which need not be known.

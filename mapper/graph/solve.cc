@@ -143,6 +143,8 @@ GraphSolver::~GraphSolver() = default;
 
 std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
 
+void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
+
 GraphSummary GraphSolver::Solve(int max_iterations, Graph* graph) {
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;

@@ -115,9 +115,7 @@ TEST(BuildMap, TheOrderOfTheRunsDoesNotMatterAndEveryBuildIsTheSame) {
   EXPECT_EQ(ContentHash(Build({inputs[2], inputs[0], inputs[1]}).content), expected);
 }
 
-TEST(BuildMap, TheNumberOfThreadsChangesNoBit) {
-  const SimulatedWorld world = Simulate(SmallWorld(5));
-  const std::vector<MapperInput> inputs = testing::Inputs(world);
+void ExpectSameBitsOnTwoThreads(const std::vector<MapperInput>& inputs) {
   const MapperResult one = Build(inputs);
   MapperOptions options;
   options.threads = 2;
@@ -126,6 +124,19 @@ TEST(BuildMap, TheNumberOfThreadsChangesNoBit) {
   EXPECT_EQ(ContentHash(two->content), ContentHash(one.content));
   ASSERT_EQ(two->runs.size(), one.runs.size());
   for (std::size_t r = 0; r < one.runs.size(); ++r) EXPECT_EQ(two->runs[r].chi2, one.runs[r].chi2);
+}
+
+TEST(BuildMap, TheNumberOfThreadsChangesNoBit) {
+  ExpectSameBitsOnTwoThreads(testing::Inputs(Simulate(SmallWorld(5))));
+}
+
+// So many that their calibrations are left out of the factor.
+TEST(BuildMap, TheNumberOfThreadsChangesNoBitOfManyRuns) {
+  OpenWorldOptions options = SmallWorld(6);
+  options.runs = 26;
+  options.duration_s = 60.0;
+  options.scan_rate_hz = 2.0;
+  ExpectSameBitsOnTwoThreads(testing::Inputs(Simulate(options)));
 }
 
 TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {

@@ -66,21 +66,26 @@ TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
   EXPECT_NEAR(problem.sensor.sd_bearing_rad, 0.02, 0.004);
 }
 
+// A world in which landmark 0 moves at half time to where landmark 1 stands, which is taken away.
+SimulatedWorld WorldWithAMover(std::uint64_t seed) {
+  SimulatedWorld world = StaticWorld(seed);
+  const Signature mover = world.groups[0].signature;
+  const Signature place = world.groups[1].signature;
+  std::vector<Scan>& scans = world.runs[0].run.scans;
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    std::vector<Observation>& seen = scans[i].observations;
+    const Signature& gone = 2 * i < scans.size() ? place : mover;
+    std::erase_if(seen, [&](const Observation& item) { return item.signature == gone; });
+    for (Observation& item : seen) {
+      if (item.signature == place) item.signature = mover;
+    }
+  }
+  return world;
+}
+
 TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    SimulatedWorld world = StaticWorld(seed);
-    // At half time landmark 0 moves to where landmark 1 stands, which is taken away.
-    const Signature mover = world.groups[0].signature;
-    const Signature place = world.groups[1].signature;
-    std::vector<Scan>& scans = world.runs[0].run.scans;
-    for (std::size_t i = 0; i < scans.size(); ++i) {
-      std::vector<Observation>& seen = scans[i].observations;
-      const Signature& gone = 2 * i < scans.size() ? place : mover;
-      std::erase_if(seen, [&](const Observation& item) { return item.signature == gone; });
-      for (Observation& item : seen) {
-        if (item.signature == place) item.signature = mover;
-      }
-    }
+    const SimulatedWorld world = WorldWithAMover(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
     ASSERT_EQ(problem.modes[0].size(), 2u) << seed;
@@ -89,6 +94,19 @@ TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
     const double moved =
         (problem.modes[0][0].p_map_landmark - problem.modes[0][1].p_map_landmark).norm();
     EXPECT_NEAR(moved, (world.groups[0].modes[0] - world.groups[1].modes[0]).norm(), 0.3) << seed;
+  }
+}
+
+// Visits that no mode explains, though what they make is taken for the mode that is there.
+TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SimulatedWorld world = WorldWithAMover(seed);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    MapperOptions options;
+    options.modes.position_floor_m = 100.0;
+    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+    EXPECT_EQ(problem.modes[0].size(), 1u) << seed;
+    EXPECT_LE(problem.modes_merged, 3) << seed;
   }
 }
 
