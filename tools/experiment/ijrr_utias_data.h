@@ -43,7 +43,8 @@ struct UtiasCase {
 };
 
 /// Reads `<data>/MRCLAM_Dataset<N>`. The run begins `start_s` after the odometry or, where motion
-/// capture begins later, after that. Errors: as ReadUtias; kInvalidArgument if nothing is left to see.
+/// capture begins later, after that. Errors: as ReadUtias; kInvalidArgument if nothing is left to
+/// see.
 StatusOr<UtiasCase> LoadUtiasCase(const std::string& data,
                                   int dataset,
                                   int robot,
