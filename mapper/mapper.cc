@@ -15,6 +15,7 @@
 #include "mapper/map_problem.h"
 #include "mapper/memory_estimate.h"
 #include "mapper/mode_covariance.h"
+#include "mapper/mode_merging.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/parallel.h"
 #include "mapper/single_run.h"

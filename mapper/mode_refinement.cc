@@ -3,31 +3,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <set>
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/mode_merging.h"
 #include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/sequence_builders.h"
-#include "mapstore/geometry/covariance.h"
 #include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
 namespace {
-
-const MappingVisit& VisitOf(const MapProblem& problem, const VisitRef& ref) {
-  return problem.runs[static_cast<std::size_t>(ref.run)]
-      .data->visits[static_cast<std::size_t>(ref.visit)];
-}
-
-int& AssignmentOf(MapProblem* problem, const VisitRef& ref) {
-  return problem->runs[static_cast<std::size_t>(ref.run)]
-      .assignment[static_cast<std::size_t>(ref.visit)];
-}
 
 // Everything discrete of a problem, to notice that it comes around again.
 std::vector<int> DiscreteState(const MapProblem& problem) {
@@ -39,79 +28,11 @@ std::vector<int> DiscreteState(const MapProblem& problem) {
   return state;
 }
 
-// The same of one group.
-std::vector<int> DiscreteState(const MapProblem& problem,
-                               const std::vector<VisitRef>& visits,
-                               std::size_t group) {
-  std::vector<int> state = {static_cast<int>(problem.modes[group].size())};
-  for (const VisitRef& ref : visits) {
-    state.push_back(problem.runs[static_cast<std::size_t>(ref.run)]
-                        .assignment[static_cast<std::size_t>(ref.visit)]);
-  }
-  return state;
-}
-
-// Moves every assignment of a group from one mode to another.
-void Reassign(const std::vector<VisitRef>& visits, int from, int to, MapProblem* problem) {
-  for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(problem, ref);
-    if (assignment == from) assignment = to;
-  }
-}
-
-// Removes a mode; later modes of the group and of the prior's flat list move up.
-void EraseMode(const std::vector<VisitRef>& visits,
-               std::size_t group,
-               int mode,
-               MapProblem* problem) {
-  if (!problem->prior.modes.empty()) {
-    const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
-    for (int& index : problem->prior.modes) index -= index > flat ? 1 : 0;
-  }
-  problem->modes[group].erase(problem->modes[group].begin() + mode);
-  for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(problem, ref);
-    if (assignment > mode) --assignment;
-  }
-}
-
 bool HasSeveralModes(const MapProblem& problem) {
   return std::any_of(problem.modes.begin(),
                      problem.modes.end(),
                      [](const std::vector<BuildMode>& group) { return group.size() > 1; });
 }
-
-// What is known no better than this may be anywhere: that two modes are near each other is then no
-// sign that they are one place. [m]
-constexpr double kMaxMergeSd = 4.0;
-
-// True if two modes i and j, `difference` apart, are not known to be one place.
-// @param floor  Variance per axis beyond what their covariance knows of. [m²]
-bool ToldApart(const Eigen::Vector2d& difference,
-               int i,
-               int j,
-               double floor,
-               double gate,
-               const ModeDifferences& differences) {
-  const auto unknown = [](const Eigen::Matrix2d& cov) {
-    return 0.5 * cov.trace() > kMaxMergeSd * kMaxMergeSd;
-  };
-  const auto apart_by = [&](const Eigen::Matrix2d& cov) {
-    return SquaredMahalanobis(difference, cov + floor * Eigen::Matrix2d::Identity()) > gate;
-  };
-  // What the least or the largest covariance there can be decides needs no other.
-  const Eigen::Matrix2d least = differences.MinCovariance(i, j);
-  const Eigen::Matrix2d most = differences.MaxCovariance(i, j);
-  if (unknown(least)) return true;
-  if (!unknown(most)) {
-    if (!apart_by(least)) return false;
-    if (apart_by(most)) return true;
-  }
-  const Eigen::Matrix2d cov = differences.Covariance(i, j);
-  return unknown(cov) || apart_by(cov);
-}
-
-bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
 
 // Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
 // is linearized: after each step of the solver, until that changes no component.
@@ -128,105 +49,7 @@ void Select(const MapperOptions& options, MapProblem* problem) {
   }
 }
 
-// Two modes of a group that are one place: the second becomes the first.
-struct ModeMerge {
-  std::size_t group = 0;
-  int to = 0;
-  int from = 0;
-};
-
-std::vector<ModeMerge> FindMerges(const ModeOptions& options,
-                                  const ModeDifferences& differences,
-                                  const MapProblem& problem) {
-  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
-  const double gate = ChiSquareQuantile(options.merge_probability, 2);
-  const FlatModes flat(problem);
-  std::vector<ModeMerge> merges;
-  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-    const std::vector<BuildMode>& modes = problem.modes[group];
-    std::vector<bool> gone(modes.size());
-    for (std::size_t a = 0; a < modes.size(); ++a) {
-      for (std::size_t b = a + 1; b < modes.size(); ++b) {
-        if (gone[a] || gone[b] || InPrior(modes[b])) continue;
-        if (InPrior(modes[a]) && modes[b].displaced) continue;
-        const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
-        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
-        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
-        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
-        merges.push_back({group, static_cast<int>(a), static_cast<int>(b)});
-        gone[b] = true;
-      }
-    }
-  }
-  return merges;
-}
-
-void Merge(const std::vector<std::vector<VisitRef>>& by_group,
-           const std::vector<ModeMerge>& merges,
-           MapProblem* problem) {
-  for (const ModeMerge& merge : merges) {
-    Reassign(by_group[merge.group], merge.from, merge.to, problem);
-  }
-  DropUnusedModes(problem);
-}
-
-// Remembers which modes of a group were merged in which of its states. A visit that is told apart
-// from a mode by its likelihood, but whose mode is not, would have it made and merged for ever.
-class MergeMemory {
- public:
-  explicit MergeMemory(const MapProblem& problem)
-      : by_group_(VisitsByGroup(problem)), merged_(by_group_.size()) {}
-
-  // Merges modes, and will again.
-  void Merge(const std::vector<ModeMerge>& merges, MapProblem* problem) {
-    std::size_t last = by_group_.size();
-    for (const ModeMerge& merge : merges) {
-      const std::size_t group = merge.group;
-      if (std::exchange(last, group) != group) {
-        state_ = DiscreteState(*problem, by_group_[group], group);
-        merged_[group][state_].clear();
-      }
-      merged_[group][state_].push_back(merge);
-    }
-    shiftmap::Merge(by_group_, merges, problem);
-  }
-
-  // Merges what was merged before in groups that are in a state as then.
-  void MergeAgain(MapProblem* problem) const {
-    std::vector<ModeMerge> merges;
-    for (std::size_t group = 0; group < by_group_.size(); ++group) {
-      if (merged_[group].empty()) continue;
-      const auto found = merged_[group].find(DiscreteState(*problem, by_group_[group], group));
-      if (found == merged_[group].end()) continue;
-      merges.insert(merges.end(), found->second.begin(), found->second.end());
-    }
-    shiftmap::Merge(by_group_, merges, problem);
-  }
-
- private:
-  std::vector<std::vector<VisitRef>> by_group_;
-  std::vector<std::map<std::vector<int>, std::vector<ModeMerge>>> merged_;  // Per group, by state.
-  std::vector<int> state_;                                                  // Of the group at hand.
-};
-
 }  // namespace
-
-std::vector<std::vector<VisitRef>> VisitsByGroup(const MapProblem& problem) {
-  std::vector<std::vector<VisitRef>> by_group(problem.signatures.size());
-  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
-    const std::vector<MappingVisit>& visits = problem.runs[r].data->visits;
-    for (std::size_t v = 0; v < visits.size(); ++v) {
-      by_group[static_cast<std::size_t>(visits[v].group)].push_back(
-          {static_cast<int>(r), static_cast<int>(v)});
-    }
-  }
-  for (std::vector<VisitRef>& visits : by_group) {
-    std::stable_sort(visits.begin(), visits.end(), [&](const VisitRef& a, const VisitRef& b) {
-      return VisitOf(problem, a).begin < VisitOf(problem, b).begin;
-    });
-  }
-  return by_group;
-}
 
 Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
                                    const VisitRef& ref,
@@ -326,51 +149,6 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
     }
   }
   return created;
-}
-
-int MergeModes(const ModeOptions& options,
-               const ModeDifferences& differences,
-               MapProblem* problem) {
-  const std::vector<ModeMerge> merges = FindMerges(options, differences, *problem);
-  Merge(VisitsByGroup(*problem), merges, problem);
-  problem->modes_merged += static_cast<int>(merges.size());
-  return static_cast<int>(merges.size());
-}
-
-void DropUnusedModes(MapProblem* problem) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
-      const bool used =
-          std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
-            return AssignmentOf(problem, ref) == mode;
-          });
-      if (used || InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) continue;
-      EraseMode(by_group[group], group, mode, problem);
-    }
-  }
-}
-
-int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
-  int dropped = 0;
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
-      std::size_t sightings = 0;
-      for (const VisitRef& ref : by_group[group]) {
-        if (AssignmentOf(problem, ref) == mode)
-          sightings += VisitOf(*problem, ref).sightings.size();
-      }
-      if (sightings >= static_cast<std::size_t>(options.min_sightings) ||
-          InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) {
-        continue;
-      }
-      Reassign(by_group[group], mode, kUnassigned, problem);
-      EraseMode(by_group[group], group, mode, problem);
-      ++dropped;
-    }
-  }
-  return dropped;
 }
 
 namespace {

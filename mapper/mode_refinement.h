@@ -7,19 +7,10 @@
 
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
-#include "mapper/mode_covariance.h"
 #include "mapper/selection/mode_sequence.h"
+#include "mapper/visit_ref.h"
 
 namespace shiftmap {
-
-/// A visit of a group, wherever it is.
-struct VisitRef {
-  int run = 0;
-  int visit = 0;
-};
-
-/// The visits of every group over all runs, in the order of time.
-std::vector<std::vector<VisitRef>> VisitsByGroup(const MapProblem& problem);
 
 /// Log-likelihood of a visit under every state of its group: entry 0 is `absent` (every sighting
 /// clutter or new), entry 1 + i is mode i, from which every sighting is either a detection or
@@ -43,21 +34,6 @@ int SelectModes(const ModeOptions& options, MapProblem* problem, int threads = 1
 /// Makes a mode for visits that no mode explains, where enough of their sightings agree on a place.
 /// Returns how many modes were made.
 int CreateModes(const ModeOptions& options, MapProblem* problem);
-
-/// Merges modes of one group that are one place, and drops modes that hold at no visit, except
-/// those of the prior map: what was rejected today recurs later.
-/// @param differences  Of the problem's modes, flat order.
-/// Returns how many modes were merged.
-int MergeModes(const ModeOptions& options, const ModeDifferences& differences, MapProblem* problem);
-
-/// Drops modes that hold at no visit, except those of the prior map: what holds nowhere today
-/// recurs later.
-void DropUnusedModes(MapProblem* problem);
-
-/// Drops modes of fewer sightings than a mode needs (ModeOptions::min_sightings), except those of
-/// the prior map; their visits are left unassigned. A run by itself is better aligned with them,
-/// but a landmark seen once may be a misread signature. Returns how many modes were dropped.
-int DropFaintModes(const ModeOptions& options, MapProblem* problem);
 
 /// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
 /// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture

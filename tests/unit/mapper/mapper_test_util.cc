@@ -23,6 +23,20 @@ OpenWorldOptions SmallWorld(std::uint64_t seed) {
   return options;
 }
 
+SimulatedWorld StaticWorld(std::uint64_t seed) {
+  OpenWorldOptions options = SmallWorld(seed);
+  options.runs = 1;
+  options.modes_per_group = 1;
+  options.duration_s = 200.0;
+  return Simulate(options);
+}
+
+std::size_t CountModes(const MapProblem& problem) {
+  std::size_t count = 0;
+  for (const std::vector<BuildMode>& group : problem.modes) count += group.size();
+  return count;
+}
+
 SimulatedWorld Simulate(const OpenWorldOptions& options) {
   StatusOr<SimulatedWorld> world = SimulateOpen(options);
   SHIFTMAP_CHECK(world.ok(), "{}", Message(world.status()));

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapper/frontend/mapping_run.h"
+#include "mapper/map_problem.h"
 #include "mapper/mapper.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/sim/open_world.h"
@@ -14,6 +15,12 @@ namespace shiftmap::testing {
 
 /// A small floor that is quick to map: 12 landmarks with two places each on 14 m x 14 m.
 OpenWorldOptions SmallWorld(std::uint64_t seed);
+
+/// One run of a world whose landmarks stand still.
+SimulatedWorld StaticWorld(std::uint64_t seed);
+
+/// Modes of all groups.
+std::size_t CountModes(const MapProblem& problem);
 
 /// SimulateOpen() for options that are known to be right.
 SimulatedWorld Simulate(const OpenWorldOptions& options);

@@ -12,21 +12,6 @@
 namespace shiftmap {
 namespace {
 
-// One run of a world whose landmarks stand still.
-SimulatedWorld StaticWorld(std::uint64_t seed) {
-  OpenWorldOptions options = testing::SmallWorld(seed);
-  options.runs = 1;
-  options.modes_per_group = 1;
-  options.duration_s = 200.0;
-  return testing::Simulate(options);
-}
-
-std::size_t CountModes(const MapProblem& problem) {
-  std::size_t count = 0;
-  for (const std::vector<BuildMode>& group : problem.modes) count += group.size();
-  return count;
-}
-
 // The modes that the visits of a group are assigned to.
 std::set<int> AssignedModes(const MapProblem& problem, int group) {
   std::set<int> assigned;
@@ -37,13 +22,9 @@ std::set<int> AssignedModes(const MapProblem& problem, int group) {
   return assigned;
 }
 
-Eigen::MatrixXd ModeCovariance(const MapperOptions& options, MapProblem* problem) {
-  return ComputeModeCovariance(SolveContinuous(options, problem));
-}
-
 TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const SimulatedWorld world = StaticWorld(seed);
+    const SimulatedWorld world = testing::StaticWorld(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
     for (std::size_t group = 0; group < problem.modes.size(); ++group) {
@@ -56,7 +37,7 @@ TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
 }
 
 TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
-  const SimulatedWorld world = StaticWorld(4);
+  const SimulatedWorld world = testing::StaticWorld(4);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   MapperOptions options;
   options.calibration.sensor.sd_range_m = 0.3;
@@ -68,7 +49,7 @@ TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
 
 // A world in which landmark 0 moves at half time to where landmark 1 stands, which is taken away.
 SimulatedWorld WorldWithAMover(std::uint64_t seed) {
-  SimulatedWorld world = StaticWorld(seed);
+  SimulatedWorld world = testing::StaticWorld(seed);
   const Signature mover = world.groups[0].signature;
   const Signature place = world.groups[1].signature;
   std::vector<Scan>& scans = world.runs[0].run.scans;
@@ -111,7 +92,7 @@ TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
 }
 
 TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
-  SimulatedWorld world = StaticWorld(2);
+  SimulatedWorld world = testing::StaticWorld(2);
   const MappingRun clean = testing::Arrange(world, world.runs[0].run);
   const MapProblem expected = MapSingleRun(clean, testing::SignaturesOf(world), {});
   // Once in a visit, once in a scan by itself: the name of a landmark that is elsewhere.
@@ -133,56 +114,11 @@ TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   ASSERT_EQ(run.sightings.size(), clean.sightings.size() + 2);
   const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
-  EXPECT_EQ(CountModes(problem), CountModes(expected));
-}
-
-TEST(ModeRefinement, MergesModesThatAreOnePlace) {
-  const SimulatedWorld world = StaticWorld(1);
-  const MappingRun run = testing::Arrange(world, world.runs[0].run);
-  const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
-  const auto busiest =
-      std::max_element(visits.begin(), visits.end(), [](const auto& a, const auto& b) {
-        return a.size() < b.size();
-      });
-  ASSERT_GE(busiest->size(), 2u);
-  const auto group = static_cast<std::size_t>(busiest - visits.begin());
-  ASSERT_EQ(problem.modes[group].size(), 1u);
-  const std::size_t before = CountModes(problem);
-  problem.modes[group].push_back(problem.modes[group].front());
-  problem.runs[0].assignment[static_cast<std::size_t>(busiest->back().visit)] = 1;
-  const ModeDifferences differences(ModeCovariance(options, &problem));
-  EXPECT_EQ(MergeModes(options.modes, differences, &problem), 1);
-  EXPECT_EQ(CountModes(problem), before);
-  EXPECT_EQ(AssignedModes(problem, static_cast<int>(group)), std::set<int>{0});
-}
-
-TEST(ModeRefinement, ModesOfThePriorMapStayThoughNothingHoldsThere) {
-  const SimulatedWorld world = StaticWorld(1);
-  const MappingRun run = testing::Arrange(world, world.runs[0].run);
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
-  const std::size_t before = CountModes(problem);
-  problem.modes[0].push_back({Eigen::Vector2d(50.0, 50.0), ModeNumber(7)});
-  problem.modes[1].push_back({Eigen::Vector2d(50.0, 50.0), kAbsent});
-  DropUnusedModes(&problem);
-  EXPECT_EQ(CountModes(problem), before + 1);
-  EXPECT_EQ(problem.modes[0].back().number, ModeNumber(7));
-}
-
-TEST(ModeRefinement, DroppingAModeKeepsThePriorsIndicesRight) {
-  MapProblem problem;
-  problem.signatures = {Signature("A"), Signature("B")};
-  problem.modes = {{{Eigen::Vector2d::Zero(), kAbsent}, {Eigen::Vector2d::Ones(), ModeNumber(1)}},
-                   {{Eigen::Vector2d::Ones(), ModeNumber(1)}}};
-  problem.prior.modes = {1, 2};
-  DropUnusedModes(&problem);
-  EXPECT_EQ(problem.prior.modes, (std::vector<int>{0, 1}));
-  EXPECT_EQ(CountModes(problem), 2u);
+  EXPECT_EQ(testing::CountModes(problem), testing::CountModes(expected));
 }
 
 TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
-  const SimulatedWorld world = StaticWorld(3);
+  const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
   MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
