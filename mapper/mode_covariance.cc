@@ -51,9 +51,11 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
   Cut(positions, size, middle, end, tiles);
 }
 
-DatumChange MakeDatumChange(const Graph& graph, const GraphElimination& elimination) {
+DatumChange MakeDatumChange(const Graph& graph,
+                            const GraphElimination& elimination,
+                            const Eigen::MatrixXd& calibration_root) {
   Eigen::MatrixXd G = DatumDirections(graph.modes);
-  const Eigen::MatrixXd PG = elimination.VisitedCovarianceTimes(G);
+  const Eigen::MatrixXd PG = elimination.VisitedCovarianceTimes(calibration_root, G);
   return {std::move(G), PG};
 }
 
@@ -87,11 +89,12 @@ JointCovariance TiledCovariance(const Graph& graph,
       tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
     }
   }
-  const DatumChange change = MakeDatumChange(graph, elimination);
+  const Eigen::MatrixXd calibration_root = elimination.CalibrationRoot();
+  const DatumChange change = MakeDatumChange(graph, elimination, calibration_root);
   const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
-  elimination.VisitModeCovariance([&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
+  const auto add_block = [&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
     const auto i = static_cast<std::size_t>(a);
     const auto j = static_cast<std::size_t>(b);
     if (tile_of[i] != tile_of[j]) return;
@@ -105,7 +108,8 @@ JointCovariance TiledCovariance(const Graph& graph,
     } else {
       cross.push_back({b, a, block.transpose()});
     }
-  });
+  };
+  elimination.VisitModeCovariance(calibration_root, add_block);
   return JointCovariance(std::move(diagonal), std::move(cross));
 }
 

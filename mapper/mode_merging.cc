@@ -112,15 +112,6 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
   return merges;
 }
 
-int MergeModes(const ModeOptions& options,
-               const ModeDifferences& differences,
-               MapProblem* problem) {
-  const std::vector<ModeMerge> merges = FindMerges(options, differences, *problem);
-  ApplyMerges(VisitsByGroup(*problem), merges, problem);
-  problem->modes_merged += static_cast<int>(merges.size());
-  return static_cast<int>(merges.size());
-}
-
 MergeMemory::MergeMemory(const MapProblem& problem)
     : by_group_(VisitsByGroup(problem)), merged_(by_group_.size()) {}
 

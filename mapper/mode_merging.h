@@ -26,12 +26,6 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
                                   const MapProblem& problem);
 
-/// Merges modes of one group that are one place, and drops modes that hold at no visit, except
-/// those of the prior map: what was rejected today recurs later.
-/// @param differences  Of the problem's modes, flat order.
-/// Returns how many modes were merged.
-int MergeModes(const ModeOptions& options, const ModeDifferences& differences, MapProblem* problem);
-
 /// Remembers which modes of a group were merged in which of its states. A visit that is told apart
 /// from a mode by its likelihood, but whose mode is not, would have it made and merged for ever.
 class MergeMemory {

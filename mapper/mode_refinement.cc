@@ -49,6 +49,42 @@ void Select(const MapperOptions& options, MapProblem* problem) {
   }
 }
 
+// RefineModes() with so many integrations of the odometry in each solve at most.
+int Alternate(const MapperOptions& options,
+              int max_integrations,
+              MapProblem* problem,
+              const GoOn& go_on) {
+  std::set<std::vector<int>> seen;
+  std::vector<int> solved;
+  MergeMemory memory(*problem);
+  for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
+    if (go_on && !go_on(*problem)) return iteration - 1;
+    Select(options, problem);
+    CreateModes(options.modes, problem);
+    DropUnusedModes(problem);
+    memory.MergeAgain(problem);
+    const std::vector<int> state = DiscreteState(*problem);
+    if (state == solved) return iteration;
+    // A state that comes again closes a cycle.
+    const bool recurs = !seen.insert(state).second;
+    GraphSolver solver;
+    const Graph graph = SolveContinuous(options, problem, &solver, max_integrations);
+    solved = state;
+    if (HasSeveralModes(*problem)) {
+      const std::vector<ModeMerge> merges =
+          FindMerges(options.modes, ModeDifferences(graph, &solver), *problem);
+      problem->modes_merged += static_cast<int>(merges.size());
+      memory.Merge(merges, problem);
+      if (!merges.empty()) solved.clear();
+    }
+    if (recurs) {
+      if (solved.empty()) SolveContinuous(options, problem, &solver, max_integrations);
+      return iteration;
+    }
+  }
+  return options.max_outer_iterations;
+}
+
 }  // namespace
 
 Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
@@ -150,46 +186,6 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
   }
   return created;
 }
-
-namespace {
-
-// RefineModes() with so many integrations of the odometry in each solve at most.
-int Alternate(const MapperOptions& options,
-              int max_integrations,
-              MapProblem* problem,
-              const GoOn& go_on) {
-  std::set<std::vector<int>> seen;
-  std::vector<int> solved;
-  MergeMemory memory(*problem);
-  for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
-    if (go_on && !go_on(*problem)) return iteration - 1;
-    Select(options, problem);
-    CreateModes(options.modes, problem);
-    DropUnusedModes(problem);
-    memory.MergeAgain(problem);
-    const std::vector<int> state = DiscreteState(*problem);
-    if (state == solved) return iteration;
-    // A state that comes again closes a cycle.
-    const bool recurs = !seen.insert(state).second;
-    GraphSolver solver;
-    const Graph graph = SolveContinuous(options, problem, &solver, max_integrations);
-    solved = state;
-    if (HasSeveralModes(*problem)) {
-      const std::vector<ModeMerge> merges =
-          FindMerges(options.modes, ModeDifferences(graph, &solver), *problem);
-      problem->modes_merged += static_cast<int>(merges.size());
-      memory.Merge(merges, problem);
-      if (!merges.empty()) solved.clear();
-    }
-    if (recurs) {
-      if (solved.empty()) SolveContinuous(options, problem, &solver, max_integrations);
-      return iteration;
-    }
-  }
-  return options.max_outer_iterations;
-}
-
-}  // namespace
 
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
   return Alternate(options, kMaxIntegrations, problem, go_on);

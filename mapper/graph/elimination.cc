@@ -433,30 +433,29 @@ Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) 
   return rest_->Draw(z).bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
 }
 
-// Columns y of which Σ y yᵀ is what the calibrations add, P = A⁻¹ + E[y yᵀ]; none where they are in
-// the factor.
 Eigen::MatrixXd GraphElimination::CalibrationRoot() const {
-  if (!HoldsCalibrations()) return Eigen::MatrixXd(rest_->size(), 0);
+  const auto rows = static_cast<Eigen::Index>(2 * graph_.modes.size());
+  if (!HoldsCalibrations()) return Eigen::MatrixXd(rows, 0);
   std::mt19937_64 random(1);
   const Eigen::MatrixXd draws = rest_->DrawColumns(kCalibrationDraws, random);
-  return rest_->FollowBorder(
-             draws.middleRows(first_calibration_, first_mode_ - first_calibration_)) /
-         std::sqrt(kCalibrationDraws);
+  const auto calibrations = draws.middleRows(first_calibration_, first_mode_ - first_calibration_);
+  return rest_->FollowBorder(calibrations).bottomRows(rows) / std::sqrt(kCalibrationDraws);
 }
 
-Eigen::MatrixXd GraphElimination::VisitedCovarianceTimes(const Eigen::MatrixXd& weights) const {
+Eigen::MatrixXd GraphElimination::VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
+                                                         const Eigen::MatrixXd& weights) const {
   if (!HoldsCalibrations()) return ModeCovarianceTimes(weights);
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), weights.cols());
   right.bottomRows(weights.rows()) = weights;
-  const Eigen::MatrixXd added = CalibrationRoot().bottomRows(weights.rows());
-  return rest_->SolveHeld(right).bottomRows(weights.rows()) + added * (added.transpose() * weights);
+  return rest_->SolveHeld(right).bottomRows(weights.rows()) +
+         calibration_root * (calibration_root.transpose() * weights);
 }
 
-void GraphElimination::VisitModeCovariance(const BlockVisitor& visitor) const {
-  const Eigen::MatrixXd added = CalibrationRoot();
+void GraphElimination::VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
+                                           const BlockVisitor& visitor) const {
   const auto block_of = [&](int a, int b, const Eigen::Matrix2d& held) -> Eigen::Matrix2d {
-    return held + added.middleRows<2>(first_mode_ + 2 * a) *
-                      added.middleRows<2>(first_mode_ + 2 * b).transpose();
+    return held + calibration_root.middleRows<2>(Eigen::Index{2} * a) *
+                      calibration_root.middleRows<2>(Eigen::Index{2} * b).transpose();
   };
   std::vector<std::pair<Eigen::Index, int>> modes;  // Row in the block, mode.
   rest_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {

@@ -88,9 +88,15 @@ class GraphElimination {
   /// what they sum up to, without the rest.
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
 
-  /// The same with the covariance that VisitModeCovariance() tells, to rounding: where calibrations
-  /// are held the two differ by what its draws leave, which is no covariance.
-  Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& weights) const;
+  /// What calibrations that are held add to the covariance A⁻¹ of the modes, R Rᵀ in the mean over
+  /// draws of them (Rao-Blackwell); two rows a mode, no columns where they are in the factor. [m]
+  Eigen::MatrixXd CalibrationRoot() const;
+
+  /// As ModeCovarianceTimes(), with the covariance that VisitModeCovariance() tells, to rounding:
+  /// where calibrations are held the two differ by what the draws leave, which is no covariance.
+  /// @param calibration_root  CalibrationRoot().
+  Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
+                                         const Eigen::MatrixXd& weights) const;
 
   /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
@@ -104,10 +110,11 @@ class GraphElimination {
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const;
 
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
-  /// pairs in `together`, and others that come along. As costly as Linearize(). Where calibrations
-  /// are held, what they add is the mean over draws of them (Rao-Blackwell). [m²]
+  /// pairs in `together`, and others that come along. As costly as Linearize(). [m²]
+  /// @param calibration_root  CalibrationRoot().
   using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
-  void VisitModeCovariance(const BlockVisitor& visitor) const;
+  void VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
+                           const BlockVisitor& visitor) const;
 
   /// The inverse of the joint covariance of all runs' calibrations, kRunCalibration rows a run,
   /// times a matrix.
@@ -134,7 +141,6 @@ class GraphElimination {
   void MakeStretches();
   void AddMode(int mode, Stretch* stretch);
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
-  Eigen::MatrixXd CalibrationRoot() const;
   double AddPriors(RestSystem* rest) const;
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;

@@ -12,7 +12,7 @@
 namespace shiftmap {
 namespace {
 
-TEST(MergeModes, MergesModesThatAreOnePlace) {
+TEST(MergeMemory, MergesModesThatAreOnePlace) {
   const SimulatedWorld world = testing::StaticWorld(1);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
@@ -29,7 +29,9 @@ TEST(MergeModes, MergesModesThatAreOnePlace) {
   problem.modes[group].push_back(problem.modes[group].front());
   problem.runs[0].assignment[static_cast<std::size_t>(busiest->back().visit)] = 1;
   const ModeDifferences differences(ComputeModeCovariance(SolveContinuous(options, &problem)));
-  EXPECT_EQ(MergeModes(options.modes, differences, &problem), 1);
+  const std::vector<ModeMerge> merges = FindMerges(options.modes, differences, problem);
+  EXPECT_EQ(merges.size(), 1u);
+  MergeMemory(problem).Merge(merges, &problem);
   EXPECT_EQ(testing::CountModes(problem), before);
   for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(problem, ref), 0);
 }
