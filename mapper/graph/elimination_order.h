@@ -11,9 +11,12 @@ namespace shiftmap {
 std::vector<int> MinimumDegreeOrder(int nodes, const std::vector<std::vector<int>>& cliques);
 
 /// The same by nested dissection (George 1973): a few nodes that take the rest apart are last, and
-/// so on in either part. Better than minimum degree where nodes are many and couple with near ones
-/// only, as they do on a floor. Parts are found by breadth-first search: all nodes as far from one
-/// at the edge as half of the nodes are.
-std::vector<int> DissectionOrder(int nodes, const std::vector<std::vector<int>>& cliques);
+/// so on in either part. Better than minimum degree where nodes are many. METIS finds the nodes
+/// (Karypis, Kumar 1998).
+/// @param node_sizes  Unknowns of each node, > 0.
+/// @param cliques     As above.
+/// Deterministic, and safe to call from several threads.
+std::vector<int> DissectionOrder(const std::vector<int>& node_sizes,
+                                 const std::vector<std::vector<int>>& cliques);
 
 }  // namespace shiftmap

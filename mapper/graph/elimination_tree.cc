@@ -14,7 +14,7 @@ constexpr int kNarrow = 24;            // [unknowns]
 constexpr double kMaxZeroShare = 0.2;  // [-]
 
 // Up to as many nodes minimum degree is as good as nested dissection.
-constexpr int kMinDissected = 1500;
+constexpr int kMinDissected = 1000;
 
 using Lists = std::vector<std::vector<int>>;
 
@@ -159,12 +159,10 @@ class FrontMaker {
 
 }  // namespace
 
-EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes,
-                                    const Lists& cliques,
-                                    bool local) {
+EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes, const Lists& cliques) {
   const auto nodes = static_cast<int>(node_sizes.size());
-  const std::vector<int> found = local && nodes >= kMinDissected
-                                     ? DissectionOrder(nodes, cliques)
+  const std::vector<int> found = nodes >= kMinDissected
+                                     ? DissectionOrder(node_sizes, cliques)
                                      : MinimumDegreeOrder(nodes, cliques);
   const Structure structure = Eliminate(Inverse(found), cliques);
   const std::vector<int> place = Postorder(structure.parent);

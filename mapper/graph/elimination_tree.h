@@ -24,10 +24,8 @@ struct EliminationTree {
 /// less than another front.
 /// @param node_sizes  Unknowns of each node.
 /// @param cliques     Nodes, each once in a clique.
-/// @param local       Nodes couple with near ones only: nested dissection if they are many.
 /// Deterministic.
 EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes,
-                                    const std::vector<std::vector<int>>& cliques,
-                                    bool local);
+                                    const std::vector<std::vector<int>>& cliques);
 
 }  // namespace shiftmap

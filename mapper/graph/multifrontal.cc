@@ -104,7 +104,7 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
     }
     cliques.push_back(std::move(nodes));
   }
-  const EliminationTree tree = MakeEliminationTree(sizes, cliques, left_out_.blocks > 0);
+  const EliminationTree tree = MakeEliminationTree(sizes, cliques);
 
   place_.resize(node_of_.size());
   for (const Front& front : tree.fronts) {
