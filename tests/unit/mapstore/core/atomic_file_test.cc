@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "mapstore/core/atomic_file.h"
+
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-
-#include "mapstore/core/atomic_file.h"
 
 namespace shiftmap {
 namespace {
