@@ -41,6 +41,11 @@ double SquaredMahalanobis(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
   return nu.dot(S.inverse() * nu);
 }
 
+double SquaredMahalanobis(const Se2& T_map_a, const Se2& T_map_b, const Eigen::Matrix3d& cov) {
+  const Eigen::Vector3d xi = (T_map_a.Inverse() * T_map_b).Log();
+  return xi.dot(cov.inverse() * xi);
+}
+
 double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
   return -0.5 * SquaredMahalanobis(nu, S) - 0.5 * std::log(S.determinant()) -
          std::log(2.0 * std::numbers::pi);

@@ -36,6 +36,11 @@ double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S);
 /// νᵀ S⁻¹ ν: chi-square with 2 degrees of freedom if ν ~ N(0, S).
 double SquaredMahalanobis(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S);
 
+/// ξᵀ cov⁻¹ ξ with T_map_a · Exp(ξ) = T_map_b, the squared distance of two poses in standard
+/// deviations: chi-square with 3 degrees of freedom if ξ ~ N(0, cov).
+/// @param cov  3 x 3, order (x, y, yaw), in the frame of `a`. Precondition: positive definite.
+double SquaredMahalanobis(const Se2& T_map_a, const Se2& T_map_b, const Eigen::Matrix3d& cov);
+
 /// The value that a chi-square variable with `dof` degrees of freedom stays below with
 /// `probability`.
 /// @param probability  In (0, 1).

@@ -9,6 +9,7 @@
 #include "localizer/filter/known_map_filter.h"
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapstore/geometry/covariance.h"
 #include "tools/experiment/dice.h"
 #include "tools/experiment/monte_carlo.h"
 
@@ -95,8 +96,8 @@ struct PoseError {
 };
 
 PoseError ErrorOf(const PoseWithCovariance& pose, const Se2& T_map_vehicle) {
-  const Eigen::Vector3d xi = (pose.T_map_vehicle.Inverse() * T_map_vehicle).Log();
-  return {xi.dot(pose.cov_T_map_vehicle.inverse() * xi), xi.head<2>().squaredNorm()};
+  return {SquaredMahalanobis(pose.T_map_vehicle, T_map_vehicle, pose.cov_T_map_vehicle),
+          (T_map_vehicle.translation() - pose.T_map_vehicle.translation()).squaredNorm()};
 }
 
 struct RunErrors {

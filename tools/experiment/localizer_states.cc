@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/localizer_states.h"
 
-#include <Eigen/Cholesky>
 #include <variant>
 
 #include "localizer/localizer.h"
+#include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tools/experiment/monte_carlo.h"
 
@@ -24,8 +24,7 @@ enum Column : std::size_t {
 constexpr double kOutside = 16.3;
 
 bool PoseIsWrong(const PoseWithCovariance& pose, const Se2& T_map_vehicle) {
-  const Eigen::Vector3d error = (pose.T_map_vehicle.Inverse() * T_map_vehicle).Log();
-  return error.dot(pose.cov_T_map_vehicle.llt().solve(error)) > kOutside;
+  return SquaredMahalanobis(pose.T_map_vehicle, T_map_vehicle, pose.cov_T_map_vehicle) > kOutside;
 }
 
 }  // namespace

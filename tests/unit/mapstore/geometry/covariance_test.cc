@@ -68,6 +68,53 @@ TEST(SquaredMahalanobisTest, ByHand) {
   EXPECT_DOUBLE_EQ(SquaredMahalanobis({2.0, 1.0}, S), 5.0);
 }
 
+TEST(SquaredMahalanobisTest, PosesByHand) {
+  const Se2 T_map_a(3.0, -1.0, std::numbers::pi / 2.0);
+  const Eigen::Matrix3d cov = Eigen::Vector3d(4.0, 0.25, 0.01).asDiagonal();
+  // Two metres ahead, one to the left: along y and -x of the map.
+  EXPECT_NEAR(SquaredMahalanobis(T_map_a, Se2(2.0, 1.0, T_map_a.yaw()), cov), 5.0, 1e-12);
+  EXPECT_NEAR(SquaredMahalanobis(T_map_a, Se2(3.0, -1.0, T_map_a.yaw() - 0.2), cov), 4.0, 1e-12);
+}
+
+// The covariance goes along from the one frame to the other by the adjoint.
+TEST(SquaredMahalanobisTest, PosesAreAsFarFromEachOtherFromBothSides) {
+  std::mt19937_64 random(TestSeed(7));
+  std::normal_distribution<double> normal;
+  const auto draw = [&] { return normal(random); };
+  for (int i = 0; i < 200; ++i) {
+    const Se2 T_map_a = Se2::Exp(Eigen::Vector3d::NullaryExpr(draw));
+    const Se2 T_a_b = Se2::Exp(0.5 * Eigen::Vector3d::NullaryExpr(draw));
+    const Eigen::Matrix3d root = Eigen::Matrix3d::NullaryExpr(draw);
+    const Eigen::Matrix3d cov = root * root.transpose() + 0.1 * Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d adjoint = T_a_b.InverseAdjoint();
+    const double squared = SquaredMahalanobis(T_map_a, T_map_a * T_a_b, cov);
+    EXPECT_NEAR(SquaredMahalanobis(T_map_a * T_a_b, T_map_a, adjoint * cov * adjoint.transpose()),
+                squared,
+                1e-6 * squared);
+  }
+}
+
+// Also over yaw, as the covariance of T·Exp(ξ) has it.
+TEST(SquaredMahalanobisTest, PosesDrawnFromTheCovarianceAreChiSquareWithThreeDegreesOfFreedom) {
+  std::mt19937_64 random(TestSeed(8));
+  std::normal_distribution<double> normal;
+  const Eigen::Matrix3d root =
+      (Eigen::Matrix3d() << 0.5, 0.0, 0.0, 0.2, 0.3, 0.0, -0.1, 0.2, 0.4).finished();
+  const Se2 T_map_a(1.0, 2.0, 3.0);
+  constexpr int kDraws = 20'000;
+  double sum = 0.0;
+  int outside = 0;
+  for (int i = 0; i < kDraws; ++i) {
+    const Eigen::Vector3d z = Eigen::Vector3d::NullaryExpr([&] { return normal(random); });
+    const double squared =
+        SquaredMahalanobis(T_map_a, T_map_a * Se2::Exp(root * z), root * root.transpose());
+    sum += squared;
+    outside += squared > ChiSquareQuantile(0.95, 3);
+  }
+  EXPECT_NEAR(sum / kDraws, 3.0, 4.0 * std::sqrt(6.0 / kDraws));
+  EXPECT_NEAR(outside, 0.05 * kDraws, 4.0 * std::sqrt(0.05 * 0.95 * kDraws));
+}
+
 TEST(ChiSquareTest, TwoDegreesOfFreedomHaveAClosedForm) {
   for (const double probability : {0.05, 0.5, 0.95, 0.999}) {
     const double quantile = ChiSquareQuantile(probability, 2);
