@@ -179,7 +179,7 @@ TEST(FindDisplaced, CovariancesHalfAsLargeAsTheErrorsDisplaceLittle) {
         Count(FindDisplaced(
             site.positions(), site.Difference(0, Eigen::Vector2d::Zero()), too_small, {})) > 0;
   }
-  EXPECT_LE(displaced, 20);
+  EXPECT_LE(displaced, 15);  // Of 200 sites.
 }
 
 TEST(FindDisplaced, SeveralTogetherAreFoundWhereOneAloneIsNot) {
