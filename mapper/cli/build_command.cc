@@ -25,6 +25,7 @@
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/core/folder.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -211,9 +212,7 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
 }
 
 Status WriteTrajectories(const std::string& folder, const MapperResult& result) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return Unavailable("folder '{}': {}", folder, error.message());
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(folder));
   for (const MappedRun& run : result.runs) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(run.trajectory, fmt::format("{}/{}.tum", folder, run.name)));
   }

@@ -33,11 +33,23 @@ struct Program {
 
 const std::vector<Program>& Programs() {
   static const auto* const programs = new std::vector<Program>{
-      {"shiftmap-convert", {"utias"}},
+      {"shiftmap-convert", {"utias", "victoria-park"}},
       {"shiftmap-eval", {"trajectory", "map"}},
+      {"shiftmap-experiment",
+       {"ijrr-selectors",
+        "ijrr-utias",
+        "localizer-consistency",
+        "localizer-decisions",
+        "localizer-states",
+        "localizer-utias",
+        "recurring-chains",
+        "scale",
+        "victoria-park"}},
       {"shiftmap-inspect",
-       {"areas", "versions", "show", "modes", "history", "sightings", "runs", "export", "plot"}},
-      {"shiftmap-localizer", {"run", "return"}},
+       {"areas",    "versions", "show",     "modes",   "history", "sightings", "runs",
+        "reports",  "audit",    "vehicles", "export",  "plot",    "diff",      "publish",
+        "rollback", "verify",   "backup",   "restore", "compact", "migrate"}},
+      {"shiftmap-localizer", {"run", "return", "serve", "ctl"}},
       {"shiftmap-mapper", {"build", "import"}},
       {"shiftmap-sim", {"open"}},
   };
@@ -224,6 +236,17 @@ TEST_F(OutputTest, FolderThatDoesNotExistIsNotFound) {
               {"build", "--store", out, "--area", "floor", world_.Log(1)},
               kNotFound,
               out);
+}
+
+// Something else is there, and stays: trying again does not help.
+TEST_F(OutputTest, FileInThePlaceOfAFolderIsBadInput) {
+  constexpr int kBadInput = 3;
+  const std::string file = folder_.File("survey.csv");
+  const auto before = Contents(folder_.path());
+  ExpectError("shiftmap-sim", {"open", file, "--duration-s", "20"}, kBadInput, file);
+  ExpectError(
+      "shiftmap-mapper", OfMap({"build", "--trajectories", file, world_.Log(1)}), kBadInput, file);
+  EXPECT_TRUE(Contents(folder_.path()) == before);
 }
 
 // What a vehicle has learned must not be lost to a full disk that nobody noticed.

@@ -2,13 +2,12 @@
 #include "tools/experiment/experiment_output.h"
 
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <system_error>
 #include <utility>
 
 #include "mapstore/cli/version.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/folder.h"
 
 namespace shiftmap {
 namespace {
@@ -58,9 +57,7 @@ Status ExperimentOutput::Write(const std::string& file, const std::string& text)
   const std::string path = directory_ + "/" + file;
   files_.push_back(path);
   if (dry_run_) return OkStatus();
-  std::error_code error;
-  std::filesystem::create_directories(directory_, error);
-  if (error) return Unavailable("folder '{}': cannot be made: {}", directory_, error.message());
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(directory_));
   return WriteFileAtomically(path, text);
 }
 

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/sim/world_files.h"
 
-#include <filesystem>
-#include <system_error>
-
 #include "mapstore/codec/run_log.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/folder.h"
 
 namespace shiftmap {
 namespace {
@@ -21,9 +19,7 @@ std::string PlaceRow(const SimulatedGroup& group, ModeNumber mode) {
 
 StatusOr<std::vector<std::string>> WriteWorld(const SimulatedWorld& world,
                                               const std::string& directory) {
-  std::error_code error;
-  std::filesystem::create_directories(directory, error);
-  if (error) return Unavailable("folder '{}': cannot be made: {}", directory, error.message());
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(directory));
   std::string truth = kPlacesHeader;
   for (const SimulatedGroup& group : world.groups) {
     for (std::size_t i = 0; i < group.modes.size(); ++i) {

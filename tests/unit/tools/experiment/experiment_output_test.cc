@@ -56,7 +56,8 @@ TEST(ExperimentOutput, AFolderThatCannotBeMadeIsNamed) {
   const testing::TempDir dir;
   testing::WriteFile(dir.File("file"), "");
   ExperimentOutput output("trial", dir.File("file/folder"), /*dry_run=*/false);
-  EXPECT_THAT(output.WriteTable(SmallTable()), StatusIs(StatusCode::kUnavailable, "file/folder"));
+  EXPECT_THAT(output.WriteTable(SmallTable()),
+              StatusIs(StatusCode::kInvalidArgument, "file/folder"));
 }
 
 }  // namespace

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Makes a folder, and those above it, unless it is there.
+///
+/// Errors: kInvalidArgument if something else than a folder is at the path or at one above it;
+/// kUnavailable if the disk does not take it. Messages start with `folder '<path>': `.
+Status MakeFolder(const std::string& path);
+
+}  // namespace shiftmap
