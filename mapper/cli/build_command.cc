@@ -148,7 +148,7 @@ Status CheckStopped(const BuildOptions& options) {
 
 // The bound on a build's memory: what was asked for, or what the machine has. [bytes]
 std::int64_t MaxMemory(const BuildOptions& options) {
-  constexpr std::int64_t kMib = 1024 * 1024;
+  constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
   if (options.max_memory_mib) return *options.max_memory_mib * kMib;
   return std::int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE);
 }
