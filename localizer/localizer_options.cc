@@ -36,10 +36,24 @@ Status LocalizerOptions::Validate() const {
   if (!(max_delay_s >= 0.0 && max_delay_s <= kMaxDelay)) {
     return InvalidArgument("option max_delay_s: {}, expected in [0, {}]", max_delay_s, kMaxDelay);
   }
-  if (initial_pose && (!initial_pose->T_map_vehicle.translation().allFinite() ||
-                       !std::isfinite(initial_pose->T_map_vehicle.yaw()) ||
-                       !IsSymmetricPositiveDefinite(initial_pose->cov_T_map_vehicle))) {
-    return InvalidArgument("option initial_pose: not finite, or covariance not positive definite");
+  return initial_pose ? ValidateStart(*initial_pose) : OkStatus();
+}
+
+Status ValidateStart(const PoseWithCovariance& pose) {
+  constexpr double kMaxMagnitude = 1e9;  // Beyond it squares overflow sooner or later.
+  const Se2& T = pose.T_map_vehicle;
+  if (!std::isfinite(T.yaw()) || !T.translation().allFinite() ||
+      T.translation().lpNorm<Eigen::Infinity>() > kMaxMagnitude) {
+    return InvalidArgument("pose: ({}, {}, {}), expected finite numbers up to {}",
+                           T.x(),
+                           T.y(),
+                           T.yaw(),
+                           kMaxMagnitude);
+  }
+  const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
+  if (!IsSymmetricPositiveDefinite(cov) || cov.maxCoeff() > kMaxMagnitude * kMaxMagnitude) {
+    return InvalidArgument("pose: covariance is not positive definite, or above {}",
+                           kMaxMagnitude * kMaxMagnitude);
   }
   return OkStatus();
 }

@@ -10,6 +10,10 @@
 
 namespace shiftmap {
 
+/// Checks a pose to start from: finite, within ±1e9 m, with a covariance that is symmetric positive
+/// definite, each variance up to 1e18. Errors: kInvalidArgument with the values.
+Status ValidateStart(const PoseWithCovariance& pose);
+
 struct LocalizerOptions {
   HypothesisOptions hypotheses;
   GlobalStartOptions global_start;

@@ -9,7 +9,7 @@
 namespace shiftmap {
 
 /// `X,Y,YAW` in m, m, rad with the uncertainty of a pose that somebody typed; nothing if it is
-/// something else.
+/// something else, or ValidateStart() rejects it.
 std::optional<PoseWithCovariance> ParseInitialPose(const std::string& text);
 
 }  // namespace shiftmap

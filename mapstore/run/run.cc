@@ -2,6 +2,7 @@
 #include "mapstore/run/run.h"
 
 #include <cmath>
+#include <cstdint>
 #include <iterator>
 #include <type_traits>
 
@@ -10,33 +11,60 @@
 namespace shiftmap {
 namespace {
 
+// Beyond it squares, and their sums, overflow sooner or later. [m], [m/s], [rad], [rad/s]
+constexpr double kMaxMagnitude = 1e9;
+
+bool IsWithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
+
+// Differences of time must not overflow, whatever a log says.
+constexpr Duration kMaxSinceEpoch{std::int64_t{1} << 62};
+
+Status ValidateStamp(Stamp stamp) {
+  const Duration since_epoch = stamp.time_since_epoch();
+  if (since_epoch >= -kMaxSinceEpoch && since_epoch < kMaxSinceEpoch) return OkStatus();
+  return InvalidArgument("stamp_ns: {}, expected within 146 years of 1970", ToNanoseconds(stamp));
+}
+
 Status ValidateItem(const OdometrySample& sample) {
-  if (!std::isfinite(sample.v_mps) || !std::isfinite(sample.omega_radps)) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(sample.stamp));
+  if (!IsWithinMagnitude(sample.v_mps) || !IsWithinMagnitude(sample.omega_radps)) {
     return InvalidArgument(
-        "odometry at {:.6f} s: v = {} m/s, omega = {} rad/s, expected finite numbers",
+        "odometry at {:.6f} s: v = {} m/s, omega = {} rad/s, expected finite numbers up to {}",
         ToSecondsSinceEpoch(sample.stamp),
         sample.v_mps,
-        sample.omega_radps);
+        sample.omega_radps,
+        kMaxMagnitude);
   }
   return OkStatus();
 }
 
 Status ValidateItem(const Scan& scan) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(scan.stamp));
   for (const Observation& observation : scan.observations) {
     const bool range_bearing = observation.kind == Observation::Kind::kRangeBearing;
-    if (!observation.z.allFinite() || (range_bearing && observation.z.x() <= 0.0)) {
+    const bool within =
+        IsWithinMagnitude(observation.z.x()) && IsWithinMagnitude(observation.z.y());
+    if (!within || (range_bearing && observation.z.x() <= 0.0)) {
       return InvalidArgument(
-          "scan at {:.6f} s: landmark '{}': z = ({}, {}), expected finite numbers{}",
+          "scan at {:.6f} s: landmark '{}': z = ({}, {}), expected finite numbers up to {}{}",
           ToSecondsSinceEpoch(scan.stamp),
           observation.signature.text(),
           observation.z.x(),
           observation.z.y(),
+          kMaxMagnitude,
           range_bearing ? " and a positive range" : "");
     }
     if (observation.cov_z && !IsSymmetricPositiveDefinite(*observation.cov_z)) {
       return InvalidArgument("scan at {:.6f} s: landmark '{}': covariance is not positive definite",
                              ToSecondsSinceEpoch(scan.stamp),
                              observation.signature.text());
+    }
+    if (observation.cov_z && observation.cov_z->maxCoeff() > kMaxMagnitude * kMaxMagnitude) {
+      return InvalidArgument("scan at {:.6f} s: landmark '{}': variance {}, expected at most {}",
+                             ToSecondsSinceEpoch(scan.stamp),
+                             observation.signature.text(),
+                             observation.cov_z->maxCoeff(),
+                             kMaxMagnitude * kMaxMagnitude);
     }
   }
   return OkStatus();

@@ -64,8 +64,8 @@ inline Stamp StampOf(const RunEvent& event) {
   return std::visit([](const auto& item) { return item.stamp; }, event);
 }
 
-/// Checks one item by itself: finite numbers, range > 0, covariance positive definite.
-/// Errors: kInvalidArgument with the stamp and the value.
+/// Checks one item by itself: a stamp within 146 years of 1970, numbers within ±1e9, range > 0,
+/// covariance positive definite. Errors: kInvalidArgument with the stamp and the value.
 Status ValidateEvent(const RunEvent& event);
 
 /// Checks a whole run: every item, stamps that do not go backwards, at least one odometry sample.

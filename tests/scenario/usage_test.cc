@@ -110,6 +110,7 @@ TEST(UsageTest, ValuesThatDoNotFit) {
   expect("shiftmap-mapper", {"build", "--selector", "luck", "x.mcap"}, "--selector");
   expect("shiftmap-localizer", {"run", "--initial-pose", "1,2", "x.mcap"}, "--initial-pose");
   expect("shiftmap-localizer", {"run", "--initial-pose", "1,2,nan", "x.mcap"}, "--initial-pose");
+  expect("shiftmap-localizer", {"run", "--initial-pose", "1,1e300,0", "x.mcap"}, "--initial-pose");
   expect("shiftmap-localizer", {"run", "--snapshot", "s", "x.mcap"}, "--snapshot");
   expect("shiftmap-localizer", {"run", "--alpha", "2", "x.mcap"}, "--alpha");
   expect("shiftmap-inspect", {"show", "--at", "noon"}, "--at");

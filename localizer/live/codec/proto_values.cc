@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/codec/proto_values.h"
 
+#include "localizer/localizer_options.h"
 #include "mapstore/codec/shift_report_check.h"
 
 namespace shiftmap::live {
@@ -28,10 +29,6 @@ void ToProto(const PoseWithCovariance& pose, proto::Pose* out) {
 }
 
 StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in) {
-  if (!std::isfinite(in.x_m()) || !std::isfinite(in.y_m()) || !std::isfinite(in.yaw_rad())) {
-    return InvalidArgument(
-        "pose: ({}, {}, {}), expected finite numbers", in.x_m(), in.y_m(), in.yaw_rad());
-  }
   if (in.covariance_size() != kCovarianceValues) {
     return InvalidArgument(
         "pose: covariance of {} values, expected {}", in.covariance_size(), kCovarianceValues);
@@ -46,9 +43,7 @@ StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in) {
       ++next;
     }
   }
-  if (!IsSymmetricPositiveDefinite(pose.cov_T_map_vehicle)) {
-    return InvalidArgument("pose: covariance is not positive definite");
-  }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStart(pose));
   return pose;
 }
 

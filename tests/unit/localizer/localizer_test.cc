@@ -276,3 +276,8 @@ TEST(LocalizerOptions, NamesWhatIsOutOfRange) {
 
 }  // namespace
 }  // namespace shiftmap
+  EXPECT_TRUE(AtPose(Se2(1e9, 0.0, 0.0)).Validate().ok());
+  EXPECT_NE(Message(AtPose(Se2(1e300, 0.0, 0.0)).Validate()).find("1e+300"), std::string::npos);
+  options = AtPose(Se2());
+  options.initial_pose->cov_T_map_vehicle(0, 0) = 1e300;
+  EXPECT_NE(Message(options.Validate()).find("covariance"), std::string::npos);

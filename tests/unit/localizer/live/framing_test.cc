@@ -88,6 +88,10 @@ TEST(FramingTest, BadValuesAreRefusedWithTheirId) {
   InitializePose flat;  // Its covariance is zero.
   EXPECT_THAT(DecodeRequest(EncodeRequest({10, flat}), &id),
               StatusIs(StatusCode::kInvalidArgument, "positive definite"));
+  InitializePose far;
+  far.pose = {Se2(1e300, 0.0, 0.0), Eigen::Matrix3d::Identity()};
+  EXPECT_THAT(DecodeRequest(EncodeRequest({11, far}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "1e+300"));
 }
 
 TEST(FramingTest, RepliesSurviveTheWire) {

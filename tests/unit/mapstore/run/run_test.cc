@@ -57,6 +57,26 @@ TEST(ValidateRunTest, NamesTheFirstWrongItem) {
   EXPECT_THAT(ValidateRun(wrong), StatusIs(StatusCode::kInvalidArgument, "positive definite"));
 }
 
+// Finite, but too large to be squared and summed, or so far off that times have no difference.
+TEST(ValidateEventTest, RefusesWhatWouldOverflow) {
+  const auto refused = [](const RunEvent& event, const std::string& message) {
+    EXPECT_THAT(ValidateEvent(event), StatusIs(StatusCode::kInvalidArgument, message));
+  };
+  EXPECT_THAT(ValidateEvent(OdometrySample{At(1.0), 1e9, -1e9}), IsOk());
+  refused(OdometrySample{At(1.0), 1e10, 0.0}, "v = 1");
+  refused(OdometrySample{At(1.0), 0.0, -1e200}, "omega = -1e+200");
+  EXPECT_THAT(ValidateEvent(OdometrySample{At(-1.0), 0.0, 0.0}), IsOk());
+  refused(OdometrySample{Stamp::min(), 0.0, 0.0}, "stamp_ns");
+  refused(Scan{Stamp::max(), {}}, "stamp_ns");
+  Observation observation = RangeBearing(1e9, -1e9);
+  observation.cov_z = 1e18 * Eigen::Matrix2d::Identity();
+  EXPECT_THAT(ValidateEvent(Scan{At(1.0), {observation}}), IsOk());
+  observation.cov_z = 1e20 * Eigen::Matrix2d::Identity();
+  refused(Scan{At(1.0), {observation}}, "variance");
+  refused(Scan{At(1.0), {RangeBearing(1e10, 0.0)}}, "z = (1");
+  refused(Scan{At(1.0), {RangeBearing(1.0, 1e100)}}, "1e+100");
+}
+
 TEST(MergeEventsTest, KeepsEverythingInOrderOfTimeOdometryFirst) {
   std::mt19937_64 random(TestSeed(51));
   for (int round = 0; round < 20; ++round) {
