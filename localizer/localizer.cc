@@ -21,6 +21,14 @@ constexpr double kDuplicateSigmas = 5.0;
 // than they say. [m]
 constexpr double kMinDisplacement = 0.5;
 
+// With a heading less certain than this the filter, which is linear, misplaces what it sees. [rad]
+constexpr double kMaxYawSd = 0.7;
+
+// Odometry has been silent for so long that nobody knows where the vehicle looks.
+bool IsAstray(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
+  return motion.silent_s > 0.0 && pose.cov_T_map_vehicle(2, 2) > kMaxYawSd * kMaxYawSd;
+}
+
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
   const Eigen::Matrix2d cov = PositionNoiseInVehicle(a, ObservationNoise(a, sensor)) +
                               PositionNoiseInVehicle(b, ObservationNoise(b, sensor));
@@ -124,6 +132,8 @@ void Localizer::ProcessScan(const Scan& scan) {
     return;
   }
   if (searching) {
+    // Nothing tells how scans before a silence of odometry lie to those after it.
+    if (step_.motion.silent_s > 0.0) window_.clear();
     window_.push_back(step_);
   } else {
     // Just lost: what failed tells where the vehicle is.
@@ -183,6 +193,10 @@ void Localizer::Step(const WindowScan& step) {
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
+  if (!health_.lost() && IsAstray(step.motion, bank_->best().filter.Pose())) {
+    health_.DeclareLost(step.scan.stamp);
+    DistrustPose();
+  }
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());

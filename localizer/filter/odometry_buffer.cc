@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <utility>
 
 namespace shiftmap {
@@ -10,20 +11,26 @@ namespace {
 
 constexpr Duration kHold = std::chrono::seconds(1);
 
-// Where odometry is silent: per √s, what a vehicle of unknown speed can do. [m/√s], [rad/√s]
+// Where odometry is silent: random walk of what is not known of the motion. [m/√s], [rad/√s]
 constexpr double kUnknownMotion = 0.5;
 
 // Kept before the first scan.
 constexpr std::size_t kSamplesBeforeStart = 8192;
 
-void AppendUnknownMotion(Duration elapsed, MotionIncrement* increment) {
-  increment->cov.diagonal().array() += kUnknownMotion * kUnknownMotion * ToSeconds(elapsed);
+// Appends more of a silence. A speed that nobody knows is still one speed: the way goes with the
+// time, not with its root.
+void AppendSilence(double elapsed_s, double speed_mps, OdometryBuffer::Motion* motion) {
+  const double silent_s = std::exchange(motion->silent_s, motion->silent_s + elapsed_s);
+  const double way_variance = speed_mps * speed_mps * elapsed_s * (2.0 * silent_s + elapsed_s);
+  motion->increment.cov.diagonal().array() += kUnknownMotion * kUnknownMotion * elapsed_s;
+  motion->increment.cov.diagonal().head<2>().array() += way_variance;
 }
 
 }  // namespace
 
 void OdometryBuffer::Add(const OdometrySample& sample) {
   samples_.push_back(sample);
+  fastest_mps_ = std::max(fastest_mps_, std::abs(calibration_.scale_v * sample.v_mps));
   if (samples_.full() && started_) AdvanceTo(sample.stamp);
   if (!samples_.full()) return;
   const bool needed = samples_[1].stamp + FromSeconds(calibration_.lag_s) > sample.stamp;
@@ -40,13 +47,16 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
     now_ = end;
   }
   AdvanceTo(end);
-  return std::exchange(pending_, Motion());
+  Motion next;
+  next.silent_s = pending_.silent_s;
+  return std::exchange(pending_, next);
 }
 
 void OdometryBuffer::Restart() {
   samples_.clear();
   started_ = false;
   pending_ = Motion();
+  fastest_mps_ = 0.0;
 }
 
 void OdometryBuffer::AdvanceTo(Stamp end) {
@@ -60,6 +70,7 @@ void OdometryBuffer::AdvanceTo(Stamp end) {
       if (samples_[i].stamp + lag > now_) next = std::min(next, samples_[i].stamp + lag);
     }
     if (held) {
+      pending_.silent_s = 0.0;
       next = std::min(next, samples_[0].stamp + lag + kHold);
       AppendMotion(samples_[0].v_mps,
                    samples_[0].omega_radps,
@@ -67,7 +78,7 @@ void OdometryBuffer::AdvanceTo(Stamp end) {
                    calibration_,
                    &pending_.increment);
     } else {
-      AppendUnknownMotion(next - now_, &pending_.increment);
+      AppendSilence(ToSeconds(next - now_), fastest_mps_, &pending_);
     }
     pending_.elapsed_s += ToSeconds(next - now_);
     now_ = next;

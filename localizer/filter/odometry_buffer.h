@@ -12,7 +12,8 @@ namespace shiftmap {
 ///
 /// The velocity that holds at time t is that of the newest sample at or before t - lag. A sample
 /// holds for a second at most: in a longer gap the vehicle counts as anywhere that it could have
-/// got to (zero velocity, with noise as large as its speed may be).
+/// got to. It is thought to stand, with a standard deviation of its speed, the same for the whole
+/// silence, as large as the fastest that odometry has told of, and a random walk of its heading.
 ///
 /// Memory: room for 256 samples, made at once; for more if the lag asks for it or before a Take().
 class OdometryBuffer {
@@ -28,6 +29,7 @@ class OdometryBuffer {
   struct Motion {
     MotionIncrement increment;
     double elapsed_s = 0.0;
+    double silent_s = 0.0;  ///< At `end`: since the last sample ceased to hold; 0 if one holds. [s]
   };
   Motion Take(Stamp end);
 
@@ -44,7 +46,8 @@ class OdometryBuffer {
   boost::circular_buffer<OdometrySample> samples_{kSamples + 1};
   bool started_ = false;
   Stamp now_;  // Up to where pending_ reaches.
-  Motion pending_;
+  Motion pending_;  // Its silent_s is that at now_.
+  double fastest_mps_ = 0.0;  // That odometry has told of.
 };
 
 }  // namespace shiftmap

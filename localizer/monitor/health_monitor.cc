@@ -89,7 +89,10 @@ double HealthMonitor::ExplainedShare(Tallies::const_iterator begin) const {
 void HealthMonitor::Judge() {
   if (lost_) {
     const auto begin = StretchBegin(0.0, kMinObservations);
-    lost_ = begin == tallies_.end() || ExplainedShare(begin) < kFoundShare;
+    // Two landmarks agree with some pose, always.
+    lost_ = begin == tallies_.end() || begin->stamp < failing_since_ ||
+            ExplainedShare(begin) < kFoundShare ||
+            Support(begin->stamp, -1).agreeing < kMinAgreeing;
     return;
   }
   auto begin = StretchBegin(kLostS, kMinObservations);

@@ -36,10 +36,10 @@ struct PoseSupport {
 /// map where nothing else does.
 ///
 /// A landmark at an unknown place fails alone; when the pose is wrong, everything does. So a pose
-/// counts as lost when for ten seconds nearly everything seen agreed with none of its modes and
+/// counts as lost when for twenty seconds nearly everything seen agreed with none of its modes and
 /// with no place that it was found to have moved to. With another pose at hand that explains what
 /// fails, the vehicle is known to be lost earlier: DeclareLost(). It counts as found again when
-/// half of what is seen agrees.
+/// half of what is seen agrees, three landmarks or more.
 ///
 /// Memory: as much as its constructor takes.
 class HealthMonitor {
@@ -57,7 +57,7 @@ class HealthMonitor {
   /// Judges what was added.
   void Judge();
 
-  /// Another pose explains what failed since then.
+  /// The pose has been wrong since then: another explains what failed, or nobody knows it any more.
   void DeclareLost(Stamp since);
 
   bool lost() const { return lost_; }

@@ -267,17 +267,96 @@ TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {
   EXPECT_LT(error.norm(), 0.5);
 }
 
+// Odometry is silent for eight seconds in which nothing is seen, while the vehicle turns on.
+TEST(Localizer, AVehicleThatNobodyKnowsTheHeadingOfIsLost) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  const auto lost = static_cast<std::size_t>(LocalizerState::kLost);
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SimulationOptions simulation;
+    simulation.seed = seed;
+    simulation.duration_s = 90.0;
+    simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+    SimulatedRun simulated = Simulate(content, PositionsOf(content, states), simulation);
+    const Stamp silence = simulated.run.odometry.front().stamp + FromSeconds(30.0);
+    const auto silent = [&](const auto& item) {
+      return item.stamp >= silence && item.stamp < silence + FromSeconds(8.0);
+    };
+    std::erase_if(simulated.run.odometry, silent);
+    for (Scan& scan : simulated.run.scans) {
+      if (silent(scan)) scan.observations.clear();
+    }
+    const Outcome outcome = Localize(content, simulated, AtPose(simulation.T_map_start));
+    EXPECT_GT(outcome.statistics.seconds_in_state[lost], 3.0) << seed;
+    EXPECT_LT(outcome.statistics.seconds_in_state[lost], 25.0) << seed;
+    const Eigen::Vector2d error = outcome.poses.back().pose.T_map_vehicle.translation() -
+                                  simulated.T_map_vehicle.back().translation();
+    EXPECT_LT(error.norm(), 0.5) << seed;
+  }
+}
+
+// The landmarks stay in sight, and tell the heading.
+TEST(Localizer, AVehicleThatSeesItsHeadingIsNotLostWithoutOdometry) {
+  const MapContent content = MakeTwoModeMap(30, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.v_mps = 0.1;
+  simulation.omega_radps = 0.1;
+  simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+  SimulatedRun simulated = Simulate(content, PositionsOf(content, states), simulation);
+  const Stamp silence = simulated.run.odometry.front().stamp + FromSeconds(20.0);
+  std::erase_if(simulated.run.odometry, [&](const OdometrySample& sample) {
+    return sample.stamp >= silence && sample.stamp < silence + FromSeconds(20.0);
+  });
+  const Outcome outcome = Localize(content, simulated, AtPose(simulation.T_map_start));
+  const auto lost = static_cast<std::size_t>(LocalizerState::kLost);
+  EXPECT_EQ(outcome.statistics.seconds_in_state[lost], 0.0);
+  EXPECT_LT(outcome.rmse_m, 0.3);
+}
+
+// Numbers as large as ValidateEvent() lets through, for one item.
+TEST(Localizer, AbsurdNumbersDoNoLastingHarm) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.duration_s = 90.0;
+  simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+  const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), simulation);
+  const auto check = [&](const auto& spoil) {
+    SimulatedRun spoilt = simulated;
+    spoil(&spoilt.run);
+    const Outcome outcome = Localize(content, spoilt, AtPose(simulation.T_map_start));
+    const Eigen::Vector2d error = outcome.poses.back().pose.T_map_vehicle.translation() -
+                                  simulated.T_map_vehicle.back().translation();
+    EXPECT_LT(error.norm(), 0.5);
+  };
+  constexpr double kHuge = 1e9;
+  check([](shiftmap::Run* run) { run->odometry[300].v_mps = kHuge; });
+  check([](shiftmap::Run* run) { run->odometry[300].omega_radps = kHuge; });
+  const auto spoil_scan = [](const auto& spoil) {
+    return [spoil](shiftmap::Run* run) {
+      for (Observation& observation : run->scans[100].observations) spoil(&observation);
+    };
+  };
+  check(spoil_scan([](Observation* seen) { seen->z.x() = kHuge; }));
+  check(spoil_scan([](Observation* seen) { seen->z.y() = kHuge; }));
+  check(spoil_scan(
+      [](Observation* seen) { seen->cov_z = kHuge * kHuge * Eigen::Matrix2d::Identity(); }));
+  check(spoil_scan(
+      [](Observation* seen) { seen->cov_z = Eigen::Matrix2d::Identity() / (kHuge * kHuge); }));
+}
+
 TEST(LocalizerOptions, NamesWhatIsOutOfRange) {
   LocalizerOptions options;
   EXPECT_TRUE(options.Validate().ok());
   options.hypotheses.alpha = 0.5;
   EXPECT_NE(Message(options.Validate()).find("alpha"), std::string::npos);
-}
-
-}  // namespace
-}  // namespace shiftmap
   EXPECT_TRUE(AtPose(Se2(1e9, 0.0, 0.0)).Validate().ok());
   EXPECT_NE(Message(AtPose(Se2(1e300, 0.0, 0.0)).Validate()).find("1e+300"), std::string::npos);
   options = AtPose(Se2());
   options.initial_pose->cov_T_map_vehicle(0, 0) = 1e300;
   EXPECT_NE(Message(options.Validate()).find("covariance"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace shiftmap

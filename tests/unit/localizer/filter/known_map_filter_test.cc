@@ -267,7 +267,32 @@ TEST(OdometryBuffer, DoesNotTrustSilence) {
   buffer.Add({begin, 1.0, 0.0});
   const OdometryBuffer::Motion motion = buffer.Take(begin + FromSeconds(5.0));
   EXPECT_NEAR(motion.increment.T_begin_end.x(), 1.0, 1e-9);  // Held for a second, then unknown.
-  EXPECT_GT(motion.increment.cov(0, 0), 0.9);
+  EXPECT_NEAR(motion.silent_s, 4.0, 1e-9);
+  // The vehicle may have gone on at 1 m/s in any direction.
+  EXPECT_GT(motion.increment.cov(0, 0), 16.0);
+  EXPECT_GT(motion.increment.cov(1, 1), 16.0);
+  EXPECT_LT(motion.increment.cov(0, 0), 20.0);
+}
+
+TEST(OdometryBuffer, ASilenceIsTheSameInManySteps) {
+  const Stamp begin = StampFromSeconds(50.0);
+  OdometryBuffer whole(OdometryCalibration{});
+  OdometryBuffer steps(OdometryCalibration{});
+  for (OdometryBuffer* buffer : {&whole, &steps}) {
+    buffer->Take(begin);
+    buffer->Add({begin, 2.0, 0.0});
+    buffer->Take(begin + FromSeconds(1.0));
+  }
+  const OdometryBuffer::Motion at_once = whole.Take(begin + FromSeconds(4.0));
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const double seconds : {1.2, 2.0, 2.1, 3.7, 4.0}) {
+    const OdometryBuffer::Motion step = steps.Take(begin + FromSeconds(seconds));
+    EXPECT_NEAR(step.silent_s, seconds - 1.0, 1e-9);
+    sum += step.increment.cov;
+  }
+  EXPECT_LT((sum - at_once.increment.cov).norm(), 1e-9);
+  steps.Add({begin + FromSeconds(4.0), 2.0, 0.0});
+  EXPECT_EQ(steps.Take(begin + FromSeconds(4.5)).silent_s, 0.0);
 }
 
 }  // namespace

@@ -75,6 +75,31 @@ TEST(HealthMonitor, AVehicleIsLostWhenNothingAgreesForTwentySeconds) {
   EXPECT_FALSE(health.lost());
 }
 
+TEST(HealthMonitor, WhatAgreedBeforeDoesNotFindALostVehicle) {
+  HealthMonitor health(4);
+  for (double t = 0.0; t < 10.0; t += kScanS) AddScan(t, 4, {}, &health);
+  health.DeclareLost(At(10.0));
+  for (int scan = 0; scan < 4; ++scan) {
+    AddScan(10.0 + scan * kScanS, 4, {}, &health);
+    EXPECT_TRUE(health.lost()) << scan;
+  }
+  AddScan(11.0, 4, {}, &health);  // The twentieth observation since.
+  EXPECT_FALSE(health.lost());
+}
+
+TEST(HealthMonitor, TwoLandmarksFindNoLostVehicle) {
+  HealthMonitor health(4);
+  health.DeclareLost(At(0.0));
+  for (double t = 0.0; t < 30.0; t += kScanS) {
+    for (int group = 0; group < 2; ++group) health.Add(At(t), group, true, 2.0);
+    health.Judge();
+    ASSERT_TRUE(health.lost()) << t;
+  }
+  health.Add(At(30.0), 2, true, 2.0);
+  health.Judge();
+  EXPECT_FALSE(health.lost());
+}
+
 TEST(HealthMonitor, AVehicleIsNotLostWhileOneOfFourAgrees) {
   HealthMonitor health(4);
   for (double t = 0.0; t < 60.0; t += kScanS) AddScan(t, 1, {}, &health);
