@@ -338,7 +338,7 @@ void Localizer::TryGlobalStart() {
                                          window_.end());
     const auto start = FindGlobalStart(recent, snapshot_, options_.global_start);
     if (!start) continue;
-    StartAt(start->pose, first);
+    StartAt(start->pose, first + start->scan);
     return;
   }
 }

@@ -16,12 +16,14 @@ constexpr int kMaxClusters = 40;
 constexpr std::size_t kMaxRefined = 40;
 constexpr int kRefinements = 3;
 constexpr double kSigmas = 3.0;
-constexpr double kMaxResidual = 1.0;        // [m]
-constexpr double kMinBaseline = 0.8;        // [m]
-constexpr double kDifferentPosition = 1.0;  // [m]
-constexpr double kDifferentYaw = 0.35;      // [rad]
-constexpr double kMinStartVariance = 0.01;  // (0.1 m)²
-constexpr double kMinYawVariance = 0.0025;  // (0.05 rad)²
+constexpr double kMaxResidual = 1.0;           // [m]
+constexpr double kMinBaseline = 0.8;           // [m]
+constexpr double kDifferentPosition = 1.0;     // [m]
+constexpr double kDifferentYaw = 0.35;         // [rad]
+constexpr double kMinStartVariance = 0.01;     // (0.1 m)²
+constexpr double kMinYawVariance = 0.0025;     // (0.05 rad)²
+constexpr double kMaxDriftVariance = 0.04;     // (0.2 m)²
+constexpr double kMaxYawDriftVariance = 0.01;  // (0.1 rad)²
 
 // A cluster explained by a mode.
 struct Match {
@@ -188,22 +190,40 @@ bool ClearlyDifferent(const Candidate& a, const Candidate& b) {
          std::abs(WrapAngle(a.T_map_odom.yaw() - b.T_map_odom.yaw())) > kDifferentYaw;
 }
 
-PoseWithCovariance StartPose(Candidate best, const OdometryCalibration& odometry) {
+// How wrong dead reckoning may be between where a candidate's landmarks were seen and a scan.
+Drift DriftTo(const Odometer& odometer,
+              const Odometer& reference,
+              const OdometryCalibration& calibration) {
+  Drift drift = DriftBetween(reference, odometer, calibration);
+  drift.position += drift.yaw * (reference.p_odom_vehicle - odometer.p_odom_vehicle).squaredNorm();
+  return drift;
+}
+
+void SetPose(Candidate best,
+             std::span<const ReckonedScan> path,
+             const OdometryCalibration& odometry,
+             GlobalStart* start) {
   const Eigen::Matrix3d information = GaussNewtonStep(&best);
   double chi2 = 0.0;
   for (const Match& match : best.matches) chi2 += match.squared_residual / match.variance;
   const double dof = 2.0 * static_cast<double>(best.matches.size()) - 3.0;
-  PoseWithCovariance pose;
-  pose.T_map_vehicle = best.T_map_odom;
-  pose.cov_T_map_vehicle = information.inverse() * std::max(1.0, chi2 / dof);
-  // From where the landmarks were seen back to the begin of the window.
-  const Drift drift = DriftBetween(best.reference, Odometer(), odometry);
-  const double lever = best.reference.p_odom_vehicle.norm();
-  const double position = drift.position + drift.yaw * lever * lever + kMinStartVariance;
-  pose.cov_T_map_vehicle.diagonal() +=
-      Eigen::Vector3d(position, position, drift.yaw + kMinYawVariance);
-  pose.cov_T_map_vehicle = Symmetrized(pose.cov_T_map_vehicle);
-  return pose;
+  const auto far = [&](const ReckonedScan& reckoned) {
+    const Drift drift = DriftTo(reckoned.odometer, best.reference, odometry);
+    const bool before = reckoned.odometer.time_s < best.reference.time_s;
+    return before && (drift.position > kMaxDriftVariance || drift.yaw > kMaxYawDriftVariance);
+  };
+  const auto first = std::find_if_not(path.begin(), path.end() - 1, far);
+  start->scan = static_cast<std::size_t>(first - path.begin());
+
+  const Eigen::Matrix3d to_vehicle = first->T_odom_vehicle.InverseAdjoint();
+  const Eigen::Matrix3d cov =
+      to_vehicle * information.inverse() * to_vehicle.transpose() * std::max(1.0, chi2 / dof);
+  const Drift drift = DriftTo(first->odometer, best.reference, odometry);
+  const double position = drift.position + kMinStartVariance;
+  const Eigen::Vector3d more(position, position, drift.yaw + kMinYawVariance);
+  start->pose.T_map_vehicle = best.T_map_odom * first->T_odom_vehicle;
+  start->pose.cov_T_map_vehicle = Symmetrized(cov);
+  start->pose.cov_T_map_vehicle.diagonal() += more;
 }
 
 }  // namespace
@@ -228,7 +248,7 @@ std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
       start.explained - start.runner_up < options.min_margin) {
     return std::nullopt;
   }
-  start.pose = StartPose(best, snapshot.calibration().odometry);
+  SetPose(best, DeadReckon(window), snapshot.calibration().odometry, &start);
   return start;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 
@@ -21,7 +22,8 @@ struct GlobalStartOptions {
 
 /// A pose that the sightings of a window agree on.
 struct GlobalStart {
-  PoseWithCovariance pose;  ///< At the first scan of the window.
+  PoseWithCovariance pose;  ///< At that scan.
+  std::size_t scan = 0;     ///< Of the window; scans before it tell nothing.
   int explained = 0;        ///< Signatures that one of their modes explains.
   int runner_up = 0;        ///< The same for the best clearly different pose.
 };
@@ -32,6 +34,9 @@ struct GlobalStart {
 /// seen, give a pose; its score is the number of signatures that *any* of their modes explains. The
 /// probabilities of the modes break ties only: after a change of layout the likely modes are the
 /// wrong ones. The best poses are refined by weighted least squares over what they explain.
+///
+/// The start is as far back in the window as dead reckoning is still good for, 0.2 m and 0.1 rad,
+/// from where the landmarks were seen. A vaguer pose would follow the first landmark that moved.
 /// @param window  Scans with the motion between them; not empty.
 /// @return Nothing as long as too few signatures agree or another pose explains almost as many.
 std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,

@@ -57,32 +57,37 @@ double DriftVariance(const SightingCluster& cluster,
   return drift.position + drift.yaw * lever * lever;
 }
 
+std::vector<ReckonedScan> DeadReckon(std::span<const WindowScan> window) {
+  std::vector<ReckonedScan> path(window.size());
+  for (std::size_t i = 1; i < window.size(); ++i) {
+    const Se2& step = window[i].motion.increment.T_begin_end;
+    path[i].T_odom_vehicle = path[i - 1].T_odom_vehicle * step;
+    Odometer& odometer = path[i].odometer;
+    odometer.time_s = path[i - 1].odometer.time_s + window[i].motion.elapsed_s;
+    odometer.distance_m = path[i - 1].odometer.distance_m + step.translation().norm();
+    odometer.turn_rad = path[i - 1].odometer.turn_rad + std::abs(step.yaw());
+    odometer.p_odom_vehicle = path[i].T_odom_vehicle.translation();
+  }
+  return path;
+}
+
 std::vector<SightingCluster> ClusterSightings(std::span<const WindowScan> window,
                                               const MapSnapshot& snapshot,
                                               int max_clusters) {
   const Calibration& calibration = snapshot.calibration();
+  const std::vector<ReckonedScan> path = DeadReckon(window);
   std::vector<SightingCluster> clusters;
-  Se2 T_odom_vehicle;
-  Odometer odometer;
   for (std::size_t i = 0; i < window.size(); ++i) {
-    if (i > 0) {
-      const Se2& step = window[i].motion.increment.T_begin_end;
-      T_odom_vehicle = T_odom_vehicle * step;
-      odometer.time_s += window[i].motion.elapsed_s;
-      odometer.distance_m += step.translation().norm();
-      odometer.turn_rad += std::abs(step.yaw());
-      odometer.p_odom_vehicle = T_odom_vehicle.translation();
-    }
     for (const Observation& observation : window[i].scan.observations) {
       SightingCluster sighting;
       sighting.group = snapshot.GroupIndex(observation.signature);
       if (sighting.group < 0) continue;
       const Eigen::Matrix2d cov =
           PositionNoiseInVehicle(observation, ObservationNoise(observation, calibration.sensor));
-      sighting.p_odom = LandmarkPosition(observation, T_odom_vehicle);
+      sighting.p_odom = LandmarkPosition(observation, path[i].T_odom_vehicle);
       sighting.variance = 0.5 * cov.trace();
       sighting.count = 1;
-      sighting.odometer = odometer;
+      sighting.odometer = path[i].odometer;
       AddSighting(sighting, calibration.odometry, &clusters);
     }
   }

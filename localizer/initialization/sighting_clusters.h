@@ -25,6 +25,15 @@ struct Odometer {
   Eigen::Vector2d p_odom_vehicle = Eigen::Vector2d::Zero();
 };
 
+/// Where dead reckoning was at a scan of a window.
+struct ReckonedScan {
+  Se2 T_odom_vehicle;
+  Odometer odometer;
+};
+
+/// The dead-reckoned path through a window, by scan.
+std::vector<ReckonedScan> DeadReckon(std::span<const WindowScan> window);
+
 /// Sightings of one known landmark at one place of the dead-reckoned frame `odom`, the vehicle's
 /// frame at the first scan of the window.
 struct SightingCluster {

@@ -25,9 +25,10 @@ constexpr int kMinGain = 3;
 // Chi-square quantile of 0.999 with 3 degrees of freedom.
 constexpr double kSamePose = 16.3;
 
-// A pose at the first scan of a window, moved on to the last.
-PoseWithCovariance MovedToEnd(PoseWithCovariance pose, const std::vector<WindowScan>& window) {
-  for (std::size_t i = 1; i < window.size(); ++i) {
+// The pose of a start, moved on to the last scan of its window.
+PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<WindowScan>& window) {
+  PoseWithCovariance pose = start.pose;
+  for (std::size_t i = start.scan + 1; i < window.size(); ++i) {
     pose = Moved(pose, window[i].motion.increment);
   }
   return pose;
@@ -86,7 +87,7 @@ std::optional<Stamp> FindWrongPose(const RecentScans& recent,
     if (window.empty()) continue;
     const auto other = FindGlobalStart(window, snapshot, options);
     if (!other || other->explained < support.agreeing + kMinGain) continue;
-    const PoseWithCovariance there = MovedToEnd(other->pose, window);
+    const PoseWithCovariance there = MovedToEnd(*other, window);
     if (!ClearlyApart(there, pose)) continue;
     if (support.turned >= kMinTurned || CountMissed(there.T_map_vehicle, window, snapshot) <
                                             CountMissed(pose.T_map_vehicle, window, snapshot)) {

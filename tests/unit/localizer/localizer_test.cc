@@ -314,6 +314,46 @@ TEST(Localizer, AVehicleThatSeesItsHeadingIsNotLostWithoutOdometry) {
   EXPECT_LT(outcome.rmse_m, 0.3);
 }
 
+// The first landmark in view has moved to a place that the map does not have, and the others come
+// long after it.
+TEST(Localizer, AStartDoesNotFollowTheFirstLandmarkThatMoved) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  std::vector<Eigen::Vector2d> places = PositionsOf(content, states);
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SimulationOptions simulation;
+    simulation.seed = seed;
+    simulation.duration_s = 60.0;
+    simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+    SimulatedRun simulated = Simulate(content, places, simulation);
+    const Stamp begin = simulated.run.scans.front().stamp;
+    for (std::size_t i = 0; i < simulated.run.scans.size(); ++i) {
+      Scan& scan = simulated.run.scans[i];
+      if (scan.stamp > begin + FromSeconds(20.0)) continue;
+      scan.observations.clear();
+      if (scan.stamp > begin + FromSeconds(3.0)) continue;
+      const Eigen::Vector2d q =
+          simulated.T_map_vehicle[i].Inverse() * (places[0] + Eigen::Vector2d(2.5, -2.5));
+      Observation moved;
+      moved.signature = content.groups[0].signature;
+      moved.z = {q.norm(), std::atan2(q.y(), q.x())};
+      scan.observations.push_back(moved);
+    }
+    Localizer localizer(Snapshot(content), {});
+    std::size_t scans = 0;
+    for (const RunEvent& event : MergeEvents(simulated.run)) {
+      ASSERT_TRUE(localizer.Process(event).ok());
+      scans += std::holds_alternative<Scan>(event);
+      if (localizer.Estimate()) break;
+    }
+    ASSERT_TRUE(localizer.Estimate()) << seed;
+    EXPECT_NE(localizer.state(), LocalizerState::kLost) << seed;
+    const Eigen::Vector2d error = localizer.Estimate()->pose.T_map_vehicle.translation() -
+                                  simulated.T_map_vehicle[scans - 1].translation();
+    EXPECT_LT(error.norm(), 0.5) << seed;
+  }
+}
+
 // Numbers as large as ValidateEvent() lets through, for one item.
 TEST(Localizer, AbsurdNumbersDoNoLastingHarm) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 21);

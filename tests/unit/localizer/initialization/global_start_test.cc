@@ -24,6 +24,11 @@ std::vector<WindowScan> WindowOf(const MapContent& content, const SimulatedRun& 
   return window;
 }
 
+// How far a start is off where the vehicle was at its scan.
+Eigen::Vector3d ErrorOf(const GlobalStart& start, const SimulatedRun& simulated) {
+  return (start.pose.T_map_vehicle.Inverse() * simulated.T_map_vehicle[start.scan]).Log();
+}
+
 TEST(GlobalStart, FindsThePoseWhateverModesHold) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 33);
   const MapSnapshot snapshot = Snapshot(content);
@@ -42,7 +47,7 @@ TEST(GlobalStart, FindsThePoseWhateverModesHold) {
     const auto start = FindGlobalStart(WindowOf(content, simulated), snapshot, {});
     if (!start) continue;
     ++found;
-    const Eigen::Vector3d error = (start->pose.T_map_vehicle.Inverse() * options.T_map_start).Log();
+    const Eigen::Vector3d error = ErrorOf(*start, simulated);
     const double squared = error.dot(start->pose.cov_T_map_vehicle.inverse() * error);
     EXPECT_LT(squared, ChiSquareQuantile(0.9999, 3)) << i;
     EXPECT_LT(error.head<2>().norm(), 1.5) << i;
@@ -79,7 +84,7 @@ TEST(GlobalStart, IsNeverWrongInAThousandWorlds) {
     const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), options);
     const auto start = FindGlobalStart(WindowOf(content, simulated), Snapshot(content), {});
     if (!start) continue;
-    const Eigen::Vector3d error = (start->pose.T_map_vehicle.Inverse() * options.T_map_start).Log();
+    const Eigen::Vector3d error = ErrorOf(*start, simulated);
     if (error.head<2>().norm() < 1.5 && std::abs(error.z()) < 0.5) {
       ++right;
       continue;
@@ -92,6 +97,36 @@ TEST(GlobalStart, IsNeverWrongInAThousandWorlds) {
   RecordProperty("refused", kWorlds - right - wrong);
   EXPECT_EQ(wrong, 0) << wrong_seeds;
   EXPECT_GT(right, kWorlds / 2);
+}
+
+// Landmarks come into view only after a long drive, whose begin dead reckoning does not know.
+TEST(GlobalStart, GoesBackNoFurtherThanDeadReckoningIsGoodFor) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 33);
+  const std::vector<int> states(content.groups.size(), 1);
+  constexpr double kBlindS = 40.0;
+  int found = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SimulationOptions options;
+    options.seed = seed;
+    options.duration_s = kBlindS + 8.0;
+    SimulatedRun simulated = Simulate(content, PositionsOf(content, states), options);
+    const Stamp begin = simulated.run.scans.front().stamp;
+    for (Scan& scan : simulated.run.scans) {
+      if (scan.stamp < begin + FromSeconds(kBlindS)) scan.observations.clear();
+    }
+    const auto start = FindGlobalStart(WindowOf(content, simulated), Snapshot(content), {});
+    if (!start) continue;
+    ++found;
+    const Stamp stamp = simulated.run.scans[start->scan].stamp;
+    EXPECT_GT(stamp, begin + FromSeconds(kBlindS - 5.0)) << seed;
+    EXPECT_LT(std::sqrt(start->pose.cov_T_map_vehicle(0, 0)), 0.4) << seed;
+    EXPECT_LT(std::sqrt(start->pose.cov_T_map_vehicle(2, 2)), 0.2) << seed;
+    const Eigen::Vector3d error = ErrorOf(*start, simulated);
+    EXPECT_LT(error.dot(start->pose.cov_T_map_vehicle.inverse() * error),
+              ChiSquareQuantile(0.9999, 3))
+        << seed;
+  }
+  EXPECT_GT(found, 10);
 }
 
 TEST(GlobalStart, DoesNotGuess) {
