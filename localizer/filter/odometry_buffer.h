@@ -45,8 +45,8 @@ class OdometryBuffer {
   OdometryCalibration calibration_;
   boost::circular_buffer<OdometrySample> samples_{kSamples + 1};
   bool started_ = false;
-  Stamp now_;  // Up to where pending_ reaches.
-  Motion pending_;  // Its silent_s is that at now_.
+  Stamp now_;                 // Up to where pending_ reaches.
+  Motion pending_;            // Its silent_s is that at now_.
   double fastest_mps_ = 0.0;  // That odometry has told of.
 };
 
