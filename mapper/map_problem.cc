@@ -19,15 +19,8 @@ constexpr double kLagSd = 0.2;  // [s]
 constexpr double kBearingOffsetSd = 0.05;  // [rad]
 constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
 
-// A noise estimate may not leave its predecessor by more than this factor in one step.
-constexpr double kMaxNoiseFactor = 4.0;
-
 // Motions are linear in the calibration only nearby. [-], [s]
 constexpr double kLinearCorrection = 2e-3;
-
-// Noise within this factor of what residuals say is right enough: a run of a thousand residuals
-// says no more.
-constexpr double kSettledNoise = 1.05;
 
 // Of what is not estimated.
 constexpr double kHeldSd = 1e-9;
@@ -91,17 +84,6 @@ void CopyBack(const Graph& graph, MapProblem* problem) {
   }
 }
 
-// Draws of the posterior for the redundancy of residuals: many residuals share few.
-int NoiseSamples(const Graph& graph) {
-  constexpr std::size_t kResiduals = 24'000;
-  constexpr std::size_t kLeast = 4;
-  constexpr std::size_t kMost = 24;
-  std::size_t residuals = 2 * graph.observations.size();
-  for (const GraphRun& run : graph.runs) residuals += 3 * run.motions.size();
-  return static_cast<int>(
-      std::clamp(kResiduals / std::max<std::size_t>(residuals, 1), kLeast, kMost));
-}
-
 }  // namespace
 
 FlatModes::FlatModes(const MapProblem& problem) {
@@ -157,6 +139,16 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   return graph;
 }
 
+Graph SolveOnce(const MapperOptions& options,
+                int max_iterations,
+                MapProblem* problem,
+                GraphSolver* solver) {
+  Graph graph = MakeGraph(options, problem);
+  problem->cost = solver->Solve(max_iterations, &graph).final_cost;
+  CopyBack(graph, problem);
+  return graph;
+}
+
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   GraphSolver solver;
   return SolveContinuous(options, problem, &solver);
@@ -169,61 +161,13 @@ Graph SolveContinuous(const MapperOptions& options,
   // Integrate again until the calibration stays.
   Graph graph;
   for (int i = 0; i < max_integrations; ++i) {
-    graph = MakeGraph(options, problem);
-    problem->cost = solver->Solve(options.max_solver_iterations, &graph).final_cost;
-    CopyBack(graph, problem);
+    graph = SolveOnce(options, options.max_solver_iterations, problem, solver);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
       return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
     });
     if (settled) break;
   }
   return graph;
-}
-
-double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem) {
-  constexpr double kMinRedundancy = 20.0;
-  double largest = 1.0;
-  const auto factor = [&](ResidualStatistics::Kind kind) {
-    if (statistics.redundancy[kind] < kMinRedundancy) return 1.0;
-    const double ratio =
-        std::clamp(std::sqrt(statistics.sum_of_squares[kind] / statistics.redundancy[kind]),
-                   1.0 / kMaxNoiseFactor,
-                   kMaxNoiseFactor);
-    largest = std::max({largest, ratio, 1.0 / ratio});
-    return ratio;
-  };
-  SensorCalibration& sensor = problem->sensor;
-  sensor.sd_range_m = std::max(1e-3, sensor.sd_range_m * factor(ResidualStatistics::kRange));
-  sensor.sd_bearing_rad =
-      std::max(1e-4, sensor.sd_bearing_rad * factor(ResidualStatistics::kBearing));
-  sensor.sd_position_m =
-      std::max(1e-3, sensor.sd_position_m * factor(ResidualStatistics::kPosition));
-  const double motion_v = factor(ResidualStatistics::kTranslation);
-  const double motion_omega = factor(ResidualStatistics::kYaw);
-  for (BuildRun& run : problem->runs) {
-    run.odometry.noise_v = std::max(1e-4, run.odometry.noise_v * motion_v);
-    run.odometry.noise_omega = std::max(1e-4, run.odometry.noise_omega * motion_omega);
-  }
-  return largest;
-}
-
-void CalibrateNoise(const MapperOptions& options,
-                    int rounds,
-                    MapProblem* problem,
-                    const GoOn& go_on) {
-  // The next round goes on from where this one ends: none needs to end at the minimum.
-  constexpr int kIterations = 3;
-  GraphSolver solver;
-  for (int round = 0; round < rounds; ++round) {
-    if (go_on && !go_on(*problem)) return;
-    Graph graph = MakeGraph(options, problem);
-    problem->cost =
-        solver.Solve(std::min(kIterations, options.max_solver_iterations), &graph).final_cost;
-    CopyBack(graph, problem);
-    const ResidualStatistics statistics =
-        ComputeResidualStatistics(graph, NoiseSamples(graph), options.seed, &solver);
-    if (UpdateNoise(statistics, problem) < kSettledNoise) return;
-  }
 }
 
 VisitCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m) {

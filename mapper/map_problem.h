@@ -91,6 +91,13 @@ int AddMode(int group, const BuildMode& mode, MapProblem* problem);
 /// The continuous part for the present assignment, at its present values.
 Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
 
+/// Solves the continuous part for the present assignment with the odometry as it is integrated.
+/// Returns the graph at the solution.
+Graph SolveOnce(const MapperOptions& options,
+                int max_iterations,
+                MapProblem* problem,
+                GraphSolver* solver);
+
 /// Integrations of the odometry in one solve, each at the calibration found before, if it does not
 /// stay earlier.
 inline constexpr int kMaxIntegrations = 4;
@@ -105,17 +112,6 @@ Graph SolveContinuous(const MapperOptions& options,
                       MapProblem* problem,
                       GraphSolver* solver,
                       int max_integrations = kMaxIntegrations);
-
-/// Estimates the noise of sensor and odometry from the residuals of a solved graph: each variance
-/// is multiplied by what its residuals have too much or too little (variance components). Returns
-/// the largest factor that a standard deviation changed by, 1 or more.
-double UpdateNoise(const ResidualStatistics& statistics, MapProblem* problem);
-
-/// Solves and updates the noise in turn until it stays, `rounds` times at most.
-void CalibrateNoise(const MapperOptions& options,
-                    int rounds,
-                    MapProblem* problem,
-                    const GoOn& go_on = {});
 
 /// Where most sightings of a list agree: the mean of those around the sighting with most
 /// neighbours.

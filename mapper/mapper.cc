@@ -17,6 +17,7 @@
 #include "mapper/mode_covariance.h"
 #include "mapper/mode_merging.h"
 #include "mapper/mode_refinement.h"
+#include "mapper/noise_calibration.h"
 #include "mapper/parallel.h"
 #include "mapper/single_run.h"
 #include "mapper/submap.h"
@@ -26,7 +27,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseRounds = 2;
+constexpr int kNoiseRounds = 3;
 
 // Puts the start of the earliest run at the origin of the map.
 void AnchorFrame(MapProblem* problem) {
@@ -232,6 +233,7 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
                std::tie(b.data->odometry.front().stamp, b.data->sha256);
       });
   if (!prior) AnchorFrame(&problem);
+  if (options.calibrate) PoolNoiseByVehicle(&problem);
   return problem;
 }
 

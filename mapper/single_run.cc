@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/single_run.h"
 
+#include <utility>
+
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/frontend/odometry_calibration.h"
 #include "mapper/mode_refinement.h"
+#include "mapper/noise_calibration.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseRounds = 3;
+constexpr int kNoiseRounds = 2;
+constexpr int kOpenNoiseRounds = 2;
 
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
 void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapProblem* problem) {
@@ -27,6 +31,32 @@ void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapPr
   run.assignment.assign(run.data->visits.size(), 0);
 }
 
+// Calibrates the odometry's scales, lag and noise and the sensor's noise with every visit a
+// landmark of its own. No loop is closed then, by a heading that is a radian off or at all, and
+// dead reckoning is a start that is near enough.
+void CalibrateOpen(const MapperOptions& options,
+                   const std::vector<Signature>& signatures,
+                   const GoOn& go_on,
+                   BuildRun* run,
+                   SensorCalibration* sensor) {
+  MapProblem open;
+  open.signatures = signatures;
+  open.sensor = *sensor;
+  open.modes.resize(signatures.size());
+  open.runs.push_back(*run);
+  BuildRun& copy = open.runs.front();
+  copy.poses = DeadReckon(*run->data, run->odometry);
+  for (const MappingVisit& visit : run->data->visits) {
+    std::vector<BuildMode>& modes = open.modes[static_cast<std::size_t>(visit.group)];
+    copy.assignment.push_back(static_cast<int>(modes.size()));
+    const std::vector<Eigen::Vector2d> seen = VisitPositions(copy, visit);
+    modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
+  }
+  CalibrateNoise(options, kOpenNoiseRounds, &open, go_on);
+  run->odometry = copy.odometry;
+  *sensor = open.sensor;
+}
+
 }  // namespace
 
 MapProblem MapSingleRun(const MappingRun& run,
@@ -41,6 +71,7 @@ MapProblem MapSingleRun(const MappingRun& run,
   build.odometry = options.calibration.odometry;
   if (options.calibrate) {
     build.odometry = EstimateOdometryFromPairs(run, problem.sensor, build.odometry);
+    CalibrateOpen(options, signatures, go_on, &build, &problem.sensor);
   }
   build.poses = EstimateTrajectoryByEkf(run, {build.odometry, problem.sensor});
   problem.runs.push_back(std::move(build));

@@ -14,6 +14,7 @@
 #include "mapper/submap_fit.h"
 #include "mapper/waiting_submaps.h"
 #include "mapstore/geometry/covariance.h"
+#include "proto/core/check.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -316,14 +317,18 @@ void PlaceMost(const MapperOptions& options,
 
 }  // namespace
 
-Eigen::MatrixXd SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
+std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
-  return ReferToPositions(graph.modes, ComputeModeCovariance(graph));
+  const std::optional<Eigen::MatrixXd> covariance = ModeCovarianceIfDetermined(graph);
+  if (!covariance) return std::nullopt;
+  return ReferToPositions(graph.modes, *covariance);
 }
 
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {
   Submap submap{std::move(problem), {}, {}};
-  submap.covariance = SubmapCovariance(options, &submap.problem);
+  std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap.problem);
+  SHIFTMAP_CHECK(covariance, "a run does not determine its own landmarks");
+  submap.covariance = *std::move(covariance);
   for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
     for (const BuildMode& mode : submap.problem.modes[group]) {
       const auto at = static_cast<Eigen::Index>(2 * submap.points.size());

@@ -20,8 +20,9 @@ struct Submap {
   Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
 };
 
-/// The covariance of a submap's modes, as Submap::covariance, at their present values.
-Eigen::MatrixXd SubmapCovariance(const MapperOptions& options, MapProblem* problem);
+/// The covariance of a submap's modes, as Submap::covariance, at their present values. Nothing if
+/// these have gone astray so far that there is none.
+std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem);
 
 /// @param problem  As MapSingleRun() leaves it.
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem);

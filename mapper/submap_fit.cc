@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "mapper/datum.h"
 #include "mapstore/geometry/covariance.h"
@@ -179,7 +181,9 @@ std::vector<int> FitBentSubmap(const MapperOptions& options,
   }
   for (int round = 0; round < kMaxRounds; ++round) {
     BendOntoMap(options, map, known, submap);
-    submap->covariance = SubmapCovariance(options, &submap->problem);
+    std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap->problem);
+    if (!covariance) break;
+    submap->covariance = *std::move(covariance);
     std::vector<int> grown =
         GrowMatches(options, *submap, map, known, std::vector<bool>(known.size()));
     if (grown == known) break;

@@ -29,4 +29,15 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibratio
   return poses;
 }
 
+std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry) {
+  std::vector<Se2> poses(1);
+  std::size_t hint = 0;
+  for (std::size_t i = 1; i < run.frames.size(); ++i) {
+    const MotionIncrement motion = IntegrateMotion(
+        run.odometry, run.frames[i - 1].stamp, run.frames[i].stamp, odometry, &hint);
+    poses.push_back(poses.back() * motion.T_begin_end);
+  }
+  return poses;
+}
+
 }  // namespace shiftmap

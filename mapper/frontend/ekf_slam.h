@@ -18,4 +18,7 @@ namespace shiftmap {
 /// @return One pose per key frame, T_start_vehicle.
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibration& calibration);
 
+/// The same poses by odometry alone.
+std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry);
+
 }  // namespace shiftmap

@@ -128,7 +128,7 @@ void Apply(const GraphStep& step, Graph* graph) {
 }
 
 GraphElimination::GraphElimination(const Graph& graph, std::vector<std::vector<int>> together)
-    : graph_(graph), together_(std::move(together)) {
+    : graph_(graph), loss_(graph.loss_scale), together_(std::move(together)) {
   for (const GraphRun& run : graph.runs) {
     motions_.emplace_back(run.motions.begin(), run.motions.end());
   }
@@ -207,7 +207,7 @@ void GraphElimination::AddMode(int mode, Stretch* stretch) {
   stretch->slots.push_back(column);
 }
 
-bool GraphElimination::LinearizeSegments(double damping) {
+bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   if (rest_) {
     rest_->Clear();
   } else {
@@ -221,7 +221,7 @@ bool GraphElimination::LinearizeSegments(double damping) {
     SegmentSystem system(std::max(0, stretch.last - stretch.first - 1),
                          static_cast<int>(stretch.boundary.size()));
     EliminatedStretch& result = eliminated[i];
-    result.cost = LinearizeStretch(stretch, &system);
+    result.cost = LinearizeStretch(stretch, weighting, &system);
     if (damping > 0.0) system.Damp(damping);
     result.determined = stretch.segment.Eliminate(&system);
     result.C = std::move(system.C);
@@ -235,7 +235,9 @@ bool GraphElimination::LinearizeSegments(double damping) {
   return std::isfinite(cost_);
 }
 
-double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
+double GraphElimination::LinearizeStretch(const Stretch& stretch,
+                                          Weighting weighting,
+                                          SegmentSystem* system) const {
   const GraphRun& run = graph_.runs[static_cast<std::size_t>(stretch.run)];
   const auto place_of = [&](int frame) -> Place {
     if (frame == stretch.first) return {-1, kBefore};
@@ -257,7 +259,6 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
               system);
     cost += 0.5 * linear.r.squaredNorm();
   }
-  const double scale = graph_.loss_scale * graph_.loss_scale;
   for (std::size_t k = 0; k < stretch.observations.size(); ++k) {
     const auto index = static_cast<std::size_t>(stretch.observations[k]);
     const GraphObservation& item = graph_.observations[index];
@@ -265,9 +266,9 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
         observations_[index].At(run.poses[static_cast<std::size_t>(item.frame)],
                                 graph_.modes[static_cast<std::size_t>(item.mode)],
                                 run.sensor_bias);
-    const double squared = linear.r.squaredNorm() / scale;
-    cost += 0.5 * scale * std::log1p(squared);
-    const double weight = 1.0 / std::sqrt(1.0 + squared);
+    const double squared = linear.r.squaredNorm();
+    cost += loss_.HalfLoss(squared);
+    const double weight = std::sqrt((loss_.*weighting)(squared));
     AddFactor(Eigen::Vector2d(weight * linear.r),
               place_of(item.frame),
               Eigen::Matrix<double, 2, 3>(weight * linear.J_pose),

@@ -12,6 +12,7 @@
 #include "mapper/graph/graph.h"
 #include "mapper/graph/residuals.h"
 #include "mapper/graph/rest_system.h"
+#include "mapper/graph/robust_loss.h"
 #include "mapper/graph/segment.h"
 
 namespace shiftmap {
@@ -35,7 +36,8 @@ void Apply(const GraphStep& step, Graph* graph);
 /// calibrations and modes is a small system, dense or sparse (RestSystem). Linear in the length of
 /// runs, without a dense matrix over poses.
 ///
-/// The Cauchy loss enters by its weights (iteratively reweighted least squares).
+/// The loss of observations enters a step by its weights (iteratively reweighted least squares),
+/// and the Gaussian around the values by its curvature (robust_loss.h).
 class GraphElimination {
  public:
   /// @param graph     Must outlive this; its values may change, its shape may not.
@@ -54,18 +56,18 @@ class GraphElimination {
   bool HoldsCalibrations() const { return rest_ && rest_->HoldsBorder(); }
 
   /// Linearizes at the present values and eliminates. False if something is not determined.
-  bool Linearize() { return LinearizeSegments() && rest_->Factorize(); }
+  bool Linearize() { return Eliminate(&RobustLoss::Curvature, 0.0) && rest_->Factorize(); }
 
   /// The same, but for a factor of an earlier linearization in which the calibrations are held:
   /// what is drawn with it is of the present one.
   bool LinearizeSimilar() {
-    return LinearizeSegments() && (HoldsCalibrations() || rest_->Factorize());
+    return Eliminate(&RobustLoss::Curvature, 0.0) && (HoldsCalibrations() || rest_->Factorize());
   }
 
-  /// The same without the small system, for a cost and a SimilarStep(). False if a segment is not
-  /// determined.
+  /// Linearizes for a cost and a SimilarStep(), without solving the small system. False if a
+  /// segment is not determined.
   /// @param damping  Share by which the diagonal of the normal equations is raised (Marquardt).
-  bool LinearizeSegments(double damping = 0.0);
+  bool LinearizeSegments(double damping = 0.0) { return Eliminate(&RobustLoss::Weight, damping); }
 
   /// Half the sum of all losses at the last linearization.
   double cost() const { return cost_; }
@@ -140,12 +142,17 @@ class GraphElimination {
   Border Calibrations() const;
   void MakeStretches();
   void AddMode(int mode, Stretch* stretch);
-  double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
+  // What an observation's squared residual is multiplied by.
+  using Weighting = double (RobustLoss::*)(double squared) const;
+
+  bool Eliminate(Weighting weighting, double damping);
+  double LinearizeStretch(const Stretch& stretch, Weighting weighting, SegmentSystem* system) const;
   double AddPriors(RestSystem* rest) const;
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
 
   const Graph& graph_;
+  const RobustLoss loss_;
   std::vector<std::vector<int>> together_;
   std::vector<std::vector<MotionResidual>> motions_;
   std::vector<ObservationResidual> observations_;

@@ -161,9 +161,8 @@ class FrontMaker {
 
 EliminationTree MakeEliminationTree(const std::vector<int>& node_sizes, const Lists& cliques) {
   const auto nodes = static_cast<int>(node_sizes.size());
-  const std::vector<int> found = nodes >= kMinDissected
-                                     ? DissectionOrder(node_sizes, cliques)
-                                     : MinimumDegreeOrder(nodes, cliques);
+  const std::vector<int> found = nodes >= kMinDissected ? DissectionOrder(node_sizes, cliques)
+                                                        : MinimumDegreeOrder(nodes, cliques);
   const Structure structure = Eliminate(Inverse(found), cliques);
   const std::vector<int> place = Postorder(structure.parent);
 

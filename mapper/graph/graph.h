@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "localizer/models/motion_model.h"
@@ -55,7 +56,7 @@ struct GraphPrior {
 ///
 ///   Σ ‖Log((T_i Δ_i(c))⁻¹ T_{i+1})‖²_Σi  +  Σ ρ(‖z - h(T_f, p_m, b)‖²_R)  +  priors
 ///
-/// with ρ the Cauchy loss: a misread signature must not bend the map.
+/// with ρ Cauchy's loss (robust_loss.h): a misread signature must not bend the map.
 struct Graph {
   std::vector<GraphRun> runs;
   std::vector<Eigen::Vector2d> modes;  ///< p_map_landmark. [m]
@@ -68,7 +69,8 @@ struct Graph {
   /// On which segments are eliminated; results do not depend on it.
   int threads = 1;
 
-  /// Residual, in standard deviations, at which the loss turns from square to logarithm.
+  /// Residual, in standard deviations, at which the loss turns from square to logarithm
+  /// (robust_loss.h).
   double loss_scale = 2.5;
 };
 
@@ -115,6 +117,13 @@ struct ResidualStatistics {
   Eigen::Array<double, kKinds, 1> sum_of_squares = Eigen::Array<double, kKinds, 1>::Zero();
   Eigen::Array<double, kKinds, 1> redundancy = Eigen::Array<double, kKinds, 1>::Zero();
   Eigen::Array<double, kKinds, 1> count = Eigen::Array<double, kKinds, 1>::Zero();
+
+  ResidualStatistics& operator+=(const ResidualStatistics& other) {
+    sum_of_squares += other.sum_of_squares;
+    redundancy += other.redundancy;
+    count += other.count;
+    return *this;
+  }
 };
 
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
@@ -122,17 +131,21 @@ struct ResidualStatistics {
 /// Precondition: every mode is observed or in the prior.
 Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
 
-/// The statistics at the graph's present values. The redundancy of each kind of residual is
-/// n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the Gaussian around
-/// them (seeded). Precondition: every mode is observed or in the prior.
+/// The same; nothing if the graph does not determine its modes in the numbers that a computer has,
+/// as where values have gone astray.
+std::optional<Eigen::MatrixXd> ModeCovarianceIfDetermined(const Graph& graph);
+
+/// The statistics of each run at the graph's present values. The redundancy of each kind of
+/// residual is n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the
+/// Gaussian around them (seeded). Precondition: every mode is observed or in the prior.
 /// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
 ///                do. May be null.
-ResidualStatistics ComputeResidualStatistics(const Graph& graph,
-                                             int samples,
-                                             std::uint64_t seed,
-                                             GraphSolver* solver = nullptr);
+std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     int samples,
+                                                     std::uint64_t seed,
+                                                     GraphSolver* solver = nullptr);
 
-/// The same of each run's residuals.
+/// The same.
 /// @param elimination  Of the graph, linearized at its present values.
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      const GraphElimination& elimination,

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "mapper/graph/cost_functions.h"
+#include "mapper/graph/robust_loss.h"
 
 namespace shiftmap {
 namespace {
@@ -96,7 +97,9 @@ void GraphProblem::AddObservations(const Graph& graph) {
     double* pose =
         poses_[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)].data();
     problem_.AddResidualBlock(new ObservationCost(item),
-                              new ceres::CauchyLoss(graph.loss_scale),
+                              new ceres::ScaledLoss(new ceres::CauchyLoss(graph.loss_scale),
+                                                    RobustLoss(graph.loss_scale).kappa(),
+                                                    ceres::TAKE_OWNERSHIP),
                               pose,
                               modes_[static_cast<std::size_t>(item.mode)].data(),
                               biases_[static_cast<std::size_t>(item.run)].data());

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <optional>
 #include <random>
+#include <utility>
 
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/robust_loss.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -55,6 +58,7 @@ void CountObservations(const Graph& graph,
                        const std::vector<GraphStep>& draws,
                        std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
+  const RobustLoss loss(graph.loss_scale);
   const auto count = static_cast<double>(draws.size());
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
     const GraphObservation& item = graph.observations[i];
@@ -73,9 +77,8 @@ void CountObservations(const Graph& graph,
                        .square();
     }
     ResidualStatistics& sums = (*statistics)[r];
-    // Residuals are the noise less what the fit made of it, which is by the loss' weights.
-    const double weight =
-        1.0 / (1.0 + linear.r.squaredNorm() / (graph.loss_scale * graph.loss_scale));
+    // Residuals are the noise less what the fit made of it, which is by the loss' curvature.
+    const double weight = loss.Curvature(linear.r.squaredNorm());
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
@@ -90,10 +93,16 @@ void CountObservations(const Graph& graph,
 
 }  // namespace
 
-Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
+std::optional<Eigen::MatrixXd> ModeCovarianceIfDetermined(const Graph& graph) {
   GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  if (!elimination.Linearize()) return std::nullopt;
   return elimination.ModeCovariance();
+}
+
+Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
+  std::optional<Eigen::MatrixXd> covariance = ModeCovarianceIfDetermined(graph);
+  SHIFTMAP_CHECK(covariance, kNotDetermined);
+  return *std::move(covariance);
 }
 
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
@@ -109,20 +118,16 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
   return statistics;
 }
 
-ResidualStatistics ComputeResidualStatistics(const Graph& graph,
-                                             int samples,
-                                             std::uint64_t seed,
-                                             GraphSolver* solver) {
+std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     int samples,
+                                                     std::uint64_t seed,
+                                                     GraphSolver* solver) {
   GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
   SHIFTMAP_CHECK(elimination.LinearizeSimilar(), kNotDetermined);
-  ResidualStatistics total;
-  for (const ResidualStatistics& run : ComputeRunStatistics(graph, elimination, samples, seed)) {
-    total.sum_of_squares += run.sum_of_squares;
-    total.redundancy += run.redundancy;
-    total.count += run.count;
-  }
+  std::vector<ResidualStatistics> statistics =
+      ComputeRunStatistics(graph, elimination, samples, seed);
   if (solver != nullptr) solver->KeepRest(elimination.TakeRest());
-  return total;
+  return statistics;
 }
 
 }  // namespace shiftmap

@@ -170,7 +170,7 @@ GraphSummary SolveGraphByTrustRegion(int max_iterations, Graph* graph) {
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.max_num_iterations = max_iterations;
   options.num_threads = 1;  // Ceres does not give the same bits across threads.
-  options.function_tolerance = kCostTolerance;
+  options.function_tolerance = 1e-3 * kCostTolerance;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem.problem(), &summary);

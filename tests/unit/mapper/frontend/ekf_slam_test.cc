@@ -9,18 +9,6 @@
 namespace shiftmap {
 namespace {
 
-std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry) {
-  std::vector<Se2> poses = {Se2()};
-  std::size_t hint = 0;
-  for (std::size_t i = 1; i < run.frames.size(); ++i) {
-    poses.push_back(
-        poses.back() *
-        IntegrateMotion(run.odometry, run.frames[i - 1].stamp, run.frames[i].stamp, odometry, &hint)
-            .T_begin_end);
-  }
-  return poses;
-}
-
 TEST(EkfSlam, FollowsTheTruthWhereDeadReckoningDrifts) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     OpenWorldOptions options = testing::SmallWorld(seed);

@@ -86,13 +86,15 @@ void ExpectSameMinimum(Graph graph) {
   const GraphSummary ours = SolveGraph(50, &graph);
   const GraphSummary ceres = SolveGraphByTrustRegion(200, &other);
   EXPECT_TRUE(ours.converged);
-  EXPECT_NEAR(ours.final_cost, ceres.final_cost, 1e-4 * ceres.final_cost + 1e-12);
+  EXPECT_NEAR(ours.final_cost, ceres.final_cost, 2e-5 * ceres.final_cost + 1e-12);
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
     EXPECT_LT((graph.modes[m] - other.modes[m]).norm(), 3e-3);
   }
   for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+    // A few poses are hardly told: within centimetres the cost is the same.
+    const double near = graph.runs[r].poses.size() < 10 ? 0.05 : 3e-3;
     for (std::size_t i = 0; i < graph.runs[r].poses.size(); ++i) {
-      EXPECT_LT((graph.runs[r].poses[i].Inverse() * other.runs[r].poses[i]).Log().norm(), 3e-3);
+      EXPECT_LT((graph.runs[r].poses[i].Inverse() * other.runs[r].poses[i]).Log().norm(), near);
     }
   }
 }

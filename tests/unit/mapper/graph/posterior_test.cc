@@ -242,6 +242,12 @@ TEST_F(Posterior, ModesFollowAScaleThatIsHeldAsInTheDenseProblem) {
   EXPECT_THAT(followed, testing::IsNearMatrix(wanted.tail(rows), 1e-4 * wanted.norm()));
 }
 
+ResidualStatistics StatisticsOf(const Graph& graph, int samples, std::uint64_t seed) {
+  ResidualStatistics sum;
+  for (const ResidualStatistics& run : ComputeRunStatistics(graph, samples, seed)) sum += run;
+  return sum;
+}
+
 TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
   constexpr int kSamples = 800;
   Graph graph = RandomGraph({}, random_);
@@ -251,7 +257,7 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
   const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
   const Eigen::MatrixXd J_measured = J.topRows(dense.measured());
   const double explained = (J_measured * cov * J_measured.transpose()).trace();
-  const ResidualStatistics statistics = ComputeResidualStatistics(graph, kSamples, 7);
+  const ResidualStatistics statistics = StatisticsOf(graph, kSamples, 7);
   // The trace's estimate scatters by √(2 explained / samples).
   const double sd = std::sqrt(2.0 * explained / kSamples);
   EXPECT_NEAR(
@@ -268,7 +274,7 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
 TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   SolveGraph(100, &graph);
-  const ResidualStatistics statistics = ComputeResidualStatistics(graph, 30, 7);
+  const ResidualStatistics statistics = StatisticsOf(graph, 30, 7);
   for (const auto kind : {ResidualStatistics::kTranslation,
                           ResidualStatistics::kYaw,
                           ResidualStatistics::kRange,
@@ -284,7 +290,7 @@ TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   for (GraphObservation& item : graph.observations) item.cov_z(1, 1) *= 4.0;
   SolveGraph(100, &graph);
-  const ResidualStatistics statistics = ComputeResidualStatistics(graph, 30, 7);
+  const ResidualStatistics statistics = StatisticsOf(graph, 30, 7);
   const auto ratio = [&](ResidualStatistics::Kind kind) {
     return statistics.sum_of_squares[kind] / statistics.redundancy[kind];
   };
@@ -310,8 +316,8 @@ TEST_F(Posterior, SolvesToTheSameBits) {
   SolveGraph(100, &first);
   SolveGraph(100, &second);
   EXPECT_EQ(first.modes, second.modes);
-  EXPECT_EQ(ComputeResidualStatistics(first, 3, 5).redundancy.matrix(),
-            ComputeResidualStatistics(second, 3, 5).redundancy.matrix());
+  EXPECT_EQ(StatisticsOf(first, 3, 5).redundancy.matrix(),
+            StatisticsOf(second, 3, 5).redundancy.matrix());
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "mapper/graph/graph.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
+#include "tests/unit/mapper/incremental/small_site.h"
 
 namespace shiftmap {
 namespace {
@@ -144,6 +145,7 @@ TEST(IncrementalMapperTest, ChoicesAreThoseThatHeld) {
 // The graph of what the mapper ended up with, its values disturbed.
 Graph BatchOf(const World& world, const IncrementalMapper& mapper) {
   Graph graph;
+  graph.loss_scale = testing::kNoLoss;
   GraphRun run;
   run.correction_prior_sd.setConstant(1e-9);
   run.sensor_bias_sd.setConstant(1e-9);
@@ -169,8 +171,9 @@ TEST(IncrementalMapperTest, OverTheWholeHistoryItIsTheBatchOfItsChoices) {
   const World world = MakeWorld(100, 11);
   // The batch has no start pose.
   const PoseWithCovariance anywhere{world.truth.front(), Eigen::Matrix3d::Identity() * 1e6};
-  StatusOr<IncrementalMapper> mapper =
-      IncrementalMapper::Create(Options(), Survey(world), anywhere);
+  IncrementalOptions options = Options();
+  options.smoother.loss_scale = testing::kNoLoss;
+  StatusOr<IncrementalMapper> mapper = IncrementalMapper::Create(options, Survey(world), anywhere);
   ASSERT_THAT(mapper, IsOk());
   DriveThrough(world, &*mapper);
   ASSERT_THAT(mapper->Finish(), IsOk());

@@ -25,6 +25,7 @@ Graph MakeSmallSite(const SiteShape& shape, std::uint64_t seed) {
   std::normal_distribution<double> normal;
   const auto draw = [&](double sd) { return shape.noise * sd * normal(random); };
   Graph graph;
+  graph.loss_scale = kNoLoss;
   std::vector<Eigen::Vector2d> places;
   for (int m = 0; m < shape.modes; ++m) {
     const double angle = 2.0 * M_PI * m / shape.modes;

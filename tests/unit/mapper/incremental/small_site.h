@@ -9,6 +9,9 @@
 
 namespace shiftmap::testing {
 
+/// A loss that is the square. The smoother's Cauchy loss is the bare one, the graph's is normalized.
+inline constexpr double kNoLoss = 1e3;
+
 struct SiteShape {
   int frames = 60;
   int modes = 6;

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace shiftmap {
+
+/// Cauchy's loss of an observation, a whitened residual r of two rows,
+///
+///   ρ(‖r‖²) = κ c² log(1 + u),   u = ‖r‖²/c²
+///
+/// Its weights as iteratively reweighted least squares has them, and its curvature, the mean over
+/// directions of the Hessian of ρ/2, are
+///
+///   ρ' = κ / (1 + u),   κ / (1 + u)²
+///
+/// κ is such that over Gaussian residuals the mean curvature is the variance of the slope ψ = ρ' r,
+/// as it is for a log-likelihood (Bartlett's identity): the inverse Hessian is then the covariance
+/// of the fit, and what is lost to the loss, 5 % of an observation, is not taken for noise of the
+/// odometry or for the lack of it. With F_k the mean of (1 + u)⁻ᵏ,
+///
+///   κ = F₂ / (a (F₁ - F₂)),   F₂ = a eᵃ E₂(a) = a (1 - F₁),   a = c²/2
+///
+/// and E₂ an exponential integral.
+class RobustLoss {
+ public:
+  /// @param scale  c > 0, in standard deviations.
+  explicit RobustLoss(double scale) : squared_scale_(scale * scale), kappa_(Kappa(scale)) {}
+
+  double kappa() const { return kappa_; }
+
+  /// ρ/2, and below. @param squared  ‖r‖².
+  double HalfLoss(double squared) const {
+    return 0.5 * kappa_ * squared_scale_ * std::log1p(squared / squared_scale_);
+  }
+  double Weight(double squared) const { return kappa_ / (1.0 + squared / squared_scale_); }
+
+  /// Of far outliers more than there is: with none at all, what only they tell is not determined.
+  double Curvature(double squared) const {
+    constexpr double kLeast = 0.1;
+    return Weight(squared) * std::max(kLeast, 1.0 / (1.0 + squared / squared_scale_));
+  }
+
+ private:
+  // eᵃ E₂(a) is a continued fraction (Abramowitz, Stegun 5.1.22), here from its end.
+  static double Kappa(double scale) {
+    constexpr int kTerms = 200;
+    const double a = 0.5 * scale * scale;
+    double fraction = a + 2.0 * kTerms;
+    for (int k = kTerms - 1; k > 0; --k) fraction = a + 2.0 * k - k * (k + 1.0) / fraction;
+    const double F_2 = a / fraction;
+    return F_2 / (a * (1.0 - F_2 - F_2 / a));
+  }
+
+  double squared_scale_;
+  double kappa_;
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/robust_loss.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace shiftmap {
+namespace {
+
+// The mean of f(‖r‖²) over Gaussian residuals of two rows: ‖r‖² has the density e^(-t/2) / 2.
+template <typename Function>
+double GaussianMean(const Function& f) {
+  constexpr double kStep = 1e-3;
+  double sum = 0.0;
+  for (double t = 0.5 * kStep; t < 80.0; t += kStep) sum += f(t) * 0.5 * std::exp(-0.5 * t) * kStep;
+  return sum;
+}
+
+TEST(RobustLoss, CurvatureOfGaussianResidualsIsTheVarianceOfTheirSlope) {
+  for (const double scale : {1.5, 2.5, 5.0, 20.0, 100.0}) {
+    const RobustLoss loss(scale);
+    const double curvature = GaussianMean([&](double t) { return loss.Curvature(t); });
+    const double variance =
+        GaussianMean([&](double t) { return 0.5 * t * loss.Weight(t) * loss.Weight(t); });
+    EXPECT_NEAR(curvature, variance, 1e-5) << scale;
+    EXPECT_LT(curvature, 1.0) << scale;  // No loss tells more than the square does.
+  }
+}
+
+TEST(RobustLoss, WeightAndCurvatureAreItsDerivatives) {
+  const RobustLoss loss(2.5);
+  constexpr double kStep = 1e-4;
+  for (const double x : {0.1, 1.0, 2.5, 6.0}) {
+    for (const double y : {0.0, 0.7, 3.0}) {
+      const auto half_loss = [&](double dx, double dy) {
+        return loss.HalfLoss((x + dx) * (x + dx) + (y + dy) * (y + dy));
+      };
+      const double squared = x * x + y * y;
+      const double slope = (half_loss(kStep, 0.0) - half_loss(-kStep, 0.0)) / (2.0 * kStep);
+      EXPECT_NEAR(slope, loss.Weight(squared) * x, 1e-6);
+      const double laplacian =
+          (half_loss(kStep, 0.0) + half_loss(-kStep, 0.0) + half_loss(0.0, kStep) +
+           half_loss(0.0, -kStep) - 4.0 * half_loss(0.0, 0.0)) /
+          (kStep * kStep);
+      EXPECT_NEAR(0.5 * laplacian, loss.Curvature(squared), 1e-5);
+    }
+  }
+}
+
+TEST(RobustLoss, FarOutliersStillHaveCurvature) {
+  const RobustLoss loss(2.5);
+  EXPECT_GT(loss.Curvature(1e6), 1e-7);
+  EXPECT_LT(loss.Curvature(1e6), loss.Curvature(100.0));
+}
+
+TEST(RobustLoss, IsTheSquareForSmallResiduals) {
+  const RobustLoss loss(1e4);
+  EXPECT_NEAR(loss.HalfLoss(4.0), 2.0, 1e-6);
+  EXPECT_NEAR(loss.Weight(4.0), 1.0, 1e-6);
+}
+
+}  // namespace
+}  // namespace shiftmap

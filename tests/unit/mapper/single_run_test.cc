@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/single_run.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+// A vehicle that sees new ground for minutes before it comes back to what it knows, with odometry
+// five times as good as assumed.
+OpenWorldOptions LargeFloor(std::uint64_t seed) {
+  OpenWorldOptions options;
+  options.seed = seed;
+  options.runs = 1;
+  options.groups = 700;
+  options.size_m = 240.0;
+  options.duration_s = 1000.0;
+  options.scan_rate_hz = 2.0;
+  options.odometry.noise_v = 0.01;
+  options.odometry.noise_omega = 0.01;
+  return options;
+}
+
+// A filter that took the odometry for as bad as that would close loops by turning the map, and what
+// follows would take the twist for noise.
+TEST(MapSingleRun, LongWaysBetweenTwoLooksDoNotTwistIt) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const SimulatedWorld world = testing::Simulate(LargeFloor(seed));
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const OdometryCalibration& odometry = problem.runs[0].odometry;
+    const double error =
+        testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run));
+    EXPECT_LT(odometry.noise_omega, 0.025) << seed;
+    EXPECT_LT(error, 4.0) << seed;
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap
