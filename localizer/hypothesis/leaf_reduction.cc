@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/hypothesis/leaf_reduction.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -37,9 +37,9 @@ bool SameHypothesis(const Leaf& a, const Leaf& b, const std::vector<bool>& must_
   }
   const PoseWithCovariance pose_a = a.filter.Pose();
   const PoseWithCovariance pose_b = b.filter.Pose();
-  const Eigen::Vector3d d = (pose_a.T_map_vehicle.Inverse() * pose_b.T_map_vehicle).Log();
   const Eigen::Matrix3d cov = pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle;
-  return d.dot(cov.inverse() * d) < (all_equal ? kSamePoseOfOneAssignment : kSamePose);
+  return SquaredMahalanobis(pose_a.T_map_vehicle, pose_b.T_map_vehicle, cov) <
+         (all_equal ? kSamePoseOfOneAssignment : kSamePose);
 }
 
 // Adds the lighter leaf `from` to `into`.

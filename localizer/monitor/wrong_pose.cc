@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/monitor/wrong_pose.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "localizer/monitor/missed_passes.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
@@ -35,9 +35,8 @@ PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<Window
 }
 
 bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
-  const Eigen::Vector3d difference = (a.T_map_vehicle.Inverse() * b.T_map_vehicle).Log();
   const Eigen::Matrix3d cov = a.cov_T_map_vehicle + b.cov_T_map_vehicle;
-  return difference.dot(cov.llt().solve(difference)) > kSamePose;
+  return SquaredMahalanobis(a.T_map_vehicle, b.T_map_vehicle, cov) > kSamePose;
 }
 
 // Landmarks that one who is at `pose` after the last scan would have seen and did not, by where
