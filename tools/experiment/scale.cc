@@ -109,14 +109,20 @@ Status Score(const MapContent& content,
   SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_map_truth, AlignRigid2d(pairs));
   double squares = 0.0;
   double nees = 0.0;
+  std::vector<double> distances;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const Eigen::Vector2d error = pairs[i].p_a - T_map_truth * pairs[i].p_b;
     squares += error.squaredNorm();
+    distances.push_back(error.norm());
+    row->far_modes += error.norm() >= 1.0;
     nees += SquaredMahalanobis(error, covariances[i]);
   }
   const auto count = static_cast<double>(pairs.size());
   row->rms_m = std::sqrt(squares / count);
   row->nees = nees / count;
+  const auto middle = distances.begin() + std::ssize(distances) / 2;
+  std::nth_element(distances.begin(), middle, distances.end());
+  row->median_m = *middle;
   return OkStatus();
 }
 

@@ -31,6 +31,8 @@ struct ScaleRow {
   int true_modes = 0;         ///< Places at which a landmark stood in some run.
   int seen_modes = 0;         ///< Of those, with the sightings in one visit that a mode needs.
   double rms_m = 0.0;         ///< Of the modes' positions after rigid alignment with the truth.
+  double median_m = 0.0;      ///< Of their distances from the truth.
+  int far_modes = 0;          ///< A metre or more off.
   double nees = 0.0;          ///< Mean squared error of modes in standard deviations: 2 if right.
   double build_s = 0.0;       ///< Processor time of BuildMap, all threads.
   double wall_s = 0.0;        ///< Of BuildMap by the clock on the wall.

@@ -9,7 +9,8 @@
 
 namespace shiftmap::testing {
 
-/// A loss that is the square. The smoother's Cauchy loss is the bare one, the graph's is normalized.
+/// A loss that is the square: the smoother's Cauchy loss is the bare one, the graph's is
+/// normalized.
 inline constexpr double kNoLoss = 1e3;
 
 struct SiteShape {
