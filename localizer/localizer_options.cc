@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "mapstore/core/magnitude.h"
+
 namespace shiftmap {
 namespace {
 
@@ -40,7 +42,6 @@ Status LocalizerOptions::Validate() const {
 }
 
 Status ValidateStart(const PoseWithCovariance& pose) {
-  constexpr double kMaxMagnitude = 1e9;  // Beyond it squares overflow sooner or later.
   const Se2& T = pose.T_map_vehicle;
   if (!std::isfinite(T.yaw()) || !T.translation().allFinite() ||
       T.translation().lpNorm<Eigen::Infinity>() > kMaxMagnitude) {
@@ -51,9 +52,8 @@ Status ValidateStart(const PoseWithCovariance& pose) {
                            kMaxMagnitude);
   }
   const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
-  if (!IsSymmetricPositiveDefinite(cov) || cov.maxCoeff() > kMaxMagnitude * kMaxMagnitude) {
-    return InvalidArgument("pose: covariance is not positive definite, or above {}",
-                           kMaxMagnitude * kMaxMagnitude);
+  if (!IsSymmetricPositiveDefinite(cov) || cov.maxCoeff() > kMaxVariance) {
+    return InvalidArgument("pose: covariance is not positive definite, or above {}", kMaxVariance);
   }
   return OkStatus();
 }

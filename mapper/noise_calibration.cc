@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mapper/graph/graph.h"
+#include "mapstore/core/median.h"
 
 namespace shiftmap {
 namespace {
@@ -108,12 +109,6 @@ int NoiseSamples(const Graph& graph) {
   for (const GraphRun& run : graph.runs) residuals += 3 * run.motions.size();
   return static_cast<int>(
       std::clamp(kResiduals / std::max<std::size_t>(residuals, 1), kLeast, kMost));
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

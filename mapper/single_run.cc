@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/single_run.h"
 
+#include <cstddef>
 #include <utility>
 
 #include "mapper/frontend/ekf_slam.h"
@@ -35,14 +36,13 @@ void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapPr
 // landmark of its own. No loop is closed then, by a heading that is a radian off or at all, and
 // dead reckoning is a start that is near enough.
 void CalibrateOpen(const MapperOptions& options,
-                   const std::vector<Signature>& signatures,
+                   std::size_t groups,
                    const GoOn& go_on,
                    BuildRun* run,
                    SensorCalibration* sensor) {
   MapProblem open;
-  open.signatures = signatures;
   open.sensor = *sensor;
-  open.modes.resize(signatures.size());
+  open.modes.resize(groups);
   open.runs.push_back(*run);
   BuildRun& copy = open.runs.front();
   copy.poses = DeadReckon(*run->data, run->odometry);
@@ -71,7 +71,7 @@ MapProblem MapSingleRun(const MappingRun& run,
   build.odometry = options.calibration.odometry;
   if (options.calibrate) {
     build.odometry = EstimateOdometryFromPairs(run, problem.sensor, build.odometry);
-    CalibrateOpen(options, signatures, go_on, &build, &problem.sensor);
+    CalibrateOpen(options, signatures.size(), go_on, &build, &problem.sensor);
   }
   build.poses = EstimateTrajectoryByEkf(run, {build.odometry, problem.sensor});
   problem.runs.push_back(std::move(build));

@@ -319,7 +319,7 @@ void PlaceMost(const MapperOptions& options,
 
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
-  const std::optional<Eigen::MatrixXd> covariance = ModeCovarianceIfDetermined(graph);
+  const std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
   if (!covariance) return std::nullopt;
   return ReferToPositions(graph.modes, *covariance);
 }

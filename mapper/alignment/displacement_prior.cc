@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "mapstore/core/median.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -23,9 +25,7 @@ double MedianSpacing(const std::vector<Eigen::Vector2d>& positions) {
       nearest[j] = std::min(nearest[j], distance);
     }
   }
-  const auto middle = nearest.begin() + std::ssize(nearest) / 2;
-  std::nth_element(nearest.begin(), middle, nearest.end());
-  return *middle;
+  return Median(std::move(nearest));
 }
 
 }  // namespace

@@ -124,6 +124,7 @@ class GraphElimination {
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
   const std::vector<ObservationResidual>& observations() const { return observations_; }
+  const RobustLoss& loss() const { return loss_; }
 
  private:
   // Frames [first, last] of a run, the outer two its separators; last == first if there is one

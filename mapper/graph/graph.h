@@ -127,13 +127,10 @@ struct ResidualStatistics {
 };
 
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
-/// Graph::modes, (x, y) each. [m²]
+/// Graph::modes, (x, y) each. Nothing if the graph does not determine its modes in the numbers that
+/// a computer has, as where values have gone astray. [m²]
 /// Precondition: every mode is observed or in the prior.
-Eigen::MatrixXd ComputeModeCovariance(const Graph& graph);
-
-/// The same; nothing if the graph does not determine its modes in the numbers that a computer has,
-/// as where values have gone astray.
-std::optional<Eigen::MatrixXd> ModeCovarianceIfDetermined(const Graph& graph);
+std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 
 /// The statistics of each run at the graph's present values. The redundancy of each kind of
 /// residual is n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the

@@ -6,7 +6,6 @@
 
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
-#include "mapper/graph/robust_loss.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -58,7 +57,6 @@ void CountObservations(const Graph& graph,
                        const std::vector<GraphStep>& draws,
                        std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
-  const RobustLoss loss(graph.loss_scale);
   const auto count = static_cast<double>(draws.size());
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
     const GraphObservation& item = graph.observations[i];
@@ -78,7 +76,7 @@ void CountObservations(const Graph& graph,
     }
     ResidualStatistics& sums = (*statistics)[r];
     // Residuals are the noise less what the fit made of it, which is by the loss' curvature.
-    const double weight = loss.Curvature(linear.r.squaredNorm());
+    const double weight = elimination.loss().Curvature(linear.r.squaredNorm());
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
@@ -93,16 +91,10 @@ void CountObservations(const Graph& graph,
 
 }  // namespace
 
-std::optional<Eigen::MatrixXd> ModeCovarianceIfDetermined(const Graph& graph) {
+std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph) {
   GraphElimination elimination(graph);
   if (!elimination.Linearize()) return std::nullopt;
   return elimination.ModeCovariance();
-}
-
-Eigen::MatrixXd ComputeModeCovariance(const Graph& graph) {
-  std::optional<Eigen::MatrixXd> covariance = ModeCovarianceIfDetermined(graph);
-  SHIFTMAP_CHECK(covariance, kNotDetermined);
-  return *std::move(covariance);
 }
 
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,

@@ -6,13 +6,11 @@
 #include <iterator>
 #include <type_traits>
 
+#include "mapstore/core/magnitude.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
-
-// Beyond it squares, and their sums, overflow sooner or later. [m], [m/s], [rad], [rad/s]
-constexpr double kMaxMagnitude = 1e9;
 
 bool IsWithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
 
@@ -59,12 +57,12 @@ Status ValidateItem(const Scan& scan) {
                              ToSecondsSinceEpoch(scan.stamp),
                              observation.signature.text());
     }
-    if (observation.cov_z && observation.cov_z->maxCoeff() > kMaxMagnitude * kMaxMagnitude) {
+    if (observation.cov_z && observation.cov_z->maxCoeff() > kMaxVariance) {
       return InvalidArgument("scan at {:.6f} s: landmark '{}': variance {}, expected at most {}",
                              ToSecondsSinceEpoch(scan.stamp),
                              observation.signature.text(),
                              observation.cov_z->maxCoeff(),
-                             kMaxMagnitude * kMaxMagnitude);
+                             kMaxVariance);
     }
   }
   return OkStatus();

@@ -8,6 +8,7 @@
 #include "localizer/models/observation_model.h"
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/graph/graph.h"
+#include "mapstore/core/median.h"
 
 namespace shiftmap {
 namespace {
@@ -26,12 +27,6 @@ constexpr double kCauchyScale = 2.385;
 constexpr double kHeldSd = 1e-9;
 
 constexpr double kOdometryPeriodSeconds = 0.02;  // IJRR 8.2.1.
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Graph StaticGraph(const UtiasCase& data,
                   const UtiasNoise& noise,

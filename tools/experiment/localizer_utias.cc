@@ -9,6 +9,7 @@
 #include "localizer/filter/odometry_buffer.h"
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/models/observation_model.h"
+#include "mapstore/core/median.h"
 #include "tools/convert/utias.h"
 
 namespace shiftmap {
@@ -101,13 +102,6 @@ Drive Localize(const UtiasShift& shift,
   return drive;
 }
 
-double Median(std::vector<int> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 MapContent LayoutMap(const std::vector<Layout>& layouts,
@@ -193,7 +187,8 @@ UtiasShiftResult LocalizeUtias(const UtiasShift& shift,
   }
   std::vector<int> observations;
   for (const auto& [signature, count] : first) observations.push_back(count);
-  result.median_observations = Median(observations);
+  result.median_observations =
+      observations.empty() ? std::numeric_limits<double>::quiet_NaN() : Median(observations);
   return result;
 }
 

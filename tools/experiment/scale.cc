@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "mapper/mapper.h"
+#include "mapstore/core/median.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/sim/open_world.h"
@@ -120,9 +121,7 @@ Status Score(const MapContent& content,
   const auto count = static_cast<double>(pairs.size());
   row->rms_m = std::sqrt(squares / count);
   row->nees = nees / count;
-  const auto middle = distances.begin() + std::ssize(distances) / 2;
-  std::nth_element(distances.begin(), middle, distances.end());
-  row->median_m = *middle;
+  row->median_m = Median(std::move(distances));
   return OkStatus();
 }
 

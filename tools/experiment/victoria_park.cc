@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/victoria_park.h"
 
-#include <algorithm>
 #include <cmath>
 #include <ctime>
 #include <optional>
 #include <utility>
 
 #include "localizer/models/motion_model.h"
+#include "mapstore/core/median.h"
 
 namespace shiftmap {
 namespace {
@@ -19,12 +19,6 @@ constexpr double kMediansThatCount = 4.0;
 constexpr double kMaxGapSeconds = 2.5;
 
 double ProcessorSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
-
-double Median(std::vector<double> values) {
-  const auto middle = static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), values.begin() + middle, values.end());
-  return values[static_cast<std::size_t>(middle)];
-}
 
 }  // namespace
 

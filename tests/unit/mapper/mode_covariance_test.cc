@@ -88,7 +88,7 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const auto elimination = LinearizeForMap(graph);
   const JointCovariance blocks = MapCovariance(graph, *elimination, {kScale});
   const Eigen::MatrixXd dense = AddScaleUncertainty(
-      graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph)));
+      graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
   for (int i = 0; i < blocks.size(); ++i) {
     const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * i, 2 * i);
     EXPECT_THAT(blocks.Block(i, i), testing::IsNearMatrix(wanted, 1e-7 * wanted.norm())) << i;
@@ -105,7 +105,7 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
 TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   const ModeDifferences sparse(graph);
-  const ModeDifferences joint(ComputeModeCovariance(graph));
+  const ModeDifferences joint(ComputeModeCovariance(graph).value());
   for (const auto& [a, b] : {std::pair{0, 1}, {5, 300}, {200, 204}, {358, 359}}) {
     const Eigen::Matrix2d wanted = joint.Covariance(a, b);
     EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm()) << a << " " << b;
