@@ -87,36 +87,54 @@ void AddSeen(const SimulatedRun& run,
   }
 }
 
-// Errors of a map's modes against the nearest true place of their landmark.
-Status Score(const MapContent& content,
-             const std::map<Signature, std::size_t>& index,
-             const std::vector<SimulatedGroup>& truth,
-             const Se2& T_truth_start,
-             ScaleRow* row) {
+// A map's modes beside the nearest true place of their landmark.
+std::vector<PointPair> PairWithTruth(const MapContent& content,
+                                     const std::map<Signature, std::size_t>& index,
+                                     const std::vector<SimulatedGroup>& truth,
+                                     const Se2& T_truth_map) {
   std::vector<PointPair> pairs;
-  std::vector<Eigen::Matrix2d> covariances;
   for (const LandmarkGroup& group : content.groups) {
     const std::vector<Eigen::Vector2d>& places = truth[index.at(group.signature)].modes;
     for (const Mode& mode : group.modes) {
-      const Eigen::Vector2d p = T_truth_start * mode.p_map_landmark;
+      const Eigen::Vector2d p = T_truth_map * mode.p_map_landmark;
       const auto nearest =
           std::min_element(places.begin(), places.end(), [&](const auto& a, const auto& b) {
             return (a - p).squaredNorm() < (b - p).squaredNorm();
           });
       pairs.push_back({mode.p_map_landmark, *nearest});
-      covariances.push_back(mode.cov_p_map_landmark);
     }
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_map_truth, AlignRigid2d(pairs));
+  return pairs;
+}
+
+// Errors of a map's modes, with the map where it is nearest to the truth.
+// @param T_truth_start  Near which that is: at the far end of a site off by metres, so that some
+//                       modes are first paired with the wrong place.
+Status Score(const MapContent& content,
+             const std::map<Signature, std::size_t>& index,
+             const std::vector<SimulatedGroup>& truth,
+             const Se2& T_truth_start,
+             ScaleRow* row) {
+  constexpr int kPairings = 3;
+  Se2 T_map_truth = T_truth_start.Inverse();
+  std::vector<PointPair> pairs;
+  for (int i = 0; i < kPairings; ++i) {
+    pairs = PairWithTruth(content, index, truth, T_map_truth.Inverse());
+    SHIFTMAP_ASSIGN_OR_RETURN(T_map_truth, AlignRigid2d(pairs));
+  }
   double squares = 0.0;
   double nees = 0.0;
   std::vector<double> distances;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Eigen::Vector2d error = pairs[i].p_a - T_map_truth * pairs[i].p_b;
-    squares += error.squaredNorm();
-    distances.push_back(error.norm());
-    row->far_modes += error.norm() >= 1.0;
-    nees += SquaredMahalanobis(error, covariances[i]);
+  std::size_t i = 0;
+  for (const LandmarkGroup& group : content.groups) {
+    for (const Mode& mode : group.modes) {
+      const PointPair& pair = pairs[i++];
+      const Eigen::Vector2d error = pair.p_a - T_map_truth * pair.p_b;
+      squares += error.squaredNorm();
+      distances.push_back(error.norm());
+      row->far_modes += error.norm() >= 1.0;
+      nees += SquaredMahalanobis(error, mode.cov_p_map_landmark);
+    }
   }
   const auto count = static_cast<double>(pairs.size());
   row->rms_m = std::sqrt(squares / count);
