@@ -139,12 +139,9 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   return graph;
 }
 
-Graph SolveOnce(const MapperOptions& options,
-                int max_iterations,
-                MapProblem* problem,
-                GraphSolver* solver) {
+Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
   Graph graph = MakeGraph(options, problem);
-  problem->cost = solver->Solve(max_iterations, &graph).final_cost;
+  problem->cost = solver->Solve(options.solver, &graph).final_cost;
   CopyBack(graph, problem);
   return graph;
 }
@@ -154,14 +151,11 @@ Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
   return SolveContinuous(options, problem, &solver);
 }
 
-Graph SolveContinuous(const MapperOptions& options,
-                      MapProblem* problem,
-                      GraphSolver* solver,
-                      int max_integrations) {
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
   // Integrate again until the calibration stays.
   Graph graph;
-  for (int i = 0; i < max_integrations; ++i) {
-    graph = SolveOnce(options, options.max_solver_iterations, problem, solver);
+  for (int i = 0; i < options.max_integrations; ++i) {
+    graph = SolveOnce(options, problem, solver);
     const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
       return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
     });

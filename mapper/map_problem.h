@@ -93,25 +93,14 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
 
 /// Solves the continuous part for the present assignment with the odometry as it is integrated.
 /// Returns the graph at the solution.
-Graph SolveOnce(const MapperOptions& options,
-                int max_iterations,
-                MapProblem* problem,
-                GraphSolver* solver);
-
-/// Integrations of the odometry in one solve, each at the calibration found before, if it does not
-/// stay earlier.
-inline constexpr int kMaxIntegrations = 4;
+Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver);
 
 /// Solves the continuous part for the present assignment, integrating the odometry anew at the
 /// calibration found. Returns the graph at the solution.
 Graph SolveContinuous(const MapperOptions& options, MapProblem* problem);
 
 /// The same, and what the solver keeps goes on from and to other solves.
-/// @param max_integrations  Of the odometry at most, > 0, with a solve after each.
-Graph SolveContinuous(const MapperOptions& options,
-                      MapProblem* problem,
-                      GraphSolver* solver,
-                      int max_integrations = kMaxIntegrations);
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver);
 
 /// Where most sightings of a list agree: the mean of those around the sighting with most
 /// neighbours.

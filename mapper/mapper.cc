@@ -298,7 +298,7 @@ Status MapperOptions::Validate() const {
     return InvalidArgument("max_memory_bytes: {}, expected 0 or more", max_memory_bytes);
   }
   if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
-  if (max_outer_iterations < 1 || max_solver_iterations < 1) {
+  if (max_outer_iterations < 1 || solver.max_iterations < 1 || max_integrations < 1) {
     return InvalidArgument("iterations: expected 1 or more");
   }
   return OkStatus();

@@ -9,6 +9,7 @@
 #include "mapper/association/anonymous_tracks.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/frontend/mapping_run.h"
+#include "mapper/graph/solver_limits.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/mode_filter.h"
@@ -75,7 +76,11 @@ struct MapperOptions {
 
   /// Alternations of mode selection and solving at most.
   int max_outer_iterations = 20;
-  int max_solver_iterations = 50;
+
+  /// Of each minimization. Odometry is then integrated anew at the calibration found, at most so
+  /// often, if that does not stay earlier.
+  SolverLimits solver;
+  int max_integrations = 4;
 
   std::uint64_t seed = 1;
 

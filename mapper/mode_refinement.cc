@@ -42,21 +42,19 @@ void Select(const MapperOptions& options, MapProblem* problem) {
     return;
   }
   MapperOptions one_step = options;
-  one_step.max_solver_iterations = 1;
-  for (int i = 0; i < options.max_solver_iterations; ++i) {
+  one_step.solver.max_iterations = 1;
+  for (int i = 0; i < options.solver.max_iterations; ++i) {
     if (SelectModes(options.modes, problem, options.threads) == 0 && i > 0) return;
     SolveContinuous(one_step, problem);
   }
 }
 
-// RefineModes() with so many integrations of the odometry in each solve at most.
-int Alternate(const MapperOptions& options,
-              int max_integrations,
-              MapProblem* problem,
-              const GoOn& go_on) {
+// Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
+int Alternate(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
   MergeMemory memory(*problem);
+  GraphSolver solver;
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
     if (go_on && !go_on(*problem)) return iteration - 1;
     Select(options, problem);
@@ -67,8 +65,7 @@ int Alternate(const MapperOptions& options,
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
-    GraphSolver solver;
-    const Graph graph = SolveContinuous(options, problem, &solver, max_integrations);
+    const Graph graph = SolveContinuous(options, problem, &solver);
     solved = state;
     if (HasSeveralModes(*problem)) {
       const std::vector<ModeMerge> merges =
@@ -77,10 +74,7 @@ int Alternate(const MapperOptions& options,
       memory.Merge(merges, problem);
       if (!merges.empty()) solved.clear();
     }
-    if (recurs) {
-      if (solved.empty()) SolveContinuous(options, problem, &solver, max_integrations);
-      return iteration;
-    }
+    if (recurs) return iteration;
   }
   return options.max_outer_iterations;
 }
@@ -188,16 +182,26 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
 }
 
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
-  return Alternate(options, kMaxIntegrations, problem, go_on);
+  // What is to be selected does not hang on the last hundredth of a standard deviation.
+  constexpr double kCostTolerance = 1e-4;
+  MapperOptions coarse = options;
+  coarse.max_integrations = 1;
+  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  const int iterations = Alternate(coarse, problem, go_on);
+  SolveContinuous(options, problem);
+  return iterations;
 }
 
 void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
   constexpr int kAlternations = 2;
   constexpr int kIterations = 5;
+  constexpr double kCostTolerance = 1e-3;
   MapperOptions coarse = options;
   coarse.max_outer_iterations = std::min(kAlternations, options.max_outer_iterations);
-  coarse.max_solver_iterations = std::min(kIterations, options.max_solver_iterations);
-  Alternate(coarse, 1, problem, go_on);
+  coarse.max_integrations = 1;
+  coarse.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
+  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  Alternate(coarse, problem, go_on);
 }
 
 }  // namespace shiftmap

@@ -131,12 +131,13 @@ void CalibrateNoise(const MapperOptions& options,
                     const GoOn& go_on) {
   // The next round goes on from where this one ends: none needs to end at the minimum.
   constexpr int kIterations = 3;
+  MapperOptions few = options;
+  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
   VarianceComponents components(problem);
   GraphSolver solver;
   for (int round = 0; round < rounds; ++round) {
     if (go_on && !go_on(*problem)) return;
-    const Graph graph =
-        SolveOnce(options, std::min(kIterations, options.max_solver_iterations), problem, &solver);
+    const Graph graph = SolveOnce(few, problem, &solver);
     const std::vector<ResidualStatistics> statistics =
         ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, &solver);
     if (components.Step(statistics) < kSettled) return;

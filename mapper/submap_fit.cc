@@ -220,7 +220,7 @@ void BendOntoMap(const MapperOptions& options,
   held.sqrt_information =
       Eigen::MatrixXd::Identity(size, size) / (std::sqrt(2.0) * options.modes.position_floor_m);
   MapperOptions few = options;
-  few.max_solver_iterations = std::min(kIterations, options.max_solver_iterations);
+  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
   submap->problem.prior = std::move(held);
   SolveContinuous(few, &submap->problem);
   submap->problem.prior = {};

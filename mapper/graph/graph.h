@@ -8,6 +8,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/graph/sensor_bias.h"
+#include "mapper/graph/solver_limits.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/run/run.h"
 
@@ -91,7 +92,7 @@ class GraphSolver {
   /// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h),
   /// iteratively reweighted for the loss. Where a step does not go down even when it is halved,
   /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
-  GraphSummary Solve(int max_iterations, Graph* graph);
+  GraphSummary Solve(const SolverLimits& limits, Graph* graph);
 
   /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
   std::unique_ptr<RestSystem> TakeRest();
@@ -104,10 +105,10 @@ class GraphSolver {
 };
 
 /// One graph by itself, as GraphSolver::Solve().
-GraphSummary SolveGraph(int max_iterations, Graph* graph);
+GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph);
 
 /// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
-GraphSummary SolveGraphByTrustRegion(int max_iterations, Graph* graph);
+GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph);
 
 /// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
 /// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told. And

@@ -14,8 +14,8 @@
 namespace shiftmap {
 namespace {
 
-// Less than this share of the cost is no decrease: a thousand residuals then lack a hundredth.
-constexpr double kCostTolerance = 1e-5;
+// A step that raises the cost by no more than this share of it has not failed.
+constexpr double kRounding = 1e-5;
 
 // A step that does not help is halved as often; then steps are damped.
 constexpr int kMaxHalvings = 3;
@@ -71,19 +71,19 @@ void HoldFrame(const Se2& T_map_anchor, Graph* graph) {
 
 // Gauss-Newton from a linearization until the cost stays. False if a step is not determined or does
 // not go down; the graph is then where it was before that step.
-bool GaussNewton(int max_iterations,
+bool GaussNewton(const SolverLimits& limits,
                  GraphElimination* elimination,
                  Graph* graph,
                  GraphSummary* summary) {
   const bool floats = graph->prior.modes.empty() && !graph->modes.empty();
-  while (summary->iterations < max_iterations && !summary->converged) {
+  while (summary->iterations < limits.max_iterations && !summary->converged) {
     std::optional<GraphStep> step = elimination->SimilarStep();
     if (!step) return false;
     if (floats) TakeOutRigidMotion(*graph, &*step);
     Apply(*step, graph);
     ++summary->iterations;
     bool down = elimination->LinearizeSegments() &&
-                elimination->cost() <= summary->final_cost * (1.0 + kCostTolerance);
+                elimination->cost() <= summary->final_cost * (1.0 + kRounding);
     for (int i = 0; i < kMaxHalvings && !down; ++i) {
       step = Scaled(*std::move(step), -0.5);
       Apply(*step, graph);
@@ -95,7 +95,7 @@ bool GaussNewton(int max_iterations,
       return false;
     }
     summary->converged =
-        summary->final_cost - elimination->cost() <= kCostTolerance * elimination->cost();
+        summary->final_cost - elimination->cost() <= limits.cost_tolerance * elimination->cost();
     summary->final_cost = elimination->cost();
   }
   return true;
@@ -103,7 +103,7 @@ bool GaussNewton(int max_iterations,
 
 // Levenberg and Marquardt, from where steps of Gauss-Newton do not go down: until the cost stays.
 // Where no step goes down however short, that is a minimum up to rounding.
-void DampedGaussNewton(int max_iterations,
+void DampedGaussNewton(const SolverLimits& limits,
                        GraphElimination* elimination,
                        Graph* graph,
                        GraphSummary* summary) {
@@ -111,7 +111,7 @@ void DampedGaussNewton(int max_iterations,
   constexpr double kMaxDamping = 1e6;
   constexpr double kFactor = 10.0;
   double damping = kFirstDamping;
-  while (summary->iterations < max_iterations && !summary->converged) {
+  while (summary->iterations < limits.max_iterations && !summary->converged) {
     if (damping > kMaxDamping) {
       summary->converged = true;
       return;
@@ -130,7 +130,7 @@ void DampedGaussNewton(int max_iterations,
       continue;
     }
     summary->converged =
-        summary->final_cost - elimination->cost() <= kCostTolerance * elimination->cost();
+        summary->final_cost - elimination->cost() <= limits.cost_tolerance * elimination->cost();
     summary->final_cost = elimination->cost();
     damping /= kFactor;
   }
@@ -145,32 +145,32 @@ std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
 
 void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
 
-GraphSummary GraphSolver::Solve(int max_iterations, Graph* graph) {
+GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;
-  if (!elimination.LinearizeSegments()) return SolveGraphByTrustRegion(max_iterations, graph);
+  if (!elimination.LinearizeSegments()) return SolveGraphByTrustRegion(limits, graph);
   summary.initial_cost = elimination.cost();
   summary.final_cost = elimination.cost();
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
-  if (!GaussNewton(max_iterations, &elimination, graph, &summary)) {
-    DampedGaussNewton(max_iterations, &elimination, graph, &summary);
+  if (!GaussNewton(limits, &elimination, graph, &summary)) {
+    DampedGaussNewton(limits, &elimination, graph, &summary);
   }
   if (graph->prior.modes.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();
   return summary;
 }
 
-GraphSummary SolveGraph(int max_iterations, Graph* graph) {
-  return GraphSolver().Solve(max_iterations, graph);
+GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph) {
+  return GraphSolver().Solve(limits, graph);
 }
 
-GraphSummary SolveGraphByTrustRegion(int max_iterations, Graph* graph) {
+GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph) {
   GraphProblem problem(*graph);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = max_iterations;
+  options.max_num_iterations = limits.max_iterations;
   options.num_threads = 1;  // Ceres does not give the same bits across threads.
-  options.function_tolerance = 1e-3 * kCostTolerance;
+  options.function_tolerance = 1e-3 * limits.cost_tolerance;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem.problem(), &summary);

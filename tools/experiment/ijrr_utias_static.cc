@@ -78,7 +78,7 @@ void SolveReweighted(double prior_sd_m, Graph* graph) {
   for (int i = 0; i < kReweightings; ++i) {
     const std::vector<Eigen::Vector2d> before = graph->modes;
     Reweight(prior_sd_m, graph);
-    SolveGraph(kSolverIterations, graph);
+    SolveGraph({kSolverIterations}, graph);
     double moved = 0.0;
     for (std::size_t k = 0; k < before.size(); ++k) {
       moved = std::max(moved, (graph->modes[k] - before[k]).norm());
@@ -174,7 +174,7 @@ UtiasEstimate SolveStatic(const UtiasCase& data,
   if (loss == StaticLoss::kCauchy) {
     SolveReweighted(prior_sd_m, &graph);
   } else {
-    SolveGraph(kSolverIterations, &graph);
+    SolveGraph({kSolverIterations}, &graph);
   }
   UtiasEstimate estimate;
   estimate.poses = graph.runs.front().poses;

@@ -83,8 +83,8 @@ GraphPrior MakePrior(const Graph& graph) {
 // The same minimum, from the same start, as Ceres' trust region finds.
 void ExpectSameMinimum(Graph graph) {
   Graph other = graph;
-  const GraphSummary ours = SolveGraph(50, &graph);
-  const GraphSummary ceres = SolveGraphByTrustRegion(200, &other);
+  const GraphSummary ours = SolveGraph({50}, &graph);
+  const GraphSummary ceres = SolveGraphByTrustRegion({200}, &other);
   EXPECT_TRUE(ours.converged);
   EXPECT_NEAR(ours.final_cost, ceres.final_cost, 2e-5 * ceres.final_cost + 1e-12);
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
@@ -122,14 +122,14 @@ TEST(GraphElimination, FindsTheMinimumOfCeresOverSeveralRuns) {
 TEST(GraphElimination, HeldPoseStays) {
   Graph graph = MakeSite({.runs = 1, .frames = 50, .modes = 6}, 11);
   const Se2 first = graph.runs[0].poses[0];
-  SolveGraph(20, &graph);
+  SolveGraph({20}, &graph);
   EXPECT_EQ((first.Inverse() * graph.runs[0].poses[0]).Log().norm(), 0.0);
 }
 
 TEST(GraphElimination, DrawsHaveTheCovariance) {
   Graph graph = MakeSite({.runs = 1, .frames = 80, .modes = 4}, 13);
   graph.prior = MakePrior(graph);
-  SolveGraph(30, &graph);
+  SolveGraph({30}, &graph);
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
   const Eigen::MatrixXd covariance = elimination.ModeCovariance();
@@ -165,7 +165,7 @@ TEST(GraphElimination, TheNumberOfThreadsChangesNoBit) {
   Graph one = MakeSite({.runs = 3, .frames = 150, .modes = 9}, 19);
   Graph two = one;
   two.threads = 2;
-  EXPECT_EQ(SolveGraph(20, &one).final_cost, SolveGraph(20, &two).final_cost);
+  EXPECT_EQ(SolveGraph({20}, &one).final_cost, SolveGraph({20}, &two).final_cost);
   for (std::size_t m = 0; m < one.modes.size(); ++m) EXPECT_EQ(one.modes[m], two.modes[m]);
 }
 
@@ -173,12 +173,12 @@ TEST(GraphElimination, TheNumberOfThreadsChangesNoBit) {
 TEST(GraphSolver, WhatItKeepsChangesTheAnswerByNothingThatMatters) {
   Graph graph = MakeSite({.runs = 3, .frames = 1500, .modes = 9}, 23);
   GraphSolver solver;
-  solver.Solve(30, &graph);
+  solver.Solve({30}, &graph);
   Graph moved = graph;
   for (Eigen::Vector2d& mode : moved.modes) mode += Eigen::Vector2d(0.02, -0.01);
   Graph alone = moved;
-  const GraphSummary kept = solver.Solve(30, &moved);
-  const GraphSummary fresh = SolveGraph(30, &alone);
+  const GraphSummary kept = solver.Solve({30}, &moved);
+  const GraphSummary fresh = SolveGraph({30}, &alone);
   EXPECT_TRUE(kept.converged);
   EXPECT_NEAR(kept.final_cost, fresh.final_cost, 1e-6 * fresh.final_cost);
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {

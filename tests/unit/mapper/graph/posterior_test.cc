@@ -185,7 +185,7 @@ TEST_F(Posterior, TwoPosesHaveTheClosedFormSolution) {
     item.cov_z = R;
     graph.observations.push_back(item);
   }
-  const GraphSummary summary = SolveGraph(50, &graph);
+  const GraphSummary summary = SolveGraph({50}, &graph);
   EXPECT_TRUE(summary.converged);
   EXPECT_LT(summary.final_cost, summary.initial_cost);
 
@@ -205,7 +205,7 @@ TEST_F(Posterior, TwoPosesHaveTheClosedFormSolution) {
 TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
   for (int trial = 0; trial < 5; ++trial) {
     Graph graph = RandomGraph({}, random_);
-    ASSERT_TRUE(SolveGraph(100, &graph).converged);
+    ASSERT_TRUE(SolveGraph({100}, &graph).converged);
     const DenseGraph dense(graph);
     const Eigen::MatrixXd J = dense.Jacobian();
     const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
@@ -223,7 +223,7 @@ TEST_F(Posterior, ModesFollowAScaleThatIsHeldAsInTheDenseProblem) {
   Graph graph = RandomGraph({}, random_);
   GraphRun& run = graph.runs.front();
   run.sensor_bias_sd[kLogRangeScale] = 1e-9;
-  ASSERT_TRUE(SolveGraph(100, &graph).converged);
+  ASSERT_TRUE(SolveGraph({100}, &graph).converged);
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
   const Eigen::MatrixXd followed = elimination.ModesByRangeScale({{0}});
@@ -251,7 +251,7 @@ ResidualStatistics StatisticsOf(const Graph& graph, int samples, std::uint64_t s
 TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
   constexpr int kSamples = 800;
   Graph graph = RandomGraph({}, random_);
-  SolveGraph(100, &graph);
+  SolveGraph({100}, &graph);
   const DenseGraph dense(graph);
   const Eigen::MatrixXd J = dense.Jacobian();
   const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
@@ -273,7 +273,7 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
 
 TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
-  SolveGraph(100, &graph);
+  SolveGraph({100}, &graph);
   const ResidualStatistics statistics = StatisticsOf(graph, 30, 7);
   for (const auto kind : {ResidualStatistics::kTranslation,
                           ResidualStatistics::kYaw,
@@ -289,7 +289,7 @@ TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
 TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   for (GraphObservation& item : graph.observations) item.cov_z(1, 1) *= 4.0;
-  SolveGraph(100, &graph);
+  SolveGraph({100}, &graph);
   const ResidualStatistics statistics = StatisticsOf(graph, 30, 7);
   const auto ratio = [&](ResidualStatistics::Kind kind) {
     return statistics.sum_of_squares[kind] / statistics.redundancy[kind];
@@ -303,7 +303,7 @@ TEST_F(Posterior, AMisreadSignatureDoesNotBendTheSolution) {
   graph.loss_scale = Graph().loss_scale;
   const std::vector<Eigen::Vector2d> truth = graph.modes;
   std::swap(graph.observations[20].mode, graph.observations[21].mode);
-  SolveGraph(100, &graph);
+  SolveGraph({100}, &graph);
   for (std::size_t m = 0; m < truth.size(); ++m) {
     EXPECT_LT((graph.modes[m] - truth[m]).norm(), 0.5) << m;
   }
@@ -313,8 +313,8 @@ TEST_F(Posterior, AMisreadSignatureDoesNotBendTheSolution) {
 TEST_F(Posterior, SolvesToTheSameBits) {
   Graph first = RandomGraph({.poses = 40}, random_);
   Graph second = first;
-  SolveGraph(100, &first);
-  SolveGraph(100, &second);
+  SolveGraph({100}, &first);
+  SolveGraph({100}, &second);
   EXPECT_EQ(first.modes, second.modes);
   EXPECT_EQ(StatisticsOf(first, 3, 5).redundancy.matrix(),
             StatisticsOf(second, 3, 5).redundancy.matrix());

@@ -24,7 +24,7 @@ using testing::StartOf;
 
 // The batch's minimum, closer than one call stops.
 Graph Solved(Graph graph) {
-  for (int i = 0; i < 20; ++i) SolveGraph(5, &graph);
+  for (int i = 0; i < 20; ++i) SolveGraph({5}, &graph);
   return graph;
 }
 
