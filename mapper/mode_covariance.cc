@@ -123,19 +123,20 @@ ModeDifferences::ModeDifferences(const Graph& graph)
 
 ModeDifferences::ModeDifferences(const Graph& graph, GraphSolver* solver)
     : elimination_(std::make_unique<GraphElimination>(graph, solver->TakeRest())) {
-  if (!elimination_->HoldsCalibrations()) {
-    SHIFTMAP_CHECK(elimination_->Linearize(), kNotDetermined);
-  }
+  const bool many = elimination_->HoldsCalibrations();
+  if (!many) SHIFTMAP_CHECK(elimination_->Linearize(), kNotDetermined);
   Draw(graph);
+  if (!many || draws_.cols() == 0) return;
+  solver->KeepRest(elimination_->TakeRest());
+  elimination_.reset();
 }
 
 void ModeDifferences::Draw(const Graph& graph) {
   // Few differences cost less than the draws that would spare them.
   if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) return;
   std::mt19937_64 random(1);
-  const bool many = elimination_->HoldsCalibrations();
-  draws_ = elimination_->DrawModes(many ? kTellingDraws : kDraws, random);
-  if (many) elimination_.reset();
+  const bool alone = elimination_->HoldsCalibrations();
+  draws_ = elimination_->DrawModes(alone ? kTellingDraws : kDraws, random);
 }
 
 Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {

@@ -50,11 +50,13 @@ void Select(const MapperOptions& options, MapProblem* problem) {
 }
 
 // Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
-int Alternate(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+int Alternate(const MapperOptions& options,
+              MapProblem* problem,
+              GraphSolver* solver,
+              const GoOn& go_on) {
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
   MergeMemory memory(*problem);
-  GraphSolver solver;
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
     if (go_on && !go_on(*problem)) return iteration - 1;
     Select(options, problem);
@@ -65,11 +67,11 @@ int Alternate(const MapperOptions& options, MapProblem* problem, const GoOn& go_
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
-    const Graph graph = SolveContinuous(options, problem, &solver);
+    const Graph graph = SolveContinuous(options, problem, solver);
     solved = state;
     if (HasSeveralModes(*problem)) {
       const std::vector<ModeMerge> merges =
-          FindMerges(options.modes, ModeDifferences(graph, &solver), *problem);
+          FindMerges(options.modes, ModeDifferences(graph, solver), *problem);
       problem->modes_merged += static_cast<int>(merges.size());
       memory.Merge(merges, problem);
       if (!merges.empty()) solved.clear();
@@ -187,8 +189,9 @@ int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& g
   MapperOptions coarse = options;
   coarse.max_integrations = 1;
   coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
-  const int iterations = Alternate(coarse, problem, go_on);
-  SolveContinuous(options, problem);
+  GraphSolver solver;
+  const int iterations = Alternate(coarse, problem, &solver, go_on);
+  SolveContinuous(options, problem, &solver);
   return iterations;
 }
 
@@ -201,7 +204,8 @@ void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& 
   coarse.max_integrations = 1;
   coarse.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
   coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
-  Alternate(coarse, problem, go_on);
+  GraphSolver solver;
+  Alternate(coarse, problem, &solver, go_on);
 }
 
 }  // namespace shiftmap

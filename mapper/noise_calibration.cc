@@ -131,8 +131,10 @@ void CalibrateNoise(const MapperOptions& options,
                     const GoOn& go_on) {
   // The next round goes on from where this one ends: none needs to end at the minimum.
   constexpr int kIterations = 3;
+  constexpr double kCostTolerance = 1e-4;
   MapperOptions few = options;
   few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
+  few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   VarianceComponents components(problem);
   GraphSolver solver;
   for (int round = 0; round < rounds; ++round) {

@@ -59,42 +59,48 @@ class BentSubmap {
     gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
   }
 
-  // Conditions on the known modes.
-  void Hold(const std::vector<int>& known) {
-    std::vector<Eigen::Index> rows;
+  // Takes modes for known. False if values are so far astray that they tell nothing of each other.
+  bool Hold(const std::vector<int>& known) {
     std::vector<double> differences;
+    rows_.clear();
     held_.clear();
     for (std::size_t i = 0; i < known.size(); ++i) {
       if (known[i] == kUnassigned) continue;
       held_.push_back(i);
       const Eigen::Vector2d difference = ModeAt(i, known[i]) - positions_[i];
       for (const int axis : {0, 1}) {
-        rows.push_back(RowOf(i) + axis);
+        rows_.push_back(RowOf(i) + axis);
         differences.push_back(difference[axis]);
       }
     }
-    Eigen::MatrixXd S = covariance_(rows, rows);
-    S.diagonal().array() += noise_;
-    llt_.compute(S);
-    explained_ = llt_.matrixL().solve(covariance_(rows, Eigen::all));
-    differences_ = Eigen::Map<const Eigen::VectorXd>(differences.data(),
-                                                     static_cast<Eigen::Index>(differences.size()));
-    shift_ = explained_.transpose() * llt_.matrixL().solve(differences_);
+    Eigen::MatrixXd K = covariance_(rows_, rows_);
+    K.diagonal().array() += noise_;
+    llt_.compute(K);
+    if (llt_.info() != Eigen::Success) return false;
+    whitened_ = Eigen::Map<const Eigen::VectorXd>(differences.data(),
+                                                  static_cast<Eigen::Index>(differences.size()));
+    llt_.matrixL().solveInPlace(whitened_);
+    return true;
   }
 
-  // Of the matches that Hold() was told of, those that the others contradict. With K = P_MM + R and
-  // differences d, a match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of
-  // covariance [K⁻¹]_ii⁻¹.
+  // Conditions on the known modes, for Match().
+  void Condition() {
+    explained_ = covariance_(rows_, Eigen::all);
+    llt_.matrixL().solveInPlace(explained_);
+    shift_ = explained_.transpose() * whitened_;
+  }
+
+  // Of the known modes, those that the others contradict. With K = P_MM + R and differences d, a
+  // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
   std::vector<std::size_t> Contradicted() const {
     const double gate = kBothBent * ChiSquareQuantile(kContradicted, 2);
-    const Eigen::MatrixXd inverse =
-        llt_.solve(Eigen::MatrixXd::Identity(differences_.size(), differences_.size()));
-    const Eigen::VectorXd weighted = inverse * differences_;
+    Eigen::MatrixXd inverse_L = Eigen::MatrixXd::Identity(whitened_.size(), whitened_.size());
+    llt_.matrixL().solveInPlace(inverse_L);
     std::vector<std::size_t> contradicted;
     for (std::size_t k = 0; k < held_.size(); ++k) {
-      const Eigen::Index row = RowOf(k);
-      const Eigen::Matrix2d information = inverse.block<2, 2>(row, row);
-      const Eigen::Vector2d at = weighted.segment<2>(row);
+      const auto of_match = inverse_L.middleCols<2>(RowOf(k));
+      const Eigen::Matrix2d information = of_match.transpose() * of_match;
+      const Eigen::Vector2d at = of_match.transpose() * whitened_;
       if (at.dot(information.llt().solve(at)) > gate) contradicted.push_back(held_[k]);
     }
     return contradicted;
@@ -129,9 +135,10 @@ class BentSubmap {
 
   // Of the known modes.
   std::vector<std::size_t> held_;
-  Eigen::VectorXd differences_;  // Map less submap. [m]
-  Eigen::LLT<Eigen::MatrixXd> llt_;
-  Eigen::MatrixXd explained_;  // Columns: what the known modes explain of each coordinate.
+  std::vector<Eigen::Index> rows_;
+  Eigen::LLT<Eigen::MatrixXd> llt_;  // Of K.
+  Eigen::VectorXd whitened_;         // L⁻¹ of the differences, map less submap.
+  Eigen::MatrixXd explained_;        // Columns: what the known modes explain of each coordinate.
   Eigen::VectorXd shift_;
 };
 
@@ -147,7 +154,8 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i] != kUnassigned) settled[i] = true;
   }
-  bent.Hold(known);
+  if (!bent.Hold(known)) return known;
+  bent.Condition();
   for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd;) {
     bool grew = false;
     for (std::size_t i = 0; i < known.size(); ++i) {
@@ -157,12 +165,15 @@ std::vector<int> GrowMatches(const MapperOptions& options,
     }
     max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
     if (!grew) continue;
-    bent.Hold(known);
+    if (!bent.Hold(known)) return known;
+    bool dropped = false;
     for (const std::size_t i : bent.Contradicted()) {
+      dropped = dropped || !settled[i];
       if (!settled[i]) known[i] = kUnassigned;
       settled[i] = true;
     }
-    bent.Hold(known);
+    if (dropped && !bent.Hold(known)) return known;
+    bent.Condition();
   }
   return known;
 }

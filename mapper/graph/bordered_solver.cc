@@ -12,6 +12,9 @@ namespace {
 constexpr int kMaxSimilar = 40;
 constexpr int kMaxIterations = 200;
 
+// Relative error of draws, which scatter by more however many there are.
+constexpr double kDrawTolerance = 1e-2;
+
 }  // namespace
 
 void BorderedSolver::Forget() {
@@ -52,7 +55,7 @@ std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm
       if (term.index[i] >= 0) b.row(term.index[i]) += z.row(static_cast<Eigen::Index>(i));
     }
   }
-  return Solve(terms, b);
+  return Solve(terms, b, kDrawTolerance);
 }
 
 Eigen::MatrixXd BorderedSolver::BorderInformationTimes(const std::vector<SystemTerm>& terms,
