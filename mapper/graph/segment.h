@@ -6,6 +6,9 @@
 
 namespace shiftmap {
 
+/// A matrix whose rows are in one piece each: the three rows of a pose are worked through together.
+using PoseRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
 /// The normal equations of a stretch of consecutive poses, before any is eliminated. Its boundary
 /// is everything else that the stretch's factors touch: the poses before and after it, its run's
 /// calibration, the modes seen from it.
@@ -19,7 +22,7 @@ struct SegmentSystem {
 
   std::vector<Eigen::Matrix3d> A;  ///< H of each pose with itself.
   std::vector<Eigen::Matrix3d> E;  ///< H of pose i with pose i + 1; of all but the last.
-  Eigen::MatrixXd B;               ///< H of the poses with the boundary, three rows a pose.
+  PoseRows B;                      ///< H of the poses with the boundary, three rows a pose.
   Eigen::VectorXd b;               ///< -gradient of the poses.
   Eigen::MatrixXd C;               ///< H of the boundary, lower triangle.
   Eigen::VectorXd c;               ///< -gradient of the boundary.
@@ -50,9 +53,9 @@ class Segment {
                                  const Eigen::VectorXd& boundary) const;
 
  private:
-  std::vector<Eigen::Matrix3d> L_;  // Diagonal blocks.
+  std::vector<Eigen::Matrix3d> L_;  // Diagonal blocks; of their own diagonal the inverse.
   std::vector<Eigen::Matrix3d> F_;  // L_i⁻¹ E_i, the transposed blocks below the diagonal.
-  Eigen::MatrixXd Y_;
+  PoseRows Y_;
   Eigen::VectorXd u_;
 };
 
