@@ -6,6 +6,7 @@
 #include <utility>
 #include <variant>
 
+#include "localizer/filter/unknown_places.h"
 #include "localizer/models/observation_model.h"
 #include "localizer/monitor/landmark_distances.h"
 #include "localizer/monitor/wrong_pose.h"
@@ -16,10 +17,6 @@ namespace {
 
 // One signature seen further apart than this is at two places.
 constexpr double kDuplicateSigmas = 5.0;
-
-// A landmark seen nearer to a mode than this does not count as moved: map or pose may be less exact
-// than they say. [m]
-constexpr double kMinDisplacement = 0.5;
 
 // With a heading less certain than this the filter, which is linear, misplaces what it sees. [rad]
 constexpr double kMaxYawSd = 0.7;

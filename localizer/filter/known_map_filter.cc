@@ -75,6 +75,7 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   position_bias_.cross = F * position_bias_.cross;
   TransformGains(F);
   SettleGains();
+  for (UnknownPlace& place : places_) place.cross_state = (F * place.cross_state).eval();
 }
 
 void KnownMapFilter::TransformGains(const StateMatrix& M) {
@@ -151,18 +152,23 @@ Eigen::Matrix2d KnownMapFilter::Point::CovRangeBearing() const {
 KnownMapFilter::Point KnownMapFilter::PredictPoint(ModeRef mode,
                                                    const MapSnapshot& snapshot) const {
   const Mode& landmark = ModeOf(snapshot, mode);
-  const StateByPoint cross =
-      CrossOf(snapshot.ModeIndex(mode.group, mode.state), snapshot.covariance());
+  return PredictPoint(landmark.p_map_landmark,
+                      landmark.cov_p_map_landmark,
+                      CrossOf(snapshot.ModeIndex(mode.group, mode.state), snapshot.covariance()));
+}
+
+KnownMapFilter::Point KnownMapFilter::PredictPoint(const Eigen::Vector2d& p_map_landmark,
+                                                   const Eigen::Matrix2d& cov_p,
+                                                   const StateByPoint& cross) const {
   Point point;
-  point.q = R_vehicle_map_ * (landmark.p_map_landmark - T_map_vehicle_.translation());
+  point.q = R_vehicle_map_ * (p_map_landmark - T_map_vehicle_.translation());
   point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
   point.H_landmark = R_vehicle_map_;
   const StateByPoint cross_q = cross * point.H_landmark.transpose();
   point.cov_state_q = P_.leftCols<3>() * point.H_pose.transpose() + cross_q;
   const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
   point.cov_q = point.H_pose * P_.topLeftCorner<3, 3>() * point.H_pose.transpose() + H_cross +
-                H_cross.transpose() +
-                point.H_landmark * landmark.cov_p_map_landmark * point.H_landmark.transpose();
+                H_cross.transpose() + point.H_landmark * cov_p * point.H_landmark.transpose();
   point.cov_q = Symmetrized(point.cov_q);
   return point;
 }
@@ -244,6 +250,12 @@ void KnownMapFilter::Update(const Prediction& prediction,
   M.leftCols<3>() -= K * H_x;
   const StateMatrix A = Move(K * prediction.nu);
   TransformGains(A * M);
+  const StateByPoint AK = A * K;
+  for (UnknownPlace& place : places_) {
+    const Eigen::Matrix2d cross_bias = place.CrossBias(prediction.measurement.kind);
+    place.cross_state =
+        (A * M * place.cross_state - AK * prediction.measurement.dq_dz * cross_bias).eval();
+  }
   GainOf(mode_index) -= A * K * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
 }
@@ -260,6 +272,67 @@ KnownMapFilter::StateMatrix KnownMapFilter::Move(
   range_bearing_bias_.cross = A * range_bearing_bias_.cross;
   position_bias_.cross = A * position_bias_.cross;
   return A;
+}
+
+// What ν = H_x x̃ + H_p p̃ + b' + v = 0 leaves of p̃, if nothing was known of it before.
+void KnownMapFilter::StartPlace(int group, const Measurement& measurement) {
+  const Eigen::Matrix2d R_map_vehicle = R_vehicle_map_.transpose();
+  UnknownPlace place;
+  place.group = group;
+  place.kind = measurement.kind;
+  place.p_map_landmark = T_map_vehicle_ * measurement.q;
+  place.p_map_viewpoint = T_map_vehicle_.translation();
+  const Prediction prediction = PredictObservation(
+      measurement, PredictPoint(place.p_map_landmark, place.cov, place.cross_state));
+  const SensorBias& bias = BiasOf(measurement.kind);
+  const Eigen::Matrix2d cov_bias_z =
+      bias.cross.topRows<3>().transpose() * prediction.point.H_pose.transpose() +
+      bias.cov * measurement.dq_dz.transpose();
+  place.cov = R_map_vehicle * prediction.S * R_vehicle_map_;
+  place.cross_state = -prediction.cov_state_z * R_vehicle_map_;
+  place.cross_bias = -cov_bias_z * R_vehicle_map_;
+  places_.Put(place);
+}
+
+KnownMapFilter::Point KnownMapFilter::PredictPlace(const UnknownPlace& place) const {
+  return PredictPoint(place.p_map_landmark, place.cov, place.cross_state);
+}
+
+KnownMapFilter::Prediction KnownMapFilter::PredictPlace(const UnknownPlace& place,
+                                                        const Measurement& measurement) const {
+  Prediction prediction = PredictObservation(measurement, PredictPlace(place));
+  const Eigen::Matrix2d cross =
+      measurement.dq_dz * place.CrossBias(measurement.kind) * R_vehicle_map_.transpose();
+  prediction.S += cross + cross.transpose();
+  // Errors of modes that pose and place share are left out, and may leave less than the noise.
+  const Eigen::Matrix2d more = prediction.S - measurement.cov_noise;
+  if (more.trace() < 0.0 || more.determinant() < 0.0) prediction.S = measurement.cov_noise;
+  prediction.nis = SquaredMahalanobis(prediction.nu, prediction.S);
+  return prediction;
+}
+
+void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
+                                 const Prediction& prediction,
+                                 double weight) {
+  const Measurement& measurement = prediction.measurement;
+  const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
+  const Eigen::Matrix2d& H_p = prediction.point.H_landmark;
+  const SensorBias& bias = BiasOf(measurement.kind);
+  const Eigen::Matrix2d cross_bias = place.CrossBias(measurement.kind);
+  const Eigen::Matrix2d S = prediction.S + (1.0 / weight - 1.0) * measurement.cov_noise;
+  const Eigen::Matrix2d cov_place_z = place.cross_state.topRows<3>().transpose() * H_x.transpose() +
+                                      place.cov * H_p.transpose() +
+                                      cross_bias.transpose() * measurement.dq_dz.transpose();
+  const Eigen::Matrix2d cov_bias_z = bias.cross.topRows<3>().transpose() * H_x.transpose() +
+                                     cross_bias * H_p.transpose() +
+                                     bias.cov * measurement.dq_dz.transpose();
+  const Eigen::Matrix2d K = cov_place_z * S.inverse();
+  UnknownPlace corrected = place;
+  corrected.p_map_landmark += K * prediction.nu;
+  corrected.cov = Symmetrized(Eigen::Matrix2d(place.cov - K * S * K.transpose()));
+  corrected.cross_state -= prediction.cov_state_z * K.transpose();
+  if (place.kind == measurement.kind) corrected.cross_bias -= cov_bias_z * K.transpose();
+  places_.Put(corrected);
 }
 
 PoseWithCovariance KnownMapFilter::Pose() const {

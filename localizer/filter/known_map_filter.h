@@ -5,6 +5,7 @@
 #include <boost/container/static_vector.hpp>
 
 #include "localizer/filter/shared_errors.h"
+#include "localizer/filter/unknown_places.h"
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/covariance.h"
@@ -115,6 +116,25 @@ class KnownMapFilter {
               const MapSnapshot& snapshot,
               double weight = 1.0);
 
+  /// Remembers a landmark at the place where this filter's pose puts an observation of it.
+  void StartPlace(int group, const Measurement& measurement);
+
+  /// The place remembered for a group; null if there is none. Valid until the filter changes.
+  const UnknownPlace* FindPlace(int group) const { return places_.Find(group); }
+  void ErasePlace(int group) { places_.Erase(group); }
+
+  /// Takes a place over from another filter whose pose is about the same.
+  void AdoptPlace(const UnknownPlace& place) { places_.Put(place); }
+
+  /// As PredictObservation(), for a landmark that stands at a place.
+  Prediction PredictPlace(const UnknownPlace& place, const Measurement& measurement) const;
+  Point PredictPlace(const UnknownPlace& place) const;
+
+  /// Corrects a place, and not the state, with an observation of it.
+  /// @param prediction  Of this filter in its present state, for the same place.
+  /// @param weight      As for Update().
+  void UpdatePlace(const UnknownPlace& place, const Prediction& prediction, double weight);
+
   PoseWithCovariance Pose() const;
   const Se2& T_map_vehicle() const { return T_map_vehicle_; }
 
@@ -149,6 +169,9 @@ class KnownMapFilter {
   const SensorBias& BiasOf(Observation::Kind kind) const {
     return kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
   }
+  Point PredictPoint(const Eigen::Vector2d& p_map_landmark,
+                     const Eigen::Matrix2d& cov_p,
+                     const StateByPoint& cross) const;
   using ConsideredModes = boost::container::static_vector<ConsideredMode, kMaxConsideredModes + 1>;
 
   // The first that is not before a mode.
@@ -176,6 +199,7 @@ class KnownMapFilter {
   ConsideredModes considered_;  // By index.
   StateMatrix pending_ = StateMatrix::Identity();
   SharedErrors shared_errors_;
+  UnknownPlaces places_;
 };
 
 }  // namespace shiftmap

@@ -124,6 +124,19 @@ class HypothesisBank {
                     int state,
                     GroupBelief* belief) const;
 
+  double LogAbsent(const SeenObservation& seen,
+                   double log_ungated,
+                   double weight,
+                   Leaf* leaf,
+                   GroupBelief* belief) const;
+  void StartPlace(const SeenObservation& seen,
+                  double probability,
+                  Leaf* leaf,
+                  GroupBelief* belief) const;
+  // The place remembered for a group is apart from its modes.
+  bool IsUnknown(int group, const Leaf& leaf) const;
+  void MissPlace(const Leaf& leaf, GroupBelief* belief) const;
+
   // A bound on LogUngated() that costs less.
   static double LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score);
 

@@ -56,6 +56,7 @@ struct HypothesisBank::SeenObservation {
     const double any = sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2;
     log_false_alarm = std::log(sensor.clutter_density_per_m2 * unit);
     log_any = std::log(any * unit);
+    new_share = sensor.new_landmark_density_per_m2 / any;
   }
 
   int group;
@@ -66,6 +67,7 @@ struct HypothesisBank::SeenObservation {
   // Log-densities, in the observation's own units, of causes other than a known mode.
   double log_false_alarm;  // β_FA
   double log_any;          // β_FA + β_NT: `absent` leaves both open.
+  double new_share;        // β_NT / (β_FA + β_NT).
 };
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
@@ -129,6 +131,72 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
   const double log_misjudged =
       std::log(kMisjudgedShare) + score.log_detection + prediction.LogLikelihood();
   return LogAdd(log_clutter, log_misjudged);
+}
+
+// Under `absent` an observation is clutter or a new place, or the landmark at the place where it
+// was seen before. Of places one is kept, the likeliest.
+//
+// One misjudged view, repeated, is at one place as well, whatever the mode: so until the landmark
+// was seen from apart, the place says no more for `absent` than `log_ungated` does for a mode.
+double HypothesisBank::LogAbsent(const SeenObservation& seen,
+                                 double log_ungated,
+                                 double weight,
+                                 Leaf* leaf,
+                                 GroupBelief* belief) const {
+  const UnknownPlace* const place =
+      belief->place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
+  if (!place) {
+    StartPlace(seen, seen.new_share, leaf, belief);
+    return weight * seen.log_any;
+  }
+  const double detection = snapshot_.calibration().sensor.detection_probability;
+  const KnownMapFilter::Prediction prediction = leaf->filter.PredictPlace(*place, seen.measurement);
+  const double in_view = InViewProbability(prediction.point);
+  const double log_detection = std::log(detection * std::max(in_view, options_.fov_leave));
+  const double log_here = log_detection + prediction.LogLikelihood();
+  double log_clutter = seen.log_any;
+  AddMiss(0, std::log1p(-detection * in_view), belief, &log_clutter);
+  const double log_misjudged = std::log(kMisjudgedShare) + log_detection +
+                               leaf->filter.PredictPlace(*place, seen.misjudged).LogLikelihood();
+  const double log_not_here = LogAdd(log_clutter, log_misjudged);
+  // As a leaf that is resolved: it takes an observation for what it likelier is.
+  const double log_at_place =
+      std::log(belief->place_probability) + weight * std::max(log_here, log_not_here);
+  const double log_other = std::log1p(-belief->place_probability) + weight * seen.log_any;
+  const double total = LogAdd(log_at_place, log_other);
+  const double at_place = std::exp(log_at_place - total);
+  const bool apart =
+      (leaf->filter.T_map_vehicle().translation() - place->p_map_viewpoint).norm() > kApart;
+  const double said = apart ? total : std::min(total, weight * std::max(seen.log_any, log_ungated));
+  const double started = std::exp(log_other - total) * seen.new_share;
+  if (started > at_place) {
+    StartPlace(seen, started, leaf, belief);
+    return said;
+  }
+  belief->place_probability = at_place;
+  if (log_here > log_not_here) {
+    leaf->filter.UpdatePlace(*place, prediction, weight);
+    belief->log_missed[0] = 0.0;
+    if (!IsUnknown(seen.group, *leaf)) belief->place_probability = 0.0;
+  }
+  return said;
+}
+
+void HypothesisBank::StartPlace(const SeenObservation& seen,
+                                double probability,
+                                Leaf* leaf,
+                                GroupBelief* belief) const {
+  leaf->filter.StartPlace(seen.group, seen.measurement);
+  belief->place_probability = IsUnknown(seen.group, *leaf) ? probability : 0.0;
+  belief->log_missed[0] = 0.0;
+}
+
+bool HypothesisBank::IsUnknown(int group, const Leaf& leaf) const {
+  const Eigen::Vector2d& p = leaf.filter.FindPlace(group)->p_map_landmark;
+  const std::vector<Mode>& modes = GroupAt(group).modes;
+  return std::all_of(modes.begin(), modes.end(), [&](const Mode& mode) {
+    return (mode.p_map_landmark - p).norm() >= kMinDisplacement;
+  });
 }
 
 // No miss raises a likelihood, and misjudged positions scatter more widely than others.
@@ -206,7 +274,9 @@ void HypothesisBank::Resolve(const SeenObservation& seen,
   GroupBelief& belief = leaf->beliefs[seen.belief_index];
   leaf->log_weight += belief.LogProbability(state) + weight * *score.log_likelihood;
   leaf->filter.Update(score.prediction, {seen.group, state}, snapshot_, weight);
+  leaf->filter.ErasePlace(seen.group);
   belief.resolved = state;
+  belief.place_probability = 0.0;
   belief.log_missed[static_cast<std::size_t>(state)] = 0.0;
 }
 
@@ -215,6 +285,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
   GroupBelief& belief = leaf->beliefs[seen.belief_index];
   const GroupBelief before = belief;
   const bool unresolved = before.resolved == GroupBelief::kUnresolved;
+  double log_ungated_most = kLogZero;
   for (int state = 1; state < before.states(); ++state) {
     if (before.LogProbability(state) == kLogZero) continue;
     std::optional<ModeScore> own;
@@ -228,6 +299,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       return;
     }
     const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
+    log_ungated_most = std::max(log_ungated_most, log_ungated);
     if (unresolved) {
       if (score.prediction.nis < kMaxForkNis) {
         LogLikelihood(*leaf, {seen.group, state}, &score);
@@ -247,7 +319,9 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
   if (!unresolved) {
     if (belief.resolved == 0) leaf->log_weight += weight * seen.log_any;
   } else {
-    belief.log_p[0] += weight * seen.log_any;
+    if (belief.log_p[0] != kLogZero) {
+      belief.log_p[0] += LogAbsent(seen, log_ungated_most, weight, leaf, &belief);
+    }
     leaf->log_weight += Normalize(&belief);
   }
   if (leaf->log_weight == kLogZero) {
@@ -272,8 +346,24 @@ void HypothesisBank::Miss(int group) {
           unresolved ? &belief.log_p[static_cast<std::size_t>(state)] : &leaf->log_weight;
       AddMiss(state, std::log1p(-detection * in_view), &belief, log_likelihood);
     }
-    if (unresolved) leaf->log_weight += Normalize(&belief);
+    if (!unresolved) continue;
+    MissPlace(*leaf, &belief);
+    leaf->log_weight += Normalize(&belief);
   }
+}
+
+void HypothesisBank::MissPlace(const Leaf& leaf, GroupBelief* belief) const {
+  if (belief->place_probability == 0.0 || belief->log_p[0] == kLogZero) return;
+  const UnknownPlace* const place = leaf.filter.FindPlace(belief->group);
+  if (!place) return;
+  const double detection = snapshot_.calibration().sensor.detection_probability;
+  const double in_view = InViewProbability(leaf.filter.PredictPlace(*place));
+  if (in_view == 0.0) return;
+  double log_here = std::log(belief->place_probability);
+  AddMiss(0, std::log1p(-detection * in_view), belief, &log_here);
+  const double total = LogAdd(log_here, std::log1p(-belief->place_probability));
+  belief->log_p[0] += total;
+  belief->place_probability = std::exp(log_here - total);
 }
 
 void HypothesisBank::AddMiss(int state,

@@ -24,6 +24,10 @@ struct GroupBelief {
   StateValues log_p;           ///< Unresolved: log-probability per state given the leaf, sums to 1.
   StateValues log_missed;      ///< Σ log(1 - P_D) of the present run of misses, per state.
 
+  /// If `absent` holds: that the landmark stands at KnownMapFilter::FindPlace(), log_missed[0] is
+  /// of that place.
+  double place_probability = 0.0;
+
   int states() const { return static_cast<int>(log_p.size()); }
 
   double LogProbability(int state) const {

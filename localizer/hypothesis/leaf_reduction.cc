@@ -42,6 +42,26 @@ bool SameHypothesis(const Leaf& a, const Leaf& b, const std::vector<bool>& must_
          (all_equal ? kSamePoseOfOneAssignment : kSamePose);
 }
 
+// Of the places that two leaves remember for a group the likelier stays.
+// @param log_into, log_from  Probabilities of `absent`.
+void MergePlaces(double log_into,
+                 double log_from,
+                 const Leaf& from,
+                 const GroupBelief& other,
+                 Leaf* into,
+                 GroupBelief* belief) {
+  const double total = LogAdd(log_into, log_from);
+  if (total == kLogZero) return;
+  const double share_into = std::exp(log_into - total) * belief->place_probability;
+  const double share_from = std::exp(log_from - total) * other.place_probability;
+  const UnknownPlace* const place =
+      share_from > share_into ? from.filter.FindPlace(other.group) : nullptr;
+  belief->place_probability = place ? share_from : share_into;
+  if (!place) return;
+  into->filter.AdoptPlace(*place);
+  belief->log_missed[0] = other.log_missed[0];
+}
+
 // Adds the lighter leaf `from` to `into`.
 void Absorb(const Leaf& from, Leaf* into) {
   const double log_weight = LogAdd(into->log_weight, from.log_weight);
@@ -51,6 +71,12 @@ void Absorb(const Leaf& from, Leaf* into) {
     GroupBelief& belief = into->beliefs[i];
     const GroupBelief& other = from.beliefs[i];
     if (belief.resolved == other.resolved && belief.resolved != GroupBelief::kUnresolved) continue;
+    MergePlaces(share_into + belief.LogProbability(0),
+                share_from + other.LogProbability(0),
+                from,
+                other,
+                into,
+                &belief);
     for (int state = 0; state < belief.states(); ++state) {
       belief.log_p[static_cast<std::size_t>(state)] = LogAdd(
           share_into + belief.LogProbability(state), share_from + other.LogProbability(state));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "localizer/filter/unknown_places.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -12,8 +13,6 @@ constexpr std::size_t kMaxPlaces = 32;
 
 // Chi-square quantile of 0.999 with 2 degrees of freedom.
 constexpr double kSamePlace = 13.8;
-
-constexpr double kApart = 0.5;  // [m]
 
 }  // namespace
 

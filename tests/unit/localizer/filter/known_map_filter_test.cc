@@ -144,6 +144,37 @@ TEST(KnownMapFilter, EqualsADenseSchmidtKalmanFilter) {
   EXPECT_LT((dense.StateCovariance() - filter.covariance()).norm(), 1e-9);
 }
 
+// What a position and a bias get wrong is in all sightings from where a vehicle stands: the next
+// one is expected at the mean of those before, as exactly as if position and bias were known.
+TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
+  const MapContent content = CorrelatedMap(0.1, 0.05);
+  const PoseWithCovariance start{Se2(1.0, 2.0, 0.7),
+                                 Eigen::Vector3d(0.04, 0.09, 1e-12).asDiagonal()};
+  KnownMapFilter filter(start, content.calibration);
+  const double variance = std::pow(content.calibration.sensor.sd_position_m, 2);
+  const Eigen::Matrix2d R = Eigen::Matrix2d::Identity() * variance;
+  std::mt19937_64 random(6);
+  std::normal_distribution<double> normal(0.0, std::sqrt(variance));
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (int i = 0; i < 20; ++i) {
+    Observation observation;
+    observation.kind = Observation::Kind::kCartesian;
+    observation.z = Eigen::Vector2d(4.0 + normal(random), -1.0 + normal(random));
+    const KnownMapFilter::Measurement measurement = KnownMapFilter::Measure(observation, R);
+    if (i == 0) {
+      filter.StartPlace(3, measurement);
+    } else {
+      const UnknownPlace& place = *filter.FindPlace(3);
+      const KnownMapFilter::Prediction prediction = filter.PredictPlace(place, measurement);
+      EXPECT_LT((prediction.point.q - mean).norm(), 1e-6);
+      EXPECT_LT((prediction.S - R * (1.0 + 1.0 / i)).norm(), 1e-6 * variance);
+      filter.UpdatePlace(place, prediction, 1.0);
+    }
+    mean += (observation.z - mean) / (i + 1.0);
+  }
+  EXPECT_EQ(filter.FindPlace(2), nullptr);
+}
+
 // Mean NEES of the final pose over runs in which map, scales, bias and noise are drawn from what
 // the filter assumes, or assumes less of.
 double MeanNees(int runs, double assumed_map_share) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "localizer/hypothesis/log_math.h"
 #include "localizer/models/detection_model.h"
 #include "localizer/models/mode_grid.h"
 #include "tests/unit/localizer/simulated_run.h"
@@ -104,6 +105,79 @@ TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
   }
   ASSERT_FALSE(decisions.empty());
   EXPECT_EQ(decisions[0].mode, kAbsent);
+}
+
+// Two hypotheses by hand: the landmark is at its mode, and each sighting a misjudged one; or it is
+// at one place that no mode has. Pose and motion are exact, and a bias is the same in all
+// sightings, so the place is the mean of the sightings.
+TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
+  MapContent content = MakeTwoModeMap(1, 10.0, 1);
+  LandmarkGroup& group = content.groups[0];
+  group.modes[0].p_map_landmark = {8.0, 0.0};
+  group.modes[1].p_map_landmark = {500.0, 0.0};
+  group.probabilities = Eigen::Vector3d(0.02, 0.979999, 1e-6);
+  SensorCalibration& sensor = content.calibration.sensor;
+  sensor.detection_probability = 0.8;
+  sensor.max_range_m = 30.0;
+  const double variance = sensor.sd_position_m * sensor.sd_position_m;
+  HypothesisOptions options;
+  options.alpha = 1e-30;  // Nothing is given up.
+  const PoseWithCovariance exact{Se2(), Eigen::Matrix3d::Identity() * 1e-12};
+  HypothesisBank bank(Snapshot(content), options, exact, StampFromSeconds(1000.0));
+  MotionIncrement ahead;
+  ahead.T_begin_end = Se2(0.2, 0.0, 0.0);
+
+  const Eigen::Vector2d p_true(8.3, 2.5);
+  const double log_false = std::log(sensor.clutter_density_per_m2);
+  const double log_any =
+      std::log(sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2);
+  const double log_miss = std::log(1.0 - sensor.detection_probability);
+  const double log_detection = std::log(sensor.detection_probability);
+  const auto log_density = [](const Eigen::Vector2d& d, double of) {
+    return -std::log(2.0 * M_PI * of) - 0.5 * d.squaredNorm() / of;
+  };
+  const double log_tail = std::log(0.03) + log_detection;
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal(0.0, sensor.sd_position_m);
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  double mode = std::log(group.probabilities[1]);
+  double absent = std::log(group.probabilities[0]);
+  double at_place = 0.5;
+  double missed = 0.0;
+  int compared = 0;
+  for (int i = 0; i < 10; ++i) {
+    const Eigen::Vector2d t(0.2 * (i + 1), 0.0);
+    const Eigen::Vector2d p = p_true + Eigen::Vector2d(normal(random), normal(random));
+    Scan scan = ScanOf(content, 0.3 * i, p - t);
+    scan.observations[0].kind = Observation::Kind::kCartesian;
+    bank.Predict(ahead, 0.3);
+    bank.Correct(scan);
+
+    const double occluded = sensor.occluded_visit_probability;
+    const double miss = LogMissedRun(missed + log_miss, occluded) - LogMissedRun(missed, occluded);
+    missed += log_miss;
+    const double of_mode = group.modes[0].cov_p_map_landmark(0, 0) + 36.25 * variance;
+    const double ungated = LogAdd(
+        log_false + miss, log_tail + log_density(p - group.modes[0].p_map_landmark, of_mode));
+    mode += ungated;
+    if (i == 0) {
+      absent += log_any;
+    } else {
+      const double here =
+          std::log(at_place) + log_detection + log_density(p - mean, variance * (1.0 + 1.0 / i));
+      const double total = LogAdd(here, std::log1p(-at_place) + log_any);
+      at_place = std::exp(here - total);
+      const bool from_apart = 0.2 * i > 0.5;
+      absent += from_apart ? total : std::min(total, std::max(log_any, ungated));
+    }
+    mean += (p - mean) / (i + 1.0);
+
+    const double expected = 1.0 / (1.0 + std::exp(mode - absent));
+    EXPECT_NEAR(bank.Probabilities(0)[0], expected, 1e-5) << i;
+    compared += expected > 1e-4 && expected < 0.9999;
+  }
+  EXPECT_GE(compared, 3);
+  EXPECT_GT(bank.Probabilities(0)[0], 0.9999);
 }
 
 // One visit: a landmark drawn from the prior, seen from a moving vehicle until the test decides.
