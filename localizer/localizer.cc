@@ -281,9 +281,15 @@ void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
   for (std::size_t i = 0; i < events.decisions.size(); ++i) {
     const Decision& decision = events.decisions[i];
     const bool absent = decision.mode == kAbsent;
-    changes_.Decided(snapshot_.GroupIndex(decision.signature),
-                     absent && events.surprising[i] && !at_two_places_.contains(decision.signature),
-                     stamp);
+    const int group = snapshot_.GroupIndex(decision.signature);
+    // One that is seen elsewhere is for ChangeMonitor::Sighted() to judge, which takes longer: the
+    // pose may have just been found, and what was seen before it was lost is at unknown places.
+    const bool seen = std::any_of(
+        events.outcomes.begin(), events.outcomes.end(), [&](const ObservationOutcome& outcome) {
+          return outcome.group == group;
+        });
+    const bool gone = absent && events.surprising[i] && !seen;
+    changes_.Decided(group, gone && !at_two_places_.contains(decision.signature), stamp);
     if (absent || !events.surprising[i]) continue;
     evidence.signature = decision.signature;
     evidence.mode = decision.mode;
