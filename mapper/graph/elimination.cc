@@ -31,41 +31,101 @@ struct Place {
   int column = -1;
 };
 
-// Adds J_aᵀ J_b to the normal equations, for a != b in the order that A and E have it.
-template <typename JacobianA, typename JacobianB>
-void AddProduct(const Place& a,
-                const JacobianA& J_a,
-                const Place& b,
-                const JacobianB& J_b,
-                SegmentSystem* out) {
-  constexpr Eigen::Index kA = JacobianA::ColsAtCompileTime;
-  constexpr Eigen::Index kB = JacobianB::ColsAtCompileTime;
-  if (a.pose >= 0 && b.pose >= 0) {
-    if constexpr (kA == 3 && kB == 3) {
-      Eigen::Matrix3d& block = a.pose == b.pose ? out->A[static_cast<std::size_t>(a.pose)]
-                                                : out->E[static_cast<std::size_t>(a.pose)];
-      block.noalias() += J_a.transpose() * J_b;
-    }
-  } else if (a.pose >= 0) {
-    out->B.block<kA, kB>(3 * a.pose, b.column).noalias() += J_a.transpose() * J_b;
-  } else if (b.pose >= 0) {
-    out->B.block<kB, kA>(3 * b.pose, a.column).noalias() += J_b.transpose() * J_a;
-  } else if (a.column >= b.column) {
-    out->C.block<kA, kB>(a.column, b.column).noalias() += J_a.transpose() * J_b;
-  } else {
-    out->C.block<kB, kA>(b.column, a.column).noalias() += J_b.transpose() * J_a;
+// The normal equations of one factor of three variables a, b and c, worked out for all of them at
+// once: J = (J_a, J_b, J_c, r), and the upper triangle of w Jᵀ J.
+template <int kRows, int kA, int kB, int kC>
+class FactorProducts {
+ public:
+  template <typename JacobianA, typename JacobianB, typename JacobianC, typename Residual>
+  FactorProducts(const Residual& r,
+                 const JacobianA& J_a,
+                 const JacobianB& J_b,
+                 const JacobianC& J_c,
+                 double weight = 1.0) {
+    if constexpr (kWidth > kEnd + 1) J_.template rightCols<1>().setZero();
+    J_.template leftCols<kA>() = J_a;
+    J_.template middleCols<kB>(kA) = J_b;
+    J_.template middleCols<kC>(kA + kB) = J_c;
+    J_.col(kEnd) = r;
+    FillRows(weight, std::make_integer_sequence<int, kEnd>());
   }
-}
 
-template <typename Jacobian, typename Residual>
-void AddGradient(const Place& a, const Jacobian& J, const Residual& r, SegmentSystem* out) {
-  constexpr Eigen::Index kSize = Jacobian::ColsAtCompileTime;
-  if (a.pose >= 0) {
-    out->b.segment<kSize>(3 * a.pose).noalias() -= J.transpose() * r;
-  } else {
-    out->c.segment<kSize>(a.column).noalias() -= J.transpose() * r;
+  // Adds it up. Precondition: poses of the segment are given in their order and before columns of
+  // the boundary; of these each is after those before it, but for a before a pose.
+  void AddTo(const Place& a, const Place& b, const Place& c, SegmentSystem* out) const {
+    AddSelf<0, kA>(a, out);
+    AddSelf<kA, kB>(b, out);
+    AddSelf<kA + kB, kC>(c, out);
+    AddPair<0, kA, kA, kB>(a, b, out);
+    AddPair<0, kA, kA + kB, kC>(a, c, out);
+    AddPair<kA, kB, kA + kB, kC>(b, c, out);
   }
-}
+
+ private:
+  static constexpr int kEnd = kA + kB + kC;  // The column of the residual.
+  static constexpr int kWidth = (kEnd + 2) / 2 * 2;
+
+  template <int... kRow>
+  void FillRows(double weight, std::integer_sequence<int, kRow...>) {
+    (FillRow<kRow>(weight), ...);
+  }
+
+  template <int kRow>
+  void FillRow(double weight) {
+    constexpr int kFirst = kRow / 2 * 2;
+    constexpr int kCount = kWidth - kFirst;
+    auto row = H_.template block<1, kCount>(kRow, kFirst);
+    if constexpr (kRows == 2) {
+      row = weight * J_(0, kRow) * J_.template block<1, kCount>(0, kFirst) +
+            weight * J_(1, kRow) * J_.template block<1, kCount>(1, kFirst);
+    } else {
+      static_assert(kRows == 3);
+      row = weight * J_(0, kRow) * J_.template block<1, kCount>(0, kFirst) +
+            weight * J_(1, kRow) * J_.template block<1, kCount>(1, kFirst) +
+            weight * J_(2, kRow) * J_.template block<1, kCount>(2, kFirst);
+    }
+  }
+
+  // A variable with itself, in the lower triangle, and its gradient.
+  template <int kAt, int kSize>
+  void AddSelf(const Place& a, SegmentSystem* out) const {
+    for (int i = 0; i < kSize; ++i) {
+      const double gradient = H_(kAt + i, kEnd);
+      if (a.pose >= 0) {
+        out->b[3 * a.pose + i] -= gradient;
+      } else {
+        out->c[a.column + i] -= gradient;
+      }
+      for (int j = i; j < kSize; ++j) {
+        const double value = H_(kAt + i, kAt + j);
+        if (a.pose >= 0) {
+          if constexpr (kSize == 3) out->A[static_cast<std::size_t>(a.pose)](j, i) += value;
+        } else {
+          out->C(a.column + j, a.column + i) += value;
+        }
+      }
+    }
+  }
+
+  template <int kAtA, int kSizeA, int kAtB, int kSizeB>
+  void AddPair(const Place& a, const Place& b, SegmentSystem* out) const {
+    const auto product = H_.template block<kSizeA, kSizeB>(kAtA, kAtB);
+    if (a.pose >= 0 && b.pose >= 0) {
+      if constexpr (kSizeA == 3 && kSizeB == 3) {
+        out->E[static_cast<std::size_t>(a.pose)] += product;
+      }
+    } else if (a.pose >= 0) {
+      out->B.block<kSizeA, kSizeB>(3 * a.pose, b.column) += product;
+    } else if (b.pose >= 0) {
+      out->B.block<kSizeB, kSizeA>(3 * b.pose, a.column) += product.transpose();
+    } else {
+      out->C.block<kSizeB, kSizeA>(b.column, a.column) += product.transpose();
+    }
+  }
+
+  Eigen::Matrix<double, kRows, kWidth, Eigen::RowMajor> J_;
+  Eigen::Matrix<double, kEnd, kWidth, Eigen::RowMajor> H_;
+};
 
 // What is left of a stretch over its boundary.
 struct EliminatedStretch {
@@ -74,27 +134,6 @@ struct EliminatedStretch {
   double cost = 0.0;
   bool determined = false;
 };
-
-// A factor of three variables.
-template <typename JacobianA, typename JacobianB, typename JacobianC, typename Residual>
-void AddFactor(const Residual& r,
-               const Place& a,
-               const JacobianA& J_a,
-               const Place& b,
-               const JacobianB& J_b,
-               const Place& c,
-               const JacobianC& J_c,
-               SegmentSystem* out) {
-  AddProduct(a, J_a, a, J_a, out);
-  AddProduct(a, J_a, b, J_b, out);
-  AddProduct(b, J_b, b, J_b, out);
-  AddProduct(a, J_a, c, J_c, out);
-  AddProduct(b, J_b, c, J_c, out);
-  AddProduct(c, J_c, c, J_c, out);
-  AddGradient(a, J_a, r, out);
-  AddGradient(b, J_b, r, out);
-  AddGradient(c, J_c, r, out);
-}
 
 Eigen::VectorXd StandardNormal(Eigen::Index size, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
@@ -235,6 +274,16 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   return std::isfinite(cost_);
 }
 
+std::vector<Eigen::Matrix2d> GraphElimination::RotationsOf(const Stretch& stretch) const {
+  const std::vector<Se2>& poses = graph_.runs[static_cast<std::size_t>(stretch.run)].poses;
+  std::vector<Eigen::Matrix2d> rotations;
+  rotations.reserve(static_cast<std::size_t>(stretch.last - stretch.first + 1));
+  for (int i = stretch.first; i <= stretch.last; ++i) {
+    rotations.push_back(poses[static_cast<std::size_t>(i)].Rotation());
+  }
+  return rotations;
+}
+
 double GraphElimination::LinearizeStretch(const Stretch& stretch,
                                           Weighting weighting,
                                           SegmentSystem* system) const {
@@ -244,39 +293,34 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch,
     if (frame == stretch.last) return {-1, kAfter};
     return {frame - stretch.first - 1, -1};
   };
+  const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
   double cost = 0.0;
   for (int i = stretch.first; i < stretch.last; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const MotionResidual::Linear linear = motions_[static_cast<std::size_t>(stretch.run)][at].At(
-        run.poses[at], run.poses[at + 1], run.correction, run.sensor_bias[kLogRangeScale]);
-    AddFactor(linear.r,
-              place_of(i),
-              linear.J_i,
-              place_of(i + 1),
-              linear.J_j,
-              Place{-1, kCorrection},
-              linear.J_calibration,
-              system);
+        run.poses[at],
+        R_map_vehicle[static_cast<std::size_t>(i - stretch.first)],
+        run.poses[at + 1],
+        run.correction,
+        run.sensor_bias[kLogRangeScale]);
+    const FactorProducts<3, 3, 3, 4> products(
+        linear.r, linear.J_i, linear.J_j, linear.J_calibration);
+    products.AddTo(place_of(i), place_of(i + 1), Place{-1, kCorrection}, system);
     cost += 0.5 * linear.r.squaredNorm();
   }
   for (std::size_t k = 0; k < stretch.observations.size(); ++k) {
     const auto index = static_cast<std::size_t>(stretch.observations[k]);
     const GraphObservation& item = graph_.observations[index];
-    ObservationResidual::Linear linear =
+    const ObservationResidual::Linear linear =
         observations_[index].At(run.poses[static_cast<std::size_t>(item.frame)],
+                                R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
                                 graph_.modes[static_cast<std::size_t>(item.mode)],
                                 run.sensor_bias);
     const double squared = linear.r.squaredNorm();
     cost += loss_.HalfLoss(squared);
-    const double weight = std::sqrt((loss_.*weighting)(squared));
-    AddFactor(Eigen::Vector2d(weight * linear.r),
-              place_of(item.frame),
-              Eigen::Matrix<double, 2, 3>(weight * linear.J_pose),
-              Place{-1, kBias},
-              Eigen::Matrix<double, 2, 3>(weight * linear.J_bias),
-              Place{-1, stretch.slots[k]},
-              Eigen::Matrix2d(weight * linear.J_landmark),
-              system);
+    FactorProducts<2, 3, 3, 2> products(
+        linear.r, linear.J_pose, linear.J_bias, linear.J_landmark, (loss_.*weighting)(squared));
+    products.AddTo(place_of(item.frame), Place{-1, kBias}, Place{-1, stretch.slots[k]}, system);
   }
   return cost;
 }

@@ -147,6 +147,7 @@ class GraphElimination {
   using Weighting = double (RobustLoss::*)(double squared) const;
 
   bool Eliminate(Weighting weighting, double damping);
+  std::vector<Eigen::Matrix2d> RotationsOf(const Stretch& stretch) const;  // R_map_vehicle.
   double LinearizeStretch(const Stretch& stretch, Weighting weighting, SegmentSystem* system) const;
   double AddPriors(RestSystem* rest) const;
   void AddTogether(RestSystem* rest) const;

@@ -8,6 +8,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/graph/graph.h"
+#include "mapstore/geometry/arc_factors.h"
 
 namespace shiftmap {
 
@@ -25,12 +26,46 @@ class MotionResidual {
   };
 
   explicit MotionResidual(const MotionIncrement& motion);
+
+  /// @param R_map_i  Of T_map_i, here and below: many residuals share its sine and cosine.
   Linear At(const Se2& T_map_i,
+            const Eigen::Matrix2d& R_map_i,
             const Se2& T_map_j,
             const Eigen::Vector3d& correction,
             double log_range_scale) const;
 
+  Linear At(const Se2& T_map_i,
+            const Se2& T_map_j,
+            const Eigen::Vector3d& correction,
+            double log_range_scale) const {
+    return At(T_map_i, T_map_i.Rotation(), T_map_j, correction, log_range_scale);
+  }
+
+  /// The r of it alone.
+  Eigen::Vector3d ResidualAt(const Se2& T_map_i,
+                             const Eigen::Matrix2d& R_map_i,
+                             const Se2& T_map_j,
+                             const Eigen::Vector3d& correction,
+                             double log_range_scale) const;
+
  private:
+  // Odometry with the correction, and how the poses differ from it.
+  struct Difference {
+    Se2::Step shift;               // Of the correction.
+    Eigen::Matrix2d R_i_odometry;  // Odometry's end.
+    Eigen::Vector2d p_i_j;
+    Se2 error;          // T_odometry_j.
+    ArcFactors arc;     // Of its yaw.
+    Eigen::Matrix2d A;  // Upper left block of the inverse of the right Jacobian of Exp at r.
+    Eigen::Vector3d r;  // Log(error), not whitened.
+  };
+
+  Difference DifferenceAt(const Se2& T_map_i,
+                          const Eigen::Matrix2d& R_map_i,
+                          const Se2& T_map_j,
+                          const Eigen::Vector3d& correction) const;
+  Eigen::Matrix3d Whitening(double log_range_scale) const;
+
   Se2 T_i_j_;
   Eigen::Matrix2d R_i_j_;  // Rotation of T_i_j_.
   Eigen::Matrix3d J_calibration_;
@@ -50,8 +85,21 @@ class ObservationResidual {
   /// @param observation  Must outlive the residual.
   explicit ObservationResidual(const GraphObservation& observation);
   Linear At(const Se2& T_map_vehicle,
+            const Eigen::Matrix2d& R_map_vehicle,
             const Eigen::Vector2d& p_map_landmark,
             const SensorBias& bias) const;
+
+  Linear At(const Se2& T_map_vehicle,
+            const Eigen::Vector2d& p_map_landmark,
+            const SensorBias& bias) const {
+    return At(T_map_vehicle, T_map_vehicle.Rotation(), p_map_landmark, bias);
+  }
+
+  /// The r of it alone.
+  Eigen::Vector2d ResidualAt(const Se2& T_map_vehicle,
+                             const Eigen::Matrix2d& R_map_vehicle,
+                             const Eigen::Vector2d& p_map_landmark,
+                             const SensorBias& bias) const;
 
  private:
   const GraphObservation* observation_;

@@ -20,7 +20,7 @@ struct SegmentSystem {
   /// Raises the diagonal by a share of itself.
   void Damp(double share);
 
-  std::vector<Eigen::Matrix3d> A;  ///< H of each pose with itself.
+  std::vector<Eigen::Matrix3d> A;  ///< H of each pose with itself, lower triangle.
   std::vector<Eigen::Matrix3d> E;  ///< H of pose i with pose i + 1; of all but the last.
   PoseRows B;                      ///< H of the poses with the boundary, three rows a pose.
   Eigen::VectorXd b;               ///< -gradient of the poses.
