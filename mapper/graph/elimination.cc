@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <utility>
 
 #include "mapper/parallel.h"
@@ -252,7 +253,9 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   } else {
     rest_ = std::make_unique<RestSystem>(RestSize(), Calibrations());
   }
-  cost_ = AddPriors(rest_.get());
+  rest_gradient_ = Eigen::VectorXd::Zero(RestSize());
+  cost_ = PriorCost();
+  AddPriors();
   AddTogether(rest_.get());
   std::vector<EliminatedStretch> eliminated(stretches_.size());
   ForEachIndex(stretches_.size(), graph_.threads, [&](std::size_t i) {
@@ -269,7 +272,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   for (std::size_t i = 0; i < stretches_.size(); ++i) {
     if (!eliminated[i].determined) return false;
     cost_ += eliminated[i].cost;
-    rest_->Add(stretches_[i].boundary, std::move(eliminated[i].C), eliminated[i].c);
+    AddToRest(stretches_[i].boundary, std::move(eliminated[i].C), eliminated[i].c);
   }
   return std::isfinite(cost_);
 }
@@ -325,8 +328,65 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch,
   return cost;
 }
 
-double GraphElimination::AddPriors(RestSystem* rest) const {
+double GraphElimination::StretchCost(const Stretch& stretch) const {
+  const auto r = static_cast<std::size_t>(stretch.run);
+  const GraphRun& run = graph_.runs[r];
+  const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
   double cost = 0.0;
+  for (int i = stretch.first; i < stretch.last; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    cost += 0.5 * motions_[r][at]
+                      .ResidualAt(run.poses[at],
+                                  R_map_vehicle[static_cast<std::size_t>(i - stretch.first)],
+                                  run.poses[at + 1],
+                                  run.correction,
+                                  run.sensor_bias[kLogRangeScale])
+                      .squaredNorm();
+  }
+  for (const int observation : stretch.observations) {
+    const auto index = static_cast<std::size_t>(observation);
+    const GraphObservation& item = graph_.observations[index];
+    cost += loss_.HalfLoss(
+        observations_[index]
+            .ResidualAt(run.poses[static_cast<std::size_t>(item.frame)],
+                        R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
+                        graph_.modes[static_cast<std::size_t>(item.mode)],
+                        run.sensor_bias)
+            .squaredNorm());
+  }
+  return cost;
+}
+
+double GraphElimination::PresentCost() const {
+  std::vector<double> costs(stretches_.size());
+  ForEachIndex(stretches_.size(), graph_.threads, [&](std::size_t i) {
+    costs[i] = StretchCost(stretches_[i]);
+  });
+  return std::accumulate(costs.begin(), costs.end(), PriorCost());
+}
+
+double GraphElimination::PriorCost() const {
+  double cost = 0.0;
+  for (const GraphRun& run : graph_.runs) {
+    const Eigen::Vector3d difference = run.correction - run.correction_prior_mean;
+    cost += 0.5 * difference.cwiseQuotient(run.correction_prior_sd).squaredNorm() +
+            0.5 * run.sensor_bias.cwiseQuotient(run.sensor_bias_sd).squaredNorm();
+  }
+  if (graph_.prior.modes.empty()) return cost;
+  return cost + 0.5 * (graph_.prior.sqrt_information * PriorDifference()).squaredNorm();
+}
+
+Eigen::VectorXd GraphElimination::PriorDifference() const {
+  Eigen::VectorXd difference(graph_.prior.mean.size());
+  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    difference.segment<2>(at) = graph_.modes[static_cast<std::size_t>(graph_.prior.modes[i])] -
+                                graph_.prior.mean.segment<2>(at);
+  }
+  return difference;
+}
+
+void GraphElimination::AddPriors() {
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
     const GraphRun& run = graph_.runs[r];
     Eigen::Vector<double, kRunCalibration> information;
@@ -338,23 +398,25 @@ double GraphElimination::AddPriors(RestSystem* rest) const {
     for (int i = 0; i < kRunCalibration; ++i) {
       index.push_back(first_calibration_ + kRunCalibration * static_cast<int>(r) + i);
     }
-    rest->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
-    cost += 0.5 * difference.cwiseAbs2().dot(information);
+    AddToRest(index, information.asDiagonal(), -information.cwiseProduct(difference));
   }
-  if (graph_.prior.modes.empty()) return cost;
+  if (graph_.prior.modes.empty()) return;
   std::vector<int> index;
-  Eigen::VectorXd difference(graph_.prior.mean.size());
-  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
-    const int mode = graph_.prior.modes[i];
-    const auto at = static_cast<Eigen::Index>(2 * i);
-    difference.segment<2>(at) =
-        graph_.modes[static_cast<std::size_t>(mode)] - graph_.prior.mean.segment<2>(at);
+  for (const int mode : graph_.prior.modes) {
     index.insert(index.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
   }
   const Eigen::MatrixXd& W = graph_.prior.sqrt_information;
-  const Eigen::VectorXd whitened = W * difference;
-  rest->Add(index, W.transpose() * W, -(W.transpose() * whitened));
-  return cost + 0.5 * whitened.squaredNorm();
+  const Eigen::VectorXd whitened = W * PriorDifference();
+  AddToRest(index, W.transpose() * W, -(W.transpose() * whitened));
+}
+
+void GraphElimination::AddToRest(const std::vector<int>& index,
+                                 Eigen::MatrixXd H,
+                                 const Eigen::VectorXd& b) {
+  for (std::size_t i = 0; i < index.size(); ++i) {
+    if (index[i] >= 0) rest_gradient_[index[i]] += b[static_cast<Eigen::Index>(i)];
+  }
+  rest_->Add(index, std::move(H), b);
 }
 
 // Terms of zeros: they have places in the factor.
@@ -403,6 +465,9 @@ GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_6
 std::optional<GraphStep> GraphElimination::SimilarStep() {
   const std::optional<Eigen::VectorXd> rest = rest_->SolveSimilar();
   if (!rest) return std::nullopt;
+  expected_decrease_ = rest_gradient_.dot(*rest);
+  for (const Stretch& stretch : stretches_) expected_decrease_ += stretch.segment.Decrease();
+  expected_decrease_ *= 0.5;
   return Complete(*rest, nullptr);
 }
 

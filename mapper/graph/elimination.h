@@ -72,6 +72,13 @@ class GraphElimination {
   /// Half the sum of all losses at the last linearization.
   double cost() const { return cost_; }
 
+  /// The same at the present values, a fraction of a linearization. NaN where LinearizeSegments()
+  /// would have no cost.
+  double PresentCost() const;
+
+  /// By how much the cost would go down in the last SimilarStep() if it were as linearized.
+  double ExpectedDecrease() const { return expected_decrease_; }
+
   /// The Gauss-Newton step from the last LinearizeSegments(), with the factor of an earlier
   /// linearization where that will do (RestSystem::SolveSimilar). Nothing if it is not determined.
   std::optional<GraphStep> SimilarStep();
@@ -149,7 +156,11 @@ class GraphElimination {
   bool Eliminate(Weighting weighting, double damping);
   std::vector<Eigen::Matrix2d> RotationsOf(const Stretch& stretch) const;  // R_map_vehicle.
   double LinearizeStretch(const Stretch& stretch, Weighting weighting, SegmentSystem* system) const;
-  double AddPriors(RestSystem* rest) const;
+  double StretchCost(const Stretch& stretch) const;
+  double PriorCost() const;
+  Eigen::VectorXd PriorDifference() const;
+  void AddPriors();
+  void AddToRest(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b);
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
 
@@ -162,7 +173,9 @@ class GraphElimination {
   int first_calibration_ = 0;  // Rows of the rest: separators before, calibrations, modes after.
   int first_mode_ = 0;
   std::unique_ptr<RestSystem> rest_;
+  Eigen::VectorXd rest_gradient_;  // The right side of what is left of the normal equations.
   double cost_ = 0.0;
+  double expected_decrease_ = 0.0;
 };
 
 }  // namespace shiftmap

@@ -42,6 +42,9 @@ class Segment {
 
   int poses() const { return static_cast<int>(L_.size()); }
 
+  /// bᵀ A⁻¹ b of the poses alone.
+  double Decrease() const { return u_.squaredNorm(); }
+
   /// The poses' step, given the boundary's: L⁻ᵀ (u - Y y), three rows a pose.
   Eigen::VectorXd Solve(const Eigen::VectorXd& boundary) const {
     return BackSubstitute(u_, boundary);

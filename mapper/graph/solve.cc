@@ -82,6 +82,19 @@ bool GaussNewton(const SolverLimits& limits,
     if (floats) TakeOutRigidMotion(*graph, &*step);
     Apply(*step, graph);
     ++summary->iterations;
+    // Nothing is linearized after the last step.
+    if (summary->iterations == limits.max_iterations ||
+        elimination->ExpectedDecrease() <= limits.cost_tolerance * summary->final_cost) {
+      const double cost = elimination->PresentCost();
+      const double decrease = summary->final_cost - cost;
+      const bool converged = decrease <= limits.cost_tolerance * cost;
+      if (cost <= summary->final_cost * (1.0 + kRounding) &&
+          (converged || summary->iterations == limits.max_iterations)) {
+        summary->converged = converged;
+        summary->final_cost = cost;
+        return true;
+      }
+    }
     bool down = elimination->LinearizeSegments() &&
                 elimination->cost() <= summary->final_cost * (1.0 + kRounding);
     for (int i = 0; i < kMaxHalvings && !down; ++i) {
