@@ -158,7 +158,10 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<Map
 
 // What is discrete in all runs together, and the noise.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
-  int iterations = RefineModes(options, problem, watch->During("all runs", 0.6));
+  // Rounds of noise go on from where this ends.
+  const GoOn go_on = watch->During("all runs", 0.6);
+  int iterations = options.calibrate ? AlternateModes(options, problem, go_on)
+                                     : RefineModes(options, problem, go_on);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   if (DropFaintModes(options.modes, problem) > 0) {
     if (FlatModes(*problem).count == 0) {

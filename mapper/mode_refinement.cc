@@ -49,6 +49,15 @@ void Select(const MapperOptions& options, MapProblem* problem) {
   }
 }
 
+// What is to be selected does not hang on the last hundredth of a standard deviation.
+MapperOptions ForSelection(const MapperOptions& options) {
+  constexpr double kCostTolerance = 1e-4;
+  MapperOptions coarse = options;
+  coarse.max_integrations = 1;
+  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  return coarse;
+}
+
 // Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
 int Alternate(const MapperOptions& options,
               MapProblem* problem,
@@ -184,15 +193,15 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
 }
 
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
-  // What is to be selected does not hang on the last hundredth of a standard deviation.
-  constexpr double kCostTolerance = 1e-4;
-  MapperOptions coarse = options;
-  coarse.max_integrations = 1;
-  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   GraphSolver solver;
-  const int iterations = Alternate(coarse, problem, &solver, go_on);
+  const int iterations = Alternate(ForSelection(options), problem, &solver, go_on);
   SolveContinuous(options, problem, &solver);
   return iterations;
+}
+
+int AlternateModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+  GraphSolver solver;
+  return Alternate(ForSelection(options), problem, &solver, go_on);
 }
 
 void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {

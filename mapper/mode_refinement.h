@@ -41,6 +41,10 @@ int CreateModes(const ModeOptions& options, MapProblem* problem);
 /// @param go_on  Asked before each alternation.
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
 
+/// As RefineModes(), but where something else goes on from here: the continuous part is left as
+/// selection needs it and not solved to its end.
+int AlternateModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+
 /// As RefineModes(), but no further than other runs need to be placed in the map: nothing is solved
 /// to its end, and modes that are one place are merged.
 void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
