@@ -25,16 +25,24 @@ class MotionSum {
   // `way` along x in metres, `turn` in radians, `weight_s` the time, less where noise is less.
   void Append(double way, double turn, double weight_s) {
     const ArcFactors f = ComputeArcFactors(turn);
-    const Eigen::Vector2d u_step(f.sinc_rest * way, -f.cosc_rest * way);
-    const Eigen::Vector3d u(cos_ * u_step.x() - sin_ * u_step.y() + p_.y(),
-                            sin_ * u_step.x() + cos_ * u_step.y() - p_.x(),
-                            1.0);
+    const double u_step_x = f.sinc_rest * way;
+    const double u_step_y = -f.cosc_rest * way;
+    const double u_x = cos_ * u_step_x - sin_ * u_step_y + y_;
+    const double u_y = sin_ * u_step_x + cos_ * u_step_y - x_;
     slip_s_ += weight_s * (f.sinc * f.sinc + f.cosc * f.cosc);
-    yaw_noise_ += (weight_s * u) * u.transpose();
-    by_turn_ += turn * u;
+    weight_s_ += weight_s;
+    weight_x_ += weight_s * u_x;
+    weight_y_ += weight_s * u_y;
+    weight_xx_ += weight_s * u_x * u_x;
+    weight_xy_ += weight_s * u_x * u_y;
+    weight_yy_ += weight_s * u_y * u_y;
+    turn_x_ += turn * u_x;
+    turn_y_ += turn * u_y;
 
-    const Eigen::Vector2d step(f.sinc * way, f.cosc * way);
-    p_ += Eigen::Vector2d(cos_ * step.x() - sin_ * step.y(), sin_ * step.x() + cos_ * step.y());
+    const double step_x = f.sinc * way;
+    const double step_y = f.cosc * way;
+    x_ += cos_ * step_x - sin_ * step_y;
+    y_ += sin_ * step_x + cos_ * step_y;
     yaw_ += turn;
     const double cos = cos_ * f.cos - sin_ * f.sin;
     sin_ = sin_ * f.cos + cos_ * f.sin;
@@ -43,23 +51,34 @@ class MotionSum {
 
   IntegratedMotion Result() const {
     IntegratedMotion motion;
-    motion.T_begin_end = Se2(p_, yaw_);
+    motion.T_begin_end = Se2(x_, y_, yaw_);
     const Eigen::Matrix3d to_end = motion.T_begin_end.InverseAdjoint();
-    motion.J_calibration.col(0) = to_end.leftCols<2>() * p_;
-    motion.J_calibration.col(1) = to_end * by_turn_;
+    Eigen::Matrix3d yaw_noise;
+    yaw_noise << weight_xx_, weight_xy_, weight_x_, weight_xy_, weight_yy_, weight_y_, weight_x_,
+        weight_y_, weight_s_;
+    motion.J_calibration.col(0) = to_end.leftCols<2>() * Eigen::Vector2d(x_, y_);
+    motion.J_calibration.col(1) = to_end * Eigen::Vector3d(turn_x_, turn_y_, yaw_);
     motion.slip_s = slip_s_;
-    motion.cov_per_yaw_noise = to_end * yaw_noise_ * to_end.transpose();
+    motion.cov_per_yaw_noise = to_end * yaw_noise * to_end.transpose();
     return motion;
   }
 
  private:
-  Eigen::Vector2d p_ = Eigen::Vector2d::Zero();
+  double x_ = 0.0;
+  double y_ = 0.0;
   double yaw_ = 0.0;
   double cos_ = 1.0;
   double sin_ = 0.0;
   double slip_s_ = 0.0;
-  Eigen::Vector3d by_turn_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d yaw_noise_ = Eigen::Matrix3d::Zero();
+  // Sums of weight_s u uᵀ and of turn u, with u = (u_x, u_y, 1).
+  double weight_s_ = 0.0;
+  double weight_x_ = 0.0;
+  double weight_y_ = 0.0;
+  double weight_xx_ = 0.0;
+  double weight_xy_ = 0.0;
+  double weight_yy_ = 0.0;
+  double turn_x_ = 0.0;
+  double turn_y_ = 0.0;
 };
 
 Eigen::Vector3d ScaledVelocity(const OdometrySample& sample,
