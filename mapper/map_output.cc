@@ -341,6 +341,7 @@ MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
   mapped.poses = static_cast<int>(run.poses.size());
   mapped.observations = static_cast<int>(run.data->sightings.size());
   mapped.duplicate_observations = run.data->duplicate_observations;
+  mapped.near_observations = run.data->near_observations;
   mapped.odometry = run.odometry;
   mapped.sensor_bias = run.sensor_bias;
   for (std::size_t f = 0; f < run.poses.size(); ++f) {

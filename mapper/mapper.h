@@ -39,6 +39,7 @@ struct MappedRun {
   int observations = 0;            ///< Of identified landmarks, used or not.
   int outliers = 0;                ///< Of those, not explained by the mode of their visit.
   int duplicate_observations = 0;  ///< One signature at two places in one scan: left out.
+  int near_observations = 0;       ///< Too near to tell a bearing: left out.
   double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
   Se2 T_map_start;    ///< Pose at the first odometry sample.
   OdometryCalibration odometry;

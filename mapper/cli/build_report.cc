@@ -14,6 +14,7 @@ Json RunJson(const MappedRun& run) {
           {"observations", run.observations},
           {"outliers", run.outliers},
           {"duplicate_observations", run.duplicate_observations},
+          {"near_observations", run.near_observations},
           {"chi2", run.chi2},
           {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
           {"odometry",

@@ -11,14 +11,18 @@
 namespace shiftmap {
 namespace {
 
-// The sightings of a scan that can be trusted: identified, and each signature at one place only.
+// The sightings of a scan that can be used: identified, not too near, and each signature at one
+// place only.
 std::vector<Observation> UsableObservations(const Scan& scan,
-                                            double duplicate_distance_m,
+                                            const FrontEndOptions& options,
                                             MappingRun* out) {
   std::map<Signature, std::vector<const Observation*>> by_signature;
   for (const Observation& observation : scan.observations) {
     if (observation.signature.anonymous()) {
       ++out->anonymous_observations;
+    } else if (observation.kind == Observation::Kind::kRangeBearing &&
+               observation.z.x() < options.min_range_m) {
+      ++out->near_observations;
     } else {
       by_signature[observation.signature].push_back(&observation);
     }
@@ -28,7 +32,7 @@ std::vector<Observation> UsableObservations(const Scan& scan,
     const Eigen::Vector2d first = observations.front()->PositionInVehicle();
     const bool one_place =
         std::all_of(observations.begin(), observations.end(), [&](const Observation* other) {
-          return (other->PositionInVehicle() - first).norm() <= duplicate_distance_m;
+          return (other->PositionInVehicle() - first).norm() <= options.duplicate_distance_m;
         });
     if (one_place) {
       usable.push_back(*observations.front());
@@ -97,7 +101,7 @@ MappingRun MakeMappingRun(const Run& run,
   out.odometry = run.odometry;
   for (const Scan& scan : run.scans) {
     out.scan_stamps.push_back(scan.stamp);
-    std::vector<Observation> usable = UsableObservations(scan, options.duplicate_distance_m, &out);
+    std::vector<Observation> usable = UsableObservations(scan, options, &out);
     if (!usable.empty()) AddFrame(scan.stamp, std::move(usable), &out);
   }
   FindVisits(signatures, options.visit_gap_s, &out);

@@ -48,6 +48,7 @@ struct MappingRun {
 
   int anonymous_observations = 0;  ///< Left out.
   int duplicate_observations = 0;  ///< One signature at two places in one scan: both left out.
+  int near_observations = 0;       ///< Nearer than min_range_m: left out.
 
   Stamp begin() const { return odometry.front().stamp; }
   Stamp end() const { return odometry.back().stamp; }
@@ -60,6 +61,10 @@ struct FrontEndOptions {
 
   /// Two sightings of one signature in one scan further apart than this are two landmarks. [m]
   double duplicate_distance_m = 0.5;
+
+  /// A range and bearing nearer than this is left out: centimetres turn such a bearing by tenths of
+  /// a radian, which no step of a solver foresees. [m]
+  double min_range_m = 0.2;
 };
 
 /// All signatures seen in `runs` and those in `known`, ascending, each once.

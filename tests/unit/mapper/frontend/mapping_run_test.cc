@@ -60,6 +60,18 @@ TEST(MappingRun, OneSignatureAtTwoPlacesIsLeftOutAndCounted) {
   EXPECT_EQ(run.sightings[0].observation.signature.text(), "B");
 }
 
+TEST(MappingRun, BearingsOfWhatIsTooNearAreLeftOutAndCounted) {
+  Observation cartesian = Seen("C", 0.0);
+  cartesian.kind = Observation::Kind::kCartesian;
+  cartesian.z = {0.1, 0.0};
+  const MappingRun run = MakeMappingRun(
+      RunOf({ScanAt(1.0, {Seen("A", 0.1), Seen("B", 0.3), cartesian})}), kSignatures, {});
+  EXPECT_EQ(run.near_observations, 1);
+  ASSERT_EQ(run.sightings.size(), 2u);
+  EXPECT_EQ(run.sightings[0].observation.signature.text(), "B");
+  EXPECT_EQ(run.sightings[1].observation.signature.text(), "C");
+}
+
 TEST(MappingRun, OneSignatureTwiceAtOnePlaceIsOneSighting) {
   const MappingRun run =
       MakeMappingRun(RunOf({ScanAt(1.0, {Seen("A", 3.0), Seen("A", 3.1)})}), kSignatures, {});
