@@ -12,14 +12,21 @@ namespace {
 constexpr int kMaxSimilar = 40;
 constexpr int kMaxIterations = 200;
 
+// Unknowns of a front from which on it is worth to cut the chains that cross it.
+constexpr int kWideFront = 1500;
+
 // Relative error of draws, which scatter by more however many there are.
 constexpr double kDrawTolerance = 1e-2;
+
+// Of what follows the border.
+constexpr double kFollowTolerance = 1e-4;
 
 }  // namespace
 
 void BorderedSolver::Forget() {
   inner_.reset();
   has_factor_ = false;
+  chain_.Forget();
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTerm>& terms,
@@ -29,14 +36,39 @@ std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTer
   if (has_factor()) {
     if (auto x = ConjugateGradients(terms, b, tolerance, kMaxSimilar)) return x;
   }
-  if (!Factorize(terms)) return std::nullopt;
+  if (border_.chained) {
+    if (!chain_.CutsAll()) chain_ = ChainPreconditioner(size_, border_);
+    has_factor_ = false;
+    if (chain_.Factorize(terms)) {
+      if (auto x = ConjugateGradients(terms, b, tolerance, kMaxIterations)) return x;
+    }
+  }
+  if (!FactorizeInner(terms)) return std::nullopt;
   return ConjugateGradients(terms, b, tolerance, kMaxIterations);
 }
 
 bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
+  if (!FactorizeBorder(terms)) return false;
+  has_factor_ = false;
+  if (border_.chained) {
+    if (!inner_) inner_ = std::make_unique<Multifrontal>(size_, terms, border_);
+    // Narrow fronts cost little: what eliminates there stays exact.
+    std::vector<bool> stays;
+    for (int pose = 0; pose < border_.begin; pose += kChainRows) {
+      stays.push_back(inner_->FrontWidth(pose) <= kWideFront);
+    }
+    if (std::find(stays.begin(), stays.end(), false) != stays.end()) {
+      chain_ = ChainPreconditioner(size_, border_, std::move(stays));
+      if (chain_.Factorize(terms)) return true;
+    }
+  }
+  return FactorizeInner(terms);
+}
+
+bool BorderedSolver::FactorizeInner(const std::vector<SystemTerm>& terms) {
   if (!inner_) inner_ = std::make_unique<Multifrontal>(size_, terms, border_);
   has_factor_ = inner_->Factorize(terms);
-  return has_factor_ && FactorizeBorder(terms);
+  return has_factor_;
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,
@@ -67,10 +99,32 @@ Eigen::MatrixXd BorderedSolver::BorderInformationTimes(const std::vector<SystemT
 
 Eigen::MatrixXd BorderedSolver::FollowBorder(const std::vector<SystemTerm>& terms,
                                              const Eigen::MatrixXd& c) const {
-  return -SolveInner(BorderTimes(terms, c));
+  Eigen::MatrixXd b = -BorderTimes(terms, c);
+  HoldBorder(&b);
+  if (has_factor_) return SolveInner(b);
+  const auto times = [&](const Eigen::MatrixXd& x) {
+    Eigen::MatrixXd y = Times(terms, x);
+    HoldBorder(&y);
+    return y;
+  };
+  std::optional<Eigen::MatrixXd> x = ConjugateGradients(times, b, kFollowTolerance, kMaxIterations);
+  return x ? *std::move(x) : Precondition(b);
+}
+
+Eigen::MatrixXd BorderedSolver::FollowBorderAsVisited(const std::vector<SystemTerm>& terms,
+                                                      const Eigen::MatrixXd& c) const {
+  return -Precondition(BorderTimes(terms, c));
+}
+
+void BorderedSolver::HoldBorder(Eigen::MatrixXd* x) const {
+  x->middleRows(border_.begin, border_.end() - border_.begin).setZero();
 }
 
 void BorderedSolver::VisitInverse(const InverseVisitor& visitor) const {
+  if (!has_factor_) {
+    chain_.VisitInverse(visitor);
+    return;
+  }
   std::vector<int> outer;
   inner_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& Z) {
     outer.clear();
@@ -144,7 +198,7 @@ Eigen::MatrixXd BorderedSolver::Reduce(const std::vector<SystemTerm>& terms,
   const int width = border_.end() - border_.begin;
   const Eigen::MatrixXd c = SolveBorder(b).middleRows(border_.begin, width);
   Eigen::MatrixXd reduced = b - BorderTimes(terms, c);
-  reduced.middleRows(border_.begin, width).setZero();
+  HoldBorder(&reduced);
   return reduced;
 }
 
@@ -166,6 +220,7 @@ Eigen::MatrixXd BorderedSolver::Outer(const Eigen::MatrixXd& inner) const {
 
 Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,
                                               const Eigen::MatrixXd& weights) const {
+  if (!has_factor_) return chain_.QuadraticForm(index, weights);
   std::vector<int> rows;
   std::vector<int> unknowns;
   for (std::size_t i = 0; i < index.size(); ++i) {
@@ -178,6 +233,7 @@ Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,
 }
 
 Eigen::MatrixXd BorderedSolver::SolveUpper(const Eigen::MatrixXd& z) const {
+  if (!has_factor_) return chain_.SolveUpper(z);
   return Outer(inner_->SolveUpper(Inner(z)));
 }
 
@@ -186,12 +242,30 @@ Eigen::MatrixXd BorderedSolver::SolveInner(const Eigen::MatrixXd& b) const {
   return Outer(inner_->Solve(Inner(b)));
 }
 
-// Each column by itself, side by side.
+// A⁻¹ b or nearly that.
+Eigen::MatrixXd BorderedSolver::Precondition(const Eigen::MatrixXd& b) const {
+  return has_factor_ ? SolveInner(b) : chain_.Solve(b);
+}
+
 std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
     const std::vector<SystemTerm>& terms,
     const Eigen::MatrixXd& b,
     double tolerance,
     int max_iterations) const {
+  const auto times = [&](const Eigen::MatrixXd& x) { return Reduce(terms, Times(terms, x)); };
+  const std::optional<Eigen::MatrixXd> x =
+      ConjugateGradients(times, Reduce(terms, b), tolerance, max_iterations);
+  if (!x) return std::nullopt;
+  // The border, given the others.
+  return *x + SolveBorder(b - Times(terms, *x));
+}
+
+// Each column by itself, side by side.
+template <typename Product>
+std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(const Product& times,
+                                                                  Eigen::MatrixXd residual,
+                                                                  double tolerance,
+                                                                  int max_iterations) const {
   const auto dots = [](const Eigen::MatrixXd& u, const Eigen::MatrixXd& v) -> Eigen::ArrayXd {
     return u.cwiseProduct(v).colwise().sum().transpose();
   };
@@ -199,26 +273,24 @@ std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
   const auto ratio = [](const Eigen::ArrayXd& u, const Eigen::ArrayXd& v) -> Eigen::ArrayXd {
     return (v > 0.0).select(u / v, 0.0);
   };
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, b.cols());
-  Eigen::MatrixXd residual = Reduce(terms, b);
-  Eigen::MatrixXd direction = SolveInner(residual);
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, residual.cols());
+  Eigen::MatrixXd direction = Precondition(residual);
   Eigen::ArrayXd squared = dots(residual, direction);
   const Eigen::ArrayXd enough = tolerance * tolerance * squared;
   for (int i = 0; i < max_iterations && (squared > enough).any(); ++i) {
-    const Eigen::MatrixXd image = Reduce(terms, Times(terms, direction));
+    const Eigen::MatrixXd image = times(direction);
     const Eigen::ArrayXd curvature = dots(direction, image);
     if ((curvature < 0.0).any() || !curvature.allFinite()) return std::nullopt;
     const Eigen::ArrayXd length = ratio(squared, curvature);
     x += direction * length.matrix().asDiagonal();
     residual -= image * length.matrix().asDiagonal();
-    const Eigen::MatrixXd preconditioned = SolveInner(residual);
+    const Eigen::MatrixXd preconditioned = Precondition(residual);
     const Eigen::ArrayXd next = dots(residual, preconditioned);
     direction = preconditioned + direction * ratio(next, squared).matrix().asDiagonal();
     squared = next;
   }
   if (!(squared <= enough).all()) return std::nullopt;
-  // The border, given the others.
-  return x + SolveBorder(b - Times(terms, x));
+  return x;
 }
 
 }  // namespace shiftmap

@@ -189,7 +189,7 @@ int GraphElimination::RestSize() const {
 }
 
 Border GraphElimination::Calibrations() const {
-  return {first_calibration_, static_cast<int>(graph_.runs.size()), kRunCalibration};
+  return {first_calibration_, static_cast<int>(graph_.runs.size()), kRunCalibration, true};
 }
 
 void GraphElimination::MakeStretches() {
@@ -549,7 +549,7 @@ Eigen::MatrixXd GraphElimination::CalibrationRoot() const {
   std::mt19937_64 random(1);
   const Eigen::MatrixXd draws = rest_->DrawColumns(kCalibrationDraws, random);
   const auto calibrations = draws.middleRows(first_calibration_, first_mode_ - first_calibration_);
-  return rest_->FollowBorder(calibrations).bottomRows(rows) / std::sqrt(kCalibrationDraws);
+  return rest_->FollowBorderAsVisited(calibrations).bottomRows(rows) / std::sqrt(kCalibrationDraws);
 }
 
 Eigen::MatrixXd GraphElimination::VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,

@@ -68,6 +68,11 @@ class RestSystem {
     return bordered_.FollowBorder(terms_, c);
   }
 
+  /// The same with the A that VisitInverse() and SolveHeld() are of.
+  Eigen::MatrixXd FollowBorderAsVisited(const Eigen::MatrixXd& c) const {
+    return bordered_.FollowBorderAsVisited(terms_, c);
+  }
+
   /// A⁻¹ b, with the border held at zero. Precondition: as FollowBorder().
   Eigen::MatrixXd SolveHeld(const Eigen::MatrixXd& b) const { return bordered_.SolveHeld(b); }
 
