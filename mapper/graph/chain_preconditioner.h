@@ -32,6 +32,7 @@ class ChainPreconditioner {
   ChainPreconditioner(int size, const Border& border, std::vector<bool> stays = {})
       : size_(size), border_(border), stays_(std::move(stays)) {}
 
+  /// False if it was told of poses that stay.
   bool CutsAll() const { return stays_.empty(); }
 
   /// The next system has another shape.
@@ -50,8 +51,8 @@ class ChainPreconditioner {
   /// A draw of N(0, M⁻¹) if z is one of N(0, I); zero in the border and for poses that are cut.
   Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
 
-  /// As Multifrontal::VisitInverse(), of M: what chains' poses add is not in it, nor are poses that
-  /// are cut.
+  /// As Multifrontal::VisitInverse(), of M, whose inverse is that of the whole but for the poses
+  /// that are cut.
   void VisitInverse(const InverseVisitor& visitor) const;
 
   /// Wᵀ M⁻¹ W of a W that has few rows, none for poses; rows of the border count as zero.
