@@ -79,7 +79,7 @@ MapProblem MapSingleRun(const MappingRun& run,
   if (options.calibrate) {
     CalibrateNoise(options, kNoiseRounds, &problem, go_on);
   }
-  RefineModes(options, &problem, go_on);
+  AlternateModes(options, &problem, go_on);  // All runs are solved again together.
   return problem;
 }
 

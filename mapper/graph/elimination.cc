@@ -280,7 +280,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
 std::vector<Eigen::Matrix2d> GraphElimination::RotationsOf(const Stretch& stretch) const {
   const std::vector<Se2>& poses = graph_.runs[static_cast<std::size_t>(stretch.run)].poses;
   std::vector<Eigen::Matrix2d> rotations;
-  rotations.reserve(static_cast<std::size_t>(stretch.last - stretch.first + 1));
+  rotations.reserve(static_cast<std::size_t>(stretch.last - stretch.first) + 1);
   for (int i = stretch.first; i <= stretch.last; ++i) {
     rotations.push_back(poses[static_cast<std::size_t>(i)].Rotation());
   }
