@@ -30,7 +30,7 @@ struct ModeRef {
 /// what a camera that is mounted askew gets wrong. Equations: localizer/README.md.
 ///
 /// Ownership: keeps no reference to the snapshot; every call must pass the same one.
-/// Threads: const-safe. Without heap allocations; a copy copies what is in use of 14 kB.
+/// Threads: const-safe. Without heap allocations; a copy copies 5 kB and what is in use of 9 kB.
 class KnownMapFilter {
  public:
   static constexpr int kStates = 5;  ///< x, y, yaw, log scale_v, log scale_omega.

@@ -14,46 +14,66 @@ namespace {
 // A bias lasts for about as long: what a camera misjudges changes with the scene. [s]
 constexpr double kBiasTime = 60.0;
 
-}  // namespace
+using Pair = Eigen::Array2d;
 
-SharedErrors::SharedErrors(const StateMatrix& cov_state)
-    : mean_(Vector::Zero(kFixed)), cov_(Matrix::Zero(kFixed, kFixed)) {
-  cov_.topLeftCorner<kStates, kStates>() = cov_state;
+// Two rows of a column, the first of them even.
+Eigen::Map<Pair, Eigen::Aligned16> At(double* column, int row) {
+  return Eigen::Map<Pair, Eigen::Aligned16>(column + row);
+}
+Eigen::Map<const Pair, Eigen::Aligned16> At(const double* column, int row) {
+  return Eigen::Map<const Pair, Eigen::Aligned16>(column + row);
 }
 
-template <int kColumns>
-auto SharedErrors::CovarianceColumns(Eigen::Index first) const -> ColumnsOf<kColumns> {
-  const Eigen::Index n = cov_.rows();
-  ColumnsOf<kColumns> columns(n, kColumns);
-  columns.topRows(first) = cov_.block(first, 0, kColumns, first).transpose();
-  columns.bottomRows(n - first) = cov_.block(first, first, n - first, kColumns);
-  for (Eigen::Index i = 0; i < kColumns; ++i) {
-    for (Eigen::Index j = i + 1; j < kColumns; ++j) columns(first + i, j) = columns(first + j, i);
+}  // namespace
+
+SharedErrors::SharedErrors(const StateMatrix& cov_state) {
+  for (int i = 0; i < kStates; ++i) {
+    for (int j = 0; j < kStates; ++j) cov_(i, j) = cov_state(i, j);
   }
-  return columns;
 }
 
 template <int kColumns>
 void SharedErrors::TransformPose(const Eigen::Matrix<double, 3, kColumns>& B) {
   mean_.head<3>() = (B * mean_.head<kColumns>()).eval();
-  StateMatrix cov_state = cov_.topLeftCorner<kStates, kStates>().selfadjointView<Eigen::Lower>();
+  StateMatrix cov_state;
+  for (int j = 0; j < kStates; ++j) {
+    for (int i = 0; i < kStates; ++i) cov_state(i, j) = cov_(i, j);
+  }
   cov_state.topRows<3>() = (B * cov_state.topRows<kColumns>()).eval();
   cov_state.leftCols<3>() = (cov_state.leftCols<kColumns>() * B.transpose()).eval();
-  cov_.topLeftCorner<kStates, kStates>() = cov_state;
-  const Eigen::Index others = cov_.rows() - kStates;
-  const ColumnsOf<3> cross = cov_.bottomLeftCorner(others, kColumns).lazyProduct(B.transpose());
-  cov_.bottomLeftCorner(others, 3) = cross;
+  double* columns[kColumns];
+  for (int k = 0; k < kColumns; ++k) columns[k] = cov_.Column(k);
+  for (int row = kStates - 1; row < rows(); row += 2) {
+    Pair sums[3];
+    for (int i = 0; i < 3; ++i) {
+      sums[i] = At(columns[0], row) * B(i, 0);
+      for (int k = 1; k < kColumns; ++k) sums[i] += At(columns[k], row) * B(i, k);
+    }
+    for (int i = 0; i < 3; ++i) At(columns[i], row) = sums[i];
+  }
+  for (int j = 0; j < kStates; ++j) {
+    for (int i = j; i < kStates; ++i) cov_(i, j) = cov_state(i, j);
+  }
+  cov_.MirrorFull();
 }
 
 void SharedErrors::Predict(const StateMatrix& F, const StateMatrix& noise, double elapsed_s) {
   TransformPose<kStates>(F.topRows<3>());
-  cov_.topLeftCorner<kStates, kStates>() += noise;
+  for (int j = 0; j < kStates; ++j) {
+    for (int i = 0; i < kStates; ++i) cov_(i, j) += noise(i, j);
+  }
   if (!has_bias_) return;
   const double keep = std::exp(-elapsed_s / kBiasTime);
   mean_.segment<2>(kBias) *= keep;
-  cov_.block<2, kFixed>(kBias, 0) *= keep;
-  cov_.block(kBias, kBias, cov_.rows() - kBias, 2) *= keep;
-  cov_.block<2, 2>(kBias, kBias) += (1.0 - keep * keep) * cov_bias_;
+  for (int i = kBias; i < kBias + 2; ++i) {
+    for (int j = 0; j < kBias; ++j) cov_(i, j) *= keep;
+    for (int j = kBias; j <= i; ++j) {
+      const double cov_bias = cov_bias_(i - kBias, j - kBias);
+      cov_(i, j) = cov_(i, j) * keep * keep + (1.0 - keep * keep) * cov_bias;
+    }
+    for (int row = kFixed; row < rows(); row += 2) At(cov_.Column(i), row) *= keep;
+  }
+  cov_.MirrorFull();
 }
 
 void SharedErrors::Move(const StateMatrix& A, const StateVector& correction) {
@@ -68,27 +88,56 @@ double SharedErrors::LogLikelihood(const Observed& observed,
     other.UseBiasOf(observed);
     return other.LogLikelihood(observed, covariance);
   }
-  const Expected expected = Expect(observed, ErrorOf(observed.mode_index, covariance));
+  const ModeError mode = ErrorOf(observed.mode_index, covariance, kFixed);
+  const Expected expected = Expect(observed, mode, kFixed);
   return LogGaussian(observed.nu - expected.nu, expected.S);
 }
 
 void SharedErrors::Update(const Observed& observed, const JointCovariance& covariance) {
   UseBiasOf(observed);
-  if (Place(observed.mode_index) < 0) {
+  int place = Place(observed.mode_index);
+  if (place < 0) {
     if (modes_ == kMaxModes) RemoveOldest();
+    place = rows();
     Add(observed.mode_index, ErrorOfNew(observed.mode_index, covariance));
   }
-  const int place = Place(observed.mode_index);
   last_used_[static_cast<std::size_t>((place - kFixed) / 2)] = ++uses_;
-  const ModeError mode = ErrorOf(observed.mode_index, covariance);
-  const Expected expected = Expect(observed, mode);
-  const Columns cross = CrossWithInnovation(observed, mode);
-  const Columns K = cross.lazyProduct(expected.S.inverse().eval());
-  mean_ += K * (observed.nu - expected.nu);
-  for (Eigen::Index i = 0; i < cov_.cols(); ++i) {
-    const Eigen::Index rows = cov_.rows() - i;
-    cov_.col(i).tail(rows) -= K.col(0).tail(rows) * cross(i, 0) + K.col(1).tail(rows) * cross(i, 1);
+  const ModeError mode = ErrorOf(observed.mode_index, covariance, rows());
+  const Expected expected = Expect(observed, mode, rows());
+  const Eigen::Matrix2d information = expected.S.inverse();
+  const Eigen::Vector2d surprise = observed.nu - expected.nu;
+  Columns K;
+  for (int row = 0; row < rows(); row += 2) {
+    const Pair cross_0 = At(expected.cross.col(0).data(), row);
+    const Pair cross_1 = At(expected.cross.col(1).data(), row);
+    const Pair K_0 = cross_0 * information(0, 0) + cross_1 * information(1, 0);
+    const Pair K_1 = cross_0 * information(0, 1) + cross_1 * information(1, 1);
+    At(K.col(0).data(), row) = K_0;
+    At(K.col(1).data(), row) = K_1;
+    At(mean_.data(), row) += K_0 * surprise.x() + K_1 * surprise.y();
   }
+  Subtract(K, expected.cross);
+}
+
+void SharedErrors::Subtract(const Columns& K, const Columns& cross) {
+  const double* const K_0 = K.col(0).data();
+  const double* const K_1 = K.col(1).data();
+  const int end = rows();
+  for (int i = 0; i < end; i += 2) {
+    double* const column = cov_.Column(i);
+    double* const next = cov_.Column(i + 1);
+    const double cross_00 = cross(i, 0);
+    const double cross_01 = cross(i, 1);
+    const double cross_10 = cross(i + 1, 0);
+    const double cross_11 = cross(i + 1, 1);
+    for (int row = i; row < end; row += 2) {
+      const Pair k_0 = At(K_0, row);
+      const Pair k_1 = At(K_1, row);
+      At(column, row) -= k_0 * cross_00 + k_1 * cross_01;
+      At(next, row) -= k_0 * cross_10 + k_1 * cross_11;
+    }
+  }
+  cov_.MirrorFull();
 }
 
 int SharedErrors::Place(int mode_index) const {
@@ -98,95 +147,130 @@ int SharedErrors::Place(int mode_index) const {
 }
 
 SharedErrors::ModeError SharedErrors::ErrorOf(int mode_index,
-                                              const JointCovariance& covariance) const {
+                                              const JointCovariance& covariance,
+                                              int rows) const {
   const int place = Place(mode_index);
   if (place < 0) return ErrorOfNew(mode_index, covariance);
-  const Columns cross = CovarianceColumns<2>(place);
-  return {mean_.segment<2>(place), cross.middleRows<2>(place), cross};
+  ModeError mode;
+  mode.mean = mean_.segment<2>(place);
+  const double* const first = cov_.Column(place);
+  const double* const second = cov_.Column(place + 1);
+  mode.cov << first[place], first[place + 1], first[place + 1], second[place + 1];
+  for (int row = 0; row < std::min(rows, place); ++row) {
+    mode.cross.row(row) = At(cov_.Column(row), place).matrix();
+  }
+  if (place >= rows) return mode;
+  mode.cross.middleRows<2>(place) = mode.cov;
+  for (int row = place + 2; row < rows; row += 2) {
+    At(mode.cross.col(0).data(), row) = At(first, row);
+    At(mode.cross.col(1).data(), row) = At(second, row);
+  }
+  return mode;
 }
 
 SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
                                                  const JointCovariance& covariance) const {
   const Eigen::Matrix2d prior = covariance.Block(mode_index, mode_index);
-  ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero(cov_.rows(), 2)};
+  ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero()};
+  if (covariance.cross_blocks().empty()) return mode;
   // Of the modes in use with the new one, and its regression on them.
+  using Used = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxModes, kMax>;
   const Eigen::Index used = Eigen::Index{2} * modes_;
-  Columns with_new(used, 2);
+  Eigen::Matrix<double, Eigen::Dynamic, 2, 0, 2 * kMaxModes, 2> with_new(used, 2);
   for (int i = 0; i < modes_; ++i) {
     const int index = mode_indices_[static_cast<std::size_t>(i)];
     with_new.middleRows<2>(Eigen::Index{2} * i) = covariance.Block(index, mode_index);
   }
   if (with_new.isZero(0.0)) return mode;
-  Matrix joint(used, used);
+  Used joint(used, used);
   for (int i = 0; i < modes_; ++i) {
     for (int j = 0; j < modes_; ++j) {
       joint.block<2, 2>(Eigen::Index{2} * i, Eigen::Index{2} * j) = covariance.Block(
           mode_indices_[static_cast<std::size_t>(i)], mode_indices_[static_cast<std::size_t>(j)]);
     }
   }
-  const Columns regression = joint.llt().solve(with_new);
-  mode.mean = regression.transpose() * mean_.tail(used);
-  const Matrix cov = cov_.selfadjointView<Eigen::Lower>();
-  mode.cross = cov.rightCols(used) * regression;
+  const Eigen::Matrix<double, Eigen::Dynamic, 2, 0, 2 * kMaxModes, 2> regression =
+      joint.llt().solve(with_new);
+  // Of the modes in use with a.
+  Used cov(used, rows());
+  for (int column = 0; column < rows(); ++column) {
+    for (int row = kFixed; row < rows(); ++row) {
+      cov(row - kFixed, column) = row >= column ? cov_(row, column) : cov_(column, row);
+    }
+  }
+  mode.mean = regression.transpose() * mean_.segment(kFixed, used);
+  mode.cross.topRows(rows()) = cov.transpose() * regression;
   mode.cov = prior - with_new.transpose() * regression +
-             regression.transpose() * cov.bottomRightCorner(used, used) * regression;
+             regression.transpose() * mode.cross.middleRows(kFixed, used);
   return mode;
 }
 
-SharedErrors::Expected SharedErrors::Expect(const Observed& observed, const ModeError& mode) const {
+SharedErrors::Expected SharedErrors::Expect(const Observed& observed,
+                                            const ModeError& mode,
+                                            int rows) const {
+  const Eigen::Matrix<double, 2, 3>& H_pose = observed.H_pose;
+  const Eigen::Matrix2d& H_bias = observed.H_bias;
+  const Eigen::Matrix2d& H_mode = observed.H_mode;
   Expected expected;
-  expected.nu = observed.H_pose * mean_.head<3>() + observed.H_bias * mean_.segment<2>(kBias) +
-                observed.H_mode * mode.mean;
-  const Eigen::Matrix<double, kFixed, kFixed> cov =
-      cov_.topLeftCorner<kFixed, kFixed>().selfadjointView<Eigen::Lower>();
-  const Eigen::Matrix<double, kFixed, 2> cross =
-      cov.leftCols<3>() * observed.H_pose.transpose() +
-      cov.middleCols<2>(kBias) * observed.H_bias.transpose() +
-      mode.cross.topRows<kFixed>() * observed.H_mode.transpose();
+  expected.nu = H_pose * mean_.head<3>() + H_bias * mean_.segment<2>(kBias) + H_mode * mode.mean;
+  for (int row = 0; row < rows; row += 2) {
+    const Pair x = At(cov_.Column(0), row);
+    const Pair y = At(cov_.Column(1), row);
+    const Pair yaw = At(cov_.Column(2), row);
+    const Pair bias_0 = At(cov_.Column(kBias), row);
+    const Pair bias_1 = At(cov_.Column(kBias + 1), row);
+    const Pair mode_0 = At(mode.cross.col(0).data(), row);
+    const Pair mode_1 = At(mode.cross.col(1).data(), row);
+    for (int i = 0; i < 2; ++i) {
+      At(expected.cross.col(i).data(), row) =
+          (x * H_pose(i, 0) + y * H_pose(i, 1) + yaw * H_pose(i, 2)) +
+          (bias_0 * H_bias(i, 0) + bias_1 * H_bias(i, 1)) +
+          (mode_0 * H_mode(i, 0) + mode_1 * H_mode(i, 1));
+    }
+  }
   const Eigen::Matrix2d cross_mode =
-      mode.cross.topRows<3>().transpose() * observed.H_pose.transpose() +
-      mode.cross.middleRows<2>(kBias).transpose() * observed.H_bias.transpose() +
-      mode.cov * observed.H_mode.transpose();
-  expected.S = Symmetrized(Eigen::Matrix2d(observed.H_pose * cross.topRows<3>() +
-                                           observed.H_bias * cross.middleRows<2>(kBias) +
-                                           observed.H_mode * cross_mode + observed.cov_noise));
+      mode.cross.topRows<3>().transpose() * H_pose.transpose() +
+      mode.cross.middleRows<2>(kBias).transpose() * H_bias.transpose() +
+      mode.cov * H_mode.transpose();
+  expected.S = Symmetrized(Eigen::Matrix2d(H_pose * expected.cross.topRows<3>() +
+                                           H_bias * expected.cross.middleRows<2>(kBias) +
+                                           H_mode * cross_mode + observed.cov_noise));
   return expected;
 }
 
-SharedErrors::Columns SharedErrors::CrossWithInnovation(const Observed& observed,
-                                                        const ModeError& mode) const {
-  return CovarianceColumns<3>(0).lazyProduct(observed.H_pose.transpose()) +
-         CovarianceColumns<2>(kBias).lazyProduct(observed.H_bias.transpose()) +
-         mode.cross.lazyProduct(observed.H_mode.transpose());
-}
-
 void SharedErrors::Add(int mode_index, const ModeError& mode) {
-  const auto n = cov_.rows();
-  mean_.conservativeResize(n + 2);
-  cov_.conservativeResize(n + 2, n + 2);
-  mean_.tail<2>() = mode.mean;
-  cov_.bottomLeftCorner(2, n) = mode.cross.transpose();
-  cov_.bottomRightCorner<2, 2>() = mode.cov;
+  const int place = rows();
+  mean_.segment<2>(place) = mode.mean;
+  for (int row = 0; row < place; ++row) {
+    At(cov_.Column(row), place) = mode.cross.row(row).transpose().array();
+  }
+  At(cov_.Column(place), place) = mode.cov.col(0).array();
+  At(cov_.Column(place + 1), place) = mode.cov.col(1).array();
   mode_indices_[static_cast<std::size_t>(modes_)] = mode_index;
   last_used_[static_cast<std::size_t>(modes_)] = ++uses_;
   ++modes_;
 }
 
+// The last takes its rows.
 void SharedErrors::RemoveOldest() {
   const auto oldest = std::min_element(last_used_.begin(), last_used_.begin() + modes_);
-  const auto slot = oldest - last_used_.begin();
-  const Eigen::Index row = kFixed + 2 * slot;
-  const Eigen::Index n = cov_.rows();
-  const Eigen::Index after = n - row - 2;
-  mean_.segment(row, after) = mean_.tail(after).eval();
-  cov_.middleRows(row, after) = Matrix(cov_.bottomRows(after));
-  cov_.middleCols(row, after) = Matrix(cov_.rightCols(after));
-  mean_.conservativeResize(n - 2);
-  cov_.conservativeResize(n - 2, n - 2);
-  std::copy(oldest + 1, last_used_.begin() + modes_, oldest);
-  const auto index = mode_indices_.begin() + slot;
-  std::copy(index + 1, mode_indices_.begin() + modes_, index);
+  const auto slot = static_cast<std::size_t>(oldest - last_used_.begin());
   --modes_;
+  const auto last_slot = static_cast<std::size_t>(modes_);
+  if (slot == last_slot) return;
+  const int place = kFixed + 2 * static_cast<int>(slot);
+  const int last = rows();
+  mean_.segment<2>(place) = mean_.segment<2>(last);
+  for (int row = 0; row < place; ++row) {
+    At(cov_.Column(row), place) = At(cov_.Column(row), last);
+  }
+  for (int column = 0; column < 2; ++column) {
+    double* const freed = cov_.Column(place + column);
+    At(freed, place) = At(cov_.Column(last + column), last);
+    for (int row = place + 2; row < last; ++row) freed[row] = cov_(last + column, row);
+  }
+  mode_indices_[slot] = mode_indices_[last_slot];
+  last_used_[slot] = last_used_[last_slot];
 }
 
 void SharedErrors::UseBiasOf(const Observed& observed) {
@@ -195,9 +279,12 @@ void SharedErrors::UseBiasOf(const Observed& observed) {
   kind_ = observed.kind;
   cov_bias_ = observed.cov_bias;
   mean_.segment<2>(kBias).setZero();
-  cov_.middleRows<2>(kBias).setZero();
-  cov_.middleCols<2>(kBias).setZero();
-  cov_.block<2, 2>(kBias, kBias) = cov_bias_;
+  for (int i = kBias; i < kBias + 2; ++i) {
+    for (int j = 0; j < kBias; ++j) cov_(i, j) = 0.0;
+    for (int j = kBias; j <= i; ++j) cov_(i, j) = cov_bias_(i - kBias, j - kBias);
+    for (int row = kFixed; row < rows(); ++row) cov_(row, i) = 0.0;
+  }
+  cov_.MirrorFull();
 }
 
 }  // namespace shiftmap

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "localizer/filter/paired_lower_triangle.h"
 #include "mapstore/map/joint_covariance.h"
 #include "mapstore/run/run.h"
 
@@ -57,21 +58,12 @@ class SharedErrors {
   void Update(const Observed& observed, const JointCovariance& covariance);
 
  private:
+  // Of a. The row after the bias stays zero: each mode then begins with an even row.
   static constexpr int kBias = kStates;
-  static constexpr int kFixed = kStates + 2;
+  static constexpr int kFixed = kStates + 3;
   static constexpr int kMax = kFixed + 2 * kMaxModes;
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>;
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
-  template <int kColumns>
-  using ColumnsOf = Eigen::Matrix<double, Eigen::Dynamic, kColumns, 0, kMax, kColumns>;
-  using Columns = ColumnsOf<2>;
-
-  // x̃_pose <- B x̃ for the first columns of x̃.
-  template <int kColumns>
-  void TransformPose(const Eigen::Matrix<double, 3, kColumns>& B);
-  // Columns of the covariance, of which only the lower triangle is kept.
-  template <int kColumns>
-  ColumnsOf<kColumns> CovarianceColumns(Eigen::Index first) const;
+  using Vector = Eigen::Matrix<double, kMax, 1>;
+  using Columns = Eigen::Matrix<double, kMax, 2>;
 
   // The error of a mode given all that was seen.
   struct ModeError {
@@ -82,13 +74,21 @@ class SharedErrors {
   struct Expected {
     Eigen::Vector2d nu;
     Eigen::Matrix2d S;
+    Columns cross;  // Of a with the innovation.
   };
 
-  int Place(int mode_index) const;  // Of its first row in a, or -1.
-  ModeError ErrorOf(int mode_index, const JointCovariance& covariance) const;
+  int rows() const { return kFixed + 2 * modes_; }  // Of a that are in use.
+  int Place(int mode_index) const;                  // Of its first row in a, or -1.
+
+  // Of `rows` rows of a, even and at least kFixed; what others would be is left open.
+  ModeError ErrorOf(int mode_index, const JointCovariance& covariance, int rows) const;
   ModeError ErrorOfNew(int mode_index, const JointCovariance& covariance) const;
-  Expected Expect(const Observed& observed, const ModeError& mode) const;
-  Columns CrossWithInnovation(const Observed& observed, const ModeError& mode) const;
+  Expected Expect(const Observed& observed, const ModeError& mode, int rows) const;
+
+  // x̃_pose <- B x̃ for the first columns of x̃.
+  template <int kColumns>
+  void TransformPose(const Eigen::Matrix<double, 3, kColumns>& B);
+  void Subtract(const Columns& K, const Columns& cross);  // K crossᵀ, from the covariance.
   void Add(int mode_index, const ModeError& mode);
   void RemoveOldest();
   void UseBiasOf(const Observed& observed);
@@ -100,8 +100,8 @@ class SharedErrors {
   bool has_bias_ = false;
   Observation::Kind kind_ = Observation::Kind::kRangeBearing;
   Eigen::Matrix2d cov_bias_ = Eigen::Matrix2d::Zero();
-  Vector mean_;
-  Matrix cov_;  // Its lower triangle.
+  Vector mean_ = Vector::Zero();
+  PairedLowerTriangle<kMax, kFixed> cov_;
 };
 
 }  // namespace shiftmap
