@@ -32,6 +32,37 @@ const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
       .modes[static_cast<std::size_t>(mode.state) - 1];
 }
 
+// H_pose X for the Jacobian of q by the pose and the rows of X that are the pose's.
+Eigen::Matrix2d TimesPoseJacobian(const Eigen::Vector2d& q, const KnownMapFilter::StateByPoint& X) {
+  Eigen::Matrix2d product;
+  product.row(0) = X.row(2) * q.y() - X.row(0);
+  product.row(1) = X.row(2) * -q.x() - X.row(1);
+  return product;
+}
+
+// X <- [A_pose 0; 0 I] X for A_pose = [R p; 0 0 1].
+template <typename Columns>
+void MovePose(const Eigen::Matrix3d& A_pose, Columns* X) {
+  const Eigen::Matrix<double, 2, 3> A = A_pose.topRows<2>();
+  for (Eigen::Index j = 0; j < Columns::ColsAtCompileTime; ++j) {
+    const Eigen::Vector2d moved =
+        A.col(0) * (*X)(0, j) + A.col(1) * (*X)(1, j) + A.col(2) * (*X)(2, j);
+    X->col(j).template head<2>() = moved;
+  }
+}
+
+// X <- [T U] X for U = [0 I]ᵀ: what a correction makes of errors.
+template <typename Columns>
+void Correct(const Eigen::Matrix<double, KnownMapFilter::kStates, 3>& T, Columns* X) {
+  for (Eigen::Index j = 0; j < Columns::ColsAtCompileTime; ++j) {
+    Eigen::Matrix<double, KnownMapFilter::kStates, 1> corrected =
+        T.col(0) * (*X)(0, j) + T.col(1) * (*X)(1, j) + T.col(2) * (*X)(2, j);
+    corrected(3) += (*X)(3, j);
+    corrected(4) += (*X)(4, j);
+    X->col(j) = corrected;
+  }
+}
+
 KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, double sd_log_scale) {
   KnownMapFilter::StateMatrix P = KnownMapFilter::StateMatrix::Zero();
   P.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
@@ -95,17 +126,18 @@ void KnownMapFilter::SettleGains() {
 
 KnownMapFilter::StateByPoint KnownMapFilter::CrossOf(int mode_index,
                                                      const JointCovariance& covariance) const {
+  if (covariance.cross_blocks().empty()) {
+    const auto mode = Find(mode_index);
+    if (mode == considered_.end() || mode->index != mode_index) return StateByPoint::Zero();
+    const StateByPoint cross = mode->gain * covariance.Block(mode_index, mode_index);
+    return mode->current ? cross : pending_ * cross;
+  }
   StateByPoint of_current = StateByPoint::Zero();
   StateByPoint of_others = StateByPoint::Zero();
   const auto add = [&](const ConsideredMode& mode) {
     (mode.current ? of_current : of_others) += mode.gain * covariance.Block(mode.index, mode_index);
   };
-  if (covariance.cross_blocks().empty()) {
-    const auto mode = Find(mode_index);
-    if (mode != considered_.end() && mode->index == mode_index) add(*mode);
-  } else {
-    std::for_each(considered_.begin(), considered_.end(), add);
-  }
+  std::for_each(considered_.begin(), considered_.end(), add);
   return of_current + pending_ * of_others;
 }
 
@@ -165,10 +197,14 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(const Eigen::Vector2d& p_map_
   point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
   point.H_landmark = R_vehicle_map_;
   const StateByPoint cross_q = cross * point.H_landmark.transpose();
-  point.cov_state_q = P_.leftCols<3>() * point.H_pose.transpose() + cross_q;
-  const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
-  point.cov_q = point.H_pose * P_.topLeftCorner<3, 3>() * point.H_pose.transpose() + H_cross +
-                H_cross.transpose() + point.H_landmark * cov_p * point.H_landmark.transpose();
+  // What H_pose has beside its zeros and ones is spelled out, here and below.
+  StateByPoint cov_state;
+  cov_state.col(0) = P_.col(2) * point.q.y() - P_.col(0);
+  cov_state.col(1) = P_.col(2) * -point.q.x() - P_.col(1);
+  point.cov_state_q = cov_state + cross_q;
+  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point.q, cross_q);
+  point.cov_q = TimesPoseJacobian(point.q, cov_state) + H_cross + H_cross.transpose() +
+                point.H_landmark * cov_p * point.H_landmark.transpose();
   point.cov_q = Symmetrized(point.cov_q);
   return point;
 }
@@ -194,7 +230,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement&
   const SensorBias& bias = BiasOf(measurement.kind);
   const Eigen::Matrix2d& dq_dz = measurement.dq_dz;
   const StateByPoint cross_bias = bias.cross * dq_dz.transpose();
-  const Eigen::Matrix2d H_cross = point.H_pose * cross_bias.topRows<3>();
+  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point.q, cross_bias);
   prediction.cov_state_z = point.cov_state_q + cross_bias;
   prediction.S = point.cov_q + H_cross + H_cross.transpose() +
                  dq_dz * bias.cov * dq_dz.transpose() + measurement.cov_noise;
@@ -234,29 +270,37 @@ void KnownMapFilter::Update(const Prediction& prediction,
   seen.cov_noise /= weight;
   shared_errors_.Update(seen, snapshot.covariance());
   const StateByPoint K = prediction.cov_state_z * prediction.S.inverse();
-  const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
   const Eigen::Matrix2d& H_m = prediction.point.H_landmark;
 
   // K is optimal for the state, so Joseph's form reduces to this.
-  P_ -= K * prediction.S * K.transpose();
+  const StateByPoint KS = K * prediction.S;
+  for (int j = 0; j < kStates; ++j) P_.col(j) -= KS.col(0) * K(j, 0) + KS.col(1) * K(j, 1);
   const bool cartesian = prediction.measurement.kind == Observation::Kind::kCartesian;
   for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
     const bool observed = (bias == &position_bias_) == cartesian;
-    Eigen::Matrix2d cov_z_bias = H_x * bias->cross.topRows<3>();
+    Eigen::Matrix2d cov_z_bias = TimesPoseJacobian(prediction.point.q, bias->cross);
     if (observed) cov_z_bias += prediction.measurement.dq_dz * bias->cov;
     bias->cross -= K * cov_z_bias;
   }
-  StateMatrix M = StateMatrix::Identity();
-  M.leftCols<3>() -= K * H_x;
-  const StateMatrix A = Move(K * prediction.nu);
-  TransformGains(A * M);
-  const StateByPoint AK = A * K;
-  for (UnknownPlace& place : places_) {
-    const Eigen::Matrix2d cross_bias = place.CrossBias(prediction.measurement.kind);
-    place.cross_state =
-        (A * M * place.cross_state - AK * prediction.measurement.dq_dz * cross_bias).eval();
+  // The first columns of I - K H, the others are unit ones.
+  Eigen::Matrix<double, kStates, 3> T = Eigen::Matrix<double, kStates, 3>::Identity();
+  T.col(0) += K.col(0);
+  T.col(1) += K.col(1);
+  T.col(2) -= K.col(0) * prediction.point.q.y() - K.col(1) * prediction.point.q.x();
+  const Eigen::Matrix3d A_pose = Move(K * prediction.nu).topLeftCorner<3, 3>();
+  MovePose(A_pose, &T);
+  Correct(T, &pending_);
+  for (ConsideredMode& considered : considered_) {
+    if (considered.current) Correct(T, &considered.gain);
   }
-  GainOf(mode_index) -= A * K * H_m;
+  StateByPoint AK = K;
+  MovePose(A_pose, &AK);
+  const StateByPoint AK_bias = AK * prediction.measurement.dq_dz;
+  for (UnknownPlace& place : places_) {
+    Correct(T, &place.cross_state);
+    place.cross_state -= AK_bias * place.CrossBias(prediction.measurement.kind);
+  }
+  GainOf(mode_index) -= AK * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
 }
 
@@ -266,11 +310,15 @@ KnownMapFilter::StateMatrix KnownMapFilter::Move(
   MoveTo(T_map_vehicle_ * step);
   log_scale_ += correction.tail<2>();
   StateMatrix A = StateMatrix::Identity();
-  A.topLeftCorner<3, 3>() = step.InverseAdjoint();
-  P_ = Symmetrized(StateMatrix(A * P_ * A.transpose()));
+  const Eigen::Matrix3d A_pose = step.InverseAdjoint();
+  A.topLeftCorner<3, 3>() = A_pose;
+  MovePose(A_pose, &P_);
+  P_.transposeInPlace();
+  MovePose(A_pose, &P_);
+  P_ = Symmetrized(P_);
   shared_errors_.Move(A, correction);
-  range_bearing_bias_.cross = A * range_bearing_bias_.cross;
-  position_bias_.cross = A * position_bias_.cross;
+  MovePose(A_pose, &range_bearing_bias_.cross);
+  MovePose(A_pose, &position_bias_.cross);
   return A;
 }
 
