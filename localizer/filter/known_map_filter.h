@@ -137,6 +137,7 @@ class KnownMapFilter {
 
   PoseWithCovariance Pose() const;
   const Se2& T_map_vehicle() const { return T_map_vehicle_; }
+  const Eigen::Matrix2d& R_vehicle_map() const { return R_vehicle_map_; }
 
   /// Deviation of (log scale_v, log scale_omega) from the fleet's.
   const Eigen::Vector2d& log_scale() const { return log_scale_; }

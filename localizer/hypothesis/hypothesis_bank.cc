@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "localizer/hypothesis/leaf_reduction.h"
@@ -52,6 +53,11 @@ StateValues ValuesOf(const Eigen::VectorXd& vector) {
   return {vector.data(), vector.data() + vector.size()};
 }
 
+Eigen::Vector2d EdgeOfView(const SensorCalibration& sensor) {
+  const double bearing = std::min(sensor.max_bearing_rad, std::numbers::pi);
+  return {std::cos(bearing), std::sin(bearing)};
+}
+
 Eigen::VectorXd Exponential(const StateValues& log_p) { return AsVector(log_p).array().exp(); }
 
 }  // namespace
@@ -65,6 +71,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       threshold_(DecisionThreshold(options.alpha)),
+      edge_of_view_(EdgeOfView(snapshot_.calibration().sensor)),
       held_since_(snapshot_.groups().size()) {
   SHIFTMAP_CHECK(options.max_leaves >= 1, "max_leaves {}", options.max_leaves);
   for (const LandmarkGroup& group : snapshot_.groups()) {
@@ -163,19 +170,20 @@ std::size_t HypothesisBank::BeliefIndex(int group) const {
   return held ? static_cast<std::size_t>(found - beliefs.begin()) : beliefs.size();
 }
 
-// By a bound on the bearing's variance that needs no correlations: Var(a + b) <= 2 Var a + 2 Var b.
-// Spares most groups near the vehicle the exact probability.
+// By a bound on the bearing's variance that needs no correlations: Var(a + b) <= 2 Var a + 2 Var b;
+// and by the distance from the line along the edge of the sector, which is no more than range times
+// angle. Spares most groups near the vehicle the exact probability.
 bool HypothesisBank::FarOutsideSector(const Mode& mode) const {
   constexpr double kSigmas = 6.0;  // P_FOV < 1e-8, below any threshold.
   const KnownMapFilter& filter = best().filter;
-  const Eigen::Vector2d q = filter.T_map_vehicle().Inverse() * mode.p_map_landmark;
-  const double squared_range = q.squaredNorm();
-  const double of_pose =
-      filter.covariance().topLeftCorner<2, 2>().trace() + squared_range * filter.covariance()(2, 2);
+  const Eigen::Vector2d q =
+      filter.R_vehicle_map() * (mode.p_map_landmark - filter.T_map_vehicle().translation());
+  const double outside_m = std::abs(q.y()) * edge_of_view_.x() - q.x() * edge_of_view_.y();
+  if (outside_m <= 0.0) return false;
+  const double of_pose = filter.covariance().topLeftCorner<2, 2>().trace() +
+                         q.squaredNorm() * filter.covariance()(2, 2);
   const double variance = 4.0 * of_pose + 2.0 * mode.cov_p_map_landmark.trace();
-  const double outside =
-      std::abs(std::atan2(q.y(), q.x())) - snapshot_.calibration().sensor.max_bearing_rad;
-  return outside > 0.0 && outside * outside * squared_range > kSigmas * kSigmas * variance;
+  return outside_m * outside_m > kSigmas * kSigmas * variance;
 }
 
 bool HypothesisBank::InView(int group, double threshold) const {

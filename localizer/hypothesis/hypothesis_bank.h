@@ -177,8 +177,9 @@ class HypothesisBank {
   MapSnapshot snapshot_;
   HypothesisOptions options_;
   ModeGrid grid_;
-  double gate_ = 0.0;       // Chi-square quantile.
-  double threshold_ = 0.0;  // Of the sequential test.
+  double gate_ = 0.0;             // Chi-square quantile.
+  double threshold_ = 0.0;        // Of the sequential test.
+  Eigen::Vector2d edge_of_view_;  // Of the sector, on the left; a unit vector.
   Stamp stamp_;
   LeafSet leaves_;                          // By descending weight.
   std::vector<Visit> visits_;               // Open ones, by group.

@@ -119,6 +119,7 @@ StateValues MarginalLogProbability(const LeafSet& leaves, std::size_t index) {
 }
 
 void MergeLeaves(const std::vector<bool>& must_agree, LeafSet* leaves) {
+  if (leaves->size() == 1) return;
   leaves->SortByWeight();
   for (Leaf* leaf : leaves->all()) leaf->agreement_key = AgreementKey(*leaf, must_agree);
   for (Leaf* leaf : leaves->Rebuild()) {

@@ -79,6 +79,8 @@ std::optional<Stamp> FindWrongPose(const RecentScans& recent,
   for (const double window_s : kWindowsS) {
     const Stamp since = now - FromSeconds(window_s);
     const PoseSupport support = health.Support(since, -1);
+    // Then nothing fails in the shorter ones either.
+    if (support.failing == 0) return std::nullopt;
     if (!support.Doubts()) continue;
     // Landmarks that never agreed may be all that is in view: then it takes the longest.
     if (support.turned < kMinTurned && window_s < kWindowsS[0]) continue;
