@@ -26,7 +26,7 @@ constexpr int kNights = 8;
 // Sites; more of them on demand.
 int Seeds() {
   const char* asked = std::getenv("SHIFTMAP_NIGHTLY_SEEDS");
-  return asked != nullptr ? std::atoi(asked) : 12;
+  return asked != nullptr ? std::atoi(asked) : 24;
 }
 
 // By how much the ranges of a fleet are too long, in standard deviations of a logarithm.
