@@ -253,7 +253,6 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   } else {
     rest_ = std::make_unique<RestSystem>(RestSize(), Calibrations());
   }
-  rest_gradient_ = Eigen::VectorXd::Zero(RestSize());
   cost_ = PriorCost();
   AddPriors();
   AddTogether(rest_.get());
@@ -272,7 +271,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   for (std::size_t i = 0; i < stretches_.size(); ++i) {
     if (!eliminated[i].determined) return false;
     cost_ += eliminated[i].cost;
-    AddToRest(stretches_[i].boundary, std::move(eliminated[i].C), eliminated[i].c);
+    rest_->Add(stretches_[i].boundary, std::move(eliminated[i].C), eliminated[i].c);
   }
   return std::isfinite(cost_);
 }
@@ -398,7 +397,7 @@ void GraphElimination::AddPriors() {
     for (int i = 0; i < kRunCalibration; ++i) {
       index.push_back(first_calibration_ + kRunCalibration * static_cast<int>(r) + i);
     }
-    AddToRest(index, information.asDiagonal(), -information.cwiseProduct(difference));
+    rest_->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
   }
   if (graph_.prior.modes.empty()) return;
   std::vector<int> index;
@@ -407,16 +406,7 @@ void GraphElimination::AddPriors() {
   }
   const Eigen::MatrixXd& W = graph_.prior.sqrt_information;
   const Eigen::VectorXd whitened = W * PriorDifference();
-  AddToRest(index, W.transpose() * W, -(W.transpose() * whitened));
-}
-
-void GraphElimination::AddToRest(const std::vector<int>& index,
-                                 Eigen::MatrixXd H,
-                                 const Eigen::VectorXd& b) {
-  for (std::size_t i = 0; i < index.size(); ++i) {
-    if (index[i] >= 0) rest_gradient_[index[i]] += b[static_cast<Eigen::Index>(i)];
-  }
-  rest_->Add(index, std::move(H), b);
+  rest_->Add(index, W.transpose() * W, -(W.transpose() * whitened));
 }
 
 // Terms of zeros: they have places in the factor.
@@ -465,7 +455,7 @@ GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_6
 std::optional<GraphStep> GraphElimination::SimilarStep() {
   const std::optional<Eigen::VectorXd> rest = rest_->SolveSimilar();
   if (!rest) return std::nullopt;
-  expected_decrease_ = rest_gradient_.dot(*rest);
+  expected_decrease_ = rest_->right_side().dot(*rest);
   for (const Stretch& stretch : stretches_) expected_decrease_ += stretch.segment.Decrease();
   expected_decrease_ *= 0.5;
   return Complete(*rest, nullptr);

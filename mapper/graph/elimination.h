@@ -160,7 +160,6 @@ class GraphElimination {
   double PriorCost() const;
   Eigen::VectorXd PriorDifference() const;
   void AddPriors();
-  void AddToRest(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b);
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
 
@@ -173,7 +172,6 @@ class GraphElimination {
   int first_calibration_ = 0;  // Rows of the rest: separators before, calibrations, modes after.
   int first_mode_ = 0;
   std::unique_ptr<RestSystem> rest_;
-  Eigen::VectorXd rest_gradient_;  // The right side of what is left of the normal equations.
   double cost_ = 0.0;
   double expected_decrease_ = 0.0;
 };

@@ -23,6 +23,9 @@ class RestSystem {
   const Border& border() const { return border_; }
   int size() const { return static_cast<int>(b_.size()); }
 
+  /// b.
+  const Eigen::VectorXd& right_side() const { return b_; }
+
   /// Takes all blocks away. Adding as many over the same unknowns again spares finding an order.
   void Clear();
 
