@@ -20,7 +20,7 @@ constexpr double kBearingOffsetSd = 0.05;  // [rad]
 constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
 
 // Motions are linear in the calibration only nearby. [-], [s]
-constexpr double kLinearCorrection = 2e-3;
+constexpr double kLinearCorrection = 1e-2;
 
 // Of what is not estimated.
 constexpr double kHeldSd = 1e-9;
@@ -66,22 +66,6 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
   if (calibrate && in_map_units) result.sensor_bias_sd[kLogRangeScale] = options.sd_run_range_scale;
   return result;
-}
-
-void CopyBack(const Graph& graph, MapProblem* problem) {
-  std::size_t flat = 0;
-  for (std::vector<BuildMode>& group : problem->modes) {
-    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
-  }
-  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
-    BuildRun& run = problem->runs[r];
-    run.poses = graph.runs[r].poses;
-    const Eigen::Vector3d& correction = graph.runs[r].correction;
-    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
-    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
-    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
-    run.sensor_bias = graph.runs[r].sensor_bias;
-  }
 }
 
 }  // namespace
@@ -139,10 +123,26 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   return graph;
 }
 
+void CopySolution(const Graph& graph, MapProblem* problem) {
+  std::size_t flat = 0;
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    run.poses = graph.runs[r].poses;
+    const Eigen::Vector3d& correction = graph.runs[r].correction;
+    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
+    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
+    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
+    run.sensor_bias = graph.runs[r].sensor_bias;
+  }
+}
+
 Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
   Graph graph = MakeGraph(options, problem);
   problem->cost = solver->Solve(options.solver, &graph).final_cost;
-  CopyBack(graph, problem);
+  CopySolution(graph, problem);
   return graph;
 }
 

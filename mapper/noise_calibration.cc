@@ -130,18 +130,23 @@ void CalibrateNoise(const MapperOptions& options,
                     MapProblem* problem,
                     const GoOn& go_on) {
   // The next round goes on from where this one ends: none needs to end at the minimum.
-  constexpr int kIterations = 3;
-  constexpr double kCostTolerance = 1e-4;
-  MapperOptions few = options;
-  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
-  few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  constexpr int kFirstIterations = 3;
+  constexpr int kIterations = 2;
+  constexpr double kCostTolerance = 1e-3;
+  SolverLimits limits = options.solver;
+  limits.cost_tolerance = std::max(kCostTolerance, limits.cost_tolerance);
   VarianceComponents components(problem);
   GraphSolver solver;
   for (int round = 0; round < rounds; ++round) {
     if (go_on && !go_on(*problem)) return;
-    const Graph graph = SolveOnce(few, problem, &solver);
+    limits.max_iterations =
+        std::min(round == 0 ? kFirstIterations : kIterations, options.solver.max_iterations);
+    Graph graph = MakeGraph(options, problem);
+    GraphSummary summary;
     const std::vector<ResidualStatistics> statistics =
-        ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, &solver);
+        solver.SolveForStatistics(limits, NoiseSamples(graph), options.seed, &graph, &summary);
+    CopySolution(graph, problem);
+    problem->cost = summary.final_cost;
     if (components.Step(statistics) < kSettled) return;
   }
 }

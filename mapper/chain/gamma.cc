@@ -7,10 +7,10 @@
 namespace shiftmap {
 namespace {
 
-// The zero of a function that does not fall, between `low` and `high`; 200 halvings at most.
+// The zero of a function that does not fall, between `low` and `high`, to 1e-10.
 template <typename Function>
 double Bisect(double low, double high, const Function& function) {
-  for (int i = 0; i < 200 && high - low > 1e-14 * std::abs(low); ++i) {
+  while (high - low > 1e-10) {
     const double middle = 0.5 * (low + high);
     (function(middle) < 0.0 ? low : high) = middle;
   }

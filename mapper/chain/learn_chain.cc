@@ -141,7 +141,7 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   result.prior = options.prior;
   std::vector<Choice> choices(steps.size());
   constexpr int kMaxRounds = 20;
-  constexpr double kSettled = 1e-3;
+  constexpr double kSettled = 1e-2;
   const std::size_t step = options.share_prior ? steps.size() / kPriorGroups + 1 : 1;
   for (int round = 0; round < kMaxRounds; ++round) {
     FitEvery(step, steps, result.prior, options, &choices);

@@ -253,6 +253,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   } else {
     rest_ = std::make_unique<RestSystem>(RestSize(), Calibrations());
   }
+  is_curved_ = weighting != &RobustLoss::Weight;
   cost_ = PriorCost();
   AddPriors();
   AddTogether(rest_.get());
@@ -320,8 +321,14 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch,
                                 run.sensor_bias);
     const double squared = linear.r.squaredNorm();
     cost += loss_.HalfLoss(squared);
-    FactorProducts<2, 3, 3, 2> products(
-        linear.r, linear.J_pose, linear.J_bias, linear.J_landmark, (loss_.*weighting)(squared));
+    // The slope is by the weight, whatever the matrix is by.
+    const double weight = (loss_.*weighting)(squared);
+    const FactorProducts<2, 3, 3, 2> products(
+        Eigen::Vector2d(loss_.Weight(squared) / weight * linear.r),
+        linear.J_pose,
+        linear.J_bias,
+        linear.J_landmark,
+        weight);
     products.AddTo(place_of(item.frame), Place{-1, kBias}, Place{-1, stretch.slots[k]}, system);
   }
   return cost;

@@ -60,14 +60,22 @@ class GraphElimination {
 
   /// The same, but for a factor of an earlier linearization in which the calibrations are held:
   /// what is drawn with it is of the present one.
-  bool LinearizeSimilar() {
-    return Eliminate(&RobustLoss::Curvature, 0.0) && (HoldsCalibrations() || rest_->Factorize());
-  }
+  bool LinearizeSimilar() { return Eliminate(&RobustLoss::Curvature, 0.0) && FactorizeSimilar(); }
 
   /// Linearizes for a cost and a SimilarStep(), without solving the small system. False if a
   /// segment is not determined.
   /// @param damping  Share by which the diagonal of the normal equations is raised (Marquardt).
   bool LinearizeSegments(double damping = 0.0) { return Eliminate(&RobustLoss::Weight, damping); }
+
+  /// The same with the curvature of the loss, for steps near a minimum: weights leave a fifth of
+  /// the way and more to each next one.
+  bool LinearizeNearMinimum() { return Eliminate(&RobustLoss::StepCurvature, 0.0); }
+
+  /// True if the last linearization was with the curvature of the loss.
+  bool IsNearMinimum() const { return is_curved_; }
+
+  /// As LinearizeSimilar(), of what the last SimilarStep() was from.
+  bool FactorizeSimilar() { return HoldsCalibrations() || rest_->EnsureFactor(); }
 
   /// Half the sum of all losses at the last linearization.
   double cost() const { return cost_; }
@@ -174,6 +182,7 @@ class GraphElimination {
   std::unique_ptr<RestSystem> rest_;
   double cost_ = 0.0;
   double expected_decrease_ = 0.0;
+  bool is_curved_ = false;
 };
 
 }  // namespace shiftmap

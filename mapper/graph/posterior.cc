@@ -112,14 +112,10 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
 
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      int samples,
-                                                     std::uint64_t seed,
-                                                     GraphSolver* solver) {
-  GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
-  SHIFTMAP_CHECK(elimination.LinearizeSimilar(), kNotDetermined);
-  std::vector<ResidualStatistics> statistics =
-      ComputeRunStatistics(graph, elimination, samples, seed);
-  if (solver != nullptr) solver->KeepRest(elimination.TakeRest());
-  return statistics;
+                                                     std::uint64_t seed) {
+  GraphElimination elimination(graph);
+  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
+  return ComputeRunStatistics(graph, elimination, samples, seed);
 }
 
 }  // namespace shiftmap

@@ -44,6 +44,7 @@ void RestSystem::Clear() {
   b_.setZero();
   H_.setZero();
   added_ = 0;
+  is_factorized_ = false;
 }
 
 void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b) {
@@ -73,6 +74,11 @@ void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eig
 }
 
 bool RestSystem::Factorize() {
+  is_factorized_ = FactorizeAny();
+  return is_factorized_;
+}
+
+bool RestSystem::FactorizeAny() {
   if (dense()) {
     dense_.compute(H_);
     return dense_.info() == Eigen::Success;

@@ -38,6 +38,9 @@ class RestSystem {
   /// many blocks the factor is without it (HoldsBorder).
   bool Factorize();
 
+  /// Factorize(), unless the factor of what was added last is there.
+  bool EnsureFactor() { return is_factorized_ || Factorize(); }
+
   /// H⁻¹ b without Factorize(), to a millionth, with a border of very many blocks to a hundredth:
   /// by conjugate gradients on the factor of an earlier, similar H if there is one of the same
   /// shape, with a factor of its own where these are slow. Nothing if the system is not positive
@@ -92,6 +95,7 @@ class RestSystem {
 
  private:
   bool dense() const;
+  bool FactorizeAny();
   void Forget();
   void Shape();
   std::optional<Eigen::VectorXd> ConjugateGradients() const;
@@ -105,6 +109,7 @@ class RestSystem {
   std::size_t added_ = 0;
   std::unique_ptr<Multifrontal> factor_;  // If not dense; of the shape of terms_.
   bool has_factor_ = false;               // factor_ is of some H.
+  bool is_factorized_ = false;            // The factor is of the present H.
 };
 
 }  // namespace shiftmap

@@ -42,6 +42,13 @@ class RobustLoss {
     return Weight(squared) * std::max(kLeast, 1.0 / (1.0 + squared / squared_scale_));
   }
 
+  /// For steps near a minimum. The weights majorize the loss, so that steps by them go down, and so
+  /// do those less than twice as long: with more than half of the weight.
+  double StepCurvature(double squared) const {
+    constexpr double kLeast = 0.6;
+    return Weight(squared) * std::max(kLeast, 1.0 / (1.0 + squared / squared_scale_));
+  }
+
  private:
   // eᵃ E₂(a) is a continued fraction (Abramowitz, Stegun 5.1.22), here from its end.
   static double Kappa(double scale) {

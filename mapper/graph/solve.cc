@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ceres/solver.h>
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_problem.h"
 #include "mapstore/geometry/covariance.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -69,50 +71,110 @@ void HoldFrame(const Se2& T_map_anchor, Graph* graph) {
   anchor = T_map_anchor;
 }
 
-// Gauss-Newton from a linearization until the cost stays. False if a step is not determined or does
-// not go down; the graph is then where it was before that step.
-bool GaussNewton(const SolverLimits& limits,
-                 GraphElimination* elimination,
-                 Graph* graph,
-                 GraphSummary* summary) {
-  const bool floats = graph->prior.modes.empty() && !graph->modes.empty();
-  while (summary->iterations < limits.max_iterations && !summary->converged) {
-    std::optional<GraphStep> step = elimination->SimilarStep();
-    if (!step) return false;
-    if (floats) TakeOutRigidMotion(*graph, &*step);
-    Apply(*step, graph);
-    ++summary->iterations;
-    // Nothing is linearized after the last step.
-    if (summary->iterations == limits.max_iterations ||
-        elimination->ExpectedDecrease() <= limits.cost_tolerance * summary->final_cost) {
-      const double cost = elimination->PresentCost();
-      const double decrease = summary->final_cost - cost;
-      const bool converged = decrease <= limits.cost_tolerance * cost;
-      if (cost <= summary->final_cost * (1.0 + kRounding) &&
-          (converged || summary->iterations == limits.max_iterations)) {
-        summary->converged = converged;
-        summary->final_cost = cost;
-        return true;
-      }
-    }
-    bool down = elimination->LinearizeSegments() &&
-                elimination->cost() <= summary->final_cost * (1.0 + kRounding);
-    for (int i = 0; i < kMaxHalvings && !down; ++i) {
-      step = Scaled(*std::move(step), -0.5);
-      Apply(*step, graph);
-      step = Scaled(*std::move(step), -1.0);
-      down = elimination->LinearizeSegments() && elimination->cost() <= summary->final_cost;
-    }
-    if (!down) {
-      Apply(Scaled(*std::move(step), -1.0), graph);
-      return false;
-    }
-    summary->converged =
-        summary->final_cost - elimination->cost() <= limits.cost_tolerance * elimination->cost();
-    summary->final_cost = elimination->cost();
+// A step that is expected to lower the cost by a smaller share is near the minimum: the curvature
+// of the loss leads on from there.
+constexpr double kNearMinimum = 1e-2;
+
+// Steps that go down by more than expected, as where outliers make up their minds, are followed by
+// longer ones. No longer than that: in other directions it is too far.
+constexpr double kMaxLength = 1.5;
+
+// Gauss-Newton steps until the cost stays.
+class GaussNewton {
+ public:
+  /// @param near_minimum  The graph is to begin with; then, whether it is where this ends.
+  GaussNewton(const SolverLimits& limits,
+              bool* near_minimum,
+              GraphElimination* elimination,
+              Graph* graph,
+              GraphSummary* summary)
+      : limits_(limits),
+        near_minimum_(*near_minimum),
+        elimination_(*elimination),
+        graph_(*graph),
+        summary_(*summary),
+        floats_(graph->prior.modes.empty() && !graph->modes.empty()) {}
+
+  // The first linearization. False if a segment is not determined.
+  bool Start() {
+    if (!Linearize()) return false;
+    summary_.initial_cost = summary_.final_cost = elimination_.cost();
+    return true;
   }
-  return true;
-}
+
+  // False if a step is not determined or does not go down; the graph is then where it was before
+  // that step.
+  bool Run() {
+    while (summary_.iterations < limits_.max_iterations && !summary_.converged) {
+      std::optional<GraphStep> step = elimination_.SimilarStep();
+      if (!step) return false;
+      const double expected = elimination_.ExpectedDecrease();
+      near_minimum_ = expected <= kNearMinimum * summary_.final_cost;
+      if (!near_minimum_) length_ = 1.0;
+      if (length_ > 1.0) step = Scaled(*std::move(step), length_);
+      if (floats_) TakeOutRigidMotion(graph_, &*step);
+      Apply(*step, &graph_);
+      ++summary_.iterations;
+      if (IsLast(expected) && Ends()) return true;
+      if (!GoDown(*std::move(step))) return false;
+      const double decrease = summary_.final_cost - elimination_.cost();
+      length_ = NextLength(expected, decrease);
+      summary_.converged = decrease <= limits_.cost_tolerance * elimination_.cost();
+      summary_.final_cost = elimination_.cost();
+    }
+    return true;
+  }
+
+ private:
+  bool Linearize() {
+    return near_minimum_ ? elimination_.LinearizeNearMinimum() : elimination_.LinearizeSegments();
+  }
+
+  // Nothing is linearized after the last step.
+  bool IsLast(double expected) const {
+    return summary_.iterations == limits_.max_iterations ||
+           expected <= limits_.cost_tolerance * summary_.final_cost;
+  }
+
+  bool Ends() {
+    const double cost = elimination_.PresentCost();
+    const bool converged = summary_.final_cost - cost <= limits_.cost_tolerance * cost;
+    if (!(cost <= summary_.final_cost * (1.0 + kRounding))) return false;
+    if (!converged && summary_.iterations < limits_.max_iterations) return false;
+    summary_.converged = converged;
+    summary_.final_cost = cost;
+    return true;
+  }
+
+  // Linearizes where a step has led, or halfway.
+  bool GoDown(GraphStep step) {
+    if (Linearize() && elimination_.cost() <= summary_.final_cost * (1.0 + kRounding)) return true;
+    for (int i = 0; i < kMaxHalvings; ++i) {
+      step = Scaled(std::move(step), -0.5);
+      Apply(step, &graph_);
+      step = Scaled(std::move(step), -1.0);
+      if (Linearize() && elimination_.cost() <= summary_.final_cost) return true;
+    }
+    Apply(Scaled(std::move(step), -1.0), &graph_);
+    return false;
+  }
+
+  // The cost along a step is a parabola by what was expected and what came of it: where it has its
+  // minimum.
+  double NextLength(double expected, double decrease) const {
+    const double curvature = (2.0 * expected * length_ - decrease) / (length_ * length_);
+    if (curvature * kMaxLength <= expected) return kMaxLength;
+    return std::max(1.0, expected / curvature);
+  }
+
+  SolverLimits limits_;
+  bool& near_minimum_;
+  GraphElimination& elimination_;
+  Graph& graph_;
+  GraphSummary& summary_;
+  bool floats_;
+  double length_ = 1.0;
+};
 
 // Levenberg and Marquardt, from where steps of Gauss-Newton do not go down: until the cost stays.
 // Where no step goes down however short, that is a minimum up to rounding.
@@ -159,15 +221,37 @@ std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
 void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
 
 GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
+  return Minimize(limits, graph, {});
+}
+
+std::vector<ResidualStatistics> GraphSolver::SolveForStatistics(const SolverLimits& limits,
+                                                                int samples,
+                                                                std::uint64_t seed,
+                                                                Graph* graph,
+                                                                GraphSummary* summary) {
+  std::vector<ResidualStatistics> statistics;
+  *summary = Minimize(limits, graph, [&](GraphElimination* elimination) {
+    const bool determined = elimination->IsNearMinimum() ? elimination->FactorizeSimilar()
+                                                         : elimination->LinearizeSimilar();
+    SHIFTMAP_CHECK(determined, "the graph does not determine its poses and modes");
+    statistics = ComputeRunStatistics(*graph, *elimination, samples, seed);
+  });
+  return statistics;
+}
+
+GraphSummary GraphSolver::Minimize(const SolverLimits& limits,
+                                   Graph* graph,
+                                   const AtMinimum& at_minimum) {
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;
-  if (!elimination.LinearizeSegments()) return SolveGraphByTrustRegion(limits, graph);
-  summary.initial_cost = elimination.cost();
-  summary.final_cost = elimination.cost();
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
-  if (!GaussNewton(limits, &elimination, graph, &summary)) {
+  GaussNewton gauss_newton(limits, &near_minimum_, &elimination, graph, &summary);
+  if (!gauss_newton.Start()) {
+    summary = SolveGraphByTrustRegion(limits, graph);
+  } else if (!gauss_newton.Run()) {
     DampedGaussNewton(limits, &elimination, graph, &summary);
   }
+  if (at_minimum) at_minimum(&elimination);
   if (graph->prior.modes.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();
   return summary;

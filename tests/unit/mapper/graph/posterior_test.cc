@@ -286,6 +286,26 @@ TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
   EXPECT_EQ(statistics.redundancy[ResidualStatistics::kPosition], 0.0);
 }
 
+// Whatever the solve ends by: a step far from the minimum or near it, or none.
+TEST_F(Posterior, StatisticsOfASolveAreThoseWhereItEnds) {
+  constexpr int kSamples = 800;
+  for (const int iterations : {1, 2, 100}) {
+    Graph graph = RandomGraph({.poses = 40}, random_);
+    GraphSummary summary;
+    const std::vector<ResidualStatistics> found =
+        GraphSolver().SolveForStatistics({iterations}, kSamples, 3, &graph, &summary);
+    ASSERT_EQ(found.size(), 1U);
+    const ResidualStatistics wanted = StatisticsOf(graph, kSamples, 5);
+    EXPECT_NEAR(found[0].sum_of_squares.sum(), wanted.sum_of_squares.sum(), 1e-6) << iterations;
+    const double explained = wanted.count.sum() - wanted.redundancy.sum();
+    EXPECT_NEAR(found[0].redundancy.sum(),
+                wanted.redundancy.sum(),
+                0.01 * explained + 4.0 * std::sqrt(4.0 * explained / kSamples))
+        << iterations;
+    EXPECT_EQ(summary.converged, iterations == 100);
+  }
+}
+
 TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
   Graph graph = RandomGraph({.poses = 300, .modes = 5}, random_);
   for (GraphObservation& item : graph.observations) item.cov_z(1, 1) *= 4.0;

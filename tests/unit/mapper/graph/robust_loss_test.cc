@@ -48,6 +48,17 @@ TEST(RobustLoss, WeightAndCurvatureAreItsDerivatives) {
   }
 }
 
+TEST(RobustLoss, NoStepByItsStepCurvatureGoesUp) {
+  const RobustLoss loss(2.5);
+  for (double x = 0.01; x < 300.0; x *= 1.1) {
+    const double squared = x * x;
+    const double next = x - loss.Weight(squared) * x / loss.StepCurvature(squared);
+    EXPECT_LT(loss.HalfLoss(next * next), loss.HalfLoss(squared)) << x;
+  }
+  const double step = GaussianMean([&](double t) { return loss.StepCurvature(t); });
+  EXPECT_NEAR(step, GaussianMean([&](double t) { return loss.Curvature(t); }), 0.03);
+}
+
 TEST(RobustLoss, FarOutliersStillHaveCurvature) {
   const RobustLoss loss(2.5);
   EXPECT_GT(loss.Curvature(1e6), 1e-7);
