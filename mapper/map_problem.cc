@@ -68,6 +68,22 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   return result;
 }
 
+void CopyBack(const Graph& graph, MapProblem* problem) {
+  std::size_t flat = 0;
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    run.poses = graph.runs[r].poses;
+    const Eigen::Vector3d& correction = graph.runs[r].correction;
+    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
+    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
+    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
+    run.sensor_bias = graph.runs[r].sensor_bias;
+  }
+}
+
 }  // namespace
 
 FlatModes::FlatModes(const MapProblem& problem) {
@@ -123,26 +139,10 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   return graph;
 }
 
-void CopySolution(const Graph& graph, MapProblem* problem) {
-  std::size_t flat = 0;
-  for (std::vector<BuildMode>& group : problem->modes) {
-    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
-  }
-  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
-    BuildRun& run = problem->runs[r];
-    run.poses = graph.runs[r].poses;
-    const Eigen::Vector3d& correction = graph.runs[r].correction;
-    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
-    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
-    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
-    run.sensor_bias = graph.runs[r].sensor_bias;
-  }
-}
-
 Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
   Graph graph = MakeGraph(options, problem);
   problem->cost = solver->Solve(options.solver, &graph).final_cost;
-  CopySolution(graph, problem);
+  CopyBack(graph, problem);
   return graph;
 }
 

@@ -91,9 +91,6 @@ int AddMode(int group, const BuildMode& mode, MapProblem* problem);
 /// The continuous part for the present assignment, at its present values.
 Graph MakeGraph(const MapperOptions& options, MapProblem* problem);
 
-/// Takes the values of a solved graph over.
-void CopySolution(const Graph& graph, MapProblem* problem);
-
 /// Solves the continuous part for the present assignment with the odometry as it is integrated.
 /// Returns the graph at the solution.
 Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver);

@@ -27,8 +27,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseRounds = 3;
-
 // Puts the start of the earliest run at the origin of the map.
 void AnchorFrame(MapProblem* problem) {
   const MappedRun first = MakeMappedRun(*problem, 0);
@@ -172,7 +170,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   }
   if (!options.calibrate) return iterations;
   problem->sensor = EstimateDetection(*problem, options.modes);
-  CalibrateNoise(options, kNoiseRounds, problem, watch->During("noise", 0.7));
+  CalibrateNoise(options, {}, problem, watch->During("noise", 0.7));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   iterations += RefineModes(options, problem, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());

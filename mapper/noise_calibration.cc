@@ -16,48 +16,31 @@ namespace {
 // A standard deviation may not change by more than this factor in one step.
 constexpr double kMaxFactor = 4.0;
 
-// Noise within this factor of what residuals say is right enough: a run of a thousand residuals
-// says no more.
-constexpr double kSettled = 1.05;
-
-// Fewer degrees of freedom say nothing; as many say where steps lead.
+// Fewer degrees of freedom say nothing.
 constexpr double kMinRedundancy = 20.0;
-constexpr double kTellingRedundancy = 1000.0;
 
 // Of sd, smaller is none. [m/√s], [rad/√s], [m], [rad]
 constexpr double kMinOdometry = 1e-4;
 constexpr double kMinPosition = 1e-3;
 constexpr double kMinBearing = 1e-4;
 
-// A standard deviation on its way. Steps of variance components shrink by about the same factor
-// each, slowly where most of what a residual is has gone into the fit; two of them tell where they
-// lead (Aitken).
-class Component {
- public:
-  // The factor by which to change it.
-  double Step(const ResidualStatistics& statistics, ResidualStatistics::Kind kind) {
-    constexpr double kMaxRatio = 0.8;
-    const double limit = std::log(kMaxFactor);
-    if (statistics.redundancy[kind] < kMinRedundancy) return 1.0;
-    double step = 0.5 * std::log(std::max(1e-300, statistics.sum_of_squares[kind]) /
-                                 statistics.redundancy[kind]);
-    step = std::clamp(step, -limit, limit);
-    const double last = std::exchange(last_, step);
-    if (last * step > 0.0 && statistics.redundancy[kind] >= kTellingRedundancy) {
-      step /= 1.0 - std::min(step / last, kMaxRatio);
-      last_ = 0.0;
-    }
-    return std::exp(std::clamp(step, -limit, limit));
-  }
-
- private:
-  double last_ = 0.0;  // Logarithm; 0 if there is none to go by.
-};
+// The factor by which to change a standard deviation (README: noise). What residuals say, s / r, is
+// a share of r / n of the way where all n have as much to say, and all of it where r of them say
+// all.
+double Factor(const ResidualStatistics& statistics, ResidualStatistics::Kind kind) {
+  const double redundancy = statistics.redundancy[kind];
+  if (redundancy < kMinRedundancy) return 1.0;
+  const double ratio = std::max(1e-300, statistics.sum_of_squares[kind] / redundancy);
+  const double gain = std::sqrt(std::max(1.0, statistics.count[kind] / redundancy));
+  const double step = ratio > 1.0 ? std::sqrt(1.0 + gain * (ratio - 1.0))
+                                  : 1.0 / std::sqrt(1.0 + gain * (1.0 / ratio - 1.0));
+  return std::clamp(step, 1.0 / kMaxFactor, kMaxFactor);
+}
 
 class VarianceComponents {
  public:
   explicit VarianceComponents(MapProblem* problem) : problem_(problem) {
-    for (const auto& [name, runs] : RunsByVehicle(*problem)) vehicles_.push_back({runs, {}, {}});
+    for (const auto& [name, runs] : RunsByVehicle(*problem)) vehicles_.push_back(runs);
   }
 
   // One step of all. Returns the largest factor, 1 or more.
@@ -68,42 +51,33 @@ class VarianceComponents {
       largest = std::max({largest, factor, 1.0 / factor});
     };
     ResidualStatistics all;
-    for (Vehicle& vehicle : vehicles_) {
+    for (const std::vector<std::size_t>& runs : vehicles_) {
       ResidualStatistics sum;
-      for (const std::size_t run : vehicle.runs) sum += statistics[run];
+      for (const std::size_t run : runs) sum += statistics[run];
       all += sum;
-      const double v = vehicle.noise_v.Step(sum, ResidualStatistics::kTranslation);
-      const double omega = vehicle.noise_omega.Step(sum, ResidualStatistics::kYaw);
-      for (const std::size_t run : vehicle.runs) {
+      const double v = Factor(sum, ResidualStatistics::kTranslation);
+      const double omega = Factor(sum, ResidualStatistics::kYaw);
+      for (const std::size_t run : runs) {
         apply(v, kMinOdometry, &problem_->runs[run].odometry.noise_v);
         apply(omega, kMinOdometry, &problem_->runs[run].odometry.noise_omega);
       }
     }
     SensorCalibration& sensor = problem_->sensor;
-    apply(range_.Step(all, ResidualStatistics::kRange), kMinPosition, &sensor.sd_range_m);
-    apply(bearing_.Step(all, ResidualStatistics::kBearing), kMinBearing, &sensor.sd_bearing_rad);
-    apply(position_.Step(all, ResidualStatistics::kPosition), kMinPosition, &sensor.sd_position_m);
+    apply(Factor(all, ResidualStatistics::kRange), kMinPosition, &sensor.sd_range_m);
+    apply(Factor(all, ResidualStatistics::kBearing), kMinBearing, &sensor.sd_bearing_rad);
+    apply(Factor(all, ResidualStatistics::kPosition), kMinPosition, &sensor.sd_position_m);
     return largest;
   }
 
  private:
-  struct Vehicle {
-    std::vector<std::size_t> runs;
-    Component noise_v;
-    Component noise_omega;
-  };
-
   MapProblem* problem_;
-  std::vector<Vehicle> vehicles_;
-  Component range_;
-  Component bearing_;
-  Component position_;
+  std::vector<std::vector<std::size_t>> vehicles_;  // Runs of each.
 };
 
-// Draws of the posterior for the redundancy of residuals: many residuals share few.
+// Draws for the redundancy of residuals: many residuals share few.
 int NoiseSamples(const Graph& graph) {
-  constexpr std::size_t kResiduals = 24'000;
-  constexpr std::size_t kLeast = 4;
+  constexpr std::size_t kResiduals = 10'000;
+  constexpr std::size_t kLeast = 1;
   constexpr std::size_t kMost = 24;
   std::size_t residuals = 2 * graph.observations.size();
   for (const GraphRun& run : graph.runs) residuals += 3 * run.motions.size();
@@ -126,28 +100,23 @@ void PoolNoiseByVehicle(MapProblem* problem) {
 }
 
 void CalibrateNoise(const MapperOptions& options,
-                    int rounds,
+                    const NoiseRounds& rounds,
                     MapProblem* problem,
                     const GoOn& go_on) {
   // The next round goes on from where this one ends: none needs to end at the minimum.
-  constexpr int kFirstIterations = 3;
   constexpr int kIterations = 2;
   constexpr double kCostTolerance = 1e-3;
-  SolverLimits limits = options.solver;
-  limits.cost_tolerance = std::max(kCostTolerance, limits.cost_tolerance);
+  MapperOptions few = options;
+  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
+  few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   VarianceComponents components(problem);
   GraphSolver solver;
-  for (int round = 0; round < rounds; ++round) {
+  for (int round = 0; round < rounds.most; ++round) {
     if (go_on && !go_on(*problem)) return;
-    limits.max_iterations =
-        std::min(round == 0 ? kFirstIterations : kIterations, options.solver.max_iterations);
-    Graph graph = MakeGraph(options, problem);
-    GraphSummary summary;
+    const Graph graph = SolveOnce(few, problem, &solver);
     const std::vector<ResidualStatistics> statistics =
-        solver.SolveForStatistics(limits, NoiseSamples(graph), options.seed, &graph, &summary);
-    CopySolution(graph, problem);
-    problem->cost = summary.final_cost;
-    if (components.Step(statistics) < kSettled) return;
+        ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, &solver);
+    if (components.Step(statistics) < rounds.settled) return;
   }
 }
 

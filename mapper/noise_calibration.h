@@ -10,12 +10,20 @@ namespace shiftmap {
 /// by itself is little.
 void PoolNoiseByVehicle(MapProblem* problem);
 
+/// How long noise is looked for.
+struct NoiseRounds {
+  int most = 3;
+
+  /// Noise within this factor of what residuals say is right enough: a run of a thousand residuals
+  /// says no more.
+  double settled = 1.05;
+};
+
 /// Finds the noise of the sensor and of each vehicle's odometry from the residuals of solved
 /// graphs: each variance is multiplied by what its residuals have too much or too little (variance
 /// components, README: noise), and the problem is solved again, until they stay.
-/// @param rounds  At most.
 void CalibrateNoise(const MapperOptions& options,
-                    int rounds,
+                    const NoiseRounds& rounds,
                     MapProblem* problem,
                     const GoOn& go_on = {});
 

@@ -12,8 +12,8 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoiseRounds = 2;
-constexpr int kOpenNoiseRounds = 2;
+// All runs together are asked again.
+constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
 void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapProblem* problem) {
@@ -52,7 +52,7 @@ void CalibrateOpen(const MapperOptions& options,
     const std::vector<Eigen::Vector2d> seen = VisitPositions(copy, visit);
     modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
   }
-  CalibrateNoise(options, kOpenNoiseRounds, &open, go_on);
+  CalibrateNoise(options, kNoiseRounds, &open, go_on);
   run->odometry = copy.odometry;
   *sensor = open.sensor;
 }
@@ -76,9 +76,6 @@ MapProblem MapSingleRun(const MappingRun& run,
   build.poses = EstimateTrajectoryByEkf(run, {build.odometry, problem.sensor});
   problem.runs.push_back(std::move(build));
   PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
-  if (options.calibrate) {
-    CalibrateNoise(options, kNoiseRounds, &problem, go_on);
-  }
   AlternateModes(options, &problem, go_on);  // All runs are solved again together.
   return problem;
 }

@@ -24,7 +24,7 @@ const Eigen::Array<int, 5, 1> kTakenOff = {0, 1, 2, 4, 5};
 constexpr double kUnsettled = 2.0 * 0.025 * 0.025;
 
 // Draws of the posterior for redundancies.
-constexpr int kSamples = 16;
+constexpr int kSamples = 4;
 
 Parameters ParametersOf(const OdometryCalibration& odometry, const SensorBias& bias) {
   Parameters parameters;

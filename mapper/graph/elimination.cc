@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -128,12 +129,48 @@ class FactorProducts {
   Eigen::Matrix<double, kEnd, kWidth, Eigen::RowMajor> H_;
 };
 
+// Of a frame in the stretch [first, last].
+Place PlaceOf(int frame, int first, int last) {
+  if (frame == first) return {-1, kBefore};
+  if (frame == last) return {-1, kAfter};
+  return {frame - first - 1, -1};
+}
+
 // What is left of a stretch over its boundary.
 struct EliminatedStretch {
   Eigen::MatrixXd C;
   Eigen::VectorXd c;
   double cost = 0.0;
   bool determined = false;
+};
+
+// Random numbers of 1 and -1.
+class RandomSigns {
+ public:
+  explicit RandomSigns(std::mt19937_64* random) : random_(*random) {}
+
+  // As many columns.
+  template <typename Matrix>
+  void Fill(Eigen::Index columns, Matrix* matrix) {
+    matrix->resize(matrix->rows(), columns);
+    for (double& value : matrix->reshaped()) value = Next();
+  }
+
+ private:
+  double Next() {
+    if (left_ == 0) {
+      bits_ = random_();
+      left_ = 64;
+    }
+    const double sign = (bits_ & 1) != 0 ? 1.0 : -1.0;
+    bits_ >>= 1;
+    --left_;
+    return sign;
+  }
+
+  std::mt19937_64& random_;
+  std::uint64_t bits_ = 0;
+  int left_ = 0;
 };
 
 Eigen::VectorXd StandardNormal(Eigen::Index size, std::mt19937_64& random) {
@@ -253,7 +290,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
   } else {
     rest_ = std::make_unique<RestSystem>(RestSize(), Calibrations());
   }
-  is_curved_ = weighting != &RobustLoss::Weight;
+  weighting_ = weighting;
   cost_ = PriorCost();
   AddPriors();
   AddTogether(rest_.get());
@@ -263,7 +300,7 @@ bool GraphElimination::Eliminate(Weighting weighting, double damping) {
     SegmentSystem system(std::max(0, stretch.last - stretch.first - 1),
                          static_cast<int>(stretch.boundary.size()));
     EliminatedStretch& result = eliminated[i];
-    result.cost = LinearizeStretch(stretch, weighting, &system);
+    result.cost = LinearizeStretch(stretch, &system);
     if (damping > 0.0) system.Damp(damping);
     result.determined = stretch.segment.Eliminate(&system);
     result.C = std::move(system.C);
@@ -287,15 +324,9 @@ std::vector<Eigen::Matrix2d> GraphElimination::RotationsOf(const Stretch& stretc
   return rotations;
 }
 
-double GraphElimination::LinearizeStretch(const Stretch& stretch,
-                                          Weighting weighting,
-                                          SegmentSystem* system) const {
+double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
   const GraphRun& run = graph_.runs[static_cast<std::size_t>(stretch.run)];
-  const auto place_of = [&](int frame) -> Place {
-    if (frame == stretch.first) return {-1, kBefore};
-    if (frame == stretch.last) return {-1, kAfter};
-    return {frame - stretch.first - 1, -1};
-  };
+  const auto place_of = [&](int frame) { return PlaceOf(frame, stretch.first, stretch.last); };
   const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
   double cost = 0.0;
   for (int i = stretch.first; i < stretch.last; ++i) {
@@ -322,7 +353,7 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch,
     const double squared = linear.r.squaredNorm();
     cost += loss_.HalfLoss(squared);
     // The slope is by the weight, whatever the matrix is by.
-    const double weight = (loss_.*weighting)(squared);
+    const double weight = WeightOf(squared);
     const FactorProducts<2, 3, 3, 2> products(
         Eigen::Vector2d(loss_.Weight(squared) / weight * linear.r),
         linear.J_pose,
@@ -428,12 +459,13 @@ void GraphElimination::AddTogether(RestSystem* rest) const {
   }
 }
 
-GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const {
+GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, const Inside& inside) const {
   GraphStep step;
   for (const GraphRun& run : graph_.runs) {
     step.poses.emplace_back(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * run.poses.size())));
   }
-  for (const Stretch& stretch : stretches_) {
+  for (std::size_t s = 0; s < stretches_.size(); ++s) {
+    const Stretch& stretch = stretches_[s];
     Eigen::VectorXd boundary(static_cast<Eigen::Index>(stretch.boundary.size()));
     for (std::size_t i = 0; i < stretch.boundary.size(); ++i) {
       const int row = stretch.boundary[i];
@@ -444,12 +476,10 @@ GraphStep GraphElimination::Complete(const Eigen::VectorXd& rest, std::mt19937_6
     if (stretch.last > stretch.first) {
       poses.segment<3>(Eigen::Index{3} * stretch.last) = boundary.segment<3>(kAfter);
     }
-    const int inside = stretch.segment.poses();
-    if (inside == 0) continue;
-    poses.segment(Eigen::Index{3} * (stretch.first + 1), Eigen::Index{3} * inside) =
-        random == nullptr ? stretch.segment.Solve(boundary)
-                          : stretch.segment.BackSubstitute(
-                                StandardNormal(Eigen::Index{3} * inside, *random), boundary);
+    const int count = stretch.segment.poses();
+    if (count == 0) continue;
+    poses.segment(Eigen::Index{3} * (stretch.first + 1), Eigen::Index{3} * count) =
+        inside(s, boundary);
   }
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
     step.calibrations.emplace_back(rest.segment<kRunCalibration>(
@@ -465,22 +495,118 @@ std::optional<GraphStep> GraphElimination::SimilarStep() {
   expected_decrease_ = rest_->right_side().dot(*rest);
   for (const Stretch& stretch : stretches_) expected_decrease_ += stretch.segment.Decrease();
   expected_decrease_ *= 0.5;
-  return Complete(*rest, nullptr);
+  return Complete(*rest, [&](std::size_t i, const Eigen::VectorXd& boundary) {
+    return stretches_[i].segment.Solve(boundary);
+  });
 }
 
-GraphStep GraphElimination::Draw(std::mt19937_64& random) const {
-  return Complete(rest_->Draw(StandardNormal(rest_->size(), random)), &random);
-}
-
-std::vector<GraphStep> GraphElimination::Draws(int count, std::mt19937_64& random) const {
-  std::vector<GraphStep> draws;
-  if (!HoldsCalibrations()) {
-    for (int i = 0; i < count; ++i) draws.push_back(Draw(random));
-    return draws;
+std::vector<ResidualDraw> GraphElimination::DrawResiduals(int count,
+                                                          std::mt19937_64& random) const {
+  RandomSigns signs(&random);
+  std::vector<ResidualDraw> draws(static_cast<std::size_t>(count));
+  for (ResidualDraw& draw : draws) {
+    for (const GraphRun& run : graph_.runs)
+      signs.Fill(std::ssize(run.motions), &draw.motions.emplace_back());
+    signs.Fill(std::ssize(graph_.observations), &draw.observations);
   }
-  const Eigen::MatrixXd rest = rest_->DrawColumns(count, random);
-  for (int i = 0; i < count; ++i) draws.push_back(Complete(rest.col(i), &random));
+  Eigen::MatrixXd rest = PriorNoise(count, random);
+  std::vector<PoseRows> u(stretches_.size());
+  std::vector<Eigen::MatrixXd> c(stretches_.size());
+  ForEachIndex(stretches_.size(), graph_.threads, [&](std::size_t i) {
+    const Stretch& stretch = stretches_[i];
+    u[i].setZero(Eigen::Index{3} * stretch.segment.poses(), count);
+    c[i].setZero(std::ssize(stretch.boundary), count);
+    AddNoise(stretch, draws, &u[i], &c[i]);
+    stretch.segment.Eliminate(&u[i], &c[i]);
+  });
+  for (std::size_t i = 0; i < stretches_.size(); ++i) {
+    for (std::size_t row = 0; row < stretches_[i].boundary.size(); ++row) {
+      const int unknown = stretches_[i].boundary[row];
+      if (unknown >= 0) rest.row(unknown) += c[i].row(static_cast<Eigen::Index>(row));
+    }
+  }
+  rest = rest_->SolveForDraws(rest);
+  for (int k = 0; k < count; ++k) {
+    draws[static_cast<std::size_t>(k)].step =
+        Complete(rest.col(k), [&](std::size_t i, const Eigen::VectorXd& boundary) {
+          return stretches_[i].segment.BackSubstitute(u[i].col(k), boundary);
+        });
+  }
   return draws;
+}
+
+// Jᵀ ε of a stretch's residuals.
+void GraphElimination::AddNoise(const Stretch& stretch,
+                                const std::vector<ResidualDraw>& draws,
+                                PoseRows* b,
+                                Eigen::MatrixXd* c) const {
+  const auto r = static_cast<std::size_t>(stretch.run);
+  const GraphRun& run = graph_.runs[r];
+  const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
+  const auto add = [&](const Place& place, Eigen::Index draw, const Eigen::Vector3d& gradient) {
+    if (place.pose >= 0) {
+      b->block<3, 1>(Eigen::Index{3} * place.pose, draw) += gradient;
+    } else {
+      c->block<3, 1>(place.column, draw) += gradient;
+    }
+  };
+  for (int i = stretch.first; i < stretch.last; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const MotionResidual::Linear linear =
+        motions_[r][at].At(run.poses[at],
+                           R_map_vehicle[static_cast<std::size_t>(i - stretch.first)],
+                           run.poses[at + 1],
+                           run.correction,
+                           run.sensor_bias[kLogRangeScale]);
+    for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
+      const Eigen::Vector3d noise = draws[static_cast<std::size_t>(k)].motions[r].col(i);
+      add(PlaceOf(i, stretch.first, stretch.last), k, linear.J_i.transpose() * noise);
+      add(PlaceOf(i + 1, stretch.first, stretch.last), k, linear.J_j.transpose() * noise);
+      c->block<4, 1>(kCorrection, k) += linear.J_calibration.transpose() * noise;
+    }
+  }
+  for (std::size_t o = 0; o < stretch.observations.size(); ++o) {
+    const int index = stretch.observations[o];
+    const GraphObservation& item = graph_.observations[static_cast<std::size_t>(index)];
+    const ObservationResidual::Linear linear = observations_[static_cast<std::size_t>(index)].At(
+        run.poses[static_cast<std::size_t>(item.frame)],
+        R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
+        graph_.modes[static_cast<std::size_t>(item.mode)],
+        run.sensor_bias);
+    const double root = std::sqrt(WeightOf(linear.r.squaredNorm()));
+    for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
+      const Eigen::Vector2d noise =
+          root * draws[static_cast<std::size_t>(k)].observations.col(index);
+      add(PlaceOf(item.frame, stretch.first, stretch.last), k, linear.J_pose.transpose() * noise);
+      c->block<3, 1>(kBias, k) += linear.J_bias.transpose() * noise;
+      c->block<2, 1>(stretch.slots[o], k) += linear.J_landmark.transpose() * noise;
+    }
+  }
+}
+
+// Jᵀ ε of the priors, a column a draw, over the rest.
+Eigen::MatrixXd GraphElimination::PriorNoise(int count, std::mt19937_64& random) const {
+  RandomSigns signs(&random);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(rest_->size(), count);
+  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+    const GraphRun& run = graph_.runs[r];
+    Eigen::Matrix<double, kRunCalibration, Eigen::Dynamic> noise;
+    signs.Fill(count, &noise);
+    const Eigen::Index row = first_calibration_ + kRunCalibration * static_cast<Eigen::Index>(r);
+    right.middleRows<3>(row) =
+        run.correction_prior_sd.cwiseInverse().asDiagonal() * noise.topRows<3>();
+    right.middleRows<3>(row + 3) =
+        run.sensor_bias_sd.cwiseInverse().asDiagonal() * noise.bottomRows<3>();
+  }
+  if (graph_.prior.modes.empty()) return right;
+  Eigen::MatrixXd noise(graph_.prior.sqrt_information.rows(), count);
+  signs.Fill(count, &noise);
+  const Eigen::MatrixXd of_modes = graph_.prior.sqrt_information.transpose() * noise;
+  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
+    right.middleRows<2>(first_mode_ + Eigen::Index{2} * graph_.prior.modes[i]) +=
+        of_modes.middleRows<2>(static_cast<Eigen::Index>(2 * i));
+  }
+  return right;
 }
 
 Eigen::MatrixXd GraphElimination::CalibrationInformationTimes(

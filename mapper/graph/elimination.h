@@ -24,6 +24,15 @@ struct GraphStep {
   Eigen::VectorXd modes;                                             ///< (x, y) each. [m]
 };
 
+/// Noise on every standardized residual, a random sign each, and the step x = H⁻¹ Jᵀ ε that it
+/// leads to, which has the covariance H⁻¹. What the fit leaves of it, ε - J x, is a residual of a
+/// graph whose noise is right.
+struct ResidualDraw {
+  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
+  Eigen::Matrix2Xd observations;          ///< A column each.
+  GraphStep step;
+};
+
 /// A step `factor` times as long.
 GraphStep Scaled(GraphStep step, double factor);
 
@@ -60,7 +69,9 @@ class GraphElimination {
 
   /// The same, but for a factor of an earlier linearization in which the calibrations are held:
   /// what is drawn with it is of the present one.
-  bool LinearizeSimilar() { return Eliminate(&RobustLoss::Curvature, 0.0) && FactorizeSimilar(); }
+  bool LinearizeSimilar() {
+    return Eliminate(&RobustLoss::Curvature, 0.0) && (HoldsCalibrations() || rest_->Factorize());
+  }
 
   /// Linearizes for a cost and a SimilarStep(), without solving the small system. False if a
   /// segment is not determined.
@@ -71,11 +82,8 @@ class GraphElimination {
   /// the way and more to each next one.
   bool LinearizeNearMinimum() { return Eliminate(&RobustLoss::StepCurvature, 0.0); }
 
-  /// True if the last linearization was with the curvature of the loss.
-  bool IsNearMinimum() const { return is_curved_; }
-
-  /// As LinearizeSimilar(), of what the last SimilarStep() was from.
-  bool FactorizeSimilar() { return HoldsCalibrations() || rest_->EnsureFactor(); }
+  /// What observations count for in the last linearization: weight or curvature of the loss.
+  double WeightOf(double squared) const { return (loss_.*weighting_)(squared); }
 
   /// Half the sum of all losses at the last linearization.
   double cost() const { return cost_; }
@@ -91,12 +99,9 @@ class GraphElimination {
   /// linearization where that will do (RestSystem::SolveSimilar). Nothing if it is not determined.
   std::optional<GraphStep> SimilarStep();
 
-  /// A draw of the Gaussian around the last linearization. Precondition, here and in what follows:
-  /// Linearize() succeeded.
-  GraphStep Draw(std::mt19937_64& random) const;
-
-  /// As many draws.
-  std::vector<GraphStep> Draws(int count, std::mt19937_64& random) const;
+  /// Draws of the noise, and of the Gaussian around the last linearization. Precondition, here and
+  /// in what follows: Linearize() succeeded.
+  std::vector<ResidualDraw> DrawResiduals(int count, std::mt19937_64& random) const;
 
   /// Joint covariance of the modes. [m²]
   Eigen::MatrixXd ModeCovariance() const;
@@ -139,7 +144,6 @@ class GraphElimination {
 
   const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
   const std::vector<ObservationResidual>& observations() const { return observations_; }
-  const RobustLoss& loss() const { return loss_; }
 
  private:
   // Frames [first, last] of a run, the outer two its separators; last == first if there is one
@@ -161,15 +165,24 @@ class GraphElimination {
   // What an observation's squared residual is multiplied by.
   using Weighting = double (RobustLoss::*)(double squared) const;
 
+  // The poses' step inside a stretch, given its boundary's.
+  using Inside =
+      std::function<Eigen::VectorXd(std::size_t stretch, const Eigen::VectorXd& boundary)>;
+
   bool Eliminate(Weighting weighting, double damping);
   std::vector<Eigen::Matrix2d> RotationsOf(const Stretch& stretch) const;  // R_map_vehicle.
-  double LinearizeStretch(const Stretch& stretch, Weighting weighting, SegmentSystem* system) const;
+  double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
+  void AddNoise(const Stretch& stretch,
+                const std::vector<ResidualDraw>& draws,
+                PoseRows* b,
+                Eigen::MatrixXd* c) const;
+  Eigen::MatrixXd PriorNoise(int count, std::mt19937_64& random) const;
   double StretchCost(const Stretch& stretch) const;
   double PriorCost() const;
   Eigen::VectorXd PriorDifference() const;
   void AddPriors();
   void AddTogether(RestSystem* rest) const;
-  GraphStep Complete(const Eigen::VectorXd& rest, std::mt19937_64* random) const;
+  GraphStep Complete(const Eigen::VectorXd& rest, const Inside& inside) const;
 
   const Graph& graph_;
   const RobustLoss loss_;
@@ -182,7 +195,7 @@ class GraphElimination {
   std::unique_ptr<RestSystem> rest_;
   double cost_ = 0.0;
   double expected_decrease_ = 0.0;
-  bool is_curved_ = false;
+  Weighting weighting_ = &RobustLoss::Weight;  // Of the last linearization.
 };
 
 }  // namespace shiftmap

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -84,6 +82,35 @@ struct GraphSummary {
   bool converged = false;
 };
 
+/// Minimizes graphs one after the other, and keeps what the next may use of the last: graphs of the
+/// same shape share the order of elimination, and similar ones a factor.
+class GraphSolver {
+ public:
+  GraphSolver();
+  ~GraphSolver();
+
+  /// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h),
+  /// iteratively reweighted for the loss. Where a step does not go down even when it is halved,
+  /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
+  GraphSummary Solve(const SolverLimits& limits, Graph* graph);
+
+  /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
+  std::unique_ptr<RestSystem> TakeRest();
+
+  /// What a GraphElimination has made of it goes on to the next graph.
+  void KeepRest(std::unique_ptr<RestSystem> rest);
+
+ private:
+  std::unique_ptr<RestSystem> rest_;
+  bool near_minimum_ = false;  // Where the last graph was left.
+};
+
+/// One graph by itself, as GraphSolver::Solve().
+GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph);
+
+/// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
+GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph);
+
 /// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
 /// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told. And
 /// how many residuals of the kind there are.
@@ -101,47 +128,6 @@ struct ResidualStatistics {
   }
 };
 
-/// Minimizes graphs one after the other, and keeps what the next may use of the last: graphs of the
-/// same shape share the order of elimination, and similar ones a factor.
-class GraphSolver {
- public:
-  GraphSolver();
-  ~GraphSolver();
-
-  /// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h),
-  /// iteratively reweighted for the loss. Where a step does not go down even when it is halved,
-  /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
-  GraphSummary Solve(const SolverLimits& limits, Graph* graph);
-
-  /// Solve(), and ComputeRunStatistics() where it ends, with the factor of its last step where that
-  /// was a short one.
-  std::vector<ResidualStatistics> SolveForStatistics(const SolverLimits& limits,
-                                                     int samples,
-                                                     std::uint64_t seed,
-                                                     Graph* graph,
-                                                     GraphSummary* summary);
-
-  /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
-  std::unique_ptr<RestSystem> TakeRest();
-
-  /// What a GraphElimination has made of it goes on to the next graph.
-  void KeepRest(std::unique_ptr<RestSystem> rest);
-
- private:
-  using AtMinimum = std::function<void(GraphElimination* elimination)>;
-
-  GraphSummary Minimize(const SolverLimits& limits, Graph* graph, const AtMinimum& at_minimum);
-
-  std::unique_ptr<RestSystem> rest_;
-  bool near_minimum_ = false;  // Where the last graph was left.
-};
-
-/// One graph by itself, as GraphSolver::Solve().
-GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph);
-
-/// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
-GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph);
-
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
 /// Graph::modes, (x, y) each. Nothing if the graph does not determine its modes in the numbers that
 /// a computer has, as where values have gone astray. [m²]
@@ -151,9 +137,12 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 /// The statistics of each run at the graph's present values. The redundancy of each kind of
 /// residual is n - tr(J_kind Σ J_kindᵀ), the trace estimated from `samples` > 0 draws of the
 /// Gaussian around them (seeded). Precondition: every mode is observed or in the prior.
+/// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
+///                do. May be null.
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      int samples,
-                                                     std::uint64_t seed);
+                                                     std::uint64_t seed,
+                                                     GraphSolver* solver = nullptr);
 
 /// The same.
 /// @param elimination  Of the graph, linearized at its present values.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <random>
 #include <utility>
@@ -21,10 +21,10 @@ Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t fra
   return step.poses[run].segment<3>(static_cast<Eigen::Index>(3 * frame));
 }
 
-// Adds the residuals of motions: what they are, less what the fit explains of their variance.
+// Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
                   const GraphElimination& elimination,
-                  const std::vector<GraphStep>& draws,
+                  const std::vector<ResidualDraw>& draws,
                   std::vector<ResidualStatistics>* statistics) {
   const auto count = static_cast<double>(draws.size());
   for (std::size_t r = 0; r < graph.runs.size(); ++r) {
@@ -33,15 +33,16 @@ void CountMotions(const Graph& graph,
     for (std::size_t i = 0; i < run.motions.size(); ++i) {
       const MotionResidual::Linear linear = elimination.motions()[r][i].At(
           run.poses[i], run.poses[i + 1], run.correction, run.sensor_bias[kLogRangeScale]);
-      Eigen::Array3d explained = Eigen::Array3d::Zero();
-      for (const GraphStep& draw : draws) {
-        explained += (linear.J_i * PoseStep(draw, r, i) + linear.J_j * PoseStep(draw, r, i + 1) +
-                      linear.J_calibration * draw.calibrations[r].head<4>())
-                         .array()
-                         .square();
+      Eigen::Array3d redundancy = Eigen::Array3d::Zero();
+      for (const ResidualDraw& draw : draws) {
+        const GraphStep& step = draw.step;
+        const Eigen::Vector3d fitted = linear.J_i * PoseStep(step, r, i) +
+                                       linear.J_j * PoseStep(step, r, i + 1) +
+                                       linear.J_calibration * step.calibrations[r].head<4>();
+        const Eigen::Vector3d noise = draw.motions[r].col(static_cast<Eigen::Index>(i));
+        redundancy += (noise - fitted).array().square() / count;
       }
       const Eigen::Array3d squares = linear.r.array().square();
-      const Eigen::Array3d redundancy = 1.0 - explained / count;
       sums.sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
       sums.count[ResidualStatistics::kTranslation] += 2.0;
       sums.count[ResidualStatistics::kYaw] += 1.0;
@@ -54,7 +55,7 @@ void CountMotions(const Graph& graph,
 
 void CountObservations(const Graph& graph,
                        const GraphElimination& elimination,
-                       const std::vector<GraphStep>& draws,
+                       const std::vector<ResidualDraw>& draws,
                        std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
   const auto count = static_cast<double>(draws.size());
@@ -66,17 +67,19 @@ void CountObservations(const Graph& graph,
     const ObservationResidual::Linear linear = elimination.observations()[i].At(
         run.poses[frame], graph.modes[static_cast<std::size_t>(item.mode)], run.sensor_bias);
     if (linear.r.squaredNorm() > gate) continue;
-    Eigen::Array2d explained = Eigen::Array2d::Zero();
-    for (const GraphStep& draw : draws) {
-      explained += (linear.J_pose * PoseStep(draw, r, frame) +
-                    linear.J_landmark * draw.modes.segment<2>(Eigen::Index{2} * item.mode) +
-                    linear.J_bias * draw.calibrations[r].tail<3>())
-                       .array()
-                       .square();
+    // Residuals are the noise less what the fit made of it, which is by the loss' curvature.
+    const double root = std::sqrt(elimination.WeightOf(linear.r.squaredNorm()));
+    Eigen::Array2d redundancy = Eigen::Array2d::Zero();
+    for (const ResidualDraw& draw : draws) {
+      const GraphStep& step = draw.step;
+      const Eigen::Vector2d fitted =
+          linear.J_pose * PoseStep(step, r, frame) +
+          linear.J_landmark * step.modes.segment<2>(Eigen::Index{2} * item.mode) +
+          linear.J_bias * step.calibrations[r].tail<3>();
+      const Eigen::Vector2d noise = draw.observations.col(static_cast<Eigen::Index>(i));
+      redundancy += (noise - root * fitted).array().square() / count;
     }
     ResidualStatistics& sums = (*statistics)[r];
-    // Residuals are the noise less what the fit made of it, which is by the loss' curvature.
-    const double weight = elimination.loss().Curvature(linear.r.squaredNorm());
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
@@ -84,7 +87,7 @@ void CountObservations(const Graph& graph,
                                    : ResidualStatistics::kBearing;
       sums.sum_of_squares[kind] += linear.r[row] * linear.r[row];
       sums.count[kind] += 1.0;
-      sums.redundancy[kind] += 1.0 - weight * explained[row] / count;
+      sums.redundancy[kind] += redundancy[row];
     }
   }
 }
@@ -103,7 +106,7 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
   std::mt19937_64 random(seed);
-  const std::vector<GraphStep> draws = elimination.Draws(samples, random);
+  const std::vector<ResidualDraw> draws = elimination.DrawResiduals(samples, random);
   std::vector<ResidualStatistics> statistics(graph.runs.size());
   CountMotions(graph, elimination, draws, &statistics);
   CountObservations(graph, elimination, draws, &statistics);
@@ -112,10 +115,14 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
 
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      int samples,
-                                                     std::uint64_t seed) {
-  GraphElimination elimination(graph);
-  SHIFTMAP_CHECK(elimination.Linearize(), kNotDetermined);
-  return ComputeRunStatistics(graph, elimination, samples, seed);
+                                                     std::uint64_t seed,
+                                                     GraphSolver* solver) {
+  GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
+  SHIFTMAP_CHECK(elimination.LinearizeSimilar(), kNotDetermined);
+  std::vector<ResidualStatistics> statistics =
+      ComputeRunStatistics(graph, elimination, samples, seed);
+  if (solver != nullptr) solver->KeepRest(elimination.TakeRest());
+  return statistics;
 }
 
 }  // namespace shiftmap

@@ -18,8 +18,8 @@ constexpr int kMaxDense = 400;
 constexpr double kTolerance = 1e-6;
 constexpr int kMaxIterations = 8;
 
-// The same of a step beside a border: of the way down a step leaves the square of it, which is less
-// than the loss' weights change by.
+// The same of steps and draws beside a border: of the way down a step leaves the square of it,
+// which is less than the loss' weights change by, and draws scatter by more.
 constexpr double kBorderedTolerance = 1e-2;
 
 // Slower than this, per iteration in the squared norm, they do not get there.
@@ -44,7 +44,6 @@ void RestSystem::Clear() {
   b_.setZero();
   H_.setZero();
   added_ = 0;
-  is_factorized_ = false;
 }
 
 void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eigen::VectorXd& b) {
@@ -74,11 +73,6 @@ void RestSystem::Add(const std::vector<int>& index, Eigen::MatrixXd H, const Eig
 }
 
 bool RestSystem::Factorize() {
-  is_factorized_ = FactorizeAny();
-  return is_factorized_;
-}
-
-bool RestSystem::FactorizeAny() {
   if (dense()) {
     dense_.compute(H_);
     return dense_.info() == Eigen::Success;
@@ -156,6 +150,13 @@ Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
     return *std::move(x);
   }
   return factor_->Solve(b);
+}
+
+Eigen::MatrixXd RestSystem::SolveForDraws(const Eigen::MatrixXd& b) const {
+  if (!HoldsBorder()) return SolveFor(b);
+  std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b, kBorderedTolerance);
+  SHIFTMAP_CHECK(x, "a system of {} unknowns is too badly conditioned", size());
+  return *std::move(x);
 }
 
 Eigen::MatrixXd RestSystem::QuadraticForm(const std::vector<int>& index,

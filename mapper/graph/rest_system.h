@@ -38,9 +38,6 @@ class RestSystem {
   /// many blocks the factor is without it (HoldsBorder).
   bool Factorize();
 
-  /// Factorize(), unless the factor of what was added last is there.
-  bool EnsureFactor() { return is_factorized_ || Factorize(); }
-
   /// H⁻¹ b without Factorize(), to a millionth, with a border of very many blocks to a hundredth:
   /// by conjugate gradients on the factor of an earlier, similar H if there is one of the same
   /// shape, with a factor of its own where these are slow. Nothing if the system is not positive
@@ -64,6 +61,9 @@ class RestSystem {
 
   /// L⁻ᵀ z, any number of columns: a draw of N(0, H⁻¹) if z is one of N(0, I).
   Eigen::MatrixXd Draw(const Eigen::MatrixXd& z) const;
+
+  /// SolveFor(), as exact as draws need it.
+  Eigen::MatrixXd SolveForDraws(const Eigen::MatrixXd& b) const;
 
   /// Draws of N(0, H⁻¹), a column each, the border included. Precondition: HoldsBorder().
   Eigen::MatrixXd DrawColumns(int columns, std::mt19937_64& random);
@@ -95,7 +95,6 @@ class RestSystem {
 
  private:
   bool dense() const;
-  bool FactorizeAny();
   void Forget();
   void Shape();
   std::optional<Eigen::VectorXd> ConjugateGradients() const;
@@ -109,7 +108,6 @@ class RestSystem {
   std::size_t added_ = 0;
   std::unique_ptr<Multifrontal> factor_;  // If not dense; of the shape of terms_.
   bool has_factor_ = false;               // factor_ is of some H.
-  bool is_factorized_ = false;            // The factor is of the present H.
 };
 
 }  // namespace shiftmap

@@ -105,9 +105,19 @@ bool Segment::Eliminate(SegmentSystem* system) {
   return true;
 }
 
-Eigen::VectorXd Segment::BackSubstitute(const Eigen::VectorXd& noise,
+void Segment::Eliminate(PoseRows* b, Eigen::MatrixXd* c) const {
+  const Eigen::Index width = b->cols();
+  for (std::size_t i = 0; i < L_.size(); ++i) {
+    double* rows = b->data() + static_cast<Eigen::Index>(3 * i) * width;
+    SolveRows(L_[i], width, rows);
+    if (i + 1 < L_.size()) SubtractRows(F_[i], width, rows, rows + 3 * width);
+  }
+  if (!L_.empty()) c->noalias() -= Y_.transpose() * *b;
+}
+
+Eigen::VectorXd Segment::BackSubstitute(const Eigen::VectorXd& u,
                                         const Eigen::VectorXd& boundary) const {
-  Eigen::VectorXd x = noise;
+  Eigen::VectorXd x = u;
   x.noalias() -= Y_ * boundary;
   for (std::size_t i = L_.size(); i-- > 0;) {
     const auto row = static_cast<Eigen::Index>(3 * i);

@@ -45,15 +45,16 @@ class Segment {
   /// bᵀ A⁻¹ b of the poses alone.
   double Decrease() const { return u_.squaredNorm(); }
 
+  /// The same for other right sides, a column each: b := L⁻¹ b, c := c - Yᵀ b.
+  void Eliminate(PoseRows* b, Eigen::MatrixXd* c) const;
+
   /// The poses' step, given the boundary's: L⁻ᵀ (u - Y y), three rows a pose.
   Eigen::VectorXd Solve(const Eigen::VectorXd& boundary) const {
     return BackSubstitute(u_, boundary);
   }
 
-  /// The same with another right side. A draw of the poses given the boundary's, if `noise` is
-  /// N(0, I): L⁻ᵀ (noise - Y y).
-  Eigen::VectorXd BackSubstitute(const Eigen::VectorXd& noise,
-                                 const Eigen::VectorXd& boundary) const;
+  /// The same with another u: L⁻ᵀ (u - Y y).
+  Eigen::VectorXd BackSubstitute(const Eigen::VectorXd& u, const Eigen::VectorXd& boundary) const;
 
  private:
   std::vector<Eigen::Matrix3d> L_;  // Diagonal blocks; of their own diagonal the inverse.

@@ -11,7 +11,6 @@
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_problem.h"
 #include "mapstore/geometry/covariance.h"
-#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -221,37 +220,12 @@ std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
 void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
 
 GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
-  return Minimize(limits, graph, {});
-}
-
-std::vector<ResidualStatistics> GraphSolver::SolveForStatistics(const SolverLimits& limits,
-                                                                int samples,
-                                                                std::uint64_t seed,
-                                                                Graph* graph,
-                                                                GraphSummary* summary) {
-  std::vector<ResidualStatistics> statistics;
-  *summary = Minimize(limits, graph, [&](GraphElimination* elimination) {
-    const bool determined = elimination->IsNearMinimum() ? elimination->FactorizeSimilar()
-                                                         : elimination->LinearizeSimilar();
-    SHIFTMAP_CHECK(determined, "the graph does not determine its poses and modes");
-    statistics = ComputeRunStatistics(*graph, *elimination, samples, seed);
-  });
-  return statistics;
-}
-
-GraphSummary GraphSolver::Minimize(const SolverLimits& limits,
-                                   Graph* graph,
-                                   const AtMinimum& at_minimum) {
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
   GaussNewton gauss_newton(limits, &near_minimum_, &elimination, graph, &summary);
-  if (!gauss_newton.Start()) {
-    summary = SolveGraphByTrustRegion(limits, graph);
-  } else if (!gauss_newton.Run()) {
-    DampedGaussNewton(limits, &elimination, graph, &summary);
-  }
-  if (at_minimum) at_minimum(&elimination);
+  if (!gauss_newton.Start()) return SolveGraphByTrustRegion(limits, graph);
+  if (!gauss_newton.Run()) DampedGaussNewton(limits, &elimination, graph, &summary);
   if (graph->prior.modes.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();
   return summary;

@@ -144,9 +144,8 @@ TEST(GraphElimination, DrawsHaveTheCovariance) {
   std::mt19937_64 random(1);
   constexpr int kDraws = 4000;
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());
-  for (int i = 0; i < kDraws; ++i) {
-    const GraphStep draw = elimination.Draw(random);
-    sum += draw.modes * draw.modes.transpose() / kDraws;
+  for (const ResidualDraw& draw : elimination.DrawResiduals(kDraws, random)) {
+    sum += draw.step.modes * draw.step.modes.transpose() / kDraws;
   }
   // Six standard deviations of a variance's estimate.
   EXPECT_LT((sum - covariance).cwiseAbs().maxCoeff(),

@@ -258,10 +258,10 @@ TEST_F(Posterior, RedundancyIsResidualsLessParameters) {
   const Eigen::MatrixXd J_measured = J.topRows(dense.measured());
   const double explained = (J_measured * cov * J_measured.transpose()).trace();
   const ResidualStatistics statistics = StatisticsOf(graph, kSamples, 7);
-  // The trace's estimate scatters by √(2 explained / samples).
-  const double sd = std::sqrt(2.0 * explained / kSamples);
-  EXPECT_NEAR(
-      statistics.redundancy.sum(), static_cast<double>(dense.measured()) - explained, 4.0 * sd);
+  // The trace of a projection of rank k, by signs, scatters by √(2 k / samples) at most.
+  const double rank = static_cast<double>(dense.measured()) - explained;
+  const double sd = std::sqrt(2.0 * rank / kSamples);
+  EXPECT_NEAR(statistics.redundancy.sum(), rank, 4.0 * sd);
   // Five priors take less than five degrees of freedom off the count of parameters.
   const auto free = static_cast<double>(dense.measured() - dense.parameters());
   EXPECT_GT(statistics.redundancy.sum(), free - 4.0 * sd);
@@ -284,26 +284,6 @@ TEST_F(Posterior, TheRatioOfEveryKindIsOneWhenTheNoiseIsRight) {
     EXPECT_NEAR(ratio, 1.0, 0.3) << kind;
   }
   EXPECT_EQ(statistics.redundancy[ResidualStatistics::kPosition], 0.0);
-}
-
-// Whatever the solve ends by: a step far from the minimum or near it, or none.
-TEST_F(Posterior, StatisticsOfASolveAreThoseWhereItEnds) {
-  constexpr int kSamples = 800;
-  for (const int iterations : {1, 2, 100}) {
-    Graph graph = RandomGraph({.poses = 40}, random_);
-    GraphSummary summary;
-    const std::vector<ResidualStatistics> found =
-        GraphSolver().SolveForStatistics({iterations}, kSamples, 3, &graph, &summary);
-    ASSERT_EQ(found.size(), 1U);
-    const ResidualStatistics wanted = StatisticsOf(graph, kSamples, 5);
-    EXPECT_NEAR(found[0].sum_of_squares.sum(), wanted.sum_of_squares.sum(), 1e-6) << iterations;
-    const double explained = wanted.count.sum() - wanted.redundancy.sum();
-    EXPECT_NEAR(found[0].redundancy.sum(),
-                wanted.redundancy.sum(),
-                0.01 * explained + 4.0 * std::sqrt(4.0 * explained / kSamples))
-        << iterations;
-    EXPECT_EQ(summary.converged, iterations == 100);
-  }
 }
 
 TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
