@@ -133,17 +133,20 @@ StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
                                             const std::vector<Signature>& signatures,
                                             const MapperOptions& options,
                                             Watch* watch) {
-  std::vector<Submap> submaps(runs.size());
+  std::vector<MapProblem> problems(runs.size());
   ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
     const double done =
         kSingleRunsShare * static_cast<double>(i) / static_cast<double>(runs.size());
     const GoOn go_on = watch->During(fmt::format("run {}", runs[i].name), done);
     if (!go_on({})) return;
-    MapProblem problem = MapSingleRun(runs[i], signatures, options, go_on);
-    if (!watch->status().ok()) return;
-    submaps[i] = MakeSubmap(options, std::move(problem));
+    problems[i] = MapSingleRun(runs[i], signatures, options, go_on);
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  RaiseNoiseByVehicle(&problems);
+  std::vector<Submap> submaps(runs.size());
+  ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
+    submaps[i] = MakeSubmap(options, std::move(problems[i]));
+  });
   return submaps;
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -85,16 +87,41 @@ int NoiseSamples(const Graph& graph) {
       std::clamp(kResiduals / std::max<std::size_t>(residuals, 1), kLeast, kMost));
 }
 
+constexpr double OdometryCalibration::*kOdometryNoise[] = {&OdometryCalibration::noise_v,
+                                                           &OdometryCalibration::noise_omega};
+
+double MedianOf(const std::vector<OdometryCalibration*>& odometries,
+                double OdometryCalibration::*noise) {
+  std::vector<double> values;
+  for (const OdometryCalibration* odometry : odometries) values.push_back(odometry->*noise);
+  return Median(std::move(values));
+}
+
 }  // namespace
 
 void PoolNoiseByVehicle(MapProblem* problem) {
   for (const auto& [name, runs] : RunsByVehicle(*problem)) {
-    for (double OdometryCalibration::*noise :
-         {&OdometryCalibration::noise_v, &OdometryCalibration::noise_omega}) {
-      std::vector<double> values;
-      for (const std::size_t run : runs) values.push_back(problem->runs[run].odometry.*noise);
-      const double pooled = Median(std::move(values));
-      for (const std::size_t run : runs) problem->runs[run].odometry.*noise = pooled;
+    std::vector<OdometryCalibration*> odometries;
+    for (const std::size_t run : runs) odometries.push_back(&problem->runs[run].odometry);
+    for (const auto noise : kOdometryNoise) {
+      const double pooled = MedianOf(odometries, noise);
+      for (OdometryCalibration* odometry : odometries) odometry->*noise = pooled;
+    }
+  }
+}
+
+void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs) {
+  std::map<std::string, std::vector<OdometryCalibration*>> vehicles;
+  for (MapProblem& problem : *single_runs) {
+    BuildRun& run = problem.runs.front();
+    vehicles[run.data->info.vehicle].push_back(&run.odometry);
+  }
+  for (const auto& [name, odometries] : vehicles) {
+    for (const auto noise : kOdometryNoise) {
+      const double least = MedianOf(odometries, noise);
+      for (OdometryCalibration* odometry : odometries) {
+        odometry->*noise = std::max(odometry->*noise, least);
+      }
     }
   }
 }

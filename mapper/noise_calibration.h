@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "mapper/map_problem.h"
 #include "mapper/mapper_options.h"
 
@@ -9,6 +11,10 @@ namespace shiftmap {
 /// Gives the runs of each vehicle one odometry noise: the median of theirs. What a run says of it
 /// by itself is little.
 void PoolNoiseByVehicle(MapProblem* problem);
+
+/// Gives each run mapped by itself at least the odometry noise that its vehicle has in the median
+/// of its runs: one that is too sure of itself ties to less of a map than it saw.
+void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs);
 
 /// How long noise is looked for.
 struct NoiseRounds {

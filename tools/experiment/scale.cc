@@ -22,8 +22,9 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kScanRate = 2.0;       // [1/s]
-constexpr double kSquareMetres = 80.0;  // Of floor for each landmark. [m²]
+constexpr double kScanRate = 2.0;           // [1/s]
+constexpr double kScansPerKeyFrame = 1.55;  // The others see nothing.
+constexpr double kSquareMetres = 80.0;      // Of floor for each landmark. [m²]
 constexpr double kMib = 1024.0 * 1024.0;
 
 double PeakMib() {
@@ -51,10 +52,11 @@ double ResidentMib() {
 OpenWorldOptions SiteOptions(const ScaleOptions& options, int key_frames) {
   OpenWorldOptions site;
   site.seed = options.seed;
-  site.runs = std::max(1, key_frames / options.key_frames_per_run);
-  site.duration_s = static_cast<double>(key_frames) / site.runs / kScanRate;
+  const auto scans = static_cast<int>(kScansPerKeyFrame * key_frames);
+  site.runs = std::max(1, scans / options.scans_per_run);
+  site.duration_s = static_cast<double>(scans) / site.runs / kScanRate;
   site.scan_rate_hz = kScanRate;
-  site.groups = std::clamp(key_frames / options.key_frames_per_group, 20, options.max_groups);
+  site.groups = std::clamp(scans / options.scans_per_group, 20, options.max_groups);
   site.size_m = std::sqrt(kSquareMetres * site.groups);
   site.mode_change_probability = 0.1;
   return site;
@@ -196,9 +198,9 @@ Status ScaleOptions::Validate() const {
     return InvalidArgument("key_frames: expected ascending numbers of 100 or more");
   }
   if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
-  if (key_frames_per_run < 100 || key_frames_per_group < 1 || max_groups < 20) {
+  if (scans_per_run < 100 || scans_per_group < 1 || max_groups < 20) {
     return InvalidArgument(
-        "key_frames_per_run, key_frames_per_group, max_groups: expected at least 100, 1 and 20");
+        "scans_per_run, scans_per_group, max_groups: expected at least 100, 1 and 20");
   }
   return OkStatus();
 }

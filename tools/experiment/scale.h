@@ -11,8 +11,8 @@ namespace shiftmap {
 
 struct ScaleOptions {
   std::vector<int> key_frames = {1000, 3000, 10000};  ///< About as many in each site; ascending.
-  int key_frames_per_run = 2000;
-  int key_frames_per_group = 50;  ///< A site grows with its key frames, up to max_groups landmarks.
+  int scans_per_run = 2000;
+  int scans_per_group = 50;  ///< A site grows with its scans, up to max_groups landmarks.
   int max_groups = 5000;
   std::uint64_t seed = 1;
   int threads = 1;  ///< Of the builds.

@@ -87,14 +87,13 @@ Status Run(const Arguments& arguments, Context& context) {
     chart.series.front().points.emplace_back(row.key_frames, row.us_per_frame);
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("time", chart));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      const Json document,
-      output.WriteDocument({{"seed", options.seed},
-                            {"key_frames_per_run", options.key_frames_per_run},
-                            {"key_frames_per_group", options.key_frames_per_group},
-                            {"max_groups", options.max_groups},
-                            {"threads", options.threads}},
-                           table));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
+                            output.WriteDocument({{"seed", options.seed},
+                                                  {"scans_per_run", options.scans_per_run},
+                                                  {"scans_per_group", options.scans_per_group},
+                                                  {"max_groups", options.max_groups},
+                                                  {"threads", options.threads}},
+                                                 table));
   context.Report(document, table.ToText());
   return OkStatus();
 }
