@@ -66,8 +66,8 @@ void SubtractRows(const Eigen::Matrix3d& F, Eigen::Index width, const double* y,
 SegmentSystem::SegmentSystem(int poses, int boundary)
     : A(static_cast<std::size_t>(poses), Eigen::Matrix3d::Zero()),
       E(static_cast<std::size_t>(std::max(poses - 1, 0)), Eigen::Matrix3d::Zero()),
-      B(Eigen::MatrixXd::Zero(3 * poses, boundary)),
-      b(Eigen::VectorXd::Zero(3 * poses)),
+      B(Eigen::MatrixXd::Zero(Eigen::Index{3} * poses, boundary)),
+      b(Eigen::VectorXd::Zero(Eigen::Index{3} * poses)),
       C(Eigen::MatrixXd::Zero(boundary, boundary)),
       c(Eigen::VectorXd::Zero(boundary)) {}
 
