@@ -34,9 +34,8 @@ double Factor(const ResidualStatistics& statistics, ResidualStatistics::Kind kin
   if (redundancy < kMinRedundancy) return 1.0;
   const double ratio = std::max(1e-300, statistics.sum_of_squares[kind] / redundancy);
   const double gain = std::sqrt(std::max(1.0, statistics.count[kind] / redundancy));
-  const double step = ratio > 1.0 ? std::sqrt(1.0 + gain * (ratio - 1.0))
-                                  : 1.0 / std::sqrt(1.0 + gain * (1.0 / ratio - 1.0));
-  return std::clamp(step, 1.0 / kMaxFactor, kMaxFactor);
+  const double way = std::sqrt(1.0 + gain * (std::max(ratio, 1.0 / ratio) - 1.0));
+  return std::clamp(ratio > 1.0 ? way : 1.0 / way, 1.0 / kMaxFactor, kMaxFactor);
 }
 
 class VarianceComponents {
@@ -87,42 +86,40 @@ int NoiseSamples(const Graph& graph) {
       std::clamp(kResiduals / std::max<std::size_t>(residuals, 1), kLeast, kMost));
 }
 
-constexpr double OdometryCalibration::*kOdometryNoise[] = {&OdometryCalibration::noise_v,
-                                                           &OdometryCalibration::noise_omega};
+using Odometries = std::vector<OdometryCalibration*>;
 
-double MedianOf(const std::vector<OdometryCalibration*>& odometries,
-                double OdometryCalibration::*noise) {
-  std::vector<double> values;
-  for (const OdometryCalibration* odometry : odometries) values.push_back(odometry->*noise);
-  return Median(std::move(values));
+// Changes the noise of each run of a vehicle, given it and the median of all.
+template <typename Change>
+void ChangeByMedian(const Odometries& odometries, const Change& change) {
+  for (double OdometryCalibration::*noise :
+       {&OdometryCalibration::noise_v, &OdometryCalibration::noise_omega}) {
+    std::vector<double> values;
+    for (const OdometryCalibration* odometry : odometries) values.push_back(odometry->*noise);
+    const double median = Median(std::move(values));
+    for (OdometryCalibration* odometry : odometries) {
+      odometry->*noise = change(odometry->*noise, median);
+    }
+  }
 }
 
 }  // namespace
 
 void PoolNoiseByVehicle(MapProblem* problem) {
   for (const auto& [name, runs] : RunsByVehicle(*problem)) {
-    std::vector<OdometryCalibration*> odometries;
+    Odometries odometries;
     for (const std::size_t run : runs) odometries.push_back(&problem->runs[run].odometry);
-    for (const auto noise : kOdometryNoise) {
-      const double pooled = MedianOf(odometries, noise);
-      for (OdometryCalibration* odometry : odometries) odometry->*noise = pooled;
-    }
+    ChangeByMedian(odometries, [](double /*own*/, double median) { return median; });
   }
 }
 
 void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs) {
-  std::map<std::string, std::vector<OdometryCalibration*>> vehicles;
+  std::map<std::string, Odometries> vehicles;
   for (MapProblem& problem : *single_runs) {
     BuildRun& run = problem.runs.front();
     vehicles[run.data->info.vehicle].push_back(&run.odometry);
   }
   for (const auto& [name, odometries] : vehicles) {
-    for (const auto noise : kOdometryNoise) {
-      const double least = MedianOf(odometries, noise);
-      for (OdometryCalibration* odometry : odometries) {
-        odometry->*noise = std::max(odometry->*noise, least);
-      }
-    }
+    ChangeByMedian(odometries, [](double own, double median) { return std::max(own, median); });
   }
 }
 

@@ -7,10 +7,11 @@
 namespace shiftmap {
 namespace {
 
-// The zero of a function that does not fall, between `low` and `high`, to 1e-10.
+// The zero of a function that does not fall, between `low` and `high`, to 1e-10; 200 halvings at
+// most, since numbers beyond a million are farther from each other.
 template <typename Function>
 double Bisect(double low, double high, const Function& function) {
-  while (high - low > 1e-10) {
+  for (int i = 0; i < 200 && high - low > 1e-10; ++i) {
     const double middle = 0.5 * (low + high);
     (function(middle) < 0.0 ? low : high) = middle;
   }

@@ -324,32 +324,50 @@ std::vector<Eigen::Matrix2d> GraphElimination::RotationsOf(const Stretch& stretc
   return rotations;
 }
 
-double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
+// The motion from a frame of a stretch to the next.
+// @param R_map_vehicle  RotationsOf(stretch), here and below.
+MotionResidual::Linear GraphElimination::MotionAt(const Stretch& stretch,
+                                                  const std::vector<Eigen::Matrix2d>& R_map_vehicle,
+                                                  int frame) const {
+  const auto r = static_cast<std::size_t>(stretch.run);
+  const auto at = static_cast<std::size_t>(frame);
+  const GraphRun& run = graph_.runs[r];
+  return motions_[r][at].At(run.poses[at],
+                            R_map_vehicle[static_cast<std::size_t>(frame - stretch.first)],
+                            run.poses[at + 1],
+                            run.correction,
+                            run.sensor_bias[kLogRangeScale]);
+}
+
+// An observation of a stretch.
+ObservationResidual::Linear GraphElimination::ObservationAt(
+    const Stretch& stretch,
+    const std::vector<Eigen::Matrix2d>& R_map_vehicle,
+    int observation) const {
+  const auto index = static_cast<std::size_t>(observation);
+  const GraphObservation& item = graph_.observations[index];
   const GraphRun& run = graph_.runs[static_cast<std::size_t>(stretch.run)];
+  return observations_[index].At(
+      run.poses[static_cast<std::size_t>(item.frame)],
+      R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
+      graph_.modes[static_cast<std::size_t>(item.mode)],
+      run.sensor_bias);
+}
+
+double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const {
   const auto place_of = [&](int frame) { return PlaceOf(frame, stretch.first, stretch.last); };
   const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
   double cost = 0.0;
   for (int i = stretch.first; i < stretch.last; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const MotionResidual::Linear linear = motions_[static_cast<std::size_t>(stretch.run)][at].At(
-        run.poses[at],
-        R_map_vehicle[static_cast<std::size_t>(i - stretch.first)],
-        run.poses[at + 1],
-        run.correction,
-        run.sensor_bias[kLogRangeScale]);
+    const MotionResidual::Linear linear = MotionAt(stretch, R_map_vehicle, i);
     const FactorProducts<3, 3, 3, 4> products(
         linear.r, linear.J_i, linear.J_j, linear.J_calibration);
     products.AddTo(place_of(i), place_of(i + 1), Place{-1, kCorrection}, system);
     cost += 0.5 * linear.r.squaredNorm();
   }
   for (std::size_t k = 0; k < stretch.observations.size(); ++k) {
-    const auto index = static_cast<std::size_t>(stretch.observations[k]);
-    const GraphObservation& item = graph_.observations[index];
-    const ObservationResidual::Linear linear =
-        observations_[index].At(run.poses[static_cast<std::size_t>(item.frame)],
-                                R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
-                                graph_.modes[static_cast<std::size_t>(item.mode)],
-                                run.sensor_bias);
+    const int index = stretch.observations[k];
+    const ObservationResidual::Linear linear = ObservationAt(stretch, R_map_vehicle, index);
     const double squared = linear.r.squaredNorm();
     cost += loss_.HalfLoss(squared);
     // The slope is by the weight, whatever the matrix is by.
@@ -360,7 +378,8 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
         linear.J_bias,
         linear.J_landmark,
         weight);
-    products.AddTo(place_of(item.frame), Place{-1, kBias}, Place{-1, stretch.slots[k]}, system);
+    const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+    products.AddTo(place_of(frame), Place{-1, kBias}, Place{-1, stretch.slots[k]}, system);
   }
   return cost;
 }
@@ -541,7 +560,7 @@ void GraphElimination::AddNoise(const Stretch& stretch,
                                 PoseRows* b,
                                 Eigen::MatrixXd* c) const {
   const auto r = static_cast<std::size_t>(stretch.run);
-  const GraphRun& run = graph_.runs[r];
+  const auto place_of = [&](int frame) { return PlaceOf(frame, stretch.first, stretch.last); };
   const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
   const auto add = [&](const Place& place, Eigen::Index draw, const Eigen::Vector3d& gradient) {
     if (place.pose >= 0) {
@@ -551,33 +570,23 @@ void GraphElimination::AddNoise(const Stretch& stretch,
     }
   };
   for (int i = stretch.first; i < stretch.last; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const MotionResidual::Linear linear =
-        motions_[r][at].At(run.poses[at],
-                           R_map_vehicle[static_cast<std::size_t>(i - stretch.first)],
-                           run.poses[at + 1],
-                           run.correction,
-                           run.sensor_bias[kLogRangeScale]);
+    const MotionResidual::Linear linear = MotionAt(stretch, R_map_vehicle, i);
     for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
       const Eigen::Vector3d noise = draws[static_cast<std::size_t>(k)].motions[r].col(i);
-      add(PlaceOf(i, stretch.first, stretch.last), k, linear.J_i.transpose() * noise);
-      add(PlaceOf(i + 1, stretch.first, stretch.last), k, linear.J_j.transpose() * noise);
+      add(place_of(i), k, linear.J_i.transpose() * noise);
+      add(place_of(i + 1), k, linear.J_j.transpose() * noise);
       c->block<4, 1>(kCorrection, k) += linear.J_calibration.transpose() * noise;
     }
   }
   for (std::size_t o = 0; o < stretch.observations.size(); ++o) {
     const int index = stretch.observations[o];
-    const GraphObservation& item = graph_.observations[static_cast<std::size_t>(index)];
-    const ObservationResidual::Linear linear = observations_[static_cast<std::size_t>(index)].At(
-        run.poses[static_cast<std::size_t>(item.frame)],
-        R_map_vehicle[static_cast<std::size_t>(item.frame - stretch.first)],
-        graph_.modes[static_cast<std::size_t>(item.mode)],
-        run.sensor_bias);
+    const ObservationResidual::Linear linear = ObservationAt(stretch, R_map_vehicle, index);
+    const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
     const double root = std::sqrt(WeightOf(linear.r.squaredNorm()));
     for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
       const Eigen::Vector2d noise =
           root * draws[static_cast<std::size_t>(k)].observations.col(index);
-      add(PlaceOf(item.frame, stretch.first, stretch.last), k, linear.J_pose.transpose() * noise);
+      add(place_of(frame), k, linear.J_pose.transpose() * noise);
       c->block<3, 1>(kBias, k) += linear.J_bias.transpose() * noise;
       c->block<2, 1>(stretch.slots[o], k) += linear.J_landmark.transpose() * noise;
     }

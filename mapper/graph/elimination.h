@@ -171,6 +171,12 @@ class GraphElimination {
 
   bool Eliminate(Weighting weighting, double damping);
   std::vector<Eigen::Matrix2d> RotationsOf(const Stretch& stretch) const;  // R_map_vehicle.
+  MotionResidual::Linear MotionAt(const Stretch& stretch,
+                                  const std::vector<Eigen::Matrix2d>& R_map_vehicle,
+                                  int frame) const;
+  ObservationResidual::Linear ObservationAt(const Stretch& stretch,
+                                            const std::vector<Eigen::Matrix2d>& R_map_vehicle,
+                                            int observation) const;
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
   void AddNoise(const Stretch& stretch,
                 const std::vector<ResidualDraw>& draws,

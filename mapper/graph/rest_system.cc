@@ -22,6 +22,9 @@ constexpr int kMaxIterations = 8;
 // which is less than the loss' weights change by, and draws scatter by more.
 constexpr double kBorderedTolerance = 1e-2;
 
+// The same of other right sides beside a border.
+constexpr double kExactTolerance = 1e-4;
+
 // Slower than this, per iteration in the squared norm, they do not get there.
 constexpr double kLeastProgress = 0.1;
 
@@ -143,18 +146,17 @@ std::optional<Eigen::VectorXd> RestSystem::ConjugateGradients() const {
 }
 
 Eigen::MatrixXd RestSystem::SolveFor(const Eigen::MatrixXd& b) const {
-  if (dense()) return dense_.solve(b);
-  if (HoldsBorder()) {
-    std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b);
-    SHIFTMAP_CHECK(x, "a system of {} unknowns is too badly conditioned", size());
-    return *std::move(x);
-  }
-  return factor_->Solve(b);
+  return SolveTo(kExactTolerance, b);
 }
 
 Eigen::MatrixXd RestSystem::SolveForDraws(const Eigen::MatrixXd& b) const {
-  if (!HoldsBorder()) return SolveFor(b);
-  std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b, kBorderedTolerance);
+  return SolveTo(kBorderedTolerance, b);
+}
+
+Eigen::MatrixXd RestSystem::SolveTo(double bordered_tolerance, const Eigen::MatrixXd& b) const {
+  if (dense()) return dense_.solve(b);
+  if (!HoldsBorder()) return factor_->Solve(b);
+  std::optional<Eigen::MatrixXd> x = bordered_.Solve(terms_, b, bordered_tolerance);
   SHIFTMAP_CHECK(x, "a system of {} unknowns is too badly conditioned", size());
   return *std::move(x);
 }

@@ -95,6 +95,7 @@ class RestSystem {
 
  private:
   bool dense() const;
+  Eigen::MatrixXd SolveTo(double bordered_tolerance, const Eigen::MatrixXd& b) const;
   void Forget();
   void Shape();
   std::optional<Eigen::VectorXd> ConjugateGradients() const;

@@ -29,6 +29,15 @@ TEST(GammaTest, QuantilesOfTheChiSquareDistribution) {
   EXPECT_NEAR((Gamma{0.5, 0.5}.Quantile(1e-8)), 1.5707963e-16, 1e-20);
 }
 
+// Where next to nothing is known, P = (exposure x)^shape / Γ(shape + 1) far down.
+TEST(GammaTest, QuantilesOfSmallShapes) {
+  const double shape = 0.05;
+  EXPECT_NEAR(std::log(Gamma{shape, 1.0}.Quantile(0.025)),
+              (std::log(0.025) + std::lgamma(shape + 1.0)) / shape,
+              1e-8);
+  EXPECT_EQ((Gamma{1e-7, 1.0}.Quantile(0.025)), 0.0);
+}
+
 TEST(GammaTest, DensityOfTheLogarithmIntegratesToOne) {
   const Gamma gamma{0.7, 300.0};
   double sum = 0.0;
