@@ -9,7 +9,7 @@ namespace {
 
 // Iterations on an earlier factor that cost less than another one, and on a factor of its own until
 // a factor with the border in it is better.
-constexpr int kMaxSimilar = 40;
+constexpr int kMaxSimilar = 24;
 constexpr int kMaxIterations = 200;
 
 // Unknowns of a front from which on it is worth to cut the chains that cross it.
@@ -24,51 +24,65 @@ constexpr double kFollowTolerance = 1e-4;
 }  // namespace
 
 void BorderedSolver::Forget() {
-  inner_.reset();
+  chains_.reset();
+  factor_.reset();
   has_factor_ = false;
-  chain_.Forget();
+}
+
+// False if terms have other poses than chains have.
+bool BorderedSolver::ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms) {
+  if (chains_ && cuts_ == cuts) return true;
+  Forget();
+  cuts_ = cuts;
+  if (cuts == Cuts::kNone) {
+    chains_ = ChainElimination::OfBorder(size_, border_, terms);
+  } else {
+    std::vector<bool> stays;
+    if (cuts == Cuts::kWide) stays = NarrowPoses(terms);
+    chains_ = ChainElimination::OfPoses(size_, border_, terms, stays);
+    if (!chains_) return false;
+  }
+  factor_ = std::make_unique<Multifrontal>(static_cast<int>(chains_->others().size()),
+                                           chains_->ShapeOfCutTerms());
+  return true;
+}
+
+// Poses of which the fronts are narrow if no chain is cut: what eliminates there costs little and
+// stays exact.
+std::vector<bool> BorderedSolver::NarrowPoses(const std::vector<SystemTerm>& terms) const {
+  const ChainElimination uncut = ChainElimination::OfBorder(size_, border_, terms);
+  const Multifrontal fronts(static_cast<int>(uncut.others().size()), uncut.ShapeOfCutTerms());
+  std::vector<bool> narrow;
+  for (int pose = 0; pose < border_.begin; pose += kChainRows) {
+    narrow.push_back(fronts.FrontWidth(uncut.RowOf(pose)) <= kWideFront);
+  }
+  return narrow;
+}
+
+bool BorderedSolver::FactorizeWith(Cuts cuts, const std::vector<SystemTerm>& terms) {
+  has_factor_ = false;
+  if (!ShapeFor(cuts, terms) || !chains_->Eliminate(terms)) return false;
+  const std::optional<std::vector<SystemTerm>> cut = chains_->CutTerms(terms);
+  has_factor_ = cut && factor_->Factorize(*cut);
+  return has_factor_;
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTerm>& terms,
                                                      const Eigen::MatrixXd& b,
                                                      double tolerance) {
-  if (!FactorizeBorder(terms)) return std::nullopt;
-  if (has_factor()) {
-    if (auto x = ConjugateGradients(terms, b, tolerance, kMaxSimilar)) return x;
+  if (has_factor_ && chains_->Eliminate(terms)) {
+    if (auto x = ConjugateGradients(false, b, tolerance, kMaxSimilar)) return x;
   }
-  if (border_.chained) {
-    if (!chain_.CutsAll()) chain_ = ChainPreconditioner(size_, border_);
-    has_factor_ = false;
-    if (chain_.Factorize(terms)) {
-      if (auto x = ConjugateGradients(terms, b, tolerance, kMaxIterations)) return x;
-    }
+  if (border_.chained && FactorizeWith(Cuts::kAll, terms)) {
+    if (auto x = ConjugateGradients(false, b, tolerance, kMaxIterations)) return x;
   }
-  if (!FactorizeInner(terms)) return std::nullopt;
-  return ConjugateGradients(terms, b, tolerance, kMaxIterations);
+  if (!FactorizeWith(Cuts::kNone, terms)) return std::nullopt;
+  return ConjugateGradients(false, b, tolerance, kMaxIterations);
 }
 
 bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
-  if (!FactorizeBorder(terms)) return false;
-  has_factor_ = false;
-  if (border_.chained) {
-    if (!inner_) inner_ = std::make_unique<Multifrontal>(size_, terms, border_);
-    // Narrow fronts cost little: what eliminates there stays exact.
-    std::vector<bool> stays;
-    for (int pose = 0; pose < border_.begin; pose += kChainRows) {
-      stays.push_back(inner_->FrontWidth(pose) <= kWideFront);
-    }
-    if (std::find(stays.begin(), stays.end(), false) != stays.end()) {
-      chain_ = ChainPreconditioner(size_, border_, std::move(stays));
-      if (chain_.Factorize(terms)) return true;
-    }
-  }
-  return FactorizeInner(terms);
-}
-
-bool BorderedSolver::FactorizeInner(const std::vector<SystemTerm>& terms) {
-  if (!inner_) inner_ = std::make_unique<Multifrontal>(size_, terms, border_);
-  has_factor_ = inner_->Factorize(terms);
-  return has_factor_;
+  if (border_.chained && FactorizeWith(Cuts::kWide, terms)) return true;
+  return FactorizeWith(Cuts::kNone, terms);
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,
@@ -99,63 +113,33 @@ Eigen::MatrixXd BorderedSolver::BorderInformationTimes(const std::vector<SystemT
 
 Eigen::MatrixXd BorderedSolver::FollowBorder(const std::vector<SystemTerm>& terms,
                                              const Eigen::MatrixXd& c) const {
-  Eigen::MatrixXd b = -BorderTimes(terms, c);
-  HoldBorder(&b);
-  if (has_factor_) return SolveInner(b);
-  const auto times = [&](const Eigen::MatrixXd& x) {
-    Eigen::MatrixXd y = Times(terms, x);
-    HoldBorder(&y);
-    return y;
-  };
-  std::optional<Eigen::MatrixXd> x = ConjugateGradients(times, b, kFollowTolerance, kMaxIterations);
-  return x ? *std::move(x) : Precondition(b);
+  const Eigen::MatrixXd b = -BorderTimes(terms, c);
+  std::optional<Eigen::MatrixXd> x = ConjugateGradients(true, b, kFollowTolerance, kMaxIterations);
+  return x ? *std::move(x) : SolveHeld(b);
 }
 
 Eigen::MatrixXd BorderedSolver::FollowBorderAsVisited(const std::vector<SystemTerm>& terms,
                                                       const Eigen::MatrixXd& c) const {
-  return -Precondition(BorderTimes(terms, c));
+  return SolveHeld(-BorderTimes(terms, c));
 }
 
-void BorderedSolver::HoldBorder(Eigen::MatrixXd* x) const {
-  x->middleRows(border_.begin, border_.end() - border_.begin).setZero();
+Eigen::MatrixXd BorderedSolver::SolveHeld(const Eigen::MatrixXd& b) const {
+  ChainElimination::Parts parts = chains_->Split(b);
+  chains_->Reduce(true, &parts);
+  parts.others = factor_->Solve(parts.others);
+  chains_->Complete(true, &parts);
+  return chains_->Join(parts);
 }
 
 void BorderedSolver::VisitInverse(const InverseVisitor& visitor) const {
-  if (!has_factor_) {
-    chain_.VisitInverse(visitor);
-    return;
-  }
-  std::vector<int> outer;
-  inner_->VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& Z) {
-    outer.clear();
-    for (const int unknown : unknowns) {
-      outer.push_back(unknown < border_.begin ? unknown : unknown + border_.blocks * border_.size);
+  std::vector<int> unknowns;
+  factor_->VisitInverse([&](const std::vector<int>& rows, int own, const Eigen::MatrixXd& Z) {
+    unknowns.clear();
+    for (const int row : rows) {
+      unknowns.push_back(chains_->others()[static_cast<std::size_t>(row)]);
     }
-    visitor(outer, own, Z);
+    visitor(unknowns, own, Z);
   });
-}
-
-bool BorderedSolver::FactorizeBorder(const std::vector<SystemTerm>& terms) {
-  std::vector<Eigen::MatrixXd> C(static_cast<std::size_t>(border_.blocks),
-                                 Eigen::MatrixXd::Zero(border_.size, border_.size));
-  for (const SystemTerm& term : terms) {
-    for (std::size_t j = 0; j < term.index.size(); ++j) {
-      const int column = term.index[j] - border_.begin;
-      if (column < 0 || term.index[j] >= border_.end()) continue;
-      Eigen::MatrixXd& block = C[static_cast<std::size_t>(column / border_.size)];
-      for (std::size_t i = j; i < term.index.size(); ++i) {
-        const int row = term.index[i] - border_.begin;
-        if (row < 0 || term.index[i] >= border_.end()) continue;
-        block(std::max(row, column) % border_.size, std::min(row, column) % border_.size) +=
-            term.H(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-      }
-    }
-  }
-  blocks_.clear();
-  for (const Eigen::MatrixXd& block : C) {
-    if (blocks_.emplace_back(block).info() != Eigen::Success) return false;
-  }
-  return true;
 }
 
 // [B; C] c: only those columns of each term take part.
@@ -181,91 +165,46 @@ Eigen::MatrixXd BorderedSolver::BorderTimes(const std::vector<SystemTerm>& terms
   return y;
 }
 
-// C⁻¹ in the rows of the border, zero in the others.
-Eigen::MatrixXd BorderedSolver::SolveBorder(const Eigen::MatrixXd& c) const {
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
-  for (int block = 0; block < border_.blocks; ++block) {
-    const int row = border_.begin + block * border_.size;
-    x.middleRows(row, border_.size) =
-        blocks_[static_cast<std::size_t>(block)].solve(c.middleRows(row, border_.size));
-  }
-  return x;
-}
-
-// b - [B; C] C⁻¹ b_c, which is zero in the rows of the border.
-Eigen::MatrixXd BorderedSolver::Reduce(const std::vector<SystemTerm>& terms,
-                                       const Eigen::MatrixXd& b) const {
-  const int width = border_.end() - border_.begin;
-  const Eigen::MatrixXd c = SolveBorder(b).middleRows(border_.begin, width);
-  Eigen::MatrixXd reduced = b - BorderTimes(terms, c);
-  HoldBorder(&reduced);
-  return reduced;
-}
-
-// The rows that are not in the border.
-Eigen::MatrixXd BorderedSolver::Inner(const Eigen::MatrixXd& x) const {
-  const Eigen::Index below = size_ - border_.end();
-  Eigen::MatrixXd inner(border_.begin + below, x.cols());
-  inner << x.topRows(border_.begin), x.bottomRows(below);
-  return inner;
-}
-
-// The same with zeros in the border.
-Eigen::MatrixXd BorderedSolver::Outer(const Eigen::MatrixXd& inner) const {
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, inner.cols());
-  x.topRows(border_.begin) = inner.topRows(border_.begin);
-  x.bottomRows(size_ - border_.end()) = inner.bottomRows(size_ - border_.end());
-  return x;
-}
-
 Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,
                                               const Eigen::MatrixXd& weights) const {
-  if (!has_factor_) return chain_.QuadraticForm(index, weights);
-  std::vector<int> rows;
-  std::vector<int> unknowns;
+  std::vector<int> rows;  // Of W.
+  std::vector<int> others;
   for (std::size_t i = 0; i < index.size(); ++i) {
-    if (index[i] >= border_.begin && index[i] < border_.end()) continue;
+    const int other = chains_->RowOf(index[i]);
+    if (other < 0) continue;
     rows.push_back(static_cast<int>(i));
-    unknowns.push_back(index[i] < border_.begin ? index[i]
-                                                : index[i] - border_.blocks * border_.size);
+    others.push_back(other);
   }
-  return inner_->QuadraticForm(unknowns, weights(rows, Eigen::all));
+  return factor_->QuadraticForm(others, weights(rows, Eigen::all));
 }
 
 Eigen::MatrixXd BorderedSolver::SolveUpper(const Eigen::MatrixXd& z) const {
-  if (!has_factor_) return chain_.SolveUpper(z);
-  return Outer(inner_->SolveUpper(Inner(z)));
+  ChainElimination::Parts parts = chains_->Split(z);
+  parts.chains.setZero();
+  parts.others = factor_->SolveUpper(parts.others);
+  return chains_->Join(parts);
 }
 
-// A⁻¹ b outside the border.
-Eigen::MatrixXd BorderedSolver::SolveInner(const Eigen::MatrixXd& b) const {
-  return Outer(inner_->Solve(Inner(b)));
-}
-
-// A⁻¹ b or nearly that.
-Eigen::MatrixXd BorderedSolver::Precondition(const Eigen::MatrixXd& b) const {
-  return has_factor_ ? SolveInner(b) : chain_.Solve(b);
-}
-
-std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(
-    const std::vector<SystemTerm>& terms,
-    const Eigen::MatrixXd& b,
-    double tolerance,
-    int max_iterations) const {
-  const auto times = [&](const Eigen::MatrixXd& x) { return Reduce(terms, Times(terms, x)); };
-  const std::optional<Eigen::MatrixXd> x =
-      ConjugateGradients(times, Reduce(terms, b), tolerance, max_iterations);
+// H⁻¹ b of what chains_ eliminated, or, the border held, A⁻¹ b.
+std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(bool held,
+                                                                  const Eigen::MatrixXd& b,
+                                                                  double tolerance,
+                                                                  int max_iterations) const {
+  ChainElimination::Parts parts = chains_->Split(b);
+  chains_->Reduce(held, &parts);
+  std::optional<Eigen::MatrixXd> x =
+      SolveOthers(held, std::move(parts.others), tolerance, max_iterations);
   if (!x) return std::nullopt;
-  // The border, given the others.
-  return *x + SolveBorder(b - Times(terms, *x));
+  parts.others = *std::move(x);
+  chains_->Complete(held, &parts);
+  return chains_->Join(parts);
 }
 
 // Each column by itself, side by side.
-template <typename Product>
-std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(const Product& times,
-                                                                  Eigen::MatrixXd residual,
-                                                                  double tolerance,
-                                                                  int max_iterations) const {
+std::optional<Eigen::MatrixXd> BorderedSolver::SolveOthers(bool held,
+                                                           Eigen::MatrixXd residual,
+                                                           double tolerance,
+                                                           int max_iterations) const {
   const auto dots = [](const Eigen::MatrixXd& u, const Eigen::MatrixXd& v) -> Eigen::ArrayXd {
     return u.cwiseProduct(v).colwise().sum().transpose();
   };
@@ -273,18 +212,18 @@ std::optional<Eigen::MatrixXd> BorderedSolver::ConjugateGradients(const Product&
   const auto ratio = [](const Eigen::ArrayXd& u, const Eigen::ArrayXd& v) -> Eigen::ArrayXd {
     return (v > 0.0).select(u / v, 0.0);
   };
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, residual.cols());
-  Eigen::MatrixXd direction = Precondition(residual);
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(residual.rows(), residual.cols());
+  Eigen::MatrixXd direction = factor_->Solve(residual);
   Eigen::ArrayXd squared = dots(residual, direction);
   const Eigen::ArrayXd enough = tolerance * tolerance * squared;
   for (int i = 0; i < max_iterations && (squared > enough).any(); ++i) {
-    const Eigen::MatrixXd image = times(direction);
+    const Eigen::MatrixXd image = chains_->Times(held, direction);
     const Eigen::ArrayXd curvature = dots(direction, image);
     if ((curvature < 0.0).any() || !curvature.allFinite()) return std::nullopt;
     const Eigen::ArrayXd length = ratio(squared, curvature);
     x += direction * length.matrix().asDiagonal();
     residual -= image * length.matrix().asDiagonal();
-    const Eigen::MatrixXd preconditioned = Precondition(residual);
+    const Eigen::MatrixXd preconditioned = factor_->Solve(residual);
     const Eigen::ArrayXd next = dots(residual, preconditioned);
     direction = preconditioned + direction * ratio(next, squared).matrix().asDiagonal();
     squared = next;

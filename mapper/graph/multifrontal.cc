@@ -46,18 +46,10 @@ Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixX
   return y;
 }
 
-Multifrontal::Multifrontal(int size, const std::vector<SystemTerm>& terms, const Border& left_out)
-    : left_out_(left_out) {
-  const int inside = size - left_out.blocks * left_out.size;
-  FindNodes(inside, terms);
+Multifrontal::Multifrontal(int size, const std::vector<SystemTerm>& terms) {
+  FindNodes(size, terms);
   MakeFactors(terms);
-  local_.resize(static_cast<std::size_t>(inside));
-}
-
-// The number of an unknown among those that are not left out; -1 if it is.
-int Multifrontal::Inside(int unknown) const {
-  if (unknown < left_out_.begin || left_out_.blocks == 0) return unknown;
-  return unknown < left_out_.end() ? -1 : unknown - left_out_.blocks * left_out_.size;
+  local_.resize(static_cast<std::size_t>(size));
 }
 
 // Consecutive unknowns that every term has together or not at all are one node.
@@ -70,12 +62,10 @@ void Multifrontal::FindNodes(int size, const std::vector<SystemTerm>& terms) {
     const auto has = [&](int unknown) {
       return unknown >= 0 && unknown < size && mark[static_cast<std::size_t>(unknown)] == term;
     };
-    for (const int index : terms[t].index) {
-      const int unknown = Inside(index);
+    for (const int unknown : terms[t].index) {
       if (unknown >= 0) mark[static_cast<std::size_t>(unknown)] = term;
     }
-    for (const int index : terms[t].index) {
-      const int unknown = Inside(index);
+    for (const int unknown : terms[t].index) {
       if (unknown < 0) continue;
       if (!has(unknown - 1)) begins[static_cast<std::size_t>(unknown)] = true;
       if (!has(unknown + 1)) begins[static_cast<std::size_t>(unknown) + 1] = true;
@@ -96,8 +86,7 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
   std::vector<std::vector<int>> cliques;
   for (const SystemTerm& term : terms) {
     std::vector<int> nodes;
-    for (const int index : term.index) {
-      const int unknown = Inside(index);
+    for (const int unknown : term.index) {
       if (unknown < 0) continue;
       const int node = node_of_[static_cast<std::size_t>(unknown)];
       if (node_begin_[static_cast<std::size_t>(node)] == unknown) nodes.push_back(node);
@@ -152,8 +141,7 @@ void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
   for (std::size_t t = 0; t < terms.size(); ++t) {
     int first = static_cast<int>(place_.size());
     int node = -1;
-    for (const int index : terms[t].index) {
-      const int unknown = Inside(index);
+    for (const int unknown : terms[t].index) {
       if (unknown < 0 || place_[static_cast<std::size_t>(unknown)] >= first) continue;
       first = place_[static_cast<std::size_t>(unknown)];
       node = node_of_[static_cast<std::size_t>(unknown)];
@@ -187,8 +175,7 @@ bool Multifrontal::FactorizeFront(const std::vector<SystemTerm>& terms,
   for (const int t : factor.terms) {
     const SystemTerm& term = terms[static_cast<std::size_t>(t)];
     row.clear();
-    for (const int index : term.index) {
-      const int unknown = Inside(index);
+    for (const int unknown : term.index) {
       row.push_back(
           unknown < 0
               ? -1
@@ -335,7 +322,7 @@ void Multifrontal::VisitInverse(const InverseVisitor& visitor) const {
 }
 
 int Multifrontal::FrontWidth(int unknown) const {
-  const int place = place_[static_cast<std::size_t>(Inside(unknown))];
+  const int place = place_[static_cast<std::size_t>(unknown)];
   const int front = front_[static_cast<std::size_t>(place)];
   return static_cast<int>(factors_[static_cast<std::size_t>(front)].rows.size());
 }

@@ -48,11 +48,9 @@ using InverseVisitor =
 /// One thread; same input, same bits.
 class Multifrontal {
  public:
-  /// @param size      Number of unknowns.
-  /// @param terms     Their `index` tells the shape; values are not read.
-  /// @param left_out  Unknowns whose rows and columns are left out: the factor is that of the
-  ///                  others, and so are right sides and solutions.
-  Multifrontal(int size, const std::vector<SystemTerm>& terms, const Border& left_out = {});
+  /// @param size   Number of unknowns.
+  /// @param terms  Their `index` tells the shape; values are not read.
+  Multifrontal(int size, const std::vector<SystemTerm>& terms);
 
   /// Factors Σ terms. False if it is not positive definite.
   /// @param terms  With the indices that the constructor saw.
@@ -96,7 +94,6 @@ class Multifrontal {
     std::vector<int> terms;      // Added here.
   };
 
-  int Inside(int unknown) const;
   void FindNodes(int size, const std::vector<SystemTerm>& terms);
   void MakeFactors(const std::vector<SystemTerm>& terms);
   bool FactorizeFront(const std::vector<SystemTerm>& terms,
@@ -107,7 +104,6 @@ class Multifrontal {
   Eigen::MatrixXd Permuted(const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd BackSubstitute(Eigen::MatrixXd x) const;
 
-  Border left_out_;
   std::vector<int> node_of_;     // Per unknown.
   std::vector<int> node_begin_;  // Per node its first unknown, and the number of unknowns.
   std::vector<int> place_;       // Per unknown its place in the order of elimination.

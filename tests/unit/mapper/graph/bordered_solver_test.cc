@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/support/random_map.h"
+#include "tests/unit/mapper/graph/chain_system.h"
 
 namespace shiftmap {
 namespace {
@@ -127,6 +128,60 @@ TEST(BorderedSolver, TellsTheBorderApart) {
     }
   });
   EXPECT_EQ(visited, kBefore + kAfter);
+}
+
+TEST(BorderedSolver, SolvesChainsLikeADenseMatrix) {
+  std::mt19937_64 random(testing::TestSeed(78));
+  const testing::ChainSystem system = testing::MakeChainSystem(4, random);
+  const Eigen::MatrixXd H = system.Dense();
+  const Eigen::MatrixXd b = Eigen::MatrixXd::Random(testing::kSize, 2);
+  BorderedSolver solver(testing::kSize, testing::kBorder);
+  const auto x = solver.Solve(system.terms, b, 1e-6);
+  ASSERT_TRUE(x.has_value());
+  const Eigen::MatrixXd expected = H.llt().solve(b);
+  EXPECT_LT((*x - expected).norm(), 1e-5 * expected.norm());
+}
+
+// With chains cut it is the inverse of what stands in for A.
+TEST(BorderedSolver, TellsTheInverseWhereChainsAreCut) {
+  std::mt19937_64 random(testing::TestSeed(83));
+  constexpr int kSystem = testing::kSize;
+  const testing::ChainSystem system = testing::MakeChainSystem(4, random);
+  BorderedSolver solver(kSystem, testing::kBorder);
+  ASSERT_TRUE(solver.Solve(system.terms, Eigen::VectorXd::Ones(kSystem)));
+  const Eigen::MatrixXd inverse = solver.SolveHeld(Eigen::MatrixXd::Identity(kSystem, kSystem));
+  std::vector<bool> told(kSystem);
+  solver.VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& Z) {
+    for (int j = 0; j < own; ++j) {
+      told[static_cast<std::size_t>(unknowns[static_cast<std::size_t>(j)])] = true;
+      for (std::size_t i = 0; i < unknowns.size(); ++i) {
+        EXPECT_NEAR(Z(static_cast<Eigen::Index>(i), j),
+                    inverse(unknowns[i], unknowns[static_cast<std::size_t>(j)]),
+                    1e-9);
+      }
+    }
+  });
+  for (int i = testing::kFirstMode; i < kSystem; ++i) {
+    EXPECT_TRUE(told[static_cast<std::size_t>(i)]) << i;
+  }
+  EXPECT_FALSE(told[4 * kChainRows]);  // Something was cut.
+
+  const std::vector<int> index = {
+      testing::kFirstMode + 4, testing::kFirstCalibration, testing::kFirstMode + 31};
+  const Eigen::MatrixXd weights = Eigen::MatrixXd::Random(3, 2);
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(kSystem, 2);
+  all(index, Eigen::all) = weights;
+  all.middleRows(testing::kFirstCalibration, 2 * testing::kChains).setZero();
+  EXPECT_LT((solver.QuadraticForm(index, weights) - all.transpose() * inverse * all).norm(), 1e-9);
+
+  constexpr int kDraws = 20'000;
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd z =
+      Eigen::MatrixXd::NullaryExpr(kSystem, kDraws, [&](auto, auto) { return normal(random); });
+  const Eigen::MatrixXd draws = solver.SolveUpper(z);
+  for (int i = testing::kFirstMode; i < kSystem; i += 9) {
+    EXPECT_NEAR(draws.row(i).squaredNorm() / kDraws / inverse(i, i), 1.0, 0.06) << i;
+  }
 }
 
 }  // namespace
