@@ -83,9 +83,13 @@ class BentSubmap {
     return true;
   }
 
-  // Conditions on the known modes, for Match().
-  void Condition() {
-    explained_ = covariance_(rows_, Eigen::all);
+  // Conditions some modes on the known ones, for Match().
+  void Condition(const std::vector<std::size_t>& modes) {
+    std::vector<Eigen::Index> columns;
+    for (const std::size_t i : modes) {
+      for (const int axis : {0, 1}) columns.push_back(RowOf(i) + axis);
+    }
+    explained_ = covariance_(rows_, columns);
     llt_.matrixL().solveInPlace(explained_);
     shift_ = explained_.transpose() * whitened_;
   }
@@ -107,10 +111,11 @@ class BentSubmap {
   }
 
   // The mode of the map that mode i is, or kUnassigned if that does not show.
-  int Match(std::size_t i, double max_sd) const {
+  // @param place  Of i among those that are conditioned.
+  int Match(std::size_t i, std::size_t place, double max_sd) const {
     const Eigen::Index row = RowOf(i);
-    const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(row);
-    const auto explained = explained_.middleCols<2>(row);
+    const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
+    const auto explained = explained_.middleCols<2>(RowOf(place));
     const Eigen::Matrix2d cov =
         covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
     if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
@@ -138,7 +143,9 @@ class BentSubmap {
   std::vector<Eigen::Index> rows_;
   Eigen::LLT<Eigen::MatrixXd> llt_;  // Of K.
   Eigen::VectorXd whitened_;         // L⁻¹ of the differences, map less submap.
-  Eigen::MatrixXd explained_;        // Columns: what the known modes explain of each coordinate.
+
+  // Of those that are conditioned. Columns: what the known modes explain of each coordinate.
+  Eigen::MatrixXd explained_;
   Eigen::VectorXd shift_;
 };
 
@@ -154,14 +161,21 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i] != kUnassigned) settled[i] = true;
   }
-  if (!bent.Hold(known)) return known;
-  bent.Condition();
-  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd;) {
-    bool grew = false;
+  std::vector<std::size_t> open;  // Not matched, and not given up.
+  const auto condition = [&] {
+    open.clear();
     for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i] != kUnassigned || settled[i]) continue;
-      known[i] = bent.Match(i, max_sd);
-      grew = grew || known[i] != kUnassigned;
+      if (known[i] == kUnassigned && !settled[i]) open.push_back(i);
+    }
+    if (!open.empty()) bent.Condition(open);
+  };
+  if (!bent.Hold(known)) return known;
+  condition();
+  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !open.empty();) {
+    bool grew = false;
+    for (std::size_t k = 0; k < open.size(); ++k) {
+      known[open[k]] = bent.Match(open[k], k, max_sd);
+      grew = grew || known[open[k]] != kUnassigned;
     }
     max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
     if (!grew) continue;
@@ -173,7 +187,7 @@ std::vector<int> GrowMatches(const MapperOptions& options,
       settled[i] = true;
     }
     if (dropped && !bent.Hold(known)) return known;
-    bent.Condition();
+    condition();
   }
   return known;
 }

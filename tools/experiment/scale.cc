@@ -109,6 +109,40 @@ std::vector<PointPair> PairWithTruth(const MapContent& content,
   return pairs;
 }
 
+// Errors in standard deviations, squared: 2 on average if the map's covariances are right.
+double MeanSquaredDeviation(const MapContent& content, const std::vector<Eigen::Vector2d>& errors) {
+  double sum = 0.0;
+  std::size_t i = 0;
+  for (const LandmarkGroup& group : content.groups) {
+    for (const Mode& mode : group.modes) {
+      sum += SquaredMahalanobis(errors[i++], mode.cov_p_map_landmark);
+    }
+  }
+  return sum / static_cast<double>(errors.size());
+}
+
+// Takes out of errors what makes the whole map larger, and returns it.
+double TakeOutScale(const std::vector<PointPair>& pairs,
+                    const Se2& T_map_truth,
+                    std::vector<Eigen::Vector2d>* errors) {
+  std::vector<Eigen::Vector2d> offsets;
+  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
+  for (const PointPair& pair : pairs) {
+    offsets.push_back(T_map_truth * pair.p_b);
+    centroid += offsets.back() / static_cast<double>(pairs.size());
+  }
+  double along = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < offsets.size(); ++i) {
+    offsets[i] -= centroid;
+    along += offsets[i].dot((*errors)[i]);
+    squares += offsets[i].squaredNorm();
+  }
+  const double scale = squares > 0.0 ? along / squares : 0.0;
+  for (std::size_t i = 0; i < offsets.size(); ++i) (*errors)[i] -= scale * offsets[i];
+  return scale;
+}
+
 // Errors of a map's modes, with the map where it is nearest to the truth.
 // @param T_truth_start  Near which that is: at the far end of a site off by metres, so that some
 //                       modes are first paired with the wrong place.
@@ -125,23 +159,19 @@ Status Score(const MapContent& content,
     SHIFTMAP_ASSIGN_OR_RETURN(T_map_truth, AlignRigid2d(pairs));
   }
   double squares = 0.0;
-  double nees = 0.0;
+  std::vector<Eigen::Vector2d> errors;
   std::vector<double> distances;
-  std::size_t i = 0;
-  for (const LandmarkGroup& group : content.groups) {
-    for (const Mode& mode : group.modes) {
-      const PointPair& pair = pairs[i++];
-      const Eigen::Vector2d error = pair.p_a - T_map_truth * pair.p_b;
-      squares += error.squaredNorm();
-      distances.push_back(error.norm());
-      row->far_modes += error.norm() >= 1.0;
-      nees += SquaredMahalanobis(error, mode.cov_p_map_landmark);
-    }
+  for (const PointPair& pair : pairs) {
+    const Eigen::Vector2d& error = errors.emplace_back(pair.p_a - T_map_truth * pair.p_b);
+    squares += error.squaredNorm();
+    distances.push_back(error.norm());
+    row->far_modes += error.norm() >= 1.0;
   }
-  const auto count = static_cast<double>(pairs.size());
-  row->rms_m = std::sqrt(squares / count);
-  row->nees = nees / count;
+  row->rms_m = std::sqrt(squares / static_cast<double>(pairs.size()));
   row->median_m = Median(std::move(distances));
+  row->nees = MeanSquaredDeviation(content, errors);
+  row->scale_error = TakeOutScale(pairs, T_map_truth, &errors);
+  row->nees_shape = MeanSquaredDeviation(content, errors);
   return OkStatus();
 }
 

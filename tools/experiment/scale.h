@@ -34,6 +34,8 @@ struct ScaleRow {
   double median_m = 0.0;      ///< Of their distances from the truth.
   int far_modes = 0;          ///< A metre or more off.
   double nees = 0.0;          ///< Mean squared error of modes in standard deviations: 2 if right.
+  double scale_error = 0.0;   ///< By how much the map is too large. [-]
+  double nees_shape = 0.0;    ///< As nees, without that.
   double build_s = 0.0;       ///< Processor time of BuildMap, all threads.
   double wall_s = 0.0;        ///< Of BuildMap by the clock on the wall.
   double us_per_frame = 0.0;  ///< Processor time. [µs]

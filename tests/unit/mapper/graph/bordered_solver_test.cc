@@ -164,7 +164,8 @@ TEST(BorderedSolver, TellsTheInverseWhereChainsAreCut) {
   for (int i = testing::kFirstMode; i < kSystem; ++i) {
     EXPECT_TRUE(told[static_cast<std::size_t>(i)]) << i;
   }
-  EXPECT_FALSE(told[4 * kChainRows]);  // Something was cut.
+  constexpr std::size_t kFifthPose = 4 * kChainRows;
+  EXPECT_FALSE(told[kFifthPose]);  // Something was cut.
 
   const std::vector<int> index = {
       testing::kFirstMode + 4, testing::kFirstCalibration, testing::kFirstMode + 31};

@@ -112,8 +112,9 @@ TEST(ChainElimination, LeavesPosesThatHoldTermsTogether) {
   std::mt19937_64 random(testing::TestSeed(84));
   ChainSystem system = MakeChainSystem(1, random);
   for (SystemTerm& term : system.terms) {
-    const int chain = (term.index[2 * kChainRows] - kFirstCalibration) / 2;
-    for (std::size_t i = 2 * kChainRows + 2; i < term.index.size(); ++i) {
+    constexpr std::size_t kPoseRows = 2 * kChainRows;
+    const int chain = (term.index[kPoseRows] - kFirstCalibration) / 2;
+    for (std::size_t i = kPoseRows + 2; i < term.index.size(); ++i) {
       const int mode = (term.index[i] - kFirstMode) / 2;
       term.index[i] = kFirstMode + 2 * (mode % 8 + 8 * chain) + (term.index[i] - kFirstMode) % 2;
     }
