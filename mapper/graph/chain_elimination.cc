@@ -430,39 +430,46 @@ void ChainElimination::SolveChains(bool held, Eigen::MatrixXd* x) const {
 // Eᵀ x.
 Eigen::MatrixXd ChainElimination::FromOthers(const Eigen::MatrixXd& x) const {
   Eigen::MatrixXd y = Eigen::MatrixXd::Zero(ChainRows(), x.cols());
-  Eigen::VectorXd from(static_cast<Eigen::Index>(largest_));
-  Eigen::VectorXd to(static_cast<Eigen::Index>(largest_));
-  for (const TermParts& parts : parts_) {
-    const auto others = std::ssize(parts.others);
-    const auto chains = std::ssize(parts.chains);
-    if (others == 0 || chains == 0) continue;
-    const Eigen::Map<const Eigen::MatrixXd> E(E_.data() + parts.E, others, chains);
-    for (Eigen::Index k = 0; k < x.cols(); ++k) {
-      for (Eigen::Index i = 0; i < others; ++i) from[i] = x(parts.other_rows[At(i)], k);
-      to.head(chains).noalias() = E.transpose() * from.head(others);
-      for (Eigen::Index i = 0; i < chains; ++i) y(parts.chain_rows[At(i)], k) += to[i];
-    }
-  }
+  const auto product = [](const auto& E, const auto& in, auto out) {
+    out.noalias() = E.transpose() * in;
+  };
+  AddProducts(&TermParts::other_rows, &TermParts::chain_rows, product, x, &y);
   return y;
 }
 
 // E x.
 Eigen::MatrixXd ChainElimination::ToOthers(const Eigen::MatrixXd& x) const {
   Eigen::MatrixXd y = Eigen::MatrixXd::Zero(std::ssize(outer_), x.cols());
-  Eigen::VectorXd from(static_cast<Eigen::Index>(largest_));
-  Eigen::VectorXd to(static_cast<Eigen::Index>(largest_));
+  const auto product = [](const auto& E, const auto& in, auto out) { out.noalias() = E * in; };
+  AddProducts(&TermParts::chain_rows, &TermParts::other_rows, product, x, &y);
+  return y;
+}
+
+// Adds what the block of E of each term makes of its rows of x to its rows of y.
+template <typename Product>
+void ChainElimination::AddProducts(std::vector<int> TermParts::*from,
+                                   std::vector<int> TermParts::*to,
+                                   const Product& product,
+                                   const Eigen::MatrixXd& x,
+                                   Eigen::MatrixXd* y) const {
+  Eigen::VectorXd in(static_cast<Eigen::Index>(largest_));
+  Eigen::VectorXd out(static_cast<Eigen::Index>(largest_));
   for (const TermParts& parts : parts_) {
-    const auto others = std::ssize(parts.others);
-    const auto chains = std::ssize(parts.chains);
-    if (others == 0 || chains == 0) continue;
-    const Eigen::Map<const Eigen::MatrixXd> E(E_.data() + parts.E, others, chains);
+    if (parts.others.empty() || parts.chains.empty()) continue;
+    const Eigen::Map<const Eigen::MatrixXd> E(
+        E_.data() + parts.E, std::ssize(parts.others), std::ssize(parts.chains));
+    const std::vector<int>& rows = parts.*from;
+    const std::vector<int>& to_rows = parts.*to;
     for (Eigen::Index k = 0; k < x.cols(); ++k) {
-      for (Eigen::Index i = 0; i < chains; ++i) from[i] = x(parts.chain_rows[At(i)], k);
-      to.head(others).noalias() = E * from.head(chains);
-      for (Eigen::Index i = 0; i < others; ++i) y(parts.other_rows[At(i)], k) += to[i];
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        in[static_cast<Eigen::Index>(i)] = x(rows[i], k);
+      }
+      product(E, in.head(std::ssize(rows)), out.head(std::ssize(to_rows)));
+      for (std::size_t i = 0; i < to_rows.size(); ++i) {
+        (*y)(to_rows[i], k) += out[static_cast<Eigen::Index>(i)];
+      }
     }
   }
-  return y;
 }
 
 }  // namespace shiftmap

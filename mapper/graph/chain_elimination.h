@@ -108,6 +108,12 @@ class ChainElimination {
   void SolveChains(bool held, Eigen::MatrixXd* x) const;
   Eigen::MatrixXd FromOthers(const Eigen::MatrixXd& x) const;
   Eigen::MatrixXd ToOthers(const Eigen::MatrixXd& x) const;
+  template <typename Product>
+  void AddProducts(std::vector<int> TermParts::*from,
+                   std::vector<int> TermParts::*to,
+                   const Product& product,
+                   const Eigen::MatrixXd& x,
+                   Eigen::MatrixXd* y) const;
 
   int size_;
   Border border_;

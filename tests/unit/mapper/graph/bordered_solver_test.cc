@@ -164,7 +164,7 @@ TEST(BorderedSolver, TellsTheInverseWhereChainsAreCut) {
   for (int i = testing::kFirstMode; i < kSystem; ++i) {
     EXPECT_TRUE(told[static_cast<std::size_t>(i)]) << i;
   }
-  constexpr std::size_t kFifthPose = 4 * kChainRows;
+  constexpr std::size_t kFifthPose = std::size_t{4} * kChainRows;
   EXPECT_FALSE(told[kFifthPose]);  // Something was cut.
 
   const std::vector<int> index = {

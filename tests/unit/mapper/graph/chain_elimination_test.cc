@@ -112,7 +112,7 @@ TEST(ChainElimination, LeavesPosesThatHoldTermsTogether) {
   std::mt19937_64 random(testing::TestSeed(84));
   ChainSystem system = MakeChainSystem(1, random);
   for (SystemTerm& term : system.terms) {
-    constexpr std::size_t kPoseRows = 2 * kChainRows;
+    constexpr std::size_t kPoseRows = std::size_t{2} * kChainRows;
     const int chain = (term.index[kPoseRows] - kFirstCalibration) / 2;
     for (std::size_t i = kPoseRows + 2; i < term.index.size(); ++i) {
       const int mode = (term.index[i] - kFirstMode) / 2;
