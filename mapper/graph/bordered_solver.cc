@@ -8,7 +8,7 @@ namespace shiftmap {
 namespace {
 
 // Iterations on an earlier factor that cost less than another one, and on a factor of its own until
-// a factor with the border in it is better.
+// one with no chain cut is better.
 constexpr int kMaxSimilar = 24;
 constexpr int kMaxIterations = 200;
 
@@ -29,32 +29,37 @@ void BorderedSolver::Forget() {
   has_factor_ = false;
 }
 
+void BorderedSolver::Adopt(ChainElimination chains) {
+  factor_ = std::make_unique<Multifrontal>(static_cast<int>(chains.others().size()),
+                                           chains.ShapeOfCutTerms());
+  chains_ = std::move(chains);
+}
+
 // False if terms have other poses than chains have.
 bool BorderedSolver::ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms) {
   if (chains_ && cuts_ == cuts) return true;
   Forget();
   cuts_ = cuts;
-  if (cuts == Cuts::kNone) {
-    chains_ = ChainElimination::OfBorder(size_, border_, terms);
-  } else {
-    std::vector<bool> stays;
-    if (cuts == Cuts::kWide) stays = NarrowPoses(terms);
-    chains_ = ChainElimination::OfPoses(size_, border_, terms, stays);
-    if (!chains_) return false;
+  std::vector<bool> stays;
+  if (cuts != Cuts::kAll) {
+    Adopt(ChainElimination::OfBorder(size_, border_, terms));
+    if (cuts == Cuts::kNone) return true;
+    stays = NarrowPoses();
+    if (std::find(stays.begin(), stays.end(), false) == stays.end()) return true;
   }
-  factor_ = std::make_unique<Multifrontal>(static_cast<int>(chains_->others().size()),
-                                           chains_->ShapeOfCutTerms());
+  std::optional<ChainElimination> chains = ChainElimination::OfPoses(size_, border_, terms, stays);
+  Forget();
+  if (!chains) return false;
+  Adopt(*std::move(chains));
   return true;
 }
 
-// Poses of which the fronts are narrow if no chain is cut: what eliminates there costs little and
-// stays exact.
-std::vector<bool> BorderedSolver::NarrowPoses(const std::vector<SystemTerm>& terms) const {
-  const ChainElimination uncut = ChainElimination::OfBorder(size_, border_, terms);
-  const Multifrontal fronts(static_cast<int>(uncut.others().size()), uncut.ShapeOfCutTerms());
+// Poses of which the fronts are narrow: what eliminates there costs little and stays exact.
+// Precondition: no chain is cut.
+std::vector<bool> BorderedSolver::NarrowPoses() const {
   std::vector<bool> narrow;
   for (int pose = 0; pose < border_.begin; pose += kChainRows) {
-    narrow.push_back(fronts.FrontWidth(uncut.RowOf(pose)) <= kWideFront);
+    narrow.push_back(factor_->FrontWidth(chains_->RowOf(pose)) <= kWideFront);
   }
   return narrow;
 }
@@ -142,27 +147,12 @@ void BorderedSolver::VisitInverse(const InverseVisitor& visitor) const {
   });
 }
 
-// [B; C] c: only those columns of each term take part.
+// [B; C] c.
 Eigen::MatrixXd BorderedSolver::BorderTimes(const std::vector<SystemTerm>& terms,
                                             const Eigen::MatrixXd& c) const {
-  Eigen::MatrixXd y = Eigen::MatrixXd::Zero(size_, c.cols());
-  Eigen::MatrixXd local;
-  for (const SystemTerm& term : terms) {
-    const auto size = static_cast<Eigen::Index>(term.index.size());
-    local.setZero(size, c.cols());
-    for (Eigen::Index k = 0; k < size; ++k) {
-      const int unknown = term.index[static_cast<std::size_t>(k)];
-      if (unknown < border_.begin || unknown >= border_.end()) continue;
-      const auto c_k = c.row(unknown - border_.begin);
-      local.topRows(k).noalias() += term.H.row(k).head(k).transpose() * c_k;
-      local.bottomRows(size - k).noalias() += term.H.col(k).tail(size - k) * c_k;
-    }
-    for (Eigen::Index i = 0; i < size; ++i) {
-      const int unknown = term.index[static_cast<std::size_t>(i)];
-      if (unknown >= 0) y.row(unknown) += local.row(i);
-    }
-  }
-  return y;
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size_, c.cols());
+  x.middleRows(border_.begin, c.rows()) = c;
+  return Times(terms, x);
 }
 
 Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,

@@ -83,9 +83,10 @@ class BorderedSolver {
   // Where chains are cut.
   enum class Cuts { kNone, kWide, kAll };
 
+  void Adopt(ChainElimination chains);
   bool ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms);
   bool FactorizeWith(Cuts cuts, const std::vector<SystemTerm>& terms);
-  std::vector<bool> NarrowPoses(const std::vector<SystemTerm>& terms) const;
+  std::vector<bool> NarrowPoses() const;
   Eigen::MatrixXd BorderTimes(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& c) const;
   std::optional<Eigen::MatrixXd> ConjugateGradients(bool held,
                                                     const Eigen::MatrixXd& b,

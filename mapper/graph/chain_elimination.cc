@@ -132,14 +132,15 @@ ChainElimination ChainElimination::OfBorder(int size,
 }
 
 void ChainElimination::MakeParts(const std::vector<SystemTerm>& terms) {
-  std::vector<int> row_of(At(size_), -1);  // Among what is eliminated.
-  for (std::size_t i = 0; i < poses_.size(); ++i) {
-    for (int k = 0; k < kPose; ++k) {
-      row_of[At(kPose * poses_[i] + k)] = kPose * static_cast<int>(i) + k;
-    }
+  for (const int pose : poses_) {
+    for (int k = 0; k < kPose; ++k) eliminated_.push_back(kPose * pose + k);
   }
   for (int unknown = border_.begin; unknown < border_.end(); ++unknown) {
-    row_of[At(unknown)] = static_cast<int>(PoseRows()) + unknown - border_.begin;
+    eliminated_.push_back(unknown);
+  }
+  std::vector<int> row_of(At(size_), -1);  // Among what is eliminated.
+  for (std::size_t i = 0; i < eliminated_.size(); ++i) {
+    row_of[At(eliminated_[i])] = static_cast<int>(i);
   }
   inner_.assign(At(size_), -1);
   for (int unknown = 0; unknown < size_; ++unknown) {
@@ -273,31 +274,13 @@ std::optional<std::vector<SystemTerm>> ChainElimination::CutTerms(
 }
 
 ChainElimination::Parts ChainElimination::Split(const Eigen::MatrixXd& x) const {
-  Parts parts{Eigen::MatrixXd(ChainRows(), x.cols()),
-              Eigen::MatrixXd(std::ssize(outer_), x.cols())};
-  for (std::size_t i = 0; i < poses_.size(); ++i) {
-    parts.chains.middleRows<kPose>(static_cast<Eigen::Index>(kPose * i)) =
-        x.middleRows<kPose>(Eigen::Index{kPose} * poses_[i]);
-  }
-  const Eigen::Index border = ChainRows() - PoseRows();
-  parts.chains.bottomRows(border) = x.middleRows(border_.begin, border);
-  for (std::size_t i = 0; i < outer_.size(); ++i) {
-    parts.others.row(static_cast<Eigen::Index>(i)) = x.row(outer_[i]);
-  }
-  return parts;
+  return {x(eliminated_, Eigen::all), x(outer_, Eigen::all)};
 }
 
 Eigen::MatrixXd ChainElimination::Join(const Parts& parts) const {
   Eigen::MatrixXd x(size_, parts.others.cols());
-  for (std::size_t i = 0; i < poses_.size(); ++i) {
-    x.middleRows<kPose>(Eigen::Index{kPose} * poses_[i]) =
-        parts.chains.middleRows<kPose>(static_cast<Eigen::Index>(kPose * i));
-  }
-  const Eigen::Index border = ChainRows() - PoseRows();
-  x.middleRows(border_.begin, border) = parts.chains.bottomRows(border);
-  for (std::size_t i = 0; i < outer_.size(); ++i) {
-    x.row(outer_[i]) = parts.others.row(static_cast<Eigen::Index>(i));
-  }
+  x(eliminated_, Eigen::all) = parts.chains;
+  x(outer_, Eigen::all) = parts.others;
   return x;
 }
 
@@ -429,7 +412,7 @@ void ChainElimination::SolveChains(bool held, Eigen::MatrixXd* x) const {
 
 // Eᵀ x.
 Eigen::MatrixXd ChainElimination::FromOthers(const Eigen::MatrixXd& x) const {
-  Eigen::MatrixXd y = Eigen::MatrixXd::Zero(ChainRows(), x.cols());
+  Eigen::MatrixXd y = Eigen::MatrixXd::Zero(std::ssize(eliminated_), x.cols());
   const auto product = [](const auto& E, const auto& in, auto out) {
     out.noalias() = E.transpose() * in;
   };

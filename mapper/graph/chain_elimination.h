@@ -13,6 +13,24 @@
 
 namespace shiftmap {
 
+/// Unknowns of a pose in a chain.
+inline constexpr int kChainRows = 3;
+
+/// Unknowns [begin, begin + blocks * size) of a system: blocks that do not couple with each other,
+/// but each with very many of the other unknowns.
+struct Border {
+  int begin = 0;
+  int blocks = 0;
+  int size = 0;  ///< Of a block.
+
+  /// Unknowns before the border are poses in chains, three rows each, and every term has one of
+  /// them, two neighbours or none.
+  bool chained = false;
+
+  int end() const { return begin + blocks * size; }
+  friend bool operator==(const Border&, const Border&) = default;
+};
+
 /// Eliminates from a sparse system what is cheap to eliminate exactly: poses along chains, and the
 /// border, a block of which goes with each chain. With what is left, the others,
 ///
@@ -101,7 +119,6 @@ class ChainElimination {
   void MakeParts(const std::vector<SystemTerm>& terms);
   void MakePattern();
   Eigen::Index PoseRows() const { return Eigen::Index{kChainRows} * std::ssize(poses_); }
-  Eigen::Index ChainRows() const { return PoseRows() + border_.end() - border_.begin; }
   bool FactorizePoses(const std::vector<SystemTerm>& terms);
   bool FactorizeBorder(const std::vector<SystemTerm>& terms);
   void SolvePoses(Eigen::MatrixXd* x) const;
@@ -118,6 +135,7 @@ class ChainElimination {
   int size_;
   Border border_;
   std::vector<int> poses_;         // Those that are eliminated.
+  std::vector<int> eliminated_;    // Unknowns: their rows, then the border.
   std::vector<int> inner_;         // Per unknown its number among the others, or -1.
   std::vector<int> outer_;         // Per one of the others its number.
   std::vector<TermParts> parts_;   // Per term.

@@ -15,24 +15,6 @@ struct SystemTerm {
   Eigen::MatrixXd H;       ///< The lower triangle counts.
 };
 
-/// Unknowns of a pose in a chain.
-inline constexpr int kChainRows = 3;
-
-/// Unknowns [begin, begin + blocks * size) of a system: blocks that do not couple with each other,
-/// but each with very many of the other unknowns.
-struct Border {
-  int begin = 0;
-  int blocks = 0;
-  int size = 0;  ///< Of a block.
-
-  /// Unknowns before the border are poses in chains, three rows each, and every term has one of
-  /// them, two neighbours or none.
-  bool chained = false;
-
-  int end() const { return begin + blocks * size; }
-  friend bool operator==(const Border&, const Border&) = default;
-};
-
 /// Σ terms times x, any number of columns.
 Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& x);
 

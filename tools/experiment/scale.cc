@@ -13,6 +13,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/datum.h"
 #include "mapper/mapper.h"
 #include "mapstore/core/median.h"
 #include "mapstore/geometry/covariance.h"
@@ -121,25 +122,19 @@ double MeanSquaredDeviation(const MapContent& content, const std::vector<Eigen::
   return sum / static_cast<double>(errors.size());
 }
 
-// Takes out of errors what makes the whole map larger, and returns it.
-double TakeOutScale(const std::vector<PointPair>& pairs,
-                    const Se2& T_map_truth,
+// Takes out of errors at some positions what makes the whole map larger, and returns it.
+double TakeOutScale(const std::vector<Eigen::Vector2d>& positions,
                     std::vector<Eigen::Vector2d>* errors) {
-  std::vector<Eigen::Vector2d> offsets;
-  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
-  for (const PointPair& pair : pairs) {
-    offsets.push_back(T_map_truth * pair.p_b);
-    centroid += offsets.back() / static_cast<double>(pairs.size());
-  }
+  const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
   double along = 0.0;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < offsets.size(); ++i) {
-    offsets[i] -= centroid;
-    along += offsets[i].dot((*errors)[i]);
-    squares += offsets[i].squaredNorm();
+  for (std::size_t i = 0; i < errors->size(); ++i) {
+    along += offsets.segment<2>(static_cast<Eigen::Index>(2 * i)).dot((*errors)[i]);
   }
+  const double squares = offsets.squaredNorm();
   const double scale = squares > 0.0 ? along / squares : 0.0;
-  for (std::size_t i = 0; i < offsets.size(); ++i) (*errors)[i] -= scale * offsets[i];
+  for (std::size_t i = 0; i < errors->size(); ++i) {
+    (*errors)[i] -= scale * offsets.segment<2>(static_cast<Eigen::Index>(2 * i));
+  }
   return scale;
 }
 
@@ -159,10 +154,12 @@ Status Score(const MapContent& content,
     SHIFTMAP_ASSIGN_OR_RETURN(T_map_truth, AlignRigid2d(pairs));
   }
   double squares = 0.0;
+  std::vector<Eigen::Vector2d> positions;
   std::vector<Eigen::Vector2d> errors;
   std::vector<double> distances;
   for (const PointPair& pair : pairs) {
-    const Eigen::Vector2d& error = errors.emplace_back(pair.p_a - T_map_truth * pair.p_b);
+    const Eigen::Vector2d& position = positions.emplace_back(T_map_truth * pair.p_b);
+    const Eigen::Vector2d& error = errors.emplace_back(pair.p_a - position);
     squares += error.squaredNorm();
     distances.push_back(error.norm());
     row->far_modes += error.norm() >= 1.0;
@@ -170,7 +167,7 @@ Status Score(const MapContent& content,
   row->rms_m = std::sqrt(squares / static_cast<double>(pairs.size()));
   row->median_m = Median(std::move(distances));
   row->nees = MeanSquaredDeviation(content, errors);
-  row->scale_error = TakeOutScale(pairs, T_map_truth, &errors);
+  row->scale_error = TakeOutScale(positions, &errors);
   row->nees_shape = MeanSquaredDeviation(content, errors);
   return OkStatus();
 }

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/graph/multifrontal.h"
+#include "mapper/graph/chain_elimination.h"
 
 namespace shiftmap::testing {
 
