@@ -26,7 +26,9 @@ Matrix SqrtInformation(const Matrix& cov) {
 MotionResidual::MotionResidual(const MotionIncrement& motion)
     : T_i_j_(motion.T_begin_end), R_i_j_(T_i_j_.Rotation()), J_calibration_(motion.J_calibration) {
   const Eigen::Matrix3d floor = Eigen::Matrix3d::Identity() * (kMinMotionSd * kMinMotionSd);
-  sqrt_information_ = SqrtInformation<Eigen::Matrix3d>(motion.cov + floor);
+  // Yaw by itself, and what it does not explain of x and y: so each has a noise of its own.
+  const Eigen::Matrix3d from_yaw = (motion.cov + floor).reverse();
+  sqrt_information_ = SqrtInformation<Eigen::Matrix3d>(from_yaw).reverse();
 }
 
 MotionResidual::Difference MotionResidual::DifferenceAt(const Se2& T_map_i,
