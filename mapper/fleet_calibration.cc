@@ -68,19 +68,19 @@ struct MotionSquares {
 };
 
 void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
-  std::size_t hint = 0;
   std::size_t first = 0;
+  Se2 T_first_odometry;
   const std::vector<KeyFrame>& frames = run.data->frames;
   for (std::size_t i = 1; i < frames.size(); ++i) {
+    T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
     const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
     if (seconds < kNoiseSpanSeconds) continue;
-    const MotionIncrement motion = IntegrateMotion(
-        run.data->odometry, frames[first].stamp, frames[i].stamp, run.odometry, &hint);
     const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
-    const Eigen::Vector3d error = (motion.T_begin_end.Inverse() * T_first_i).Log();
+    const Eigen::Vector3d error = (T_first_odometry.Inverse() * T_first_i).Log();
     squares->x.push_back(error.x() * error.x() / seconds);
     squares->yaw.push_back(error.z() * error.z() / seconds);
     first = i;
+    T_first_odometry = Se2();
   }
 }
 

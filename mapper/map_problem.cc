@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -19,39 +18,14 @@ constexpr double kLagSd = 0.2;  // [s]
 constexpr double kBearingOffsetSd = 0.05;  // [rad]
 constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
 
-// Motions are linear in the calibration only nearby. [-], [s]
-constexpr double kLinearCorrection = 1e-2;
-
 // Of what is not estimated.
 constexpr double kHeldSd = 1e-9;
-
-// The calibration `to` as a correction of `from`: (log scale_v, log scale_omega, lag_s).
-Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to) {
-  return {std::log(to.scale_v / from.scale_v),
-          std::log(to.scale_omega / from.scale_omega),
-          to.lag_s - from.lag_s};
-}
-
-void UpdateMotions(BuildRun* run) {
-  IntegratedMotions& motions = run->motions;
-  const std::vector<KeyFrame>& frames = run->data->frames;
-  const bool near = CorrectionBetween(motions.calibration, run->odometry).cwiseAbs().maxCoeff() <
-                    kLinearCorrection;
-  if (motions.between_frames.size() + 1 == frames.size() && near) return;
-  motions.calibration = run->odometry;
-  motions.between_frames.clear();
-  std::size_t hint = 0;
-  for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    motions.between_frames.push_back(IntegrateOdometry(
-        run->data->odometry, frames[i].stamp, frames[i + 1].stamp, run->odometry, &hint));
-  }
-}
 
 // @param in_map_units  As in MapProblem.
 GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
   const OdometryCalibration& fleet = options.calibration.odometry;
   const bool calibrate = options.calibrate;
-  UpdateMotions(run);
+  UpdateMotions(*run->data, run->odometry, &run->motions);
   GraphRun result;
   result.poses = run->poses;
   for (const IntegratedMotion& motion : run->motions.between_frames) {
@@ -134,6 +108,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
     }
   }
   graph.prior = problem->prior;
+  graph.open = problem->open;
   // Runs by themselves are mapped side by side.
   graph.threads = problem->runs.size() > 1 ? options.threads : 1;
   return graph;
@@ -216,8 +191,10 @@ std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVi
   std::vector<Eigen::Vector2d> positions;
   for (const int index : visit.sightings) {
     const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
-    positions.push_back(LandmarkPosition(sighting.observation,
-                                         run.poses[static_cast<std::size_t>(sighting.frame)]));
+    const Observation observation =
+        Unbiased(sighting.observation, run.sensor_bias, run.data->mean_squared_bearing);
+    positions.push_back(
+        LandmarkPosition(observation, run.poses[static_cast<std::size_t>(sighting.frame)]));
   }
   return positions;
 }

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
@@ -27,12 +27,6 @@ struct BuildMode {
   bool displaced = false;
 };
 
-/// The odometry of a run between its key frames, integrated at some calibration.
-struct IntegratedMotions {
-  OdometryCalibration calibration;
-  std::vector<IntegratedMotion> between_frames;
-};
-
 /// One run in the problem: its data, and what is estimated of it.
 struct BuildRun {
   const MappingRun* data = nullptr;
@@ -41,7 +35,7 @@ struct BuildRun {
   SensorBias sensor_bias = SensorBias::Zero();
 
   /// Kept from solve to solve while `odometry` stays close to where they were integrated.
-  IntegratedMotions motions;
+  FrameMotions motions;
 
   /// Per visit the index of its mode in the group, or kUnassigned: the visit's sightings are
   /// clutter, or of a landmark at no known position.
@@ -64,6 +58,8 @@ struct MapProblem {
   /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
   /// of the map so far that merely hold a run do not.
   bool in_map_units = false;
+
+  bool open = false;  ///< As in Graph.
 
   int modes_merged = 0;
   double cost = 0.0;  ///< Half the sum of all losses at the last solve.
@@ -125,7 +121,8 @@ const Eigen::Vector2d& AssignedPosition(const MapProblem& problem,
 /// below the 99.9 % quantile.
 bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& sighting);
 
-/// Positions of a visit's sightings as seen from the present poses. [m]
+/// Positions of a visit's sightings as seen from the present poses, the run's sensor bias taken
+/// off. [m]
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit);
 
 }  // namespace shiftmap

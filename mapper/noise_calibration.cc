@@ -123,21 +123,28 @@ void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs) {
   }
 }
 
+Graph SolveRoughly(const MapperOptions& options,
+                   int steps,
+                   MapProblem* problem,
+                   GraphSolver* solver) {
+  constexpr double kCostTolerance = 1e-3;
+  MapperOptions few = options;
+  few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
+  few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  return SolveOnce(few, problem, solver);
+}
+
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
                     MapProblem* problem,
                     const GoOn& go_on) {
-  // The next round goes on from where this one ends: none needs to end at the minimum.
-  constexpr int kIterations = 2;
-  constexpr double kCostTolerance = 1e-3;
-  MapperOptions few = options;
-  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
-  few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  constexpr int kSteps = 2;
   VarianceComponents components(problem);
   GraphSolver solver;
   for (int round = 0; round < rounds.most; ++round) {
     if (go_on && !go_on(*problem)) return;
-    const Graph graph = SolveOnce(few, problem, &solver);
+    const Graph graph =
+        round == 0 ? MakeGraph(options, problem) : SolveRoughly(options, kSteps, problem, &solver);
     const std::vector<ResidualStatistics> statistics =
         ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, &solver);
     if (components.Step(statistics) < rounds.settled) return;

@@ -25,9 +25,17 @@ struct NoiseRounds {
   double settled = 1.05;
 };
 
+/// As SolveOnce(), in a few steps: what goes on from there need not be at the minimum.
+Graph SolveRoughly(const MapperOptions& options,
+                   int steps,
+                   MapProblem* problem,
+                   GraphSolver* solver);
+
 /// Finds the noise of the sensor and of each vehicle's odometry from the residuals of solved
 /// graphs: each variance is multiplied by what its residuals have too much or too little (variance
-/// components, README: noise), and the problem is solved again, until they stay.
+/// components, README: noise), and the problem is solved again, until they stay. After the last
+/// change it is not.
+/// Precondition: the problem is solved, if roughly.
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
                     MapProblem* problem,

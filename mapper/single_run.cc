@@ -5,12 +5,17 @@
 #include <utility>
 
 #include "mapper/frontend/ekf_slam.h"
-#include "mapper/frontend/odometry_calibration.h"
+#include "mapper/frontend/frame_motions.h"
+#include "mapper/frontend/pair_calibration.h"
+#include "mapper/graph/sensor_bias.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/noise_calibration.h"
 
 namespace shiftmap {
 namespace {
+
+// Of the open loop, from dead reckoning.
+constexpr int kSteps = 3;
 
 // All runs together are asked again.
 constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
@@ -32,28 +37,36 @@ void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapPr
   run.assignment.assign(run.data->visits.size(), 0);
 }
 
-// Calibrates the odometry's scales, lag and noise and the sensor's noise with every visit a
-// landmark of its own. No loop is closed then, by a heading that is a radian off or at all, and
-// dead reckoning is a start that is near enough.
+// Calibrates the odometry's scales, lag and noise and the sensor's errors and noise with every
+// visit a landmark of its own. No loop is closed then, by a heading that is a radian off or at all,
+// and dead reckoning is a start that is near enough.
 void CalibrateOpen(const MapperOptions& options,
                    std::size_t groups,
                    const GoOn& go_on,
                    BuildRun* run,
                    SensorCalibration* sensor) {
+  const Calibration start = CalibrateFromPairs(*run->data, options.calibration);
+  run->odometry = start.odometry;
+  UpdateMotions(*run->data, run->odometry, &run->motions);
   MapProblem open;
-  open.sensor = *sensor;
+  open.sensor = start.sensor;
+  open.open = true;
   open.modes.resize(groups);
   open.runs.push_back(*run);
   BuildRun& copy = open.runs.front();
-  copy.poses = DeadReckon(*run->data, run->odometry);
+  copy.poses = DeadReckon(copy.motions);
   for (const MappingVisit& visit : run->data->visits) {
     std::vector<BuildMode>& modes = open.modes[static_cast<std::size_t>(visit.group)];
     copy.assignment.push_back(static_cast<int>(modes.size()));
     const std::vector<Eigen::Vector2d> seen = VisitPositions(copy, visit);
     modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
   }
+  GraphSolver solver;
+  SolveRoughly(options, kSteps, &open, &solver);
   CalibrateNoise(options, kNoiseRounds, &open, go_on);
   run->odometry = copy.odometry;
+  run->sensor_bias = copy.sensor_bias;
+  run->motions = std::move(copy.motions);
   *sensor = open.sensor;
 }
 
@@ -70,10 +83,13 @@ MapProblem MapSingleRun(const MappingRun& run,
   build.data = &run;
   build.odometry = options.calibration.odometry;
   if (options.calibrate) {
-    build.odometry = EstimateOdometryFromPairs(run, problem.sensor, build.odometry);
     CalibrateOpen(options, signatures.size(), go_on, &build, &problem.sensor);
   }
-  build.poses = EstimateTrajectoryByEkf(run, {build.odometry, problem.sensor});
+  UpdateMotions(run, build.odometry, &build.motions);
+  build.poses = EstimateTrajectoryByEkf(
+      run,
+      build.motions,
+      {build.odometry, WithBias(problem.sensor, build.sensor_bias, run.mean_squared_bearing)});
   problem.runs.push_back(std::move(build));
   PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
   AlternateModes(options, &problem, go_on);  // All runs are solved again together.

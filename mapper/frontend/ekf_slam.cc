@@ -1,43 +1,73 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/frontend/ekf_slam.h"
 
-#include "localizer/models/motion_model.h"
+#include <Eigen/LU>
+#include <cstddef>
+
+#include "localizer/models/observation_model.h"
 #include "mapper/frontend/gated_landmarks.h"
 #include "mapper/frontend/slam_state.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
+namespace {
 
-std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibration& calibration) {
+PoseWithCovariance PoseOf(const SlamState& state) { return {state.pose(), state.PoseCovariance()}; }
+
+// A pose of the filter, before its sightings and with them.
+struct Step {
+  Eigen::Matrix3d F = Eigen::Matrix3d::Identity();  // dξ / dξ of the pose before.
+  PoseWithCovariance predicted;
+  PoseWithCovariance filtered;
+};
+
+// No pose is more certain than that, so that its covariance has an inverse. [m], [rad]
+constexpr double kMinPoseSd = 1e-5;
+
+// The smoother of Rauch, Tung and Striebel over the poses by themselves, without what they have in
+// common with landmarks.
+std::vector<Se2> Smoothed(const std::vector<Step>& steps) {
   std::vector<Se2> poses;
-  SlamState state(calibration);
-  GatedLandmarks landmarks;
-  std::size_t hint = 0;
-  for (std::size_t i = 0; i < run.frames.size(); ++i) {
-    const KeyFrame& frame = run.frames[i];
-    if (i > 0) {
-      state.Predict(IntegrateMotion(
-          run.odometry, run.frames[i - 1].stamp, frame.stamp, state.Odometry(), &hint));
-    }
-    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-      const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
-      state.Focus(sighting.observation.PositionInVehicle().norm());
-      landmarks.Observe(
-          run.visits[static_cast<std::size_t>(sighting.visit)].group, sighting.observation, &state);
-    }
-    poses.push_back(state.pose());
+  for (const Step& step : steps) poses.push_back(step.filtered.T_map_vehicle);
+  for (std::size_t i = steps.size(); i-- > 1;) {
+    const PoseWithCovariance& predicted = steps[i].predicted;
+    Eigen::Matrix3d cov = predicted.cov_T_map_vehicle;
+    cov.diagonal().array() += kMinPoseSd * kMinPoseSd;
+    const Eigen::Matrix3d gain =
+        steps[i - 1].filtered.cov_T_map_vehicle * steps[i].F.transpose() * cov.inverse();
+    const Eigen::Vector3d change = (predicted.T_map_vehicle.Inverse() * poses[i]).Log();
+    poses[i - 1] = poses[i - 1] * Se2::Exp(gain * change);
   }
   return poses;
 }
 
-std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry) {
-  std::vector<Se2> poses(1);
-  std::size_t hint = 0;
-  for (std::size_t i = 1; i < run.frames.size(); ++i) {
-    const MotionIncrement motion = IntegrateMotion(
-        run.odometry, run.frames[i - 1].stamp, run.frames[i].stamp, odometry, &hint);
-    poses.push_back(poses.back() * motion.T_begin_end);
+}  // namespace
+
+std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
+                                         const FrameMotions& motions,
+                                         const Calibration& calibration) {
+  SlamState state(calibration);
+  GatedLandmarks landmarks;
+  std::vector<Step> steps;
+  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+    const KeyFrame& frame = run.frames[i];
+    Step& step = steps.emplace_back();
+    if (i > 0) {
+      const MotionIncrement motion = MotionFrom(motions, i - 1, state.Odometry());
+      step.F = motion.T_begin_end.InverseAdjoint();
+      state.Predict(motion);
+    }
+    step.predicted = PoseOf(state);
+    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+      const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
+      const Observation observation = Corrected(sighting.observation, calibration.sensor);
+      state.Focus(observation.PositionInVehicle().norm());
+      landmarks.Observe(
+          run.visits[static_cast<std::size_t>(sighting.visit)].group, observation, &state);
+    }
+    step.filtered = PoseOf(state);
   }
-  return poses;
+  return Smoothed(steps);
 }
 
 }  // namespace shiftmap

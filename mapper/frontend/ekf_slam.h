@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
@@ -14,11 +15,13 @@ namespace shiftmap {
 ///
 /// EKF-SLAM over the pose, (log scale_v, log scale_omega) of the odometry and one position per
 /// landmark (SlamState): what moved, or was misread, does not gate and is skipped. A frame costs
-/// the square of the landmarks around the vehicle.
+/// the square of the landmarks around the vehicle. At the end poses are smoothed: a filter that
+/// closes a loop corrects its map, but does not go back to where it has been.
+/// @param motions      Of the run.
+/// @param calibration  Of odometry and sensor, systematic errors of the sensor included.
 /// @return One pose per key frame, T_start_vehicle.
-std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run, const Calibration& calibration);
-
-/// The same poses by odometry alone.
-std::vector<Se2> DeadReckon(const MappingRun& run, const OdometryCalibration& odometry);
+std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
+                                         const FrameMotions& motions,
+                                         const Calibration& calibration);
 
 }  // namespace shiftmap

@@ -67,6 +67,10 @@ struct Graph {
   /// Without a prior the frame is fixed by holding the first pose of this run.
   int anchor_run = 0;
 
+  /// No loop is closed: each mode is seen for a moment, not again after a while. Steps then go
+  /// along the chain of poses (open_chain.h), and lead to the minimum from dead reckoning.
+  bool open = false;
+
   /// On which segments are eliminated; results do not depend on it.
   int threads = 1;
 

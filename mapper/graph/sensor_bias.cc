@@ -37,4 +37,26 @@ Innovation LinearizeBiased(const Observation& observation,
   return innovation;
 }
 
+Observation Unbiased(const Observation& observation,
+                     const SensorBias& bias,
+                     double mean_squared_bearing) {
+  Observation unbiased = Corrected(observation, WithBias({}, bias, mean_squared_bearing));
+  const double scale = std::exp(bias[kLogRangeScale]);
+  if (observation.kind == Observation::Kind::kCartesian) {
+    unbiased.z /= scale;
+  } else {
+    unbiased.z.x() /= scale;
+  }
+  return unbiased;
+}
+
+SensorCalibration WithBias(SensorCalibration sensor,
+                           const SensorBias& bias,
+                           double mean_squared_bearing) {
+  sensor.bearing_offset_rad = bias[kBearingOffset];
+  sensor.range_curvature_per_rad2 = bias[kRangeCurvature];
+  sensor.mean_squared_bearing_rad2 = mean_squared_bearing;
+  return sensor;
+}
+
 }  // namespace shiftmap

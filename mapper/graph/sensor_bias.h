@@ -5,6 +5,7 @@
 
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/se2.h"
+#include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
 
 namespace shiftmap {
@@ -32,5 +33,15 @@ Innovation LinearizeBiased(const Observation& observation,
                            const SensorBias& bias,
                            double mean_squared_bearing,
                            Eigen::Matrix<double, 2, 3>* J_bias = nullptr);
+
+/// The observation as a sensor without systematic errors would have made it.
+Observation Unbiased(const Observation& observation,
+                     const SensorBias& bias,
+                     double mean_squared_bearing);
+
+/// A sensor's calibration with the bearing offset and the range curvature of a run.
+SensorCalibration WithBias(SensorCalibration sensor,
+                           const SensorBias& bias,
+                           double mean_squared_bearing);
 
 }  // namespace shiftmap

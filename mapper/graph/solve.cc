@@ -10,6 +10,7 @@
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_problem.h"
+#include "mapper/graph/open_chain.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -78,6 +79,34 @@ constexpr double kNearMinimum = 1e-2;
 // longer ones. No longer than that: in other directions it is too far.
 constexpr double kMaxLength = 1.5;
 
+// Everything continuous in a graph.
+class GraphValues {
+ public:
+  explicit GraphValues(const Graph& graph) : modes_(graph.modes) {
+    for (const GraphRun& run : graph.runs) {
+      runs_.push_back({run.poses, run.correction, run.sensor_bias});
+    }
+  }
+
+  void CopyTo(Graph* graph) const {
+    graph->modes = modes_;
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      graph->runs[r].poses = runs_[r].poses;
+      graph->runs[r].correction = runs_[r].correction;
+      graph->runs[r].sensor_bias = runs_[r].sensor_bias;
+    }
+  }
+
+ private:
+  struct Run {
+    std::vector<Se2> poses;
+    Eigen::Vector3d correction;
+    SensorBias sensor_bias;
+  };
+  std::vector<Run> runs_;
+  std::vector<Eigen::Vector2d> modes_;
+};
+
 // Gauss-Newton steps until the cost stays.
 class GaussNewton {
  public:
@@ -92,7 +121,9 @@ class GaussNewton {
         elimination_(*elimination),
         graph_(*graph),
         summary_(*summary),
-        floats_(graph->prior.modes.empty() && !graph->modes.empty()) {}
+        floats_(graph->prior.modes.empty() && !graph->modes.empty()) {
+    if (graph->open) open_chain_.emplace(*graph);
+  }
 
   // The first linearization. False if a segment is not determined.
   bool Start() {
@@ -111,11 +142,12 @@ class GaussNewton {
       near_minimum_ = expected <= kNearMinimum * summary_.final_cost;
       if (!near_minimum_) length_ = 1.0;
       if (length_ > 1.0) step = Scaled(*std::move(step), length_);
-      if (floats_) TakeOutRigidMotion(graph_, &*step);
-      Apply(*step, &graph_);
+      if (floats_ && !open_chain_) TakeOutRigidMotion(graph_, &*step);
+      const GraphValues before(graph_);
+      Move(*step);
       ++summary_.iterations;
       if (IsLast(expected) && Ends()) return true;
-      if (!GoDown(*std::move(step))) return false;
+      if (!GoDown(before, *std::move(step))) return false;
       const double decrease = summary_.final_cost - elimination_.cost();
       length_ = NextLength(expected, decrease);
       summary_.converged = decrease <= limits_.cost_tolerance * elimination_.cost();
@@ -145,16 +177,24 @@ class GaussNewton {
     return true;
   }
 
+  void Move(const GraphStep& step) {
+    if (open_chain_) {
+      open_chain_->Apply(step, &graph_);
+    } else {
+      Apply(step, &graph_);
+    }
+  }
+
   // Linearizes where a step has led, or halfway.
-  bool GoDown(GraphStep step) {
+  bool GoDown(const GraphValues& before, GraphStep step) {
     if (Linearize() && elimination_.cost() <= summary_.final_cost * (1.0 + kRounding)) return true;
     for (int i = 0; i < kMaxHalvings; ++i) {
-      step = Scaled(std::move(step), -0.5);
-      Apply(step, &graph_);
-      step = Scaled(std::move(step), -1.0);
+      before.CopyTo(&graph_);
+      step = Scaled(std::move(step), 0.5);
+      Move(step);
       if (Linearize() && elimination_.cost() <= summary_.final_cost) return true;
     }
-    Apply(Scaled(std::move(step), -1.0), &graph_);
+    before.CopyTo(&graph_);
     return false;
   }
 
@@ -172,6 +212,7 @@ class GaussNewton {
   Graph& graph_;
   GraphSummary& summary_;
   bool floats_;
+  std::optional<OpenChain> open_chain_;
   double length_ = 1.0;
 };
 

@@ -110,12 +110,13 @@ UtiasNoise PrintedNoise(int dataset) {
 }
 
 std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNoise& noise) {
+  FrameMotions integrated;
+  UpdateMotions(data.frames, noise.odometry, &integrated);
   std::vector<MotionIncrement> motions;
-  std::size_t hint = 0;
   const std::vector<KeyFrame>& frames = data.frames.frames;
   for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    MotionIncrement motion = IntegrateMotion(
-        data.frames.odometry, frames[i].stamp, frames[i + 1].stamp, noise.odometry, &hint);
+    MotionIncrement motion =
+        integrated.between_frames[i].WithNoise(noise.odometry.noise_v, noise.odometry.noise_omega);
     if (noise.printed_process_sd) {
       const double samples =
           ToSeconds(frames[i + 1].stamp - frames[i].stamp) / kOdometryPeriodSeconds;
@@ -130,12 +131,8 @@ std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNois
 std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoise& noise) {
   std::vector<Observation> observations;
   for (const Sighting& sighting : data.frames.sightings) {
-    Observation observation = sighting.observation;
-    const double bearing_rad = observation.z.y() - noise.bias[kBearingOffset];
-    const double curvature = noise.bias[kRangeCurvature] *
-                             (bearing_rad * bearing_rad - data.frames.mean_squared_bearing);
-    observation.z = {observation.z.x() / (1.0 + curvature), bearing_rad};
-    observations.push_back(std::move(observation));
+    observations.push_back(
+        Unbiased(sighting.observation, noise.bias, data.frames.mean_squared_bearing));
   }
   return observations;
 }
@@ -143,7 +140,12 @@ std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoi
 std::vector<Se2> StartPoses(const UtiasCase& data,
                             const UtiasNoise& noise,
                             const LandmarkPlaces& map) {
-  std::vector<Se2> poses = EstimateTrajectoryByEkf(data.frames, {noise.odometry, noise.sensor});
+  FrameMotions motions;
+  UpdateMotions(data.frames, noise.odometry, &motions);
+  std::vector<Se2> poses = EstimateTrajectoryByEkf(
+      data.frames,
+      motions,
+      {noise.odometry, WithBias(noise.sensor, noise.bias, data.frames.mean_squared_bearing)});
   std::vector<std::vector<double>> x(data.signatures.size());
   std::vector<std::vector<double>> y(data.signatures.size());
   for (const Sighting& sighting : data.frames.sightings) {

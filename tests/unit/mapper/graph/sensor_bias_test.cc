@@ -57,6 +57,8 @@ TEST(SensorBias, ExplainsWhatABiasedSensorReads) {
   const Innovation innovation =
       LinearizeBiased(observation, Se2(), p_map_landmark, bias, mean_squared_bearing);
   EXPECT_THAT(innovation.nu, testing::IsNearMatrix(Eigen::Vector2d::Zero(), 1e-12));
+  EXPECT_THAT(Unbiased(observation, bias, mean_squared_bearing).z,
+              testing::IsNearMatrix(Eigen::Vector2d(range, bearing), 1e-12));
 }
 
 TEST(SensorBias, CartesianObservationsHaveTheScaleAlone) {
@@ -69,6 +71,8 @@ TEST(SensorBias, CartesianObservationsHaveTheScaleAlone) {
   const Innovation biased = LinearizeBiased(observation, Se2(), p_map_landmark, bias, 0.2, &J_bias);
   const Eigen::Vector2d read = std::exp(0.02) * p_map_landmark;
   EXPECT_THAT(biased.nu, testing::IsNearMatrix(observation.z - read, 1e-12));
+  observation.z = read;
+  EXPECT_THAT(Unbiased(observation, bias, 0.2).z, testing::IsNearMatrix(p_map_landmark, 1e-12));
   EXPECT_THAT(J_bias.col(kLogRangeScale), testing::IsNearMatrix(read, 1e-12));
   EXPECT_TRUE(J_bias.rightCols<2>().isZero());
 }

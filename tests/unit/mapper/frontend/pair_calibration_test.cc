@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/frontend/odometry_calibration.h"
+#include "mapper/frontend/pair_calibration.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 namespace shiftmap {
 namespace {
 
-TEST(OdometryCalibrationFromPairs, RecoversScalesAndLag) {
+TEST(CalibrateFromPairs, RecoversScalesAndLag) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     OpenWorldOptions options = testing::SmallWorld(seed);
     options.runs = 1;
@@ -20,8 +20,9 @@ TEST(OdometryCalibrationFromPairs, RecoversScalesAndLag) {
     options.sensor.sd_range_m = 0.05;
     options.sensor.sd_bearing_rad = 0.01;
     const SimulatedWorld world = testing::Simulate(options);
-    const OdometryCalibration found = EstimateOdometryFromPairs(
-        testing::Arrange(world, world.runs[0].run), options.sensor, OdometryCalibration());
+    const OdometryCalibration found =
+        CalibrateFromPairs(testing::Arrange(world, world.runs[0].run), {{}, options.sensor})
+            .odometry;
     EXPECT_NEAR(found.scale_v, 1.06, 0.015) << seed;
     EXPECT_NEAR(found.scale_omega, 0.95, 0.015) << seed;
     EXPECT_NEAR(found.lag_s, 0.2, 0.05) << seed;
@@ -29,7 +30,7 @@ TEST(OdometryCalibrationFromPairs, RecoversScalesAndLag) {
   }
 }
 
-TEST(OdometryCalibrationFromPairs, ALandmarkThatMovedDoesNoHarm) {
+TEST(CalibrateFromPairs, ALandmarkThatMovedDoesNoHarm) {
   OpenWorldOptions options = testing::SmallWorld(3);
   options.runs = 1;
   options.odometry.scale_v = 1.05;
@@ -42,24 +43,25 @@ TEST(OdometryCalibrationFromPairs, ALandmarkThatMovedDoesNoHarm) {
       observation.signature = world.groups[0].signature;
     }
   }
-  const OdometryCalibration found = EstimateOdometryFromPairs(
-      testing::Arrange(world, world.runs[0].run), options.sensor, OdometryCalibration());
+  const OdometryCalibration found =
+      CalibrateFromPairs(testing::Arrange(world, world.runs[0].run), {{}, options.sensor}).odometry;
   EXPECT_NEAR(found.scale_v, 1.05, 0.03);
   EXPECT_NEAR(found.scale_omega, 1.0, 0.03);
 }
 
-TEST(OdometryCalibrationFromPairs, TooFewPairsLeaveTheFallback) {
+TEST(CalibrateFromPairs, TooFewPairsLeaveTheFallback) {
   OpenWorldOptions options = testing::SmallWorld(1);
   options.runs = 1;
   options.duration_s = 4.0;
   const SimulatedWorld world = testing::Simulate(options);
-  OdometryCalibration fallback;
-  fallback.scale_v = 1.23;
-  fallback.lag_s = 0.34;
-  const OdometryCalibration found = EstimateOdometryFromPairs(
-      testing::Arrange(world, world.runs[0].run), options.sensor, fallback);
-  EXPECT_EQ(found.scale_v, 1.23);
-  EXPECT_EQ(found.lag_s, 0.34);
+  Calibration fallback{{}, options.sensor};
+  fallback.odometry.scale_v = 1.23;
+  fallback.odometry.lag_s = 0.34;
+  const Calibration found =
+      CalibrateFromPairs(testing::Arrange(world, world.runs[0].run), fallback);
+  EXPECT_EQ(found.odometry.scale_v, 1.23);
+  EXPECT_EQ(found.odometry.lag_s, 0.34);
+  EXPECT_EQ(found.sensor.sd_range_m, options.sensor.sd_range_m);
 }
 
 }  // namespace

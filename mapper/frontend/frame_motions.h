@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "localizer/models/motion_model.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/calibration.h"
+
+namespace shiftmap {
+
+/// The odometry of a run between its key frames, integrated at some calibration.
+struct FrameMotions {
+  OdometryCalibration calibration;
+  std::vector<IntegratedMotion> between_frames;  ///< One fewer than frames.
+};
+
+/// Motions are linear in the calibration as far as this from where they were integrated. [-], [s]
+inline constexpr double kLinearCorrection = 1e-2;
+
+/// The calibration `to` as a correction of `from`: (log scale_v, log scale_omega, lag_s).
+Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to);
+
+/// Integrates the odometry of a run at `calibration`, unless `motions` are near enough to it
+/// already.
+void UpdateMotions(const MappingRun& run,
+                   const OdometryCalibration& calibration,
+                   FrameMotions* motions);
+
+/// The motion from frame i to the next, corrected to a calibration nearby and with its noise.
+MotionIncrement MotionFrom(const FrameMotions& motions,
+                           std::size_t i,
+                           const OdometryCalibration& calibration);
+
+/// Poses of key frames by motions alone, in the frame of the first one.
+std::vector<Se2> DeadReckon(const FrameMotions& motions);
+
+}  // namespace shiftmap

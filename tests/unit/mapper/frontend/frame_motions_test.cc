@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/frontend/frame_motions.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+OdometryCalibration Scaled(double log_scale_v, double log_scale_omega, double lag_s) {
+  OdometryCalibration calibration;
+  calibration.scale_v = std::exp(log_scale_v);
+  calibration.scale_omega = std::exp(log_scale_omega);
+  calibration.lag_s = lag_s;
+  return calibration;
+}
+
+MappingRun SomeRun() {
+  OpenWorldOptions options = testing::SmallWorld(2);
+  options.runs = 1;
+  const SimulatedWorld world = testing::Simulate(options);
+  return testing::Arrange(world, world.runs[0].run);
+}
+
+TEST(FrameMotions, AreIntegratedAgainWhereTheCalibrationIsElsewhere) {
+  const MappingRun run = SomeRun();
+  FrameMotions motions;
+  UpdateMotions(run, Scaled(0.0, 0.0, 0.0), &motions);
+  ASSERT_EQ(motions.between_frames.size() + 1, run.frames.size());
+  UpdateMotions(run, Scaled(0.009, 0.0, 0.0), &motions);
+  EXPECT_EQ(motions.calibration.scale_v, 1.0);
+  UpdateMotions(run, Scaled(0.0, 0.011, 0.0), &motions);
+  EXPECT_EQ(motions.calibration.scale_omega, std::exp(0.011));
+  EXPECT_EQ(motions.between_frames.size() + 1, run.frames.size());
+}
+
+TEST(FrameMotions, AreLinearNearby) {
+  const MappingRun run = SomeRun();
+  const OdometryCalibration near = Scaled(0.008, -0.006, 0.0);
+  FrameMotions linear;
+  UpdateMotions(run, Scaled(0.0, 0.0, 0.0), &linear);
+  FrameMotions integrated;
+  integrated.calibration = Scaled(1.0, 0.0, 0.0);
+  UpdateMotions(run, near, &integrated);
+  for (std::size_t i = 0; i < linear.between_frames.size(); ++i) {
+    const Se2 T_linear = MotionFrom(linear, i, near).T_begin_end;
+    const Se2 T_integrated = integrated.between_frames[i].T_begin_end;
+    EXPECT_LT((T_linear.Inverse() * T_integrated).Log().norm(), 5e-4) << i;
+    EXPECT_EQ(MotionFrom(integrated, i, near).T_begin_end.translation(),
+              T_integrated.translation());
+  }
+}
+
+TEST(FrameMotions, DeadReckoningPutsThemTogether) {
+  const MappingRun run = SomeRun();
+  FrameMotions motions;
+  UpdateMotions(run, {}, &motions);
+  const std::vector<Se2> poses = DeadReckon(motions);
+  ASSERT_EQ(poses.size(), run.frames.size());
+  EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());
+  const auto middle = static_cast<std::ptrdiff_t>(poses.size() / 2);
+  const Se2 T_middle_next = poses[middle].Inverse() * poses[middle + 1];
+  const Se2& expected = motions.between_frames[middle].T_begin_end;
+  EXPECT_LT((T_middle_next.Inverse() * expected).Log().norm(), 1e-12);
+}
+
+}  // namespace
+}  // namespace shiftmap
