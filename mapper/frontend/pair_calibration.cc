@@ -22,6 +22,10 @@ constexpr std::size_t kMaxPairs = 750;
 constexpr std::size_t kCoarsePairs = 250;  // To find the lag on the grid.
 constexpr double kCauchyScale = 2.0;
 
+// A vehicle that moves less stands. [m], [rad]
+constexpr double kMinWay = 0.01;
+constexpr double kMinTurn = 0.01;
+
 // No sensor is found to be better than that. [m], [rad]
 constexpr double kMinSd = 1e-3;
 
@@ -70,15 +74,14 @@ class DeadReckoning {
   std::vector<Se2> poses_;
 };
 
-// Which sighting a sighting makes a pair with: the first one no longer ago than kMaxPairSeconds, or
-// the one before.
-enum class Partner { kFarthest, kNext };
+// Which sighting a sighting makes a pair with, of those from kMinPairSeconds to kMaxPairSeconds
+// ago.
+enum class Partner { kFirst, kLast };
 
 std::vector<SightingPair> CollectPairs(const MappingRun& run,
                                        const SensorCalibration& sensor,
                                        Partner partner) {
   std::vector<SightingPair> pairs;
-  const double min_seconds = partner == Partner::kFarthest ? kMinPairSeconds : 0.0;
   for (const MappingVisit& visit : run.visits) {
     const auto sighting_of = [&](std::size_t index) -> const Sighting& {
       return run.sightings[static_cast<std::size_t>(visit.sightings[index])];
@@ -89,9 +92,14 @@ std::vector<SightingPair> CollectPairs(const MappingRun& run,
     std::size_t first = 0;
     for (std::size_t second = 1; second < visit.sightings.size(); ++second) {
       const Stamp end = stamp_of(second);
-      if (partner == Partner::kNext) first = second - 1;
-      while (first < second && ToSeconds(end - stamp_of(first)) > kMaxPairSeconds) ++first;
-      if (first == second || ToSeconds(end - stamp_of(first)) < min_seconds) continue;
+      const auto seconds_since = [&](std::size_t index) {
+        return ToSeconds(end - stamp_of(index));
+      };
+      while (first < second && seconds_since(first) > kMaxPairSeconds) ++first;
+      if (partner == Partner::kLast) {
+        while (first + 1 < second && seconds_since(first + 1) >= kMinPairSeconds) ++first;
+      }
+      if (first == second || seconds_since(first) < kMinPairSeconds) continue;
       const Observation& a = sighting_of(first).observation;
       const Observation& b = sighting_of(second).observation;
       const Eigen::Matrix2d cov = PositionNoiseInVehicle(a, ObservationNoise(a, sensor)) +
@@ -142,7 +150,7 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
                    const Eigen::Vector2d& start,
                    const OdometryCalibration& prior) {
   constexpr int kIterations = 5;
-  constexpr double kSettled = 1e-4;  // A step shorter than this leaves the cost as it is.
+  constexpr double kSettled = 1e-3;  // A step shorter than this leaves the cost as it is.
   const double prior_information = 1.0 / (prior.sd_log_scale * prior.sd_log_scale);
   const Eigen::Vector2d prior_mean(std::log(prior.scale_v), std::log(prior.scale_omega));
   ScaleFit fit{start, 0.0};
@@ -214,7 +222,7 @@ void TakeNoise(std::vector<double> differences, double* sd) {
   *sd = std::max(kMinSd, kSdPerMedian / std::numbers::sqrt2 * Median(std::move(differences)));
 }
 
-// What remains between a sighting and the next one.
+// What remains between a sighting and one shortly after, of a vehicle that moves.
 SensorCalibration FitSensor(const std::vector<SightingPair>& pairs,
                             const DeadReckoning& path,
                             const OdometryCalibration& odometry,
@@ -229,6 +237,8 @@ SensorCalibration FitSensor(const std::vector<SightingPair>& pairs,
     const Observation& begin = *pair.observation_begin;
     const Observation& end = *pair.observation_end;
     if (begin.cov_z || end.cov_z || begin.kind != end.kind) continue;
+    // At standstill many sensors read the same again.
+    if (twists[i].head<2>().norm() < kMinWay && std::abs(twists[i].z()) < kMinTurn) continue;
     const Eigen::Vector2d predicted =
         Se2::Exp(Scaled(twists[i], log_scale)).Inverse() * pair.q_begin;
     if (end.kind == Observation::Kind::kCartesian) {
@@ -253,13 +263,13 @@ Calibration CalibrateFromPairs(const MappingRun& run, const Calibration& fallbac
   const auto pairs_with = [&](Partner partner) {
     return Thinned(CollectPairs(run, fallback.sensor, partner), kMaxPairs);
   };
-  const std::vector<SightingPair> pairs = pairs_with(Partner::kFarthest);
+  const std::vector<SightingPair> pairs = pairs_with(Partner::kFirst);
   if (pairs.size() < kMinPairs) return fallback;
   const DeadReckoning path(run.odometry);
   Calibration calibration = fallback;
   calibration.odometry = FitOdometry(pairs, path, fallback.odometry);
   calibration.sensor =
-      FitSensor(pairs_with(Partner::kNext), path, calibration.odometry, fallback.sensor);
+      FitSensor(pairs_with(Partner::kLast), path, calibration.odometry, fallback.sensor);
   return calibration;
 }
 

@@ -49,6 +49,31 @@ TEST(CalibrateFromPairs, ALandmarkThatMovedDoesNoHarm) {
   EXPECT_NEAR(found.scale_omega, 1.0, 0.03);
 }
 
+// Most sightings are made at standstill, by a sensor that reads the same again and again.
+TEST(CalibrateFromPairs, ReadingsThatRepeatAreNotTakenForExact) {
+  OpenWorldOptions options = testing::SmallWorld(4);
+  options.runs = 1;
+  const SimulatedWorld world = testing::Simulate(options);
+  shiftmap::Run run = world.runs[0].run;
+  const Duration standing =
+      FromSeconds(3.0 * ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp));
+  const Stamp stop = run.scans.back().stamp;
+  const Scan last = run.scans.back();
+  ASSERT_FALSE(last.observations.empty());
+  run.odometry.back().v_mps = 0.0;
+  run.odometry.back().omega_radps = 0.0;
+  while (run.odometry.back().stamp < stop + standing) {
+    run.odometry.push_back({run.odometry.back().stamp + FromSeconds(0.5), 0.0, 0.0});
+    run.scans.push_back(last);
+    run.scans.back().stamp = run.odometry.back().stamp;
+  }
+  const Calibration found = CalibrateFromPairs(testing::Arrange(world, run), {});
+  EXPECT_NEAR(found.sensor.sd_range_m, options.sensor.sd_range_m, 0.2 * options.sensor.sd_range_m);
+  EXPECT_NEAR(found.sensor.sd_bearing_rad,
+              options.sensor.sd_bearing_rad,
+              0.4 * options.sensor.sd_bearing_rad);
+}
+
 TEST(CalibrateFromPairs, TooFewPairsLeaveTheFallback) {
   OpenWorldOptions options = testing::SmallWorld(1);
   options.runs = 1;
