@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstddef>
 
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -61,7 +62,7 @@ TEST(FrameMotions, DeadReckoningPutsThemTogether) {
   const std::vector<Se2> poses = DeadReckon(motions);
   ASSERT_EQ(poses.size(), run.frames.size());
   EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());
-  const auto middle = static_cast<std::ptrdiff_t>(poses.size() / 2);
+  const std::size_t middle = poses.size() / 2;
   const Se2 T_middle_next = poses[middle].Inverse() * poses[middle + 1];
   const Se2& expected = motions.between_frames[middle].T_begin_end;
   EXPECT_LT((T_middle_next.Inverse() * expected).Log().norm(), 1e-12);
