@@ -39,34 +39,31 @@ void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapPr
 
 // Calibrates the odometry's scales, lag and noise and the sensor's errors and noise with every
 // visit a landmark of its own. No loop is closed then, by a heading that is a radian off or at all,
-// and dead reckoning is a start that is near enough.
+// and dead reckoning is a start that is near enough. Poses and assignments of it are left in *run.
 void CalibrateOpen(const MapperOptions& options,
                    std::size_t groups,
                    const GoOn& go_on,
                    BuildRun* run,
                    SensorCalibration* sensor) {
   const Calibration start = CalibrateFromPairs(*run->data, options.calibration);
-  run->odometry = start.odometry;
-  UpdateMotions(*run->data, run->odometry, &run->motions);
   MapProblem open;
   open.sensor = start.sensor;
   open.open = true;
   open.modes.resize(groups);
-  open.runs.push_back(*run);
-  BuildRun& copy = open.runs.front();
-  copy.poses = DeadReckon(copy.motions);
+  run->odometry = start.odometry;
+  run->motions = IntegrateMotions(*run->data, run->odometry);
+  run->poses = DeadReckon(run->motions);
   for (const MappingVisit& visit : run->data->visits) {
     std::vector<BuildMode>& modes = open.modes[static_cast<std::size_t>(visit.group)];
-    copy.assignment.push_back(static_cast<int>(modes.size()));
-    const std::vector<Eigen::Vector2d> seen = VisitPositions(copy, visit);
+    run->assignment.push_back(static_cast<int>(modes.size()));
+    const std::vector<Eigen::Vector2d> seen = VisitPositions(*run, visit);
     modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
   }
+  open.runs.push_back(std::move(*run));
   GraphSolver solver;
   SolveRoughly(options, kSteps, &open, &solver);
   CalibrateNoise(options, kNoiseRounds, &open, go_on);
-  run->odometry = copy.odometry;
-  run->sensor_bias = copy.sensor_bias;
-  run->motions = std::move(copy.motions);
+  *run = std::move(open.runs.front());
   *sensor = open.sensor;
 }
 

@@ -11,19 +11,23 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
           to.lag_s - from.lag_s};
 }
 
+FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration) {
+  FrameMotions motions{calibration, {}};
+  std::size_t hint = 0;
+  for (std::size_t i = 0; i + 1 < run.frames.size(); ++i) {
+    motions.between_frames.push_back(IntegrateOdometry(
+        run.odometry, run.frames[i].stamp, run.frames[i + 1].stamp, calibration, &hint));
+  }
+  return motions;
+}
+
 void UpdateMotions(const MappingRun& run,
                    const OdometryCalibration& calibration,
                    FrameMotions* motions) {
   const bool near = CorrectionBetween(motions->calibration, calibration).cwiseAbs().maxCoeff() <
                     kLinearCorrection;
   if (motions->between_frames.size() + 1 == run.frames.size() && near) return;
-  motions->calibration = calibration;
-  motions->between_frames.clear();
-  std::size_t hint = 0;
-  for (std::size_t i = 0; i + 1 < run.frames.size(); ++i) {
-    motions->between_frames.push_back(IntegrateOdometry(
-        run.odometry, run.frames[i].stamp, run.frames[i + 1].stamp, calibration, &hint));
-  }
+  *motions = IntegrateMotions(run, calibration);
 }
 
 MotionIncrement MotionFrom(const FrameMotions& motions,

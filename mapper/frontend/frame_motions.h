@@ -24,8 +24,9 @@ inline constexpr double kLinearCorrection = 1e-2;
 /// The calibration `to` as a correction of `from`: (log scale_v, log scale_omega, lag_s).
 Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to);
 
-/// Integrates the odometry of a run at `calibration`, unless `motions` are near enough to it
-/// already.
+FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration);
+
+/// The same, unless `motions` are near enough to `calibration` already.
 void UpdateMotions(const MappingRun& run,
                    const OdometryCalibration& calibration,
                    FrameMotions* motions);

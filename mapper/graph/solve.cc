@@ -238,9 +238,10 @@ void DampedGaussNewton(const SolverLimits& limits,
       damping *= kFactor;
       continue;
     }
+    const GraphValues before(*graph);
     Apply(*step, graph);
     if (!elimination->LinearizeSegments() || elimination->cost() > summary->final_cost) {
-      Apply(Scaled(*std::move(step), -1.0), graph);
+      before.CopyTo(graph);
       damping *= kFactor;
       continue;
     }

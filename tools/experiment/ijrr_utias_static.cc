@@ -110,13 +110,11 @@ UtiasNoise PrintedNoise(int dataset) {
 }
 
 std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNoise& noise) {
-  FrameMotions integrated;
-  UpdateMotions(data.frames, noise.odometry, &integrated);
+  const FrameMotions integrated = IntegrateMotions(data.frames, noise.odometry);
   std::vector<MotionIncrement> motions;
   const std::vector<KeyFrame>& frames = data.frames.frames;
   for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
-    MotionIncrement motion =
-        integrated.between_frames[i].WithNoise(noise.odometry.noise_v, noise.odometry.noise_omega);
+    MotionIncrement motion = MotionFrom(integrated, i, noise.odometry);
     if (noise.printed_process_sd) {
       const double samples =
           ToSeconds(frames[i + 1].stamp - frames[i].stamp) / kOdometryPeriodSeconds;
@@ -140,11 +138,9 @@ std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoi
 std::vector<Se2> StartPoses(const UtiasCase& data,
                             const UtiasNoise& noise,
                             const LandmarkPlaces& map) {
-  FrameMotions motions;
-  UpdateMotions(data.frames, noise.odometry, &motions);
   std::vector<Se2> poses = EstimateTrajectoryByEkf(
       data.frames,
-      motions,
+      IntegrateMotions(data.frames, noise.odometry),
       {noise.odometry, WithBias(noise.sensor, noise.bias, data.frames.mean_squared_bearing)});
   std::vector<std::vector<double>> x(data.signatures.size());
   std::vector<std::vector<double>> y(data.signatures.size());

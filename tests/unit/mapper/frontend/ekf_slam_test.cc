@@ -12,9 +12,7 @@ namespace shiftmap {
 namespace {
 
 std::vector<Se2> Estimate(const MappingRun& run, const Calibration& calibration) {
-  FrameMotions motions;
-  UpdateMotions(run, calibration.odometry, &motions);
-  return EstimateTrajectoryByEkf(run, motions, calibration);
+  return EstimateTrajectoryByEkf(run, IntegrateMotions(run, calibration.odometry), calibration);
 }
 
 TEST(EkfSlam, FollowsTheTruthWhereDeadReckoningDrifts) {
@@ -33,9 +31,8 @@ TEST(EkfSlam, FollowsTheTruthWhereDeadReckoningDrifts) {
     EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());
     const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
     const double error = testing::AlignedRmse(poses, truth);
-    FrameMotions motions;
-    UpdateMotions(run, calibration.odometry, &motions);
-    const double drift = testing::AlignedRmse(DeadReckon(motions), truth);
+    const double drift =
+        testing::AlignedRmse(DeadReckon(IntegrateMotions(run, calibration.odometry)), truth);
     EXPECT_LT(error, 0.25) << seed;
     EXPECT_LT(error, 0.5 * drift) << seed;
   }
@@ -49,8 +46,7 @@ TEST(EkfSlam, PosesGoAsOdometryDoes) {
     const SimulatedWorld world = testing::Simulate(options);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const Calibration calibration{options.odometry, options.sensor};
-    FrameMotions motions;
-    UpdateMotions(run, calibration.odometry, &motions);
+    const FrameMotions motions = IntegrateMotions(run, calibration.odometry);
     const std::vector<Se2> poses = EstimateTrajectoryByEkf(run, motions, calibration);
     double squares = 0.0;
     for (std::size_t i = 0; i + 1 < poses.size(); ++i) {

@@ -41,11 +41,8 @@ TEST(FrameMotions, AreIntegratedAgainWhereTheCalibrationIsElsewhere) {
 TEST(FrameMotions, AreLinearNearby) {
   const MappingRun run = SomeRun();
   const OdometryCalibration near = Scaled(0.008, -0.006, 0.0);
-  FrameMotions linear;
-  UpdateMotions(run, Scaled(0.0, 0.0, 0.0), &linear);
-  FrameMotions integrated;
-  integrated.calibration = Scaled(1.0, 0.0, 0.0);
-  UpdateMotions(run, near, &integrated);
+  const FrameMotions linear = IntegrateMotions(run, Scaled(0.0, 0.0, 0.0));
+  const FrameMotions integrated = IntegrateMotions(run, near);
   for (std::size_t i = 0; i < linear.between_frames.size(); ++i) {
     const Se2 T_linear = MotionFrom(linear, i, near).T_begin_end;
     const Se2 T_integrated = integrated.between_frames[i].T_begin_end;
@@ -57,8 +54,7 @@ TEST(FrameMotions, AreLinearNearby) {
 
 TEST(FrameMotions, DeadReckoningPutsThemTogether) {
   const MappingRun run = SomeRun();
-  FrameMotions motions;
-  UpdateMotions(run, {}, &motions);
+  const FrameMotions motions = IntegrateMotions(run, {});
   const std::vector<Se2> poses = DeadReckon(motions);
   ASSERT_EQ(poses.size(), run.frames.size());
   EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());

@@ -20,13 +20,15 @@ TEST(CalibrateFromPairs, RecoversScalesAndLag) {
     options.sensor.sd_range_m = 0.05;
     options.sensor.sd_bearing_rad = 0.01;
     const SimulatedWorld world = testing::Simulate(options);
-    const OdometryCalibration found =
-        CalibrateFromPairs(testing::Arrange(world, world.runs[0].run), {{}, options.sensor})
-            .odometry;
+    const Calibration all =
+        CalibrateFromPairs(testing::Arrange(world, world.runs[0].run), {{}, options.sensor});
+    const OdometryCalibration& found = all.odometry;
     EXPECT_NEAR(found.scale_v, 1.06, 0.015) << seed;
     EXPECT_NEAR(found.scale_omega, 0.95, 0.015) << seed;
     EXPECT_NEAR(found.lag_s, 0.2, 0.05) << seed;
     EXPECT_EQ(found.noise_v, OdometryCalibration().noise_v);
+    EXPECT_NEAR(all.sensor.sd_range_m, options.sensor.sd_range_m, 0.01) << seed;
+    EXPECT_NEAR(all.sensor.sd_bearing_rad, options.sensor.sd_bearing_rad, 0.003) << seed;
   }
 }
 
