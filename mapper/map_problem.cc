@@ -109,6 +109,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   }
   graph.prior = problem->prior;
   graph.open = problem->open;
+  graph.loss_reach = problem->loss_reach;
   // Runs by themselves are mapped side by side.
   graph.threads = problem->runs.size() > 1 ? options.threads : 1;
   return graph;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -60,6 +61,9 @@ struct MapProblem {
   bool in_map_units = false;
 
   bool open = false;  ///< As in Graph.
+
+  /// As in Graph.
+  double loss_reach = std::numeric_limits<double>::infinity();
 
   int modes_merged = 0;
   double cost = 0.0;  ///< Half the sum of all losses at the last solve.

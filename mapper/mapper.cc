@@ -157,8 +157,12 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<Map
   return size;
 }
 
+// Once runs are placed, what is so many standard deviations from its mode is an outlier.
+constexpr double kLossReach = 50.0;
+
 // What is discrete in all runs together, and the noise.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
+  problem->loss_reach = kLossReach;
   // Rounds of noise go on from where this ends.
   const GoOn go_on = watch->During("all runs", 0.6);
   int iterations = options.calibrate ? AlternateModes(options, problem, go_on)

@@ -75,6 +75,15 @@ bool ToldApart(const Eigen::Vector2d& difference,
   return unknown(cov) || apart_by(cov);
 }
 
+// Sightings of a visit that its mode explains.
+std::ptrdiff_t CountInliers(const MapProblem& problem, const VisitRef& ref) {
+  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<int>& sightings = VisitOf(problem, ref).sightings;
+  return std::count_if(sightings.begin(), sightings.end(), [&](int index) {
+    return IsInlier(problem, run, run.data->sightings[static_cast<std::size_t>(index)]);
+  });
+}
+
 void ApplyMerges(const std::vector<std::vector<VisitRef>>& by_group,
                  const std::vector<ModeMerge>& merges,
                  MapProblem* problem) {
@@ -154,12 +163,11 @@ int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
   int dropped = 0;
   for (std::size_t group = 0; group < problem->modes.size(); ++group) {
     for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
-      std::size_t sightings = 0;
+      std::ptrdiff_t sightings = 0;
       for (const VisitRef& ref : by_group[group]) {
-        if (AssignmentOf(problem, ref) == mode)
-          sightings += VisitOf(*problem, ref).sightings.size();
+        if (AssignmentOf(problem, ref) == mode) sightings += CountInliers(*problem, ref);
       }
-      if (sightings >= static_cast<std::size_t>(options.min_sightings) ||
+      if (sightings >= options.min_sightings ||
           InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) {
         continue;
       }

@@ -47,9 +47,10 @@ class MergeMemory {
 /// recurs later.
 void DropUnusedModes(MapProblem* problem);
 
-/// Drops modes of fewer sightings than a mode needs (ModeOptions::min_sightings), except those of
-/// the prior map; their visits are left unassigned. A run by itself is better aligned with them,
-/// but a landmark seen once may be a misread signature. Returns how many modes were dropped.
+/// Drops modes that explain fewer sightings than a mode needs (ModeOptions::min_sightings), except
+/// those of the prior map; their visits are left unassigned. A run by itself is better aligned with
+/// them, but a landmark seen once may be a misread signature, and misread ones here and there hold
+/// at one mode though it explains none of the others. Returns how many modes were dropped.
 int DropFaintModes(const ModeOptions& options, MapProblem* problem);
 
 }  // namespace shiftmap

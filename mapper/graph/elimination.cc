@@ -205,7 +205,7 @@ void Apply(const GraphStep& step, Graph* graph) {
 }
 
 GraphElimination::GraphElimination(const Graph& graph, std::vector<std::vector<int>> together)
-    : graph_(graph), loss_(graph.loss_scale), together_(std::move(together)) {
+    : graph_(graph), loss_(graph.loss_scale, graph.loss_reach), together_(std::move(together)) {
   for (const GraphRun& run : graph.runs) {
     motions_.emplace_back(run.motions.begin(), run.motions.end());
   }
@@ -373,7 +373,7 @@ double GraphElimination::LinearizeStretch(const Stretch& stretch, SegmentSystem*
     // The slope is by the weight, whatever the matrix is by.
     const double weight = WeightOf(squared);
     const FactorProducts<2, 3, 3, 2> products(
-        Eigen::Vector2d(loss_.Weight(squared) / weight * linear.r),
+        Eigen::Vector2d(loss_.Slope(squared) / weight * linear.r),
         linear.J_pose,
         linear.J_bias,
         linear.J_landmark,

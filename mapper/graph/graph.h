@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -77,6 +78,10 @@ struct Graph {
   /// Residual, in standard deviations, at which the loss turns from square to logarithm
   /// (robust_loss.h).
   double loss_scale = 2.5;
+
+  /// Residual, in standard deviations, beyond which an observation does not pull: an outlier. Not
+  /// for values that may be far from the minimum.
+  double loss_reach = std::numeric_limits<double>::infinity();
 };
 
 struct GraphSummary {

@@ -18,6 +18,21 @@ ceres::Problem::Options ProblemOptions() {
   return options;
 }
 
+// RobustLoss as Ceres takes it, which does without ρ'' where that is not positive.
+class ObservationLoss final : public ceres::LossFunction {
+ public:
+  explicit ObservationLoss(const RobustLoss& loss) : loss_(loss) {}
+
+  void Evaluate(double squared, double rho[3]) const override {
+    rho[0] = 2.0 * loss_.HalfLoss(squared);
+    rho[1] = loss_.Slope(squared);
+    rho[2] = 0.0;
+  }
+
+ private:
+  RobustLoss loss_;
+};
+
 // r = A (p - mean) over many two-dimensional blocks.
 class ModesPriorCost final : public ceres::CostFunction {
  public:
@@ -97,9 +112,7 @@ void GraphProblem::AddObservations(const Graph& graph) {
     double* pose =
         poses_[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)].data();
     problem_.AddResidualBlock(new ObservationCost(item),
-                              new ceres::ScaledLoss(new ceres::CauchyLoss(graph.loss_scale),
-                                                    RobustLoss(graph.loss_scale).kappa(),
-                                                    ceres::TAKE_OWNERSHIP),
+                              new ObservationLoss(RobustLoss(graph.loss_scale, graph.loss_reach)),
                               pose,
                               modes_[static_cast<std::size_t>(item.mode)].data(),
                               biases_[static_cast<std::size_t>(item.run)].data());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace shiftmap {
 
@@ -23,20 +24,31 @@ namespace shiftmap {
 ///   κ = F₂ / (a (F₁ - F₂)),   F₂ = a eᵃ E₂(a) = a (1 - F₁),   a = c²/2
 ///
 /// and E₂ an exponential integral.
+///
+/// Beyond a reach the loss is constant. Its slope goes down with 1 / ‖r‖ only, and outliers may all
+/// pull alike: a landmark that is read where it is not is farther away than it seems, and that
+/// every one of them says to the scale of the map, κ c² in all for each however far it is.
 class RobustLoss {
  public:
   /// @param scale  c > 0, in standard deviations.
-  explicit RobustLoss(double scale) : squared_scale_(scale * scale), kappa_(Kappa(scale)) {}
-
-  double kappa() const { return kappa_; }
+  /// @param reach  Largest ‖r‖ that pulls, in standard deviations.
+  explicit RobustLoss(double scale, double reach = std::numeric_limits<double>::infinity())
+      : squared_scale_(scale * scale), squared_reach_(reach * reach), kappa_(Kappa(scale)) {}
 
   /// ρ/2, and below. @param squared  ‖r‖².
   double HalfLoss(double squared) const {
-    return 0.5 * kappa_ * squared_scale_ * std::log1p(squared / squared_scale_);
+    const double u = std::min(squared, squared_reach_) / squared_scale_;
+    return 0.5 * kappa_ * squared_scale_ * std::log1p(u);
   }
+
+  /// ρ', of the slope ρ' r.
+  double Slope(double squared) const { return squared <= squared_reach_ ? Weight(squared) : 0.0; }
+
+  /// The same as a matrix has it, and below: beyond the reach what would be without. With none at
+  /// all, what only far outliers tell is not determined.
   double Weight(double squared) const { return kappa_ / (1.0 + squared / squared_scale_); }
 
-  /// Of far outliers more than there is: with none at all, what only they tell is not determined.
+  /// Of far outliers more than there is.
   double Curvature(double squared) const {
     constexpr double kLeast = 0.1;
     return Weight(squared) * std::max(kLeast, 1.0 / (1.0 + squared / squared_scale_));
@@ -61,6 +73,7 @@ class RobustLoss {
   }
 
   double squared_scale_;
+  double squared_reach_;
   double kappa_;
 };
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 
+#include "mapper/datum.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
@@ -265,6 +266,49 @@ TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
   EXPECT_GT(count, 250);
   EXPECT_LT(nees / count, 2.5);
   EXPECT_GT(nees / count, 0.2);
+}
+
+// One in six sightings bears the signature of some other landmark, mostly of one that is farther
+// away than it seems.
+TEST(BuildMap, MisreadSignaturesMakeNoModesAndMoveNone) {
+  MapperOptions mapper;
+  mapper.sd_range_scale = 0.0;  // All sensors know how long a metre is.
+  mapper.sd_run_range_scale = 1e-6;
+  double nees = 0.0;
+  int count = 0;
+  double scale_error = 0.0;  // Mean over the maps.
+  for (std::uint64_t seed = 201; seed <= 204; ++seed) {
+    OpenWorldOptions options = SmallWorld(seed);
+    options.groups = 60;
+    options.size_m = 60.0;
+    options.runs = 2;
+    options.duration_s = 800.0;
+    options.speed_mps = 1.5;
+    options.sensor.max_range_m = 10.0;
+    options.clutter_per_scan = 0.2;
+    const SimulatedWorld world = Simulate(options);
+    const StatusOr<MapperResult> result = BuildMap(testing::Inputs(world), std::nullopt, mapper);
+    ASSERT_THAT(result.status(), IsOk());
+    EXPECT_TRUE(result->rejected.empty());
+    std::vector<Eigen::Vector2d> positions;
+    std::vector<Eigen::Vector2d> errors;
+    for (const MatchedMode& match : MatchModes(result->content, world)) {
+      const Mode& mode = result->content.groups[match.group].modes[match.mode];
+      EXPECT_LT(match.error.norm(), 1.0) << seed;
+      nees += SquaredMahalanobis(match.error, mode.cov_p_map_landmark);
+      ++count;
+      positions.push_back(mode.p_map_landmark);
+      errors.push_back(match.error);
+    }
+    const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
+    const Eigen::Map<const Eigen::VectorXd> stacked(errors.front().data(), offsets.size());
+    scale_error += 0.25 * offsets.dot(stacked) / offsets.squaredNorm();
+  }
+  RecordProperty("mean_nees", std::to_string(nees / count));
+  RecordProperty("scale_error", std::to_string(scale_error));
+  EXPECT_GT(count, 250);
+  EXPECT_LT(nees / count, 2.6);
+  EXPECT_NEAR(scale_error, 0.0, 4e-4);
 }
 
 TEST(BuildMap, TellsHowFarItIs) {

@@ -49,6 +49,24 @@ TEST(DropUnusedModes, ModesOfThePriorMapStayThoughNothingHoldsThere) {
   EXPECT_EQ(problem.modes[0].back().number, ModeNumber(7));
 }
 
+// A landmark that is only ever misread holds at the mode of one reading, which explains none of the
+// others.
+TEST(DropFaintModes, CountsWhatAModeExplains) {
+  const SimulatedWorld world = testing::StaticWorld(1);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  const MapperOptions options;
+  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  DropFaintModes(options.modes, &problem);
+  const std::size_t before = testing::CountModes(problem);
+  const auto group = static_cast<std::size_t>(run.visits.front().group);
+  ASSERT_EQ(problem.modes[group].size(), 1u);
+  problem.modes[group].front().p_map_landmark.x() += 20.0;
+  EXPECT_EQ(DropFaintModes(options.modes, &problem), 1);
+  EXPECT_EQ(testing::CountModes(problem), before - 1);
+  EXPECT_EQ(problem.runs[0].assignment.front(), kUnassigned);
+  EXPECT_EQ(DropFaintModes(options.modes, &problem), 0);
+}
+
 TEST(DropUnusedModes, KeepsThePriorsIndicesRight) {
   MapProblem problem;
   problem.signatures = {Signature("A"), Signature("B")};

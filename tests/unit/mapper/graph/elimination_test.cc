@@ -126,6 +126,29 @@ TEST(GraphElimination, FindsTheMinimumOfCeresOverSeveralRuns) {
   ExpectSameMinimum(std::move(graph));
 }
 
+// Every fifth observation is of another place, all on one side.
+TEST(GraphElimination, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
+  Graph graph = MakeSite({.runs = 2, .frames = 70, .modes = 6}, 5);
+  graph.prior = MakePrior(graph);
+  Graph clean = graph;
+  clean.observations.clear();
+  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+    GraphObservation& item = graph.observations[i];
+    if (i % 5 == 0) {
+      item.observation.z.x() += 20.0;
+    } else {
+      clean.observations.push_back(item);
+    }
+  }
+  graph.loss_reach = 50.0;
+  ExpectSameMinimum(graph);
+  SolveGraph({50}, &graph);
+  SolveGraph({50}, &clean);
+  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+    EXPECT_LT((graph.modes[m] - clean.modes[m]).norm(), 3e-3);
+  }
+}
+
 // One step of a graph with a quadratic cost is all of the way; here the cost is nearly so.
 TEST(GraphElimination, HeldPoseStays) {
   Graph graph = MakeSite({.runs = 1, .frames = 50, .modes = 6}, 11);

@@ -22,13 +22,13 @@ TEST(RobustLoss, CurvatureOfGaussianResidualsIsTheVarianceOfTheirSlope) {
     const RobustLoss loss(scale);
     const double curvature = GaussianMean([&](double t) { return loss.Curvature(t); });
     const double variance =
-        GaussianMean([&](double t) { return 0.5 * t * loss.Weight(t) * loss.Weight(t); });
+        GaussianMean([&](double t) { return 0.5 * t * loss.Slope(t) * loss.Slope(t); });
     EXPECT_NEAR(curvature, variance, 1e-5) << scale;
     EXPECT_LT(curvature, 1.0) << scale;  // No loss tells more than the square does.
   }
 }
 
-TEST(RobustLoss, WeightAndCurvatureAreItsDerivatives) {
+TEST(RobustLoss, SlopeAndCurvatureAreItsDerivatives) {
   const RobustLoss loss(2.5);
   constexpr double kStep = 1e-4;
   for (const double x : {0.1, 1.0, 2.5, 6.0}) {
@@ -38,7 +38,7 @@ TEST(RobustLoss, WeightAndCurvatureAreItsDerivatives) {
       };
       const double squared = x * x + y * y;
       const double slope = (half_loss(kStep, 0.0) - half_loss(-kStep, 0.0)) / (2.0 * kStep);
-      EXPECT_NEAR(slope, loss.Weight(squared) * x, 1e-6);
+      EXPECT_NEAR(slope, loss.Slope(squared) * x, 1e-6);
       const double laplacian =
           (half_loss(kStep, 0.0) + half_loss(-kStep, 0.0) + half_loss(0.0, kStep) +
            half_loss(0.0, -kStep) - 4.0 * half_loss(0.0, 0.0)) /
@@ -52,7 +52,7 @@ TEST(RobustLoss, NoStepByItsStepCurvatureGoesUp) {
   const RobustLoss loss(2.5);
   for (double x = 0.01; x < 300.0; x *= 1.1) {
     const double squared = x * x;
-    const double next = x - loss.Weight(squared) * x / loss.StepCurvature(squared);
+    const double next = x - loss.Slope(squared) * x / loss.StepCurvature(squared);
     EXPECT_LT(loss.HalfLoss(next * next), loss.HalfLoss(squared)) << x;
   }
   const double step = GaussianMean([&](double t) { return loss.StepCurvature(t); });
@@ -63,6 +63,28 @@ TEST(RobustLoss, FarOutliersStillHaveCurvature) {
   const RobustLoss loss(2.5);
   EXPECT_GT(loss.Curvature(1e6), 1e-7);
   EXPECT_LT(loss.Curvature(1e6), loss.Curvature(100.0));
+}
+
+TEST(RobustLoss, IsConstantBeyondItsReach) {
+  const RobustLoss loss(2.5, 50.0);
+  const RobustLoss endless(2.5);
+  const double within = 49.9 * 49.9;
+  const double beyond = 50.1 * 50.1;
+  EXPECT_EQ(loss.HalfLoss(within), endless.HalfLoss(within));
+  EXPECT_EQ(loss.Slope(within), endless.Slope(within));
+  EXPECT_EQ(loss.HalfLoss(beyond), loss.HalfLoss(2500.0));
+  EXPECT_EQ(loss.HalfLoss(1e8), loss.HalfLoss(2500.0));
+  EXPECT_EQ(loss.Slope(beyond), 0.0);
+  EXPECT_EQ(loss.Weight(beyond), endless.Weight(beyond));
+}
+
+// That each pulls at the scale with κ c², however far it is, is why there is a reach.
+TEST(RobustLoss, WithoutReachOutliersPullAtTheScaleHoweverFarTheyAre) {
+  const RobustLoss loss(2.5);
+  const double pull = loss.Weight(0.0) * 2.5 * 2.5;
+  for (const double length : {1e3, 1e4, 1e5}) {
+    EXPECT_NEAR(loss.Slope(length * length) * length * length, pull, 1e-4 * pull);
+  }
 }
 
 TEST(RobustLoss, IsTheSquareForSmallResiduals) {
