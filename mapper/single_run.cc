@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/single_run.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/pair_calibration.h"
+#include "mapper/frontend/run_parts.h"
 #include "mapper/graph/sensor_bias.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/noise_calibration.h"
+#include "mapper/submap.h"
 
 namespace shiftmap {
 namespace {
@@ -67,30 +72,124 @@ void CalibrateOpen(const MapperOptions& options,
   *sensor = open.sensor;
 }
 
+// Maps a calibrated run from its poses on.
+MapProblem MapFromPoses(const std::vector<Signature>& signatures,
+                        const SensorCalibration& sensor,
+                        const MapperOptions& options,
+                        const GoOn& go_on,
+                        BuildRun run) {
+  MapProblem problem;
+  problem.signatures = signatures;
+  problem.sensor = sensor;
+  problem.runs.push_back(std::move(run));
+  PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
+  AlternateModes(options, &problem, go_on);  // All runs are solved again together.
+  return problem;
+}
+
+MapProblem MapByEkf(const std::vector<Signature>& signatures,
+                    const SensorCalibration& sensor,
+                    const MapperOptions& options,
+                    const GoOn& go_on,
+                    BuildRun run) {
+  UpdateMotions(*run.data, run.odometry, &run.motions);
+  run.poses = EstimateTrajectoryByEkf(
+      *run.data,
+      run.motions,
+      {run.odometry, WithBias(sensor, run.sensor_bias, run.data->mean_squared_bearing)});
+  return MapFromPoses(signatures, sensor, options, go_on, std::move(run));
+}
+
+// Groups with so many modes beside their first in one run are not landmarks that moved meanwhile:
+// the vehicle came back and did not know where it was.
+constexpr int kTorn = 4;
+
+int ModesBesideFirst(const MapProblem& problem) {
+  int count = 0;
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    count += std::max(0, static_cast<int>(group.size()) - 1);
+  }
+  return count;
+}
+
+// What a mode beside another costs: the landmark would have had to move.
+constexpr double kModeCost = 10.0;
+
+double CostOf(const MapProblem& problem) {
+  return problem.cost + kModeCost * ModesBesideFirst(problem);
+}
+
+// Heading that odometry may lose in a part. [rad]
+constexpr double kPartHeadingSd = 0.5;
+
+// Poses of a run whose loops a filter did not find: it is mapped in parts that odometry by itself
+// holds together, which are placed like runs. Nothing if `go_on` says no.
+std::vector<Se2> PosesByParts(const std::vector<Signature>& signatures,
+                              const SensorCalibration& sensor,
+                              const MapperOptions& options,
+                              const GoOn& go_on,
+                              const BuildRun& run) {
+  const double noise = std::max(1e-3, run.odometry.noise_omega);
+  std::vector<int> starts = PartStarts(*run.data, std::pow(kPartHeadingSd / noise, 2));
+  std::vector<MappingRun> parts;
+  for (std::size_t k = 0; k < starts.size(); ++k) {
+    const int last =
+        k + 1 < starts.size() ? starts[k + 1] : static_cast<int>(run.data->frames.size());
+    parts.push_back(PartOf(*run.data, starts[k], last));
+  }
+  std::vector<Submap> submaps;
+  for (const MappingRun& part : parts) {
+    BuildRun of_part;
+    of_part.data = &part;
+    of_part.odometry = run.odometry;
+    of_part.sensor_bias = run.sensor_bias;
+    MapProblem problem = MapByEkf(signatures, sensor, options, go_on, std::move(of_part));
+    if (go_on && !go_on(problem)) return {};
+    submaps.push_back(MakeSubmap(options, std::move(problem)));
+  }
+  MapProblem placed = StartProblem(signatures, std::nullopt, sensor);
+  std::vector<RejectedRun> rejected;
+  PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
+  if (go_on && !go_on(placed)) return {};
+
+  // Those that were not placed go on from the others by odometry.
+  std::vector<Se2> poses = DeadReckon(run.motions);
+  std::vector<bool> known(poses.size());
+  for (const BuildRun& part : placed.runs) {
+    const auto first = starts[static_cast<std::size_t>(part.data - parts.data())];
+    std::copy(part.poses.begin(), part.poses.end(), poses.begin() + first);
+    std::fill_n(known.begin() + first, part.poses.size(), true);
+  }
+  const auto first = std::find(known.begin(), known.end(), true) - known.begin();
+  const auto motion = [&](std::size_t i) { return run.motions.between_frames[i].T_begin_end; };
+  for (auto i = static_cast<std::size_t>(first); i-- > 0;) {
+    poses[i] = poses[i + 1] * motion(i).Inverse();
+  }
+  for (auto i = static_cast<std::size_t>(first) + 1; i < poses.size(); ++i) {
+    if (!known[i]) poses[i] = poses[i - 1] * motion(i - 1);
+  }
+  return poses;
+}
+
 }  // namespace
 
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,
                         const MapperOptions& options,
                         const GoOn& go_on) {
-  MapProblem problem;
-  problem.signatures = signatures;
-  problem.sensor = options.calibration.sensor;
+  SensorCalibration sensor = options.calibration.sensor;
   BuildRun build;
   build.data = &run;
   build.odometry = options.calibration.odometry;
-  if (options.calibrate) {
-    CalibrateOpen(options, signatures.size(), go_on, &build, &problem.sensor);
-  }
+  if (options.calibrate) CalibrateOpen(options, signatures.size(), go_on, &build, &sensor);
   UpdateMotions(run, build.odometry, &build.motions);
-  build.poses = EstimateTrajectoryByEkf(
-      run,
-      build.motions,
-      {build.odometry, WithBias(problem.sensor, build.sensor_bias, run.mean_squared_bearing)});
-  problem.runs.push_back(std::move(build));
-  PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
-  AlternateModes(options, &problem, go_on);  // All runs are solved again together.
-  return problem;
+  build.assignment.clear();
+  MapProblem problem = MapByEkf(signatures, sensor, options, go_on, build);
+  if (ModesBesideFirst(problem) < kTorn) return problem;
+  build.poses = PosesByParts(signatures, sensor, options, go_on, build);
+  if (build.poses.empty()) return problem;
+  MapProblem by_parts = MapFromPoses(signatures, sensor, options, go_on, std::move(build));
+  return CostOf(by_parts) < CostOf(problem) ? std::move(by_parts) : std::move(problem);
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #include "mapper/frontend/ekf_slam.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cstddef>
 
 #include "localizer/models/observation_model.h"
@@ -20,6 +21,40 @@ struct Step {
   PoseWithCovariance predicted;
   PoseWithCovariance filtered;
 };
+
+// Per sighting, whether another of its visit says the same, by odometry and the sensor's noise.
+std::vector<bool> ConfirmedSightings(const MappingRun& run,
+                                     const FrameMotions& motions,
+                                     const Calibration& calibration) {
+  // Sightings before and after that are asked: one of them may be misread itself.
+  constexpr std::size_t kNeighbours = 2;
+  constexpr double kFloor = 0.1;  // Of odometry meanwhile. [m]
+  static const double gate = ChiSquareQuantile(0.999, 2);
+  const std::vector<Se2> poses = DeadReckon(motions);
+  std::vector<bool> confirmed(run.sightings.size());
+  for (const MappingVisit& visit : run.visits) {
+    std::vector<Eigen::Vector2d> positions;
+    std::vector<double> variances;
+    for (const int s : visit.sightings) {
+      const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
+      const Observation observation = Corrected(sighting.observation, calibration.sensor);
+      positions.push_back(poses[static_cast<std::size_t>(sighting.frame)] *
+                          observation.PositionInVehicle());
+      variances.push_back(
+          PositionNoiseInVehicle(observation, ObservationNoise(observation, calibration.sensor))
+              .trace());
+    }
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      for (std::size_t j = i + 1; j < std::min(positions.size(), i + 1 + kNeighbours); ++j) {
+        const double variance = variances[i] + variances[j] + kFloor * kFloor;
+        if ((positions[i] - positions[j]).squaredNorm() > gate * variance) continue;
+        confirmed[static_cast<std::size_t>(visit.sightings[i])] = true;
+        confirmed[static_cast<std::size_t>(visit.sightings[j])] = true;
+      }
+    }
+  }
+  return confirmed;
+}
 
 // No pose is more certain than that, so that its covariance has an inverse. [m], [rad]
 constexpr double kMinPoseSd = 1e-5;
@@ -49,6 +84,10 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
   SlamState state(calibration);
   GatedLandmarks landmarks;
   std::vector<Step> steps;
+  std::vector<bool> confirmed = ConfirmedSightings(run, motions, calibration);
+  // Where landmarks are mostly seen in passing, one sighting has to do.
+  const auto count = std::count(confirmed.begin(), confirmed.end(), true);
+  if (2 * count < std::ssize(confirmed)) confirmed.assign(confirmed.size(), true);
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
     const KeyFrame& frame = run.frames[i];
     Step& step = steps.emplace_back();
@@ -59,6 +98,7 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
     }
     step.predicted = PoseOf(state);
     for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+      if (!confirmed[static_cast<std::size_t>(s)]) continue;
       const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
       const Observation observation = Corrected(sighting.observation, calibration.sensor);
       state.Focus(observation.PositionInVehicle().norm());

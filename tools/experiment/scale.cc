@@ -60,6 +60,9 @@ OpenWorldOptions SiteOptions(const ScaleOptions& options, int key_frames) {
   site.groups = std::clamp(scans / options.scans_per_group, 20, options.max_groups);
   site.size_m = std::sqrt(kSquareMetres * site.groups);
   site.mode_change_probability = 0.1;
+  site.clutter_per_scan = options.misread_per_scan;
+  site.odometry.noise_v *= options.odometry_noise;
+  site.odometry.noise_omega *= options.odometry_noise;
   return site;
 }
 
@@ -225,6 +228,9 @@ Status ScaleOptions::Validate() const {
     return InvalidArgument("key_frames: expected ascending numbers of 100 or more");
   }
   if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
+  if (!(misread_per_scan >= 0.0) || !(odometry_noise > 0.0)) {
+    return InvalidArgument("misread_per_scan, odometry_noise: expected at least and more than 0");
+  }
   if (scans_per_run < 100 || scans_per_group < 1 || max_groups < 20) {
     return InvalidArgument(
         "scans_per_run, scans_per_group, max_groups: expected at least 100, 1 and 20");

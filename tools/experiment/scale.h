@@ -14,6 +14,8 @@ struct ScaleOptions {
   int scans_per_run = 2000;
   int scans_per_group = 50;  ///< A site grows with its scans, up to max_groups landmarks.
   int max_groups = 5000;
+  double misread_per_scan = 0.0;  ///< Observations that bear the signature of another landmark.
+  double odometry_noise = 1.0;    ///< Times that of OpenWorldOptions.
   std::uint64_t seed = 1;
   int threads = 1;  ///< Of the builds.
 

@@ -96,6 +96,8 @@ Status Run(const Arguments& arguments, Context& context) {
                                                   {"scans_per_run", options.scans_per_run},
                                                   {"scans_per_group", options.scans_per_group},
                                                   {"max_groups", options.max_groups},
+                                                  {"misread_per_scan", options.misread_per_scan},
+                                                  {"odometry_noise", options.odometry_noise},
                                                   {"threads", options.threads}},
                                                  table));
   context.Report(document, table.ToText());
@@ -118,6 +120,14 @@ void AddScaleExperiment(Application* application) {
       .InRange(1000, 1e7)
       .Option("--threads", &arguments->options.threads, "Threads of a build")
       .InRange(1, 256)
+      .Option("--misread",
+              &arguments->options.misread_per_scan,
+              "Observations per scan that bear the signature of another landmark")
+      .InRange(0, 10)
+      .Option("--odometry-noise",
+              &arguments->options.odometry_noise,
+              "Noise of the odometry, times the usual")
+      .InRange(0.01, 100)
       .Option("--seed", &arguments->options.seed, "Seed of the sites")
       .Writes();
 }

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -36,6 +39,28 @@ TEST(MapSingleRun, LongWaysBetweenTwoLooksDoNotTwistIt) {
     EXPECT_LT(odometry.noise_omega, 0.025) << seed;
     EXPECT_LT(error, 4.0) << seed;
   }
+}
+
+// Odometry so noisy that the vehicle comes back with its heading off by more than a radian.
+TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
+  int lost = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    OpenWorldOptions options = LargeFloor(seed);
+    options.groups = 200;
+    options.size_m = 126.0;
+    options.odometry.noise_v = 0.05;
+    options.odometry.noise_omega = 0.05;
+    const SimulatedWorld world = testing::Simulate(options);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
+    EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, truth), 1.5) << seed;
+    for (const std::vector<BuildMode>& modes : problem.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    const double turned = (truth.front().Inverse() * truth.back()).yaw() -
+                          DeadReckon(problem.runs[0].motions).back().yaw();
+    lost += std::abs(Se2(0.0, 0.0, turned).yaw()) > 1.0;
+  }
+  EXPECT_GE(lost, 2);
 }
 
 }  // namespace

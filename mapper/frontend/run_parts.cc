@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/frontend/run_parts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+// Odometry before and after the key frames of a part: more than it ever lags. [s]
+constexpr double kOdometryMargin = 1.0;
+
+std::vector<OdometrySample> OdometryBetween(const std::vector<OdometrySample>& odometry,
+                                            Stamp begin,
+                                            Stamp end) {
+  const auto before = [](const OdometrySample& sample, Stamp stamp) {
+    return sample.stamp < stamp;
+  };
+  const Duration margin = FromSeconds(kOdometryMargin);
+  auto first = std::lower_bound(odometry.begin(), odometry.end(), begin - margin, before);
+  if (first != odometry.begin()) --first;
+  auto last = std::lower_bound(first, odometry.end(), end + margin, before);
+  if (last != odometry.end()) ++last;
+  return {first, last};
+}
+
+}  // namespace
+
+MappingRun PartOf(const MappingRun& run, int first, int last) {
+  SHIFTMAP_CHECK(0 <= first && first < last && last <= std::ssize(run.frames),
+                 "key frames {} to {} of {}",
+                 first,
+                 last,
+                 run.frames.size());
+  MappingRun part;
+  part.name = run.name;
+  part.sha256 = run.sha256;
+  part.info = run.info;
+  part.mean_squared_bearing = run.mean_squared_bearing;
+  part.frames.assign(run.frames.begin() + first, run.frames.begin() + last);
+  const Stamp begin = part.frames.front().stamp;
+  const Stamp end = part.frames.back().stamp;
+  part.odometry = OdometryBetween(run.odometry, begin, end);
+  std::copy_if(run.scan_stamps.begin(),
+               run.scan_stamps.end(),
+               std::back_inserter(part.scan_stamps),
+               [&](Stamp stamp) { return begin <= stamp && stamp <= end; });
+
+  std::vector<int> visit_of(run.visits.size(), -1);  // In the part.
+  for (KeyFrame& frame : part.frames) {
+    const int from = frame.first_sighting;
+    frame.first_sighting = static_cast<int>(part.sightings.size());
+    for (int s = from; s < from + frame.sighting_count; ++s) {
+      Sighting sighting = run.sightings[static_cast<std::size_t>(s)];
+      int& visit = visit_of[static_cast<std::size_t>(sighting.visit)];
+      if (visit < 0) {
+        visit = static_cast<int>(part.visits.size());
+        const int group = run.visits[static_cast<std::size_t>(sighting.visit)].group;
+        part.visits.push_back({group, frame.stamp, frame.stamp, {}});
+      }
+      sighting.frame -= first;
+      sighting.visit = visit;
+      MappingVisit& of_part = part.visits[static_cast<std::size_t>(visit)];
+      of_part.end = frame.stamp;
+      of_part.sightings.push_back(static_cast<int>(part.sightings.size()));
+      part.sightings.push_back(std::move(sighting));
+    }
+  }
+  return part;
+}
+
+std::vector<int> PartStarts(const MappingRun& run, double part_s) {
+  const Stamp begin = run.frames.front().stamp;
+  const double duration = ToSeconds(run.frames.back().stamp - begin);
+  const double parts = std::max(1.0, std::round(duration / part_s));
+  std::vector<int> starts;
+  double part = -1.0;
+  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+    const double at =
+        std::floor(parts * ToSeconds(run.frames[i].stamp - begin) / std::max(duration, 1e-9));
+    if (std::min(at, parts - 1.0) == part) continue;
+    part = std::min(at, parts - 1.0);
+    starts.push_back(static_cast<int>(i));
+  }
+  return starts;
+}
+
+}  // namespace shiftmap
