@@ -51,6 +51,7 @@ struct MapProblem {
   std::vector<Signature> signatures;          ///< Ascending; a group index points into it.
   std::vector<BuildRun> runs;                 ///< By begin.
   std::vector<std::vector<BuildMode>> modes;  ///< Per group.
+  std::vector<const MappingRun*> loose;       ///< Runs that came loose (loose_runs.h).
   SensorCalibration sensor;
 
   /// Joint Gaussian of the prior map's modes; `modes` of it are flat indices, see FlatModes.

@@ -11,6 +11,7 @@
 #include "mapper/association/track_names.h"
 #include "mapper/datum.h"
 #include "mapper/fleet_calibration.h"
+#include "mapper/loose_runs.h"
 #include "mapper/map_output.h"
 #include "mapper/map_problem.h"
 #include "mapper/memory_estimate.h"
@@ -157,6 +158,14 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<Map
   return size;
 }
 
+constexpr char kLoose[] = "too few landmarks stand where the map has them";
+
+Status RequireTiedRuns(const MapProblem& problem) {
+  if (!problem.runs.empty()) return OkStatus();
+  return InvalidArgument(
+      "no run can be used; first: run '{}': {}", problem.loose.front()->name, kLoose);
+}
+
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
 constexpr double kLossReach = 50.0;
 
@@ -168,11 +177,14 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   int iterations = options.calibrate ? AlternateModes(options, problem, go_on)
                                      : RefineModes(options, problem, go_on);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
   if (DropFaintModes(options.modes, problem) > 0) {
     if (FlatModes(*problem).count == 0) {
       return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                              options.modes.min_sightings);
     }
+    TakeOutLooseRuns(problem);
+    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
     if (!options.calibrate) SolveContinuous(options, problem);  // Else with the noise.
   }
   if (!options.calibrate) return iterations;
@@ -181,6 +193,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   iterations += RefineModes(options, problem, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
   return iterations;
 }
 
@@ -332,6 +345,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
 
   SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
+  for (const MappingRun* run : problem.loose) result.rejected.push_back({run->name, kLoose});
   if (!prior) AnchorFrame(&problem);
   watch.Report("covariance", 0.9, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());

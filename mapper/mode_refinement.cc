@@ -9,6 +9,7 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/loose_runs.h"
 #include "mapper/mode_merging.h"
 #include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
@@ -67,11 +68,15 @@ int Alternate(const MapperOptions& options,
   std::vector<int> solved;
   MergeMemory memory(*problem);
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
-    if (go_on && !go_on(*problem)) return iteration - 1;
+    if (problem->runs.empty() || (go_on && !go_on(*problem))) return iteration - 1;
     Select(options, problem);
     CreateModes(options.modes, problem);
     DropUnusedModes(problem);
     memory.MergeAgain(problem);
+    if (TakeOutLooseRuns(problem) > 0) {
+      memory = MergeMemory(*problem);
+      continue;
+    }
     const std::vector<int> state = DiscreteState(*problem);
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
@@ -195,7 +200,7 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
 int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
   GraphSolver solver;
   const int iterations = Alternate(ForSelection(options), problem, &solver, go_on);
-  SolveContinuous(options, problem, &solver);
+  if (!problem->runs.empty()) SolveContinuous(options, problem, &solver);
   return iterations;
 }
 

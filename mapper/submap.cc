@@ -210,13 +210,13 @@ bool Absorb(const MapperOptions& options,
   return true;
 }
 
-RejectedRun Rejected(const BuildRun& run, const std::string& why) {
+RejectedRun Rejected(const MappingRun& run, const std::string& why) {
   std::set<int> seen;
-  for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
-  return {run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())};
+  for (const MappingVisit& visit : run.visits) seen.insert(visit.group);
+  return {run.name, fmt::format("{} ({} landmarks seen)", why, seen.size())};
 }
 
-RejectedRun NotAligned(const BuildRun& run) {
+RejectedRun NotAligned(const MappingRun& run) {
   return Rejected(run, "no consistent alignment with the other runs");
 }
 
@@ -261,7 +261,7 @@ void PlaceNext(const MapperOptions& options,
   MoveProblem(T_map_submap, &placed.problem);
   Rotate(T_map_submap.Rotation(), &placed.covariance);
   const RejectedRun rejection =
-      Rejected(placed.problem.runs.front(), "too few landmarks stand where the map has them");
+      Rejected(*placed.problem.runs.front().data, "too few landmarks stand where the map has them");
   if (!Absorb(options, prior, aligned, std::move(placed), problem)) {
     rejected->push_back(rejection);
   }
@@ -284,7 +284,7 @@ void PlaceWaiting(const MapperOptions& options,
     if (go_on && !go_on(*problem)) return;
     if (last_try || problem->runs.size() >= 2 * settled) {
       SettleModes(options, problem, go_on);
-      settled = problem->runs.size();
+      settled = std::max(kFirstSettled / 2, problem->runs.size());
       waiting->Recount(*problem);
       continue;
     }
@@ -310,7 +310,8 @@ void PlaceMost(const MapperOptions& options,
     waiting->Update(*first, part);
     PlaceWaiting(options, std::nullopt, waiting, &part, rejected, go_on);
     if (part.runs.size() > problem->runs.size()) std::swap(part, *problem);
-    for (const BuildRun& run : part.runs) rejected->push_back(NotAligned(run));
+    for (const BuildRun& run : part.runs) rejected->push_back(NotAligned(*run.data));
+    for (const MappingRun* run : part.loose) rejected->push_back(NotAligned(*run));
     if (go_on && !go_on(*problem)) return;
   } while (waiting->Remaining().size() > problem->runs.size());
 }
@@ -389,7 +390,7 @@ void PlaceSubmaps(const MapperOptions& options,
     PlaceWaiting(options, prior, &waiting, problem, rejected, go_on);
   }
   for (const std::size_t i : waiting.Remaining()) {
-    rejected->push_back(NotAligned(waiting.At(i).problem.runs.front()));
+    rejected->push_back(NotAligned(*waiting.At(i).problem.runs.front().data));
   }
 }
 
