@@ -21,6 +21,7 @@
 #include "mapper/noise_calibration.h"
 #include "mapper/parallel.h"
 #include "mapper/single_run.h"
+#include "mapper/stray_runs.h"
 #include "mapper/submap.h"
 #include "mapper/vehicle_update.h"
 #include "mapstore/geometry/covariance.h"
@@ -169,6 +170,9 @@ Status RequireTiedRuns(const MapProblem& problem) {
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
 constexpr double kLossReach = 50.0;
 
+// A run that is put back may be what another one is to be held against.
+constexpr int kStrayRounds = 3;
+
 // What is discrete in all runs together, and the noise.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
   problem->loss_reach = kLossReach;
@@ -176,6 +180,12 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   const GoOn go_on = watch->During("all runs", 0.6);
   int iterations = options.calibrate ? AlternateModes(options, problem, go_on)
                                      : RefineModes(options, problem, go_on);
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+  for (int round = 0; round < kStrayRounds && PutBackStrayRuns(options, problem, go_on) > 0;
+       ++round) {
+    iterations += AlternateModes(options, problem, go_on);
+  }
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
   if (DropFaintModes(options.modes, problem) > 0) {

@@ -130,20 +130,10 @@ std::vector<Se2> PosesByParts(const std::vector<Signature>& signatures,
                               const GoOn& go_on,
                               const BuildRun& run) {
   const double noise = std::max(1e-3, run.odometry.noise_omega);
-  std::vector<int> starts = PartStarts(*run.data, std::pow(kPartHeadingSd / noise, 2));
-  std::vector<MappingRun> parts;
-  for (std::size_t k = 0; k < starts.size(); ++k) {
-    const int last =
-        k + 1 < starts.size() ? starts[k + 1] : static_cast<int>(run.data->frames.size());
-    parts.push_back(PartOf(*run.data, starts[k], last));
-  }
+  RunParts parts(*run.data, std::pow(kPartHeadingSd / noise, 2));
   std::vector<Submap> submaps;
-  for (const MappingRun& part : parts) {
-    BuildRun of_part;
-    of_part.data = &part;
-    of_part.odometry = run.odometry;
-    of_part.sensor_bias = run.sensor_bias;
-    MapProblem problem = MapByEkf(signatures, sensor, options, go_on, std::move(of_part));
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    MapProblem problem = MapPart(parts.At(k), run, signatures, sensor, options, go_on);
     if (go_on && !go_on(problem)) return {};
     submaps.push_back(MakeSubmap(options, std::move(problem)));
   }
@@ -151,27 +141,26 @@ std::vector<Se2> PosesByParts(const std::vector<Signature>& signatures,
   std::vector<RejectedRun> rejected;
   PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
   if (go_on && !go_on(placed)) return {};
-
-  // Those that were not placed go on from the others by odometry.
-  std::vector<Se2> poses = DeadReckon(run.motions);
-  std::vector<bool> known(poses.size());
-  for (const BuildRun& part : placed.runs) {
-    const auto first = starts[static_cast<std::size_t>(part.data - parts.data())];
-    std::copy(part.poses.begin(), part.poses.end(), poses.begin() + first);
-    std::fill_n(known.begin() + first, part.poses.size(), true);
+  for (BuildRun& part : placed.runs) {
+    parts.Place(static_cast<std::size_t>(part.data - &parts.At(0)), std::move(part.poses));
   }
-  const auto first = std::find(known.begin(), known.end(), true) - known.begin();
-  const auto motion = [&](std::size_t i) { return run.motions.between_frames[i].T_begin_end; };
-  for (auto i = static_cast<std::size_t>(first); i-- > 0;) {
-    poses[i] = poses[i + 1] * motion(i).Inverse();
-  }
-  for (auto i = static_cast<std::size_t>(first) + 1; i < poses.size(); ++i) {
-    if (!known[i]) poses[i] = poses[i - 1] * motion(i - 1);
-  }
-  return poses;
+  return parts.Poses(run.motions);
 }
 
 }  // namespace
+
+MapProblem MapPart(const MappingRun& part,
+                   const BuildRun& run,
+                   const std::vector<Signature>& signatures,
+                   const SensorCalibration& sensor,
+                   const MapperOptions& options,
+                   const GoOn& go_on) {
+  BuildRun of_part;
+  of_part.data = &part;
+  of_part.odometry = run.odometry;
+  of_part.sensor_bias = run.sensor_bias;
+  return MapByEkf(signatures, sensor, options, go_on, std::move(of_part));
+}
 
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,

@@ -17,4 +17,12 @@ MapProblem MapSingleRun(const MappingRun& run,
                         const MapperOptions& options,
                         const GoOn& go_on = {});
 
+/// Maps a part of a run that was mapped before, with its calibration.
+MapProblem MapPart(const MappingRun& part,
+                   const BuildRun& run,
+                   const std::vector<Signature>& signatures,
+                   const SensorCalibration& sensor,
+                   const MapperOptions& options,
+                   const GoOn& go_on = {});
+
 }  // namespace shiftmap

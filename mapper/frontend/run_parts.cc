@@ -27,6 +27,23 @@ std::vector<OdometrySample> OdometryBetween(const std::vector<OdometrySample>& o
   return {first, last};
 }
 
+// Where parts begin, the first at 0. Each has a key frame.
+std::vector<int> PartStarts(const MappingRun& run, double part_s) {
+  const Stamp begin = run.frames.front().stamp;
+  const double duration = ToSeconds(run.frames.back().stamp - begin);
+  const double parts = std::max(1.0, std::round(duration / part_s));
+  std::vector<int> starts;
+  double part = -1.0;
+  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+    const double at =
+        std::floor(parts * ToSeconds(run.frames[i].stamp - begin) / std::max(duration, 1e-9));
+    if (std::min(at, parts - 1.0) == part) continue;
+    part = std::min(at, parts - 1.0);
+    starts.push_back(static_cast<int>(i));
+  }
+  return starts;
+}
+
 }  // namespace
 
 MappingRun PartOf(const MappingRun& run, int first, int last) {
@@ -72,20 +89,37 @@ MappingRun PartOf(const MappingRun& run, int first, int last) {
   return part;
 }
 
-std::vector<int> PartStarts(const MappingRun& run, double part_s) {
-  const Stamp begin = run.frames.front().stamp;
-  const double duration = ToSeconds(run.frames.back().stamp - begin);
-  const double parts = std::max(1.0, std::round(duration / part_s));
-  std::vector<int> starts;
-  double part = -1.0;
-  for (std::size_t i = 0; i < run.frames.size(); ++i) {
-    const double at =
-        std::floor(parts * ToSeconds(run.frames[i].stamp - begin) / std::max(duration, 1e-9));
-    if (std::min(at, parts - 1.0) == part) continue;
-    part = std::min(at, parts - 1.0);
-    starts.push_back(static_cast<int>(i));
+RunParts::RunParts(const MappingRun& run, double part_s) {
+  const std::vector<int> starts = PartStarts(run, part_s);
+  for (std::size_t k = 0; k < starts.size(); ++k) {
+    const bool last = k + 1 == starts.size();
+    parts_.push_back(
+        PartOf(run, starts[k], last ? static_cast<int>(run.frames.size()) : starts[k + 1]));
   }
-  return starts;
+  poses_.resize(parts_.size());
+}
+
+std::vector<Se2> RunParts::Poses(const FrameMotions& motions) const {
+  std::vector<Se2> poses = DeadReckon(motions);
+  std::vector<bool> known(poses.size());
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k < parts_.size(); ++k) {
+    const std::size_t frames = parts_[k].frames.size();
+    for (std::size_t i = 0; i < poses_[k].size(); ++i) {
+      poses[begin + i] = poses_[k][i];
+      known[begin + i] = true;
+    }
+    begin += frames;
+  }
+  const auto motion = [&](std::size_t i) { return motions.between_frames[i].T_begin_end; };
+  const auto first =
+      static_cast<std::size_t>(std::find(known.begin(), known.end(), true) - known.begin());
+  if (first == known.size()) return poses;
+  for (std::size_t i = first; i-- > 0;) poses[i] = poses[i + 1] * motion(i).Inverse();
+  for (std::size_t i = first + 1; i < poses.size(); ++i) {
+    if (!known[i]) poses[i] = poses[i - 1] * motion(i - 1);
+  }
+  return poses;
 }
 
 }  // namespace shiftmap

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <utility>
 #include <vector>
 
+#include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/mapping_run.h"
+#include "mapstore/geometry/se2.h"
 
 namespace shiftmap {
 
@@ -12,8 +16,25 @@ namespace shiftmap {
 /// Precondition: 0 <= first < last <= frames.
 MappingRun PartOf(const MappingRun& run, int first, int last);
 
-/// Where parts of a run begin that each take about `part_s` [s], ascending, the first at 0. Each
-/// has a key frame.
-std::vector<int> PartStarts(const MappingRun& run, double part_s);
+/// Parts of a run that are placed by themselves, and its poses by those.
+class RunParts {
+ public:
+  /// Parts that each take about `part_s` [s].
+  RunParts(const MappingRun& run, double part_s);
+
+  std::size_t size() const { return parts_.size(); }
+  const MappingRun& At(std::size_t part) const { return parts_[part]; }
+
+  /// The poses of a part's key frames.
+  void Place(std::size_t part, std::vector<Se2> poses) { poses_[part] = std::move(poses); }
+
+  /// The poses of the run's key frames: those of parts that are not placed go on from the others,
+  /// or from each other, by odometry.
+  std::vector<Se2> Poses(const FrameMotions& motions) const;
+
+ private:
+  std::vector<MappingRun> parts_;
+  std::vector<std::vector<Se2>> poses_;  // Per part; none of one that is not placed.
+};
 
 }  // namespace shiftmap

@@ -13,28 +13,20 @@
 namespace shiftmap {
 namespace {
 
-std::vector<MappingRun> AllParts(const MappingRun& run, double part_s) {
-  const std::vector<int> starts = PartStarts(run, part_s);
-  std::vector<MappingRun> parts;
-  for (std::size_t k = 0; k < starts.size(); ++k) {
-    const auto frames = static_cast<int>(run.frames.size());
-    parts.push_back(PartOf(run, starts[k], k + 1 < starts.size() ? starts[k + 1] : frames));
-  }
-  return parts;
-}
-
-class RunParts : public ::testing::Test {
+class RunPartsTest : public ::testing::Test {
  protected:
   const SimulatedWorld world_ = testing::StaticWorld(3);
   const MappingRun run_ = testing::Arrange(world_, world_.runs[0].run);
 };
 
-TEST_F(RunParts, TogetherHaveWhatTheRunHas) {
+TEST_F(RunPartsTest, TogetherHaveWhatTheRunHas) {
   for (const double part_s : {7.0, 30.0, 1e6}) {
     SCOPED_TRACE(part_s);
     std::size_t frames = 0;
     std::size_t sightings = 0;
-    for (const MappingRun& part : AllParts(run_, part_s)) {
+    const RunParts parts(run_, part_s);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const MappingRun& part = parts.At(k);
       for (const KeyFrame& frame : part.frames) {
         EXPECT_EQ(frame.stamp, run_.frames[frames].stamp);
         EXPECT_EQ(frame.sighting_count, run_.frames[frames].sighting_count);
@@ -65,13 +57,15 @@ TEST_F(RunParts, TogetherHaveWhatTheRunHas) {
   }
 }
 
-TEST_F(RunParts, MoveAsTheRunDoes) {
+TEST_F(RunPartsTest, MoveAsTheRunDoes) {
   OdometryCalibration calibration;
   calibration.lag_s = 0.4;
   const FrameMotions whole = IntegrateMotions(run_, calibration);
   std::size_t at = 0;
-  for (const MappingRun& part : AllParts(run_, 20.0)) {
-    for (const IntegratedMotion& motion : IntegrateMotions(part, calibration).between_frames) {
+  const RunParts parts(run_, 20.0);
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    for (const IntegratedMotion& motion :
+         IntegrateMotions(parts.At(k), calibration).between_frames) {
       EXPECT_THAT(motion.T_begin_end,
                   testing::IsNearPose(whole.between_frames[at].T_begin_end, 1e-9));
       ++at;
@@ -80,14 +74,40 @@ TEST_F(RunParts, MoveAsTheRunDoes) {
   }
 }
 
-TEST_F(RunParts, TakeAboutTheTimeTheyAreTold) {
-  const double duration = ToSeconds(run_.frames.back().stamp - run_.frames.front().stamp);
+TEST_F(RunPartsTest, TakeAboutTheTimeTheyAreTold) {
+  const auto duration = [](const MappingRun& run) {
+    return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
+  };
   for (const double part_s : {10.0, 25.0}) {
-    for (const MappingRun& part : AllParts(run_, part_s)) {
-      EXPECT_LT(ToSeconds(part.frames.back().stamp - part.frames.front().stamp), 1.5 * part_s);
+    const RunParts parts(run_, part_s);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      EXPECT_LT(duration(parts.At(k)), 1.5 * part_s);
     }
   }
-  EXPECT_EQ(PartStarts(run_, 2.0 * duration), std::vector<int>{0});
+  EXPECT_EQ(RunParts(run_, 2.0 * duration(run_)).size(), 1u);
+}
+
+// Where odometry is right, one part that is placed tells where all of the run is.
+TEST_F(RunPartsTest, PosesGoOnByOdometry) {
+  const FrameMotions motions = IntegrateMotions(run_, {});
+  const std::vector<Se2> reckoned = DeadReckon(motions);
+  const Se2 T_map_run(3.0, -2.0, 1.0);
+  for (const std::size_t placed : {0u, 2u, 4u}) {
+    RunParts parts(run_, ToSeconds(run_.frames.back().stamp - run_.frames.front().stamp) / 5.0);
+    ASSERT_EQ(parts.size(), 5u);
+    std::size_t begin = 0;
+    for (std::size_t k = 0; k < placed; ++k) begin += parts.At(k).frames.size();
+    std::vector<Se2> poses;
+    for (std::size_t i = 0; i < parts.At(placed).frames.size(); ++i) {
+      poses.push_back(T_map_run * reckoned[begin + i]);
+    }
+    parts.Place(placed, poses);
+    const std::vector<Se2> all = parts.Poses(motions);
+    ASSERT_EQ(all.size(), reckoned.size());
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      EXPECT_THAT(all[i], testing::IsNearPose(T_map_run * reckoned[i], 1e-9));
+    }
+  }
 }
 
 }  // namespace
