@@ -43,7 +43,7 @@ class StrayRuns : public ::testing::Test {
     return world;
   }
 
-  const MapperOptions options_;
+  MapperOptions options_;
   std::deque<MappingRun> runs_;
 };
 
