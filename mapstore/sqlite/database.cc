@@ -102,7 +102,7 @@ class LockWait {
 
  private:
   static constexpr std::chrono::milliseconds kNoticeable{250};
-  static constexpr std::chrono::milliseconds kLongestPause{50};
+  static constexpr std::chrono::milliseconds kLongestPause{10};
 
   int Pause(int calls) {
     const auto now = std::chrono::steady_clock::now();
