@@ -113,8 +113,8 @@ class FixedLagSmoother {
   Window window_;
   CarriedSystem dropped_;  // Carried to the first frame of the window.
   std::vector<FrameChunk> chunks_;
-  int stale_ = 0;  // The first chunk to eliminate anew.
-  Eigen::LLT<Eigen::MatrixXd> newest_;
+  int stale_ = 0;                                          // The first chunk to eliminate anew.
+  Eigen::LLT<Eigen::MatrixXd> newest_{Eigen::MatrixXd()};  // Empty: copied before it is computed.
 };
 
 }  // namespace shiftmap

@@ -96,7 +96,8 @@ TEST_F(ReturnTest, SecondTimeIsNothingToDo) {
   words.emplace_back("--json");
   const CommandResult json = RunCommand("shiftmap-localizer", words);
   EXPECT_EQ(json.exit_code, kNothingToDo);
-  for (const Json& result : Json::parse(json.out)["reports"]) EXPECT_EQ(result["duplicate"], true);
+  const Json answer = Json::parse(json.out);
+  for (const Json& result : answer["reports"]) EXPECT_EQ(result["duplicate"], true);
   EXPECT_TRUE(ReadFile(store_) == before);
 }
 

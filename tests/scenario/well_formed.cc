@@ -16,20 +16,33 @@ bool IsPlain(const std::string& text) {
   return rest.find_first_of("<&") == std::string::npos;
 }
 
-// The attributes of a start tag, behind the element's name.
+bool IsName(const std::string& text) {
+  static const std::regex name("[A-Za-z_:][-A-Za-z0-9_:.]*");
+  return std::regex_match(text, name);
+}
+
+// The attributes of a start tag, behind the element's name. Values are as long as a trajectory is,
+// which a regular expression would go down into character by character.
 std::string AttributeDefect(const std::string& text) {
-  static const std::regex attribute(
-      "\\s+([A-Za-z_:][-A-Za-z0-9_:.]*)\\s*=\\s*(\"[^\"]*\"|'[^']*')");
+  constexpr char kBlank[] = " \t\r\n";
   std::set<std::string> names;
-  std::size_t end = 0;
-  for (std::sregex_iterator it(text.begin(), text.end(), attribute), none; it != none; ++it) {
-    if (static_cast<std::size_t>(it->position()) != end) return "attributes '" + text + "'";
-    end += static_cast<std::size_t>(it->length());
-    if (!names.insert((*it)[1]).second) return "attribute '" + it->str(1) + "' twice";
-    if (!IsPlain((*it)[2])) return "attribute value " + it->str(2);
+  std::size_t at = text.find_first_not_of(kBlank);
+  for (std::size_t before = 0; at != std::string::npos; at = text.find_first_not_of(kBlank, at)) {
+    const std::size_t equals = text.find('=', at);
+    if (at == before || equals == std::string::npos) return "attributes '" + text + "'";
+    const std::string name = text.substr(at, text.find_last_not_of(kBlank, equals - 1) + 1 - at);
+    if (!IsName(name)) return "attribute name '" + name + "'";
+    const std::size_t quote = text.find_first_not_of(kBlank, equals + 1);
+    if (quote == std::string::npos || (text[quote] != '"' && text[quote] != '\'')) {
+      return "attributes '" + text + "'";
+    }
+    const std::size_t end = text.find(text[quote], quote + 1);
+    if (end == std::string::npos) return "attributes '" + text + "'";
+    const std::string value = text.substr(quote + 1, end - quote - 1);
+    if (!names.insert(name).second) return "attribute '" + name + "' twice";
+    if (!IsPlain(value)) return "attribute value '" + value + "'";
+    at = before = end + 1;
   }
-  if (text.find_first_not_of(" \t\r\n", end) != std::string::npos)
-    return "attributes '" + text + "'";
   return "";
 }
 
@@ -70,9 +83,8 @@ class Checker {
     const bool empty = tag.ends_with('/');
     if (empty) tag.pop_back();
     const std::size_t length = std::min(tag.find_first_of(" \t\r\n"), tag.size());
-    static const std::regex name_pattern("[A-Za-z_:][-A-Za-z0-9_:.]*");
     const std::string name = tag.substr(0, length);
-    if (!std::regex_match(name, name_pattern)) return "element name '" + name + "'";
+    if (!IsName(name)) return "element name '" + name + "'";
     if (open_.empty()) ++roots_;
     if (!empty) open_.push_back(name);
     return AttributeDefect(tag.substr(length));

@@ -27,7 +27,7 @@ namespace {
 std::int64_t allocations = 0;
 std::int64_t bytes_in_use = 0;
 
-void* Counted(void* memory) {
+[[maybe_unused]] void* Counted(void* memory) {
   ++allocations;
   bytes_in_use += static_cast<std::int64_t>(malloc_usable_size(memory));
   return memory;
