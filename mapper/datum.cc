@@ -13,6 +13,14 @@ namespace {
 constexpr double kFloorSd = 1e-3;  // [m]
 constexpr double kDatumSd = 1e-4;  // How firmly a prior holds the frame. [m]
 
+Eigen::VectorXd Stacked(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::VectorXd stacked(static_cast<Eigen::Index>(2 * positions.size()));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    stacked.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i];
+  }
+  return stacked;
+}
+
 }  // namespace
 
 Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
@@ -91,15 +99,17 @@ Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
   return result;
 }
 
+GraphPrior HoldModes(const std::vector<int>& modes,
+                     const std::vector<Eigen::Vector2d>& positions,
+                     double sd_m) {
+  const auto size = static_cast<Eigen::Index>(2 * positions.size());
+  return {modes, Stacked(positions), Eigen::MatrixXd::Identity(size, size) / sd_m};
+}
+
 GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov) {
-  GraphPrior prior;
-  prior.modes = modes;
-  prior.mean.resize(static_cast<Eigen::Index>(2 * positions.size()));
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    prior.mean.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i];
-  }
+  GraphPrior prior{modes, Stacked(positions), {}};
   const Eigen::MatrixXd G = DatumDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();

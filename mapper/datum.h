@@ -63,4 +63,10 @@ GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov);
 
+/// Holds modes of a graph where they are, each by itself.
+/// @param sd_m  Per axis. [m]
+GraphPrior HoldModes(const std::vector<int>& modes,
+                     const std::vector<Eigen::Vector2d>& positions,
+                     double sd_m);
+
 }  // namespace shiftmap

@@ -11,9 +11,6 @@
 namespace shiftmap {
 namespace {
 
-// One mode would leave a run free to turn about it.
-constexpr int kTyingModes = 2;
-
 // Which runs have which modes, by flat index.
 class Ties {
  public:
@@ -23,14 +20,10 @@ class Ties {
         prior_(problem.prior.modes) {
     const FlatModes flat(problem);
     for (std::size_t r = 0; r < problem.runs.size(); ++r) {
-      const BuildRun& run = problem.runs[r];
-      for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-        if (run.assignment[v] == kUnassigned) continue;
-        modes_[r].push_back(flat.Index(run.data->visits[v].group, run.assignment[v]));
+      for (const auto& [group, mode] : ModesOf(problem.runs[r])) {
+        modes_[r].push_back(flat.Index(group, mode));
+        runs_[static_cast<std::size_t>(modes_[r].back())].push_back(r);
       }
-      std::sort(modes_[r].begin(), modes_[r].end());
-      modes_[r].erase(std::unique(modes_[r].begin(), modes_[r].end()), modes_[r].end());
-      for (const int mode : modes_[r]) runs_[static_cast<std::size_t>(mode)].push_back(r);
     }
   }
 
@@ -45,7 +38,7 @@ class Ties {
       if (known[m]) return;
       known[m] = true;
       for (const std::size_t run : runs_[m]) {
-        if (++count[run] != kTyingModes || tied[run]) continue;
+        if (++count[run] != kMinTyingModes || tied[run]) continue;
         tied[run] = true;
         open.push_back(run);
       }

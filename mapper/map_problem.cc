@@ -60,11 +60,30 @@ void CopyBack(const Graph& graph, MapProblem* problem) {
 
 }  // namespace
 
+std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
+  std::vector<BuildModeRef> modes;
+  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    if (run.assignment[v] == kUnassigned) continue;
+    modes.push_back({run.data->visits[v].group, run.assignment[v]});
+  }
+  std::sort(modes.begin(), modes.end());
+  modes.erase(std::unique(modes.begin(), modes.end()), modes.end());
+  return modes;
+}
+
 FlatModes::FlatModes(const MapProblem& problem) {
   for (const std::vector<BuildMode>& group : problem.modes) {
     first.push_back(count);
     count += static_cast<int>(group.size());
   }
+}
+
+std::vector<Eigen::Vector2d> ModePositions(const MapProblem& problem) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
+  }
+  return positions;
 }
 
 std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <compare>
 #include <functional>
 #include <limits>
 #include <map>
@@ -45,6 +46,21 @@ struct BuildRun {
 
 inline constexpr int kUnassigned = -1;
 
+/// What a mode beside another costs where solutions are compared, as MapProblem::cost: the landmark
+/// would have had to move.
+inline constexpr double kModeCost = 10.0;
+
+/// A mode of a group, by its index there.
+struct BuildModeRef {
+  int group = 0;
+  int mode = 0;
+
+  auto operator<=>(const BuildModeRef&) const = default;
+};
+
+/// The modes at which a run's visits hold, ascending, each once.
+std::vector<BuildModeRef> ModesOf(const BuildRun& run);
+
 /// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct MapProblem {
@@ -82,6 +98,9 @@ struct FlatModes {
   std::vector<int> first;  ///< Per group.
   int count = 0;
 };
+
+/// Of all modes, in that order. [m]
+std::vector<Eigen::Vector2d> ModePositions(const MapProblem& problem);
 
 /// Indices of each vehicle's runs, by its name.
 std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem);

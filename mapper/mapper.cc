@@ -159,12 +159,10 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<Map
   return size;
 }
 
-constexpr char kLoose[] = "too few landmarks stand where the map has them";
-
 Status RequireTiedRuns(const MapProblem& problem) {
   if (!problem.runs.empty()) return OkStatus();
   return InvalidArgument(
-      "no run can be used; first: run '{}': {}", problem.loose.front()->name, kLoose);
+      "no run can be used; first: run '{}': {}", problem.loose.front()->name, kLooseReason);
 }
 
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
@@ -176,15 +174,16 @@ constexpr int kStrayRounds = 3;
 // What is discrete in all runs together, and the noise.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
   problem->loss_reach = kLossReach;
-  // Rounds of noise go on from where this ends.
   const GoOn go_on = watch->During("all runs", 0.6);
-  int iterations = options.calibrate ? AlternateModes(options, problem, go_on)
-                                     : RefineModes(options, problem, go_on);
-  SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+  // Rounds of noise go on from where this ends.
+  const auto refine = [&] {
+    return options.calibrate ? AlternateModes(options, problem, go_on)
+                             : RefineModes(options, problem, go_on);
+  };
+  int iterations = refine();
   for (int round = 0; round < kStrayRounds && PutBackStrayRuns(options, problem, go_on) > 0;
        ++round) {
-    iterations += AlternateModes(options, problem, go_on);
+    iterations += refine();
   }
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
@@ -355,7 +354,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
 
   SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
-  for (const MappingRun* run : problem.loose) result.rejected.push_back({run->name, kLoose});
+  for (const MappingRun* run : problem.loose) result.rejected.push_back({run->name, kLooseReason});
   if (!prior) AnchorFrame(&problem);
   watch.Report("covariance", 0.9, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());

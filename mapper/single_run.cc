@@ -26,10 +26,10 @@ constexpr int kSteps = 3;
 constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
-void PlaceModes(const std::vector<Signature>& signatures, double radius_m, MapProblem* problem) {
+void PlaceModes(double radius_m, MapProblem* problem) {
   BuildRun& run = problem->runs.front();
-  problem->modes.assign(signatures.size(), {});
-  std::vector<std::vector<Eigen::Vector2d>> positions(signatures.size());
+  problem->modes.assign(problem->signatures.size(), {});
+  std::vector<std::vector<Eigen::Vector2d>> positions(problem->signatures.size());
   for (const MappingVisit& visit : run.data->visits) {
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
     std::vector<Eigen::Vector2d>& all = positions[static_cast<std::size_t>(visit.group)];
@@ -73,31 +73,29 @@ void CalibrateOpen(const MapperOptions& options,
 }
 
 // Maps a calibrated run from its poses on.
-MapProblem MapFromPoses(const std::vector<Signature>& signatures,
-                        const SensorCalibration& sensor,
-                        const MapperOptions& options,
+// @param problem  Of the run's signatures and sensor.
+MapProblem MapFromPoses(const MapperOptions& options,
+                        const MapProblem& problem,
                         const GoOn& go_on,
                         BuildRun run) {
-  MapProblem problem;
-  problem.signatures = signatures;
-  problem.sensor = sensor;
-  problem.runs.push_back(std::move(run));
-  PlaceModes(signatures, options.modes.cluster_radius_m, &problem);
-  AlternateModes(options, &problem, go_on);  // All runs are solved again together.
-  return problem;
+  MapProblem mapped;
+  mapped.signatures = problem.signatures;
+  mapped.sensor = problem.sensor;
+  mapped.runs.push_back(std::move(run));
+  PlaceModes(options.modes.cluster_radius_m, &mapped);
+  AlternateModes(options, &mapped, go_on);  // All runs are solved again together.
+  return mapped;
 }
 
-MapProblem MapByEkf(const std::vector<Signature>& signatures,
-                    const SensorCalibration& sensor,
-                    const MapperOptions& options,
+// The same with poses by EKF-SLAM.
+MapProblem MapByEkf(const MapperOptions& options,
+                    const MapProblem& problem,
                     const GoOn& go_on,
                     BuildRun run) {
-  UpdateMotions(*run.data, run.odometry, &run.motions);
-  run.poses = EstimateTrajectoryByEkf(
-      *run.data,
-      run.motions,
-      {run.odometry, WithBias(sensor, run.sensor_bias, run.data->mean_squared_bearing)});
-  return MapFromPoses(signatures, sensor, options, go_on, std::move(run));
+  const SensorCalibration sensor =
+      WithBias(problem.sensor, run.sensor_bias, run.data->mean_squared_bearing);
+  run.poses = EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor});
+  return MapFromPoses(options, problem, go_on, std::move(run));
 }
 
 // Groups with so many modes beside their first in one run are not landmarks that moved meanwhile:
@@ -112,9 +110,6 @@ int ModesBesideFirst(const MapProblem& problem) {
   return count;
 }
 
-// What a mode beside another costs: the landmark would have had to move.
-constexpr double kModeCost = 10.0;
-
 double CostOf(const MapProblem& problem) {
   return problem.cost + kModeCost * ModesBesideFirst(problem);
 }
@@ -124,20 +119,19 @@ constexpr double kPartHeadingSd = 0.5;
 
 // Poses of a run whose loops a filter did not find: it is mapped in parts that odometry by itself
 // holds together, which are placed like runs. Nothing if `go_on` says no.
-std::vector<Se2> PosesByParts(const std::vector<Signature>& signatures,
-                              const SensorCalibration& sensor,
-                              const MapperOptions& options,
+std::vector<Se2> PosesByParts(const MapperOptions& options,
+                              const MapProblem& problem,
                               const GoOn& go_on,
                               const BuildRun& run) {
   const double noise = std::max(1e-3, run.odometry.noise_omega);
   RunParts parts(*run.data, std::pow(kPartHeadingSd / noise, 2));
   std::vector<Submap> submaps;
   for (std::size_t k = 0; k < parts.size(); ++k) {
-    MapProblem problem = MapPart(parts.At(k), run, signatures, sensor, options, go_on);
-    if (go_on && !go_on(problem)) return {};
-    submaps.push_back(MakeSubmap(options, std::move(problem)));
+    MapProblem part = MapPart(options, problem, run, parts.At(k), go_on);
+    if (go_on && !go_on(part)) return {};
+    submaps.push_back(MakeSubmap(options, std::move(part)));
   }
-  MapProblem placed = StartProblem(signatures, std::nullopt, sensor);
+  MapProblem placed = StartProblem(problem.signatures, std::nullopt, problem.sensor);
   std::vector<RejectedRun> rejected;
   PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
   if (go_on && !go_on(placed)) return {};
@@ -149,36 +143,37 @@ std::vector<Se2> PosesByParts(const std::vector<Signature>& signatures,
 
 }  // namespace
 
-MapProblem MapPart(const MappingRun& part,
+MapProblem MapPart(const MapperOptions& options,
+                   const MapProblem& problem,
                    const BuildRun& run,
-                   const std::vector<Signature>& signatures,
-                   const SensorCalibration& sensor,
-                   const MapperOptions& options,
+                   const MappingRun& part,
                    const GoOn& go_on) {
   BuildRun of_part;
   of_part.data = &part;
   of_part.odometry = run.odometry;
   of_part.sensor_bias = run.sensor_bias;
-  return MapByEkf(signatures, sensor, options, go_on, std::move(of_part));
+  of_part.motions = IntegrateMotions(part, run.odometry);
+  return MapByEkf(options, problem, go_on, std::move(of_part));
 }
 
 MapProblem MapSingleRun(const MappingRun& run,
                         const std::vector<Signature>& signatures,
                         const MapperOptions& options,
                         const GoOn& go_on) {
-  SensorCalibration sensor = options.calibration.sensor;
+  MapProblem nothing;
+  nothing.signatures = signatures;
+  nothing.sensor = options.calibration.sensor;
   BuildRun build;
   build.data = &run;
   build.odometry = options.calibration.odometry;
-  if (options.calibrate) CalibrateOpen(options, signatures.size(), go_on, &build, &sensor);
+  if (options.calibrate) CalibrateOpen(options, signatures.size(), go_on, &build, &nothing.sensor);
   UpdateMotions(run, build.odometry, &build.motions);
-  build.assignment.clear();
-  MapProblem problem = MapByEkf(signatures, sensor, options, go_on, build);
-  if (ModesBesideFirst(problem) < kTorn) return problem;
-  build.poses = PosesByParts(signatures, sensor, options, go_on, build);
-  if (build.poses.empty()) return problem;
-  MapProblem by_parts = MapFromPoses(signatures, sensor, options, go_on, std::move(build));
-  return CostOf(by_parts) < CostOf(problem) ? std::move(by_parts) : std::move(problem);
+  MapProblem by_ekf = MapByEkf(options, nothing, go_on, build);
+  if (ModesBesideFirst(by_ekf) < kTorn) return by_ekf;
+  build.poses = PosesByParts(options, nothing, go_on, build);
+  if (build.poses.empty()) return by_ekf;
+  MapProblem by_parts = MapFromPoses(options, nothing, go_on, std::move(build));
+  return CostOf(by_parts) < CostOf(by_ekf) ? std::move(by_parts) : std::move(by_ekf);
 }
 
 }  // namespace shiftmap

@@ -17,12 +17,12 @@ MapProblem MapSingleRun(const MappingRun& run,
                         const MapperOptions& options,
                         const GoOn& go_on = {});
 
-/// Maps a part of a run that was mapped before, with its calibration.
-MapProblem MapPart(const MappingRun& part,
+/// Maps a part of a run that was mapped before, with the calibration of the run.
+/// @param problem  Whose signatures and sensor it has.
+MapProblem MapPart(const MapperOptions& options,
+                   const MapProblem& problem,
                    const BuildRun& run,
-                   const std::vector<Signature>& signatures,
-                   const SensorCalibration& sensor,
-                   const MapperOptions& options,
+                   const MappingRun& part,
                    const GoOn& go_on = {});
 
 }  // namespace shiftmap

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapper/datum.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/mode_merging.h"
 #include "mapper/single_run.h"
@@ -27,9 +28,6 @@ constexpr double kPartVisits = 24.0;
 // A visit this near to a mode of the others is of that. [m]
 constexpr double kSamePlace = 1.0;
 
-// Groups that must agree in a part; three do so by accident.
-constexpr std::size_t kMinSupport = 4;
-
 // Per group and mode, how many runs have it. That the prior map does counts for nothing: landmarks
 // may have moved since.
 using Owners = std::vector<std::vector<int>>;
@@ -40,20 +38,10 @@ Owners NoOwners(const MapProblem& problem) {
   return owners;
 }
 
-// The modes that a run has, each once.
-std::vector<std::pair<std::size_t, std::size_t>> ModesOf(const BuildRun& run) {
-  std::vector<std::pair<std::size_t, std::size_t>> modes;
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-    if (run.assignment[v] == kUnassigned) continue;
-    modes.emplace_back(run.data->visits[v].group, run.assignment[v]);
-  }
-  std::sort(modes.begin(), modes.end());
-  modes.erase(std::unique(modes.begin(), modes.end()), modes.end());
-  return modes;
-}
-
 void AddOwner(const BuildRun& run, int change, Owners* owners) {
-  for (const auto& [group, mode] : ModesOf(run)) (*owners)[group][mode] += change;
+  for (const auto& [group, mode] : ModesOf(run)) {
+    (*owners)[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)] += change;
+  }
 }
 
 // Shorter ones may be of a misread signature.
@@ -113,20 +101,26 @@ std::vector<AlignmentPoint> Reference(const MapProblem& problem,
   return points;
 }
 
+// Where most sightings of a visit agree. [m]
+Eigen::Vector2d PlaceOf(const ModeOptions& options,
+                        const BuildRun& run,
+                        const MappingVisit& visit) {
+  return DensestCluster(VisitPositions(run, visit), options.cluster_radius_m).centre;
+}
+
 // Per visit of a run the mode of others that it is at, or kUnassigned.
-std::vector<int> MatchVisits(const MapperOptions& options,
+std::vector<int> MatchVisits(const ModeOptions& options,
                              const MapProblem& problem,
                              const Owners& others,
                              const BuildRun& run) {
   std::vector<int> matches;
   for (const MappingVisit& visit : run.data->visits) {
-    const Eigen::Vector2d centre =
-        DensestCluster(VisitPositions(run, visit), options.modes.cluster_radius_m).centre;
+    const Eigen::Vector2d place = PlaceOf(options, run, visit);
     const auto group = static_cast<std::size_t>(visit.group);
     double least = kSamePlace;
     int& match = matches.emplace_back(kUnassigned);
     for (std::size_t m = 0; m < problem.modes[group].size(); ++m) {
-      const double distance = (problem.modes[group][m].p_map_landmark - centre).norm();
+      const double distance = (problem.modes[group][m].p_map_landmark - place).norm();
       if (others[group][m] == 0 || distance >= least) continue;
       least = distance;
       match = static_cast<int>(m);
@@ -135,50 +129,70 @@ std::vector<int> MatchVisits(const MapperOptions& options,
   return matches;
 }
 
-// The run with its poses where its parts align with the others, if any does.
-// @param keep  Parts that agree with the others stay where they are.
-std::optional<BuildRun> Realign(const MapperOptions& options,
-                                const MapProblem& problem,
-                                const Owners& others,
-                                const BuildRun& run,
-                                bool keep,
-                                const GoOn& go_on) {
+// A run in parts, and the poses of those that align with the others, none of the rest.
+struct AlignedParts {
+  RunParts parts;
+  std::vector<std::vector<Se2>> poses;
+};
+
+// Nothing if `go_on` says no.
+std::optional<AlignedParts> AlignParts(const MapperOptions& options,
+                                       const MapProblem& problem,
+                                       const Owners& others,
+                                       const BuildRun& run,
+                                       const GoOn& go_on) {
   const MappingRun& data = *run.data;
-  const double duration = ToSeconds(data.frames.back().stamp - data.frames.front().stamp);
-  const std::vector<AlignmentPoint> reference = Reference(problem, others, run);
-  std::vector<Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
-  const double area = OccupiedArea(positions);
   const auto visits =
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);
       });
-  RunParts parts(data, duration * kPartVisits / static_cast<double>(visits));
+  const double duration = ToSeconds(data.frames.back().stamp - data.frames.front().stamp);
+  AlignedParts aligned{RunParts(data, duration * kPartVisits / static_cast<double>(visits)), {}};
+  const std::vector<AlignmentPoint> reference = Reference(problem, others, run);
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
+  const double area = OccupiedArea(positions);
+  for (std::size_t k = 0; k < aligned.parts.size(); ++k) {
+    MapProblem part = MapPart(options, problem, run, aligned.parts.At(k), go_on);
+    if (go_on && !go_on(part)) return std::nullopt;
+    const Submap submap = MakeSubmap(options, std::move(part));
+    const auto found = AlignSubmap(reference, submap, area, options.alignment);
+    std::vector<Se2>& poses = aligned.poses.emplace_back();
+    if (!found || found->alignment.signatures.size() < kMinPartSignatures) continue;
+    for (const Se2& pose : submap.problem.runs.front().poses) {
+      poses.push_back(found->alignment.T_reference_other * pose);
+    }
+  }
+  return aligned;
+}
+
+// The run with its poses where its parts align with the others, if any does.
+// @param keep  Parts that agree with the others stay where they are.
+std::optional<BuildRun> Realigned(const MapperOptions& options,
+                                  const MapProblem& problem,
+                                  const Owners& others,
+                                  const BuildRun& run,
+                                  bool keep,
+                                  AlignedParts* aligned) {
   bool any = false;
   auto first = run.poses.begin();
-  for (std::size_t k = 0; k < parts.size(); ++k) {
-    const std::vector<KeyFrame>& frames = parts.At(k).frames;
+  for (std::size_t k = 0; k < aligned->parts.size(); ++k) {
+    const std::vector<KeyFrame>& frames = aligned->parts.At(k).frames;
     const auto begin = std::exchange(first, first + std::ssize(frames));
     const Agreement agreement =
         AgreementOf(options.modes, run, others, frames.front().stamp, frames.back().stamp);
     if (keep && agreement.shared > agreement.stray) {
-      parts.Place(k, {begin, first});
-      continue;
+      aligned->parts.Place(k, {begin, first});
+    } else {
+      aligned->parts.Place(k, aligned->poses[k]);
+      any = any || !aligned->poses[k].empty();
     }
-    MapProblem part = MapPart(parts.At(k), run, problem.signatures, problem.sensor, options, go_on);
-    if (go_on && !go_on(part)) return std::nullopt;
-    const Submap submap = MakeSubmap(options, std::move(part));
-    const auto aligned = AlignSubmap(reference, submap, area, options.alignment);
-    if (!aligned || aligned->alignment.signatures.size() < kMinSupport) continue;
-    std::vector<Se2> poses = submap.problem.runs.front().poses;
-    for (Se2& pose : poses) pose = aligned->alignment.T_reference_other * pose;
-    parts.Place(k, std::move(poses));
-    any = true;
   }
   if (!any) return std::nullopt;
-  BuildRun moved = run;
-  moved.poses = parts.Poses(run.motions);
-  return moved;
+  BuildRun realigned = run;
+  realigned.poses = aligned->parts.Poses(run.motions);
+  realigned.assignment = MatchVisits(options.modes, problem, others, realigned);
+  return realigned;
 }
 
 // What a run costs as it is assigned, with the modes of others held: its least cost, and what each
@@ -187,58 +201,71 @@ double CostAmong(const MapperOptions& options,
                  const MapProblem& problem,
                  const Owners& others,
                  const BuildRun& run) {
-  constexpr double kOwnModeCost = 10.0;
   MapProblem alone;
   alone.signatures = problem.signatures;
   alone.sensor = problem.sensor;
   alone.modes.resize(problem.modes.size());
   alone.runs.push_back(run);
-  BuildRun& of_alone = alone.runs.front();
-  std::map<std::pair<int, int>, int> known;  // Group and mode of the problem.
-  std::vector<std::pair<int, int>> held;     // The same of `alone`.
-  int own = 0;
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-    const int group = run.data->visits[v].group;
-    std::vector<BuildMode>& modes = alone.modes[static_cast<std::size_t>(group)];
-    const int mode = run.assignment[v];
-    if (mode != kUnassigned) {
-      const auto [entry, added] = known.try_emplace({group, mode}, static_cast<int>(modes.size()));
-      of_alone.assignment[v] = entry->second;
+  std::vector<int>& assignment = alone.runs.front().assignment;
+  std::map<BuildModeRef, int> known;  // Modes of the problem, by their index in `alone`.
+  std::vector<BuildModeRef> held;     // In `alone`.
+  for (std::size_t v = 0; v < assignment.size(); ++v) {
+    const MappingVisit& visit = run.data->visits[v];
+    const auto group = static_cast<std::size_t>(visit.group);
+    std::vector<BuildMode>& modes = alone.modes[group];
+    if (assignment[v] != kUnassigned) {
+      const auto mode = static_cast<std::size_t>(assignment[v]);
+      const auto [entry, added] =
+          known.try_emplace({visit.group, assignment[v]}, static_cast<int>(modes.size()));
+      assignment[v] = entry->second;
       if (!added) continue;
-      modes.push_back(
-          problem.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)]);
-      if (others[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)] > 0) {
-        held.emplace_back(group, entry->second);
-      } else {
-        ++own;
-      }
-      continue;
+      modes.push_back(problem.modes[group][mode]);
+      if (others[group][mode] > 0) held.push_back({visit.group, entry->second});
+    } else {
+      const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
+      const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
+        return (other.p_map_landmark - place).norm() < kSamePlace;
+      });
+      assignment[v] = static_cast<int>(near - modes.begin());
+      if (near == modes.end()) modes.push_back({place, kAbsent, false});
     }
-    const Eigen::Vector2d centre =
-        DensestCluster(VisitPositions(run, run.data->visits[v]), options.modes.cluster_radius_m)
-            .centre;
-    const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
-      return (other.p_map_landmark - centre).norm() < kSamePlace;
-    });
-    of_alone.assignment[v] = static_cast<int>(near - modes.begin());
-    if (near != modes.end()) continue;
-    modes.push_back({centre, kAbsent, false});
-    ++own;
   }
   const FlatModes flat(alone);
-  const auto rows = static_cast<Eigen::Index>(2 * held.size());
-  alone.prior.mean.resize(rows);
+  std::vector<int> held_modes;
+  std::vector<Eigen::Vector2d> places;
   for (const auto& [group, mode] : held) {
-    alone.prior.mean.segment<2>(static_cast<Eigen::Index>(2 * alone.prior.modes.size())) =
-        alone.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)].p_map_landmark;
-    alone.prior.modes.push_back(flat.Index(group, mode));
+    held_modes.push_back(flat.Index(group, mode));
+    places.push_back(alone.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)]
+                         .p_map_landmark);
   }
-  alone.prior.sqrt_information =
-      Eigen::MatrixXd::Identity(rows, rows) / options.modes.position_floor_m;
+  alone.prior = HoldModes(held_modes, places, options.modes.position_floor_m);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
   alone.loss_reach = problem.loss_reach;
   SolveContinuous(options, &alone);
-  return alone.cost + kOwnModeCost * own;
+  return alone.cost + kModeCost * static_cast<double>(flat.count - std::ssize(held));
+}
+
+// A stray run where it costs less than where it is, or nothing.
+std::optional<BuildRun> PutBack(const MapperOptions& options,
+                                const MapProblem& problem,
+                                const Owners& others,
+                                const BuildRun& run,
+                                const GoOn& go_on) {
+  const Agreement before = AgreementOf(options.modes, run, others);
+  if (before.stray_row < kStrayVisits) return std::nullopt;
+  std::optional<AlignedParts> aligned = AlignParts(options, problem, others, run, go_on);
+  if (!aligned) return std::nullopt;
+  double least = CostAmong(options, problem, others, run);
+  std::optional<BuildRun> best;
+  for (const bool keep : {true, false}) {
+    std::optional<BuildRun> moved = Realigned(options, problem, others, run, keep, &*aligned);
+    if (!moved || AgreementOf(options.modes, *moved, others).shared <= before.shared) continue;
+    const double cost = CostAmong(options, problem, others, *moved);
+    if (cost >= least) continue;
+    least = cost;
+    best = std::move(moved);
+  }
+  return best;
 }
 
 }  // namespace
@@ -249,23 +276,9 @@ int PutBackStrayRuns(const MapperOptions& options, MapProblem* problem, const Go
   int count = 0;
   for (BuildRun& run : problem->runs) {
     AddOwner(run, -1, &owners);
-    const Agreement before = AgreementOf(options.modes, run, owners);
-    if (before.stray_row >= kStrayVisits) {
-      double least = CostAmong(options, *problem, owners, run);
-      std::optional<BuildRun> best;
-      for (const bool keep : {true, false}) {
-        std::optional<BuildRun> moved = Realign(options, *problem, owners, run, keep, go_on);
-        if (go_on && !go_on(*problem)) return count;
-        if (!moved) continue;
-        moved->assignment = MatchVisits(options, *problem, owners, *moved);
-        if (AgreementOf(options.modes, *moved, owners).shared <= before.shared) continue;
-        const double cost = CostAmong(options, *problem, owners, *moved);
-        if (cost >= least) continue;
-        least = cost;
-        best = std::move(moved);
-      }
-      count += best.has_value();
-      if (best) run = *std::move(best);
+    if (std::optional<BuildRun> moved = PutBack(options, *problem, owners, run, go_on)) {
+      run = *std::move(moved);
+      ++count;
     }
     AddOwner(run, 1, &owners);
   }

@@ -17,9 +17,6 @@ constexpr double kRigidSd = 0.5;
 // Modes of a part: a vehicle sees as many within a minute or two.
 constexpr int kPartModes = 24;
 
-// Groups that must agree in a part: where a part is bent itself, three do so by accident.
-constexpr std::size_t kMinSupport = 4;
-
 bool IsBent(const Submap& submap) {
   if (submap.points.size() <= static_cast<std::size_t>(kPartModes)) return false;
   return std::any_of(submap.points.begin(), submap.points.end(), [](const AlignmentPoint& point) {
@@ -80,7 +77,7 @@ std::optional<SubmapAlignment> AlignSubmap(const std::vector<AlignmentPoint>& re
   for (const std::vector<int>& part : TileModes(positions, kPartModes)) {
     std::optional<Alignment> alignment =
         AlignByConsensus(reference, PointsOf(submap, part), area_m2, options);
-    if (!alignment || alignment->signatures.size() < kMinSupport) continue;
+    if (!alignment || alignment->signatures.size() < kMinPartSignatures) continue;
     AddPlaces(*alignment, submap, part, &result.places);
     if (alignment->signatures.size() <= result.alignment.signatures.size()) continue;
     result.alignment = *std::move(alignment);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -8,6 +9,9 @@
 #include "mapper/submap.h"
 
 namespace shiftmap {
+
+/// Signatures that must agree in a part of a run: where it is bent itself, three do so by accident.
+inline constexpr std::size_t kMinPartSignatures = 4;
 
 /// Where a submap lies in the map.
 struct SubmapAlignment {
@@ -24,7 +28,7 @@ struct SubmapAlignment {
 /// What a run says of the distance of two landmarks that it saw long after one another may be
 /// metres off, and no rigid transform makes such a submap agree with the map. A submap of which a
 /// mode is known worse than to half a metre against the others is therefore cut into parts of
-/// neighbours, each of which is aligned by itself. At least four signatures must agree in one.
+/// neighbours, each of which is aligned by itself. At least kMinPartSignatures must agree in one.
 ///
 /// Nothing is returned if no part aligns. Deterministic.
 /// @param reference  Modes of the map, at least those of the groups that the submap has.

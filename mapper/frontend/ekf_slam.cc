@@ -22,10 +22,23 @@ struct Step {
   PoseWithCovariance filtered;
 };
 
-// Per sighting, whether another of its visit says the same, by odometry and the sensor's noise.
+// What a run's sightings read, without what the sensor gets wrong.
+std::vector<Observation> CorrectedObservations(const MappingRun& run,
+                                               const SensorCalibration& sensor) {
+  std::vector<Observation> observations;
+  for (const Sighting& sighting : run.sightings) {
+    observations.push_back(Corrected(sighting.observation, sensor));
+  }
+  return observations;
+}
+
+// Per sighting, whether another of its visit says the same, by odometry and the sensor's noise. All
+// of them where landmarks are mostly seen in passing: one sighting has to do then.
+// @param observations  Of the sightings, corrected.
 std::vector<bool> ConfirmedSightings(const MappingRun& run,
+                                     const std::vector<Observation>& observations,
                                      const FrameMotions& motions,
-                                     const Calibration& calibration) {
+                                     const SensorCalibration& sensor) {
   // Sightings before and after that are asked: one of them may be misread itself.
   constexpr std::size_t kNeighbours = 2;
   constexpr double kFloor = 0.1;  // Of odometry meanwhile. [m]
@@ -36,13 +49,12 @@ std::vector<bool> ConfirmedSightings(const MappingRun& run,
     std::vector<Eigen::Vector2d> positions;
     std::vector<double> variances;
     for (const int s : visit.sightings) {
-      const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
-      const Observation observation = Corrected(sighting.observation, calibration.sensor);
-      positions.push_back(poses[static_cast<std::size_t>(sighting.frame)] *
+      const auto at = static_cast<std::size_t>(s);
+      const Observation& observation = observations[at];
+      positions.push_back(poses[static_cast<std::size_t>(run.sightings[at].frame)] *
                           observation.PositionInVehicle());
       variances.push_back(
-          PositionNoiseInVehicle(observation, ObservationNoise(observation, calibration.sensor))
-              .trace());
+          PositionNoiseInVehicle(observation, ObservationNoise(observation, sensor)).trace());
     }
     for (std::size_t i = 0; i < positions.size(); ++i) {
       for (std::size_t j = i + 1; j < std::min(positions.size(), i + 1 + kNeighbours); ++j) {
@@ -53,6 +65,8 @@ std::vector<bool> ConfirmedSightings(const MappingRun& run,
       }
     }
   }
+  const auto count = std::count(confirmed.begin(), confirmed.end(), true);
+  if (2 * count < std::ssize(confirmed)) confirmed.assign(confirmed.size(), true);
   return confirmed;
 }
 
@@ -84,10 +98,9 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
   SlamState state(calibration);
   GatedLandmarks landmarks;
   std::vector<Step> steps;
-  std::vector<bool> confirmed = ConfirmedSightings(run, motions, calibration);
-  // Where landmarks are mostly seen in passing, one sighting has to do.
-  const auto count = std::count(confirmed.begin(), confirmed.end(), true);
-  if (2 * count < std::ssize(confirmed)) confirmed.assign(confirmed.size(), true);
+  const std::vector<Observation> observations = CorrectedObservations(run, calibration.sensor);
+  const std::vector<bool> confirmed =
+      ConfirmedSightings(run, observations, motions, calibration.sensor);
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
     const KeyFrame& frame = run.frames[i];
     Step& step = steps.emplace_back();
@@ -98,9 +111,10 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
     }
     step.predicted = PoseOf(state);
     for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-      if (!confirmed[static_cast<std::size_t>(s)]) continue;
-      const Sighting& sighting = run.sightings[static_cast<std::size_t>(s)];
-      const Observation observation = Corrected(sighting.observation, calibration.sensor);
+      const auto at = static_cast<std::size_t>(s);
+      if (!confirmed[at]) continue;
+      const Sighting& sighting = run.sightings[at];
+      const Observation& observation = observations[at];
       state.Focus(observation.PositionInVehicle().norm());
       landmarks.Observe(
           run.visits[static_cast<std::size_t>(sighting.visit)].group, observation, &state);

@@ -25,7 +25,7 @@ class RunParts {
   std::size_t size() const { return parts_.size(); }
   const MappingRun& At(std::size_t part) const { return parts_[part]; }
 
-  /// The poses of a part's key frames.
+  /// The poses of a part's key frames, or none: it is not placed.
   void Place(std::size_t part, std::vector<Se2> poses) { poses_[part] = std::move(poses); }
 
   /// The poses of the run's key frames: those of parts that are not placed go on from the others,
