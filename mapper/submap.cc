@@ -7,8 +7,10 @@
 #include <set>
 #include <utility>
 
-#include "mapper/alignment/displaced_landmarks.h"
 #include "mapper/datum.h"
+#include "mapper/displaced_modes.h"
+#include "mapper/encounter.h"
+#include "mapper/loose_runs.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/submap_alignment.h"
 #include "mapper/submap_fit.h"
@@ -20,115 +22,6 @@
 namespace shiftmap {
 namespace {
 
-// Error of a position in a submap that its covariance does not know of. [m]
-constexpr double kSubmapFloor = 0.03;
-
-// A landmark that stands farther from where it was than this many DisplacementOptions::
-// sd_displacement_m was displaced, whatever the others did. The normal distribution of
-// displacements has no tail for it: to it, most landmarks moving together the other way would be
-// more likely.
-constexpr double kSurelyDisplaced = 3.0;
-
-// Landmarks that hold a run in the map: one would leave it free to turn about.
-constexpr int kMinKnown = 2;
-
-// A mode of a submap beside the mode that is nearest to it in the map.
-struct Encounter {
-  std::size_t group = 0;
-  std::size_t mode = 0;  // In the submap's group.
-  int flat = 0;          // In the submap.
-  int nearest = kUnassigned;
-  double squared_m2 = std::numeric_limits<double>::infinity();
-};
-
-std::vector<Encounter> Meet(const MapProblem& submap, const MapProblem& problem) {
-  std::vector<Encounter> encounters;
-  int flat = 0;
-  for (std::size_t group = 0; group < submap.modes.size(); ++group) {
-    const std::vector<BuildMode>& known = problem.modes[group];
-    for (std::size_t m = 0; m < submap.modes[group].size(); ++m) {
-      Encounter encounter{group, m, flat++};
-      for (std::size_t k = 0; k < known.size(); ++k) {
-        const double squared =
-            (known[k].p_map_landmark - submap.modes[group][m].p_map_landmark).squaredNorm();
-        if (squared >= encounter.squared_m2) continue;
-        encounter.squared_m2 = squared;
-        encounter.nearest = static_cast<int>(k);
-      }
-      encounters.push_back(encounter);
-    }
-  }
-  return encounters;
-}
-
-const BuildMode& NearestMode(const MapProblem& problem, const Encounter& encounter) {
-  return problem.modes[encounter.group][static_cast<std::size_t>(encounter.nearest)];
-}
-
-bool MeetsPrior(const MapProblem& problem, const Encounter& encounter) {
-  return encounter.nearest != kUnassigned && NearestMode(problem, encounter).number != kAbsent;
-}
-
-// The prior's mode that each encounter is with. Precondition: MeetsPrior().
-std::vector<int> PriorModes(const MapProblem& problem, const std::vector<Encounter>& encounters) {
-  const FlatModes flat(problem);
-  std::vector<int> of_flat(static_cast<std::size_t>(flat.count), kUnassigned);
-  for (std::size_t i = 0; i < problem.prior.modes.size(); ++i) {
-    of_flat[static_cast<std::size_t>(problem.prior.modes[i])] = static_cast<int>(i);
-  }
-  std::vector<int> modes;
-  for (const Encounter& encounter : encounters) {
-    modes.push_back(of_flat[static_cast<std::size_t>(
-        flat.Index(static_cast<int>(encounter.group), encounter.nearest))]);
-  }
-  return modes;
-}
-
-// Of the encounters with modes of the prior, those of landmarks that stand elsewhere by now.
-std::vector<bool> Displaced(const MapperOptions& options,
-                            const JointCovariance& prior_covariance,
-                            const Submap& submap,
-                            const std::vector<Encounter>& encounters,
-                            const MapProblem& problem) {
-  std::vector<std::size_t> indices;
-  std::vector<Encounter> tested;
-  std::vector<Eigen::Vector2d> positions;
-  std::vector<bool> displaced(encounters.size());
-  for (std::size_t i = 0; i < encounters.size(); ++i) {
-    if (!MeetsPrior(problem, encounters[i])) continue;
-    if (std::sqrt(encounters[i].squared_m2) >
-        kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
-      displaced[i] = true;
-      continue;
-    }
-    indices.push_back(i);
-    tested.push_back(encounters[i]);
-    positions.push_back(NearestMode(problem, encounters[i]).p_map_landmark);
-  }
-  if (tested.empty()) return displaced;
-
-  const std::vector<int> prior_modes = PriorModes(problem, tested);
-  const auto size = static_cast<Eigen::Index>(2 * tested.size());
-  Eigen::VectorXd difference(size);
-  Eigen::MatrixXd cov(size, size);
-  for (std::size_t a = 0; a < tested.size(); ++a) {
-    const auto row = static_cast<Eigen::Index>(2 * a);
-    difference.segment<2>(row) =
-        submap.problem.modes[tested[a].group][tested[a].mode].p_map_landmark - positions[a];
-    for (std::size_t b = 0; b < tested.size(); ++b) {
-      cov.block<2, 2>(row, static_cast<Eigen::Index>(2 * b)) =
-          submap.covariance.block<2, 2>(Eigen::Index{2} * tested[a].flat,
-                                        Eigen::Index{2} * tested[b].flat) +
-          prior_covariance.Block(prior_modes[a], prior_modes[b]);
-    }
-  }
-  cov.diagonal().array() += 2.0 * kSubmapFloor * kSubmapFloor;
-  cov = FreeDatumAndScale(positions, options.sd_range_scale, cov);
-  const std::vector<int> clusters = FindDisplaced(positions, difference, cov, options.displacement);
-  for (std::size_t a = 0; a < indices.size(); ++a) displaced[indices[a]] = clusters[a] >= 0;
-  return displaced;
-}
-
 // The mode of the problem that each mode of an aligned submap is, or kUnassigned.
 std::vector<int> KnownModes(const MapperOptions& options,
                             const Alignment& alignment,
@@ -138,11 +31,11 @@ std::vector<int> KnownModes(const MapperOptions& options,
                             const MapProblem& problem) {
   const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
   const double floor = options.modes.position_floor_m;
+  const std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
   std::vector<int> modes;
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     const Encounter& encounter = encounters[i];
-    const Eigen::Vector2d& position =
-        submap.problem.modes[encounter.group][encounter.mode].p_map_landmark;
+    const Eigen::Vector2d& position = positions[i];
     const bool known = MeetsPrior(problem, encounter)
                            ? !displaced[i]
                            : encounter.squared_m2 < gate * (alignment.PositionVariance(position) +
@@ -160,18 +53,20 @@ bool Absorb(const MapperOptions& options,
             const std::optional<SubmapAlignment>& aligned,
             Submap submap,
             MapProblem* problem) {
-  const std::vector<Encounter> encounters = Meet(submap.problem, *problem);
+  std::vector<Encounter> encounters = Meet(submap.problem, *problem);
   const bool bent = aligned && aligned->bent;
-  const std::vector<bool> displaced =
-      prior && !bent ? Displaced(options, prior->covariance, submap, encounters, *problem)
-                     : std::vector<bool>(encounters.size());
+  std::vector<bool> displaced(encounters.size());
+  if (prior && aligned && !bent) {
+    displaced = FindDisplacedModes(
+        options, prior->covariance, *problem, aligned->alignment, &submap, &encounters);
+  }
   std::vector<int> known(encounters.size(), kUnassigned);
   if (bent) {
     known = FitBentSubmap(options, *problem, aligned->places, &submap);
   } else if (aligned) {
     known = KnownModes(options, aligned->alignment, submap, encounters, displaced, *problem);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
-    if (std::ssize(known) - unknown < kMinKnown) return false;
+    if (std::ssize(known) - unknown < kMinTyingModes) return false;
     std::vector<bool> decided;  // With all modes of the prior at once.
     for (const Encounter& encounter : encounters) {
       decided.push_back(MeetsPrior(*problem, encounter));
@@ -188,16 +83,15 @@ bool Absorb(const MapperOptions& options,
       }
     }
   }
+  const std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
   std::vector<std::vector<int>> becomes(submap.problem.modes.size());
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     const Encounter& encounter = encounters[i];
-    const Eigen::Vector2d& position =
-        submap.problem.modes[encounter.group][encounter.mode].p_map_landmark;
-    becomes[encounter.group].push_back(known[i] != kUnassigned
-                                           ? known[i]
-                                           : AddMode(static_cast<int>(encounter.group),
-                                                     {position, kAbsent, displaced[i]},
-                                                     problem));
+    const Eigen::Vector2d& position = positions[i];
+    becomes[static_cast<std::size_t>(encounter.group)].push_back(
+        known[i] != kUnassigned
+            ? known[i]
+            : AddMode(encounter.group, {position, kAbsent, displaced[i]}, problem));
   }
   BuildRun& run = submap.problem.runs.front();
   for (std::size_t v = 0; v < run.assignment.size(); ++v) {
@@ -225,13 +119,7 @@ RejectedRun NotAligned(const MappingRun& run) {
 constexpr std::size_t kFirstSettled = 4;
 
 // The area that the map takes so far. [m²]
-double AreaOf(const MapProblem& problem) {
-  std::vector<Eigen::Vector2d> positions;
-  for (const std::vector<BuildMode>& group : problem.modes) {
-    for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
-  }
-  return OccupiedArea(positions);
-}
+double AreaOf(const MapProblem& problem) { return OccupiedArea(ModePositions(problem)); }
 
 // Rotates a joint covariance of positions into another frame.
 void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
@@ -260,8 +148,7 @@ void PlaceNext(const MapperOptions& options,
   const Se2& T_map_submap = aligned->alignment.T_reference_other;
   MoveProblem(T_map_submap, &placed.problem);
   Rotate(T_map_submap.Rotation(), &placed.covariance);
-  const RejectedRun rejection =
-      Rejected(*placed.problem.runs.front().data, "too few landmarks stand where the map has them");
+  const RejectedRun rejection = Rejected(*placed.problem.runs.front().data, kLooseReason);
   if (!Absorb(options, prior, aligned, std::move(placed), problem)) {
     rejected->push_back(rejection);
   }

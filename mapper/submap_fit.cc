@@ -218,37 +218,45 @@ std::vector<int> FitBentSubmap(const MapperOptions& options,
   return known;
 }
 
-void BendOntoMap(const MapperOptions& options,
-                 const MapProblem& map,
-                 const std::vector<int>& known,
-                 Submap* submap) {
-  // The next solve goes on from where this one ends.
-  constexpr int kIterations = 4;
+GraphPrior HoldKnown(const MapperOptions& options,
+                     const MapProblem& map,
+                     const std::vector<int>& known,
+                     const Submap& submap) {
   std::vector<int> modes;
   std::vector<Eigen::Vector2d> positions;
   std::size_t i = 0;
-  for (std::size_t group = 0; group < submap->problem.modes.size(); ++group) {
-    for (std::size_t m = 0; m < submap->problem.modes[group].size(); ++m, ++i) {
+  for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+    for (std::size_t m = 0; m < submap.problem.modes[group].size(); ++m, ++i) {
       if (known[i] == kUnassigned) continue;
       modes.push_back(static_cast<int>(i));
       positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
     }
   }
-  GraphPrior held;
+  std::vector<int> held;
+  std::vector<Eigen::Vector2d> places;
   const std::size_t step = modes.size() / kMaxHeld + 1;
-  for (std::size_t k = 0; k < modes.size(); k += step) held.modes.push_back(modes[k]);
-  const auto size = static_cast<Eigen::Index>(2 * held.modes.size());
-  held.mean.resize(size);
-  for (std::size_t k = 0; k < held.modes.size(); ++k) {
-    held.mean.segment<2>(RowOf(k)) = positions[k * step];
+  for (std::size_t k = 0; k < modes.size(); k += step) {
+    held.push_back(modes[k]);
+    places.push_back(positions[k]);
   }
-  held.sqrt_information =
-      Eigen::MatrixXd::Identity(size, size) / (std::sqrt(2.0) * options.modes.position_floor_m);
+  return HoldModes(held, places, std::sqrt(2.0) * options.modes.position_floor_m);
+}
+
+void Bend(const MapperOptions& options, const GraphPrior& held, int steps, Submap* submap) {
   MapperOptions few = options;
-  few.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
-  submap->problem.prior = std::move(held);
+  few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
+  submap->problem.prior = held;
   SolveContinuous(few, &submap->problem);
   submap->problem.prior = {};
+}
+
+void BendOntoMap(const MapperOptions& options,
+                 const MapProblem& map,
+                 const std::vector<int>& known,
+                 Submap* submap) {
+  // The next solve goes on from where this one ends.
+  constexpr int kSteps = 4;
+  Bend(options, HoldKnown(options, map, known, *submap), kSteps, submap);
 }
 
 }  // namespace shiftmap

@@ -3,8 +3,11 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <tuple>
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
@@ -16,24 +19,56 @@ namespace {
 constexpr std::size_t kSeeds = 20;
 
 constexpr int kMaxSweeps = 20;
-constexpr double kDatumDimension = 3.0;
+constexpr int kSds = std::tuple_size_v<decltype(DisplacementOptions::sd_displacement_m)>;
+
+// Variance factors of a map that are tried, for an integral over log v.
+constexpr std::array<double, 8> kMapVarianceFactors = {
+    1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 0.25, 0.5, 1.0, 2.0, 4.0};
+
+// Noise that is less likely than the likeliest by this no longer takes part. One more displaced
+// landmark does not make up for it.
+constexpr double kNegligible = 20.0;
+
+// log of the density of log v for ν / v ~ χ²_ν, but for a constant.
+double LogDensity(double v, double dof) { return -0.5 * dof * (std::log(v) + 1.0 / v); }
+
+// The differences with noise of one size.
+struct Noise {
+  Eigen::MatrixXd information;  // Λ
+  Eigen::VectorXd weighted;     // Λ d
+  double log_weight = 0.0;      // log of the noise's prior and p(d) if nothing is displaced.
+};
+
+std::vector<Noise> NoiseOfAllSizes(const Eigen::VectorXd& difference,
+                                   const DifferenceCovariance& cov,
+                                   const DisplacementOptions& options) {
+  std::vector<Noise> noise;
+  for (const double s : options.run_variance_factors) {
+    for (const double v : kMapVarianceFactors) {
+      const Eigen::LLT<Eigen::MatrixXd> llt(cov.Sum(s, v));
+      Noise& of_size = noise.emplace_back();
+      of_size.information =
+          llt.solve(Eigen::MatrixXd::Identity(difference.size(), difference.size()));
+      of_size.weighted = of_size.information * difference;
+      of_size.log_weight = LogDensity(v, options.map_variance_dof) -
+                           0.5 * difference.dot(of_size.weighted) -
+                           llt.matrixLLT().diagonal().array().log().sum();
+    }
+  }
+  return noise;
+}
 
 class Search {
  public:
   Search(const std::vector<Eigen::Vector2d>& positions,
-         const Eigen::VectorXd& difference,
-         const Eigen::MatrixXd& cov,
+         std::vector<Noise> noise,
          const DisplacementOptions& options)
       : options_(options),
         prior_(positions, options.prior),
-        information_(cov.llt().solve(Eigen::MatrixXd::Identity(cov.rows(), cov.cols()))),
-        weighted_(information_ * difference),
-        squared_(difference.dot(weighted_)),
-        dof_(std::max(1.0, static_cast<double>(difference.size()) - kDatumDimension)),
-        clusters_(static_cast<std::size_t>(difference.size() / 2), kNotDisplaced) {}
+        noise_(std::move(noise)),
+        clusters_(positions.size(), kNotDisplaced) {}
 
   std::vector<int> Run() {
-    score_ = Score(clusters_);
     for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       const bool added = AddCluster();
       if (!MoveSingly() && !added) break;
@@ -42,78 +77,103 @@ class Search {
   }
 
  private:
-  // BᵀΛB and w, and the landmarks in each cluster.
-  struct Clustered {
-    Eigen::MatrixXd M;
-    Eigen::VectorXd w;
-    std::vector<std::vector<std::size_t>> members;
-  };
-
   static int Count(const std::vector<int>& clusters) {
     return *std::max_element(clusters.begin(), clusters.end()) + 1;
   }
 
-  Clustered Collect(const std::vector<int>& clusters) const {
-    const Eigen::Index count = Count(clusters);
-    Clustered sums{Eigen::MatrixXd::Zero(2 * count, 2 * count),
-                   Eigen::VectorXd::Zero(2 * count),
-                   std::vector<std::vector<std::size_t>>(static_cast<std::size_t>(count))};
-    std::vector<std::size_t> members;
-    for (std::size_t i = 0; i < clusters.size(); ++i) {
-      if (clusters[i] >= 0) members.push_back(i);
+  // log p(d | B) / p(d | 0) with noise of one size, averaged over the sd of displacements. Of one
+  // or two clusters, as they mostly are, without an allocation.
+  // @param displaced  Those that are in a cluster, one at least.
+  double LogRatio(const Noise& noise,
+                  const std::vector<int>& clusters,
+                  const std::vector<std::size_t>& displaced,
+                  int count) const {
+    switch (count) {
+      case 1:
+        return LogRatioOfSize<2>(noise, clusters, displaced, count);
+      case 2:
+        return LogRatioOfSize<4>(noise, clusters, displaced, count);
+      default:
+        return LogRatioOfSize<Eigen::Dynamic>(noise, clusters, displaced, count);
     }
-    for (const std::size_t i : members) {
+  }
+
+  template <int kSize>
+  double LogRatioOfSize(const Noise& noise,
+                        const std::vector<int>& clusters,
+                        const std::vector<std::size_t>& displaced,
+                        int count) const {
+    using Matrix = Eigen::Matrix<double, kSize, kSize>;
+    using Vector = Eigen::Matrix<double, kSize, 1>;
+    Matrix M = Matrix::Zero(2 * count, 2 * count);  // BᵀΛB
+    Vector w = Vector::Zero(2 * count);
+    for (const std::size_t i : displaced) {
       const auto row = static_cast<Eigen::Index>(2 * i);
       const Eigen::Index a = Eigen::Index{2} * clusters[i];
-      sums.members[static_cast<std::size_t>(clusters[i])].push_back(i);
-      sums.w.segment<2>(a) += weighted_.segment<2>(row);
-      for (const std::size_t j : members) {
-        sums.M.block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
-            information_.block<2, 2>(row, static_cast<Eigen::Index>(2 * j));
+      w.template segment<2>(a) += noise.weighted.segment<2>(row);
+      for (const std::size_t j : displaced) {
+        M.template block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
+            noise.information.block<2, 2>(row, static_cast<Eigen::Index>(2 * j));
       }
     }
-    return sums;
-  }
-
-  // log p(d | B) for one sd of displacements, without what all clusters have in common.
-  double LogLikelihood(const Clustered& sums, double sd) const {
-    const double information = 1.0 / (sd * sd);
-    Eigen::MatrixXd M = sums.M;
-    M.diagonal().array() += information;
-    const Eigen::LLT<Eigen::MatrixXd> llt(M);
-    double log_determinant = 0.0;
-    for (Eigen::Index i = 0; i < M.rows(); ++i) {
-      log_determinant += 2.0 * std::log(llt.matrixLLT()(i, i)) - std::log(information);
+    Eigen::Matrix<double, kSds, 1> terms;
+    Eigen::Index term = 0;
+    double before = 0.0;  // σ⁻² on the diagonal so far.
+    for (const double sd : options_.sd_displacement_m) {
+      const double information = 1.0 / (sd * sd);
+      M.diagonal().array() += information - std::exchange(before, information);
+      const Eigen::LLT<Matrix> llt(M);
+      const Vector whitened = llt.matrixL().solve(w);
+      const double log_root = llt.matrixLLT().diagonal().array().log().sum();
+      terms[term++] = 0.5 * whitened.squaredNorm() - log_root + count * std::log(information);
     }
-    const double nu = options_.variance_dof;
-    const double rest = squared_ - sums.w.dot(llt.solve(sums.w));
-    return -0.5 * log_determinant - 0.5 * (nu + dof_) * std::log1p(std::max(0.0, rest) / nu);
+    return LogSumExp(terms) - std::log(static_cast<double>(kSds));
   }
 
-  double LogPrior(const Clustered& sums) const {
-    double log_prior = 0.0;
-    for (const std::vector<std::size_t>& members : sums.members) {
-      if (!members.empty()) log_prior += prior_.LogProbability(members);
+  // Log posterior of clusters, without what all have in common, with noise of each of some sizes.
+  // Empty clusters do not count.
+  std::vector<double> Scores(const std::vector<int>& clusters,
+                             const std::vector<std::size_t>& sizes) const {
+    std::vector<std::size_t> displaced;
+    for (std::size_t i = 0; i < clusters.size(); ++i) {
+      if (clusters[i] >= 0) displaced.push_back(i);
     }
-    return log_prior;
+    const int count = Count(clusters);
+    const double log_prior = prior_.LogProbability(clusters);
+    std::vector<double> scores;
+    for (const std::size_t size : sizes) {
+      const Noise& noise = noise_[size];
+      const double log_ratio =
+          displaced.empty() ? 0.0 : LogRatio(noise, clusters, displaced, count);
+      scores.push_back(noise.log_weight + log_ratio + log_prior);
+    }
+    return scores;
   }
 
-  // Log posterior of clusters, without what all have in common. Empty clusters do not count.
-  double Score(const std::vector<int>& clusters) const {
-    const Clustered sums = Collect(clusters);
-    double sum = -std::numeric_limits<double>::infinity();
-    for (const double sd : options_.sd_displacement_m) sum = LogAdd(sum, LogLikelihood(sums, sd));
-    return sum - std::log(static_cast<double>(options_.sd_displacement_m.size())) + LogPrior(sums);
+  double Score(const std::vector<int>& clusters, const std::vector<std::size_t>& sizes) const {
+    const std::vector<double> scores = Scores(clusters, sizes);
+    return LogSumExp(Eigen::Map<const Eigen::VectorXd>(scores.data(), std::ssize(scores)));
+  }
+
+  // The sizes of noise that are not negligible with such clusters.
+  std::vector<std::size_t> SizesFor(const std::vector<int>& clusters) const {
+    std::vector<std::size_t> sizes(noise_.size());
+    std::iota(sizes.begin(), sizes.end(), std::size_t{0});
+    const std::vector<double> scores = Scores(clusters, sizes);
+    const double least = *std::max_element(scores.begin(), scores.end()) - kNegligible;
+    std::erase_if(sizes, [&](std::size_t size) { return scores[size] < least; });
+    return sizes;
   }
 
   // Landmarks in no cluster, those that gain most by being displaced alone first.
   std::vector<std::size_t> Candidates(int cluster) const {
+    const std::vector<std::size_t> sizes = SizesFor(clusters_);
     std::vector<std::pair<double, std::size_t>> losses;
     std::vector<int> alone = clusters_;
     for (std::size_t i = 0; i < clusters_.size(); ++i) {
       if (clusters_[i] >= 0) continue;
       alone[i] = cluster;
-      losses.emplace_back(-Score(alone), i);
+      losses.emplace_back(-Score(alone, sizes), i);
       alone[i] = kNotDisplaced;
     }
     std::sort(losses.begin(), losses.end());
@@ -127,15 +187,19 @@ class Search {
   bool AddCluster() {
     const int cluster = FirstUnused();
     const std::vector<std::size_t> candidates = Candidates(cluster);
-    std::pair<double, std::vector<int>> best{score_, {}};
+    std::pair<double, std::vector<int>> best{Score(clusters_, SizesFor(clusters_)), {}};
+    std::vector<bool> grown_over(clusters_.size());  // It would grow again from these.
     for (std::size_t seed = 0; seed < std::min(kSeeds, candidates.size()); ++seed) {
+      if (grown_over[candidates[seed]]) continue;
       std::vector<int> grown = clusters_;
       grown[candidates[seed]] = cluster;
       const double score = Grow(candidates, cluster, &grown);
+      for (std::size_t i = 0; i < grown.size(); ++i) {
+        if (grown[i] == cluster) grown_over[i] = true;
+      }
       if (score > best.first) best = {score, std::move(grown)};
     }
     if (best.second.empty()) return false;
-    score_ = best.first;
     clusters_ = std::move(best.second);
     return true;
   }
@@ -144,39 +208,41 @@ class Search {
   double Grow(const std::vector<std::size_t>& candidates,
               int cluster,
               std::vector<int>* clusters) const {
-    double score = Score(*clusters);
     for (;;) {
+      const std::vector<std::size_t> sizes = SizesFor(*clusters);
+      const double score = Score(*clusters, sizes);
       std::pair<double, std::size_t> next{score, clusters->size()};
       for (const std::size_t i : candidates) {
         if ((*clusters)[i] >= 0) continue;
         (*clusters)[i] = cluster;
-        if (const double with = Score(*clusters); with > next.first) next = {with, i};
+        if (const double with = Score(*clusters, sizes); with > next.first) next = {with, i};
         (*clusters)[i] = kNotDisplaced;
       }
       if (next.second == clusters->size()) return score;
       (*clusters)[next.second] = cluster;
-      score = next.first;
     }
   }
 
   // Tries every landmark in every cluster, in none and in one of its own. True if any moved.
   bool MoveSingly() {
     bool moved = false;
-    for (std::size_t i = 0; i < clusters_.size(); ++i) {
-      const int before = clusters_[i];
+    const std::vector<std::size_t> sizes = SizesFor(clusters_);
+    double highest = Score(clusters_, sizes);
+    for (int& of_landmark : clusters_) {
+      const int before = of_landmark;
       const int count = Count(clusters_);
-      if (count == 0) return false;
+      if (count == 0) return moved;
       int best = before;
-      clusters_[i] = kNotDisplaced;
+      of_landmark = kNotDisplaced;
       const int own = FirstUnused();
       for (int cluster = kNotDisplaced; cluster <= std::max(own, count - 1); ++cluster) {
-        clusters_[i] = cluster;
-        const double score = Score(clusters_);
-        if (score <= score_ + 1e-9) continue;
-        score_ = score;
+        of_landmark = cluster;
+        const double score = Score(clusters_, sizes);
+        if (score <= highest + 1e-9) continue;
+        highest = score;
         best = cluster;
       }
-      clusters_[i] = best;
+      of_landmark = best;
       moved |= best != before;
     }
     return moved;
@@ -204,22 +270,18 @@ class Search {
 
   DisplacementOptions options_;
   DisplacementPrior prior_;
-  Eigen::MatrixXd information_;
-  Eigen::VectorXd weighted_;
-  double squared_;
-  double dof_;
+  std::vector<Noise> noise_;
   std::vector<int> clusters_;
-  double score_ = 0.0;
 };
 
 }  // namespace
 
 std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
                                const Eigen::VectorXd& difference,
-                               const Eigen::MatrixXd& cov,
+                               const DifferenceCovariance& cov,
                                const DisplacementOptions& options) {
   if (difference.size() == 0) return {};
-  return Search(positions, difference, cov, options).Run();
+  return Search(positions, NoiseOfAllSizes(difference, cov, options), options).Run();
 }
 
 }  // namespace shiftmap

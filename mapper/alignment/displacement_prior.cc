@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "mapstore/core/median.h"
-#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -28,39 +27,98 @@ double MedianSpacing(const std::vector<Eigen::Vector2d>& positions) {
   return Median(std::move(nearest));
 }
 
+// The logarithm of a product of many factors, hardly ever more than one logarithm.
+class LogProduct {
+ public:
+  void operator*=(double factor) {
+    product_ *= factor;
+    if (product_ > kSmall) return;
+    log_ += std::log(product_);
+    product_ = 1.0;
+  }
+
+  double Log() const { return log_ + std::log(product_); }
+
+ private:
+  static constexpr double kSmall = 1e-200;
+
+  double product_ = 1.0;
+  double log_ = 0.0;
+};
+
 }  // namespace
 
 DisplacementPrior::DisplacementPrior(const std::vector<Eigen::Vector2d>& positions,
                                      const DisplacementPriorOptions& options)
-    : positions_(positions),
-      options_(options),
-      length_m_(options.neighbourhood * MedianSpacing(positions)) {}
-
-double DisplacementPrior::LogProbability(const std::vector<std::size_t>& members) const {
-  SHIFTMAP_CHECK(!members.empty(), "cluster without members");
-  double log_probability = std::log(options_.probability_displaced);
-  // The tree of Prim: what is nearest to it is next.
-  std::vector<std::size_t> outside(members.begin() + 1, members.end());
-  std::vector<double> to_tree(outside.size(), kFar);
-  std::size_t newest = members.front();
-  while (!outside.empty()) {
-    for (std::size_t i = 0; i < outside.size(); ++i) {
-      to_tree[i] = std::min(to_tree[i], (positions_[outside[i]] - positions_[newest]).norm());
+    : log_displaced_(std::log(options.probability_displaced)),
+      along_(std::ssize(positions), std::ssize(positions)) {
+  const double next_to = options.probability_with_neighbour;
+  const double anywhere =
+      std::min(next_to, options.others_anywhere / static_cast<double>(positions.size()));
+  const double length = options.neighbourhood * MedianSpacing(positions);
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    for (std::size_t j = 0; j < positions.size(); ++j) {
+      const double ratio = length > 0.0 ? (positions[i] - positions[j]).norm() / length : 0.0;
+      along_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
+          anywhere + (next_to - anywhere) * std::exp(-ratio * ratio);
     }
-    const auto next = std::min_element(to_tree.begin(), to_tree.end()) - to_tree.begin();
-    log_probability += LogProbabilityAlong(to_tree[static_cast<std::size_t>(next)]);
-    newest = outside[static_cast<std::size_t>(next)];
-    outside.erase(outside.begin() + next);
-    to_tree.erase(to_tree.begin() + next);
   }
-  return log_probability;
 }
 
-double DisplacementPrior::LogProbabilityAlong(double distance_m) const {
-  const double ratio = length_m_ > 0.0 ? distance_m / length_m_ : 0.0;
-  return std::log(options_.probability_with_any +
-                  (options_.probability_with_neighbour - options_.probability_with_any) *
-                      std::exp(-ratio * ratio));
+double DisplacementPrior::LogProbability(const std::vector<int>& clusters) const {
+  std::vector<std::vector<int>> members;
+  std::vector<int> staying;
+  for (std::size_t i = 0; i < clusters.size(); ++i) {
+    if (clusters[i] < 0) {
+      staying.push_back(static_cast<int>(i));
+      continue;
+    }
+    const auto cluster = static_cast<std::size_t>(clusters[i]);
+    if (cluster >= members.size()) members.resize(cluster + 1);
+    members[cluster].push_back(static_cast<int>(i));
+  }
+  std::erase_if(members, [](const std::vector<int>& cluster) { return cluster.empty(); });
+  double log_probability = 0.0;
+  for (const std::vector<int>& cluster : members) {
+    log_probability += LogTree(cluster, static_cast<double>(members.size()));
+  }
+  return log_probability + LogStaying(members, staying);
+}
+
+double DisplacementPrior::LogTree(const std::vector<int>& members, double clusters) const {
+  // The tree of Prim: what is likeliest to go along with it is next.
+  std::vector<int> outside(members.begin() + 1, members.end());
+  std::vector<double> to_tree(outside.size());
+  LogProduct probability;
+  int newest = members.front();
+  while (!outside.empty()) {
+    for (std::size_t i = 0; i < outside.size(); ++i) {
+      to_tree[i] = std::max(to_tree[i], along_(outside[i], newest));
+    }
+    const auto next = static_cast<std::size_t>(std::max_element(to_tree.begin(), to_tree.end()) -
+                                               to_tree.begin());
+    probability *= to_tree[next] / clusters;
+    newest = outside[next];
+    outside[next] = outside.back();
+    to_tree[next] = to_tree.back();
+    outside.pop_back();
+    to_tree.pop_back();
+  }
+  return log_displaced_ + probability.Log();
+}
+
+double DisplacementPrior::LogStaying(const std::vector<std::vector<int>>& clusters,
+                                     const std::vector<int>& staying) const {
+  const auto count = static_cast<double>(clusters.size());
+  LogProduct probability;
+  for (const int i : staying) {
+    for (const std::vector<int>& cluster : clusters) {
+      double along = 0.0;
+      for (const int member : cluster) along = std::max(along, along_(member, i));
+      probability *= 1.0 - along / count;
+    }
+  }
+  return probability.Log();
 }
 
 }  // namespace shiftmap

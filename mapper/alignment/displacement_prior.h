@@ -2,19 +2,20 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstddef>
 #include <vector>
 
 namespace shiftmap {
 
 struct DisplacementPriorOptions {
   /// Probability that landmarks were displaced: each alone, or a first one of several together.
-  double probability_displaced = 0.05;
+  double probability_displaced = 0.1;
 
   /// Probability that a landmark went along with another that was displaced, if it stands next to
-  /// it, and if it stands far away. What moves together stood together: a rack, a row of barriers.
+  /// it. What moves together stood together: a rack, a row of barriers.
   double probability_with_neighbour = 0.5;
-  double probability_with_any = 0.1;
+
+  /// How many landmarks went along wherever they stand, on average.
+  double others_anywhere = 0.5;
 
   /// What is next to a landmark, in units of the median distance of landmarks to their nearest.
   double neighbourhood = 3.0;
@@ -22,27 +23,33 @@ struct DisplacementPriorOptions {
 
 /// How likely landmarks are to be displaced together, before their positions are compared.
 ///
-/// A landmark at distance r of a displaced one goes along with probability
+/// Of n landmarks, one at distance r of a displaced one goes along with probability
 ///
-///   p(r) = p_any + (p_neighbour - p_any) exp(-(r / L)²),
+///   p(r) = p_any + (p_neighbour - p_any) exp(-(r / L)²),  p_any = others / n,
 ///
-/// and a cluster is as likely as the most likely tree that it may have grown along:
-/// p_displaced Π p(r) over the edges of its minimum spanning tree.
+/// and stays with 1 - p(r), r to the nearest that was displaced. A cluster is as likely as the most
+/// likely tree that it may have grown along: p_displaced Π p(r) over the edges of its minimum
+/// spanning tree. With C clusters a landmark goes along with each of them with p(r) / C.
+///
+/// That landmarks stay has to count: among hundreds there are always some that are off to one side,
+/// and there are very many ways to choose them.
 class DisplacementPrior {
  public:
   /// @param positions  Of all landmarks, in one frame. [m]
   DisplacementPrior(const std::vector<Eigen::Vector2d>& positions,
                     const DisplacementPriorOptions& options);
 
-  /// log Pr of a cluster. Precondition: it has a member.
-  double LogProbability(const std::vector<std::size_t>& members) const;
+  /// log Pr of clusters.
+  /// @param clusters  Per landmark its cluster, negative for none; empty ones do not count.
+  double LogProbability(const std::vector<int>& clusters) const;
 
  private:
-  double LogProbabilityAlong(double distance_m) const;
+  double LogTree(const std::vector<int>& members, double clusters) const;
+  double LogStaying(const std::vector<std::vector<int>>& clusters,
+                    const std::vector<int>& staying) const;
 
-  std::vector<Eigen::Vector2d> positions_;
-  DisplacementPriorOptions options_;
-  double length_m_ = 0.0;  // L.
+  double log_displaced_;
+  Eigen::MatrixXd along_;  // p(r) for every two landmarks.
 };
 
 }  // namespace shiftmap
