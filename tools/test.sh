@@ -52,7 +52,19 @@ consumer() {
     build/consumer/consumer
 }
 
+# A compiler that runs out of disk does so late, and its message is not the last.
+disk_space() {
+  local needed=2000 free
+  free=$(df --output=avail --block-size=MB . | tail -n 1 | tr -dc '0-9')
+  ((free >= needed)) || {
+    echo "the build needs $needed MB of disk, $free MB are free"
+    return 1
+  }
+}
+
 rm -rf build/dev
+check "disk space" disk_space
+((failed == 0)) || finish
 check "configure" cmake --preset dev
 ((failed == 0)) || finish
 check "build without warnings" cmake --build --preset dev
