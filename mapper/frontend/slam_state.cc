@@ -163,8 +163,9 @@ void SlamState::Settle() {
     for (std::size_t i = 0; i < passive_.size(); ++i) {
       At(passive_[i]).position += step.segment<2>(static_cast<Eigen::Index>(2 * i));
     }
-    passive_covariance_.noalias() -= cross_.transpose() * (psi_ * cross_).eval();
-    passive_covariance_ = Symmetrized(passive_covariance_);
+    passive_covariance_.triangularView<Eigen::Lower>() -=
+        cross_.transpose() * (psi_ * cross_).eval();
+    passive_covariance_.triangularView<Eigen::StrictlyUpper>() = passive_covariance_.transpose();
     cross_ = (phi_ * cross_).eval();
   } else {
     cross_.resize(covariance_.rows(), 0);
@@ -172,8 +173,7 @@ void SlamState::Settle() {
   BeginGathering();
 }
 
-void SlamState::Activate(const std::vector<int>& landmarks) {
-  Settle();
+void SlamState::SetActive(const std::vector<int>& landmarks) {
   const Eigen::Index a = covariance_.rows();
   const Eigen::Index b = passive_covariance_.rows();
   Eigen::MatrixXd all(a + b, a + b);
@@ -231,14 +231,15 @@ void SlamState::Focus(double reach_m) {
     if (landmark.active < 0 && landmark.passive < 0) continue;
     if ((landmark.position - centre).norm() <= focus_radius_) near.push_back(static_cast<int>(i));
   }
-  Activate(near);
+  SetActive(near);
 }
 
 void SlamState::Activate(int landmark) {
   if (At(landmark).active >= 0) return;
   std::vector<int> landmarks = active_;
   landmarks.push_back(landmark);
-  Activate(landmarks);
+  Settle();
+  SetActive(landmarks);
 }
 
 Innovation SlamState::Linearized(const SlamPair& pair, Eigen::Matrix2d* S) const {

@@ -107,7 +107,7 @@ class SlamState {
                const Eigen::MatrixXd& HPhi);
   void Initialize(int landmark, const Observation& observation);
   void RemoveActive(int index);
-  void Activate(const std::vector<int>& landmarks);
+  void SetActive(const std::vector<int>& landmarks);  // Precondition: settled.
   void BeginGathering();
 
   Calibration calibration_;
