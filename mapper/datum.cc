@@ -21,6 +21,14 @@ Eigen::VectorXd Stacked(const std::vector<Eigen::Vector2d>& positions) {
   return stacked;
 }
 
+// W with WᵀW = P⁻¹ but for what is known better than a floor.
+Eigen::MatrixXd Whitening(const Eigen::MatrixXd& cov) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Symmetrized(cov));
+  const Eigen::VectorXd sqrt_information =
+      solver.eigenvalues().cwiseMax(kFloorSd * kFloorSd * 0.1).cwiseSqrt().cwiseInverse();
+  return sqrt_information.asDiagonal() * solver.eigenvectors().transpose();
+}
+
 }  // namespace
 
 Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
@@ -99,31 +107,35 @@ Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
   return result;
 }
 
-GraphPrior HoldModes(const std::vector<int>& modes,
-                     const std::vector<Eigen::Vector2d>& positions,
-                     double sd_m) {
-  const auto size = static_cast<Eigen::Index>(2 * positions.size());
-  return {modes, Stacked(positions), Eigen::MatrixXd::Identity(size, size) / sd_m};
+GraphPrior MakeLocatedPrior(const std::vector<int>& modes,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& cov) {
+  return {modes, Stacked(positions), Whitening(cov)};
+}
+
+std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
+                                  const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_m) {
+  std::vector<GraphPrior> priors;
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    priors.push_back(
+        {{modes[i]}, positions[i], Eigen::MatrixXd(Eigen::Matrix2d::Identity() / sd_m)});
+  }
+  return priors;
 }
 
 GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov) {
-  GraphPrior prior{modes, Stacked(positions), {}};
   const Eigen::MatrixXd G = DatumDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
   // Where the frame of `cov` was held does not matter: what it says of the datum of these positions
   // goes before it is inverted. Its inverse would tell of it in every other direction too.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      Symmetrized(projector * cov * projector));
-  const Eigen::VectorXd sqrt_information =
-      solver.eigenvalues().cwiseMax(kFloorSd * kFloorSd * 0.1).cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd whitening =
-      sqrt_information.asDiagonal() * solver.eigenvectors().transpose() * projector;
-  prior.sqrt_information.resize(whitening.rows() + 3, whitening.cols());
-  prior.sqrt_information << whitening, G.transpose() / kDatumSd;
-  return prior;
+  const Eigen::MatrixXd whitening = Whitening(projector * cov * projector) * projector;
+  Eigen::MatrixXd sqrt_information(whitening.rows() + 3, whitening.cols());
+  sqrt_information << whitening, G.transpose() / kDatumSd;
+  return {modes, Stacked(positions), std::move(sqrt_information)};
 }
 
 }  // namespace shiftmap

@@ -63,10 +63,15 @@ GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov);
 
+/// The prior of some modes by themselves, information P⁻¹: they know where they are.
+GraphPrior MakeLocatedPrior(const std::vector<int>& modes,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& cov);
+
 /// Holds modes of a graph where they are, each by itself.
 /// @param sd_m  Per axis. [m]
-GraphPrior HoldModes(const std::vector<int>& modes,
-                     const std::vector<Eigen::Vector2d>& positions,
-                     double sd_m);
+std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
+                                  const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_m);
 
 }  // namespace shiftmap

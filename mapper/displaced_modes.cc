@@ -10,6 +10,7 @@
 
 #include "mapper/alignment/displaced_landmarks.h"
 #include "mapper/datum.h"
+#include "mapper/mode_covariance.h"
 #include "mapper/submap_fit.h"
 
 namespace shiftmap {
@@ -30,6 +31,10 @@ constexpr double kRigidSd = 0.15;
 // A run that is bent by this a metre from where it turns is off the tangent by half its square. [m]
 constexpr double kLinear = 0.25;
 
+// Landmarks that are decided on together: time grows with the cube. Others than those around it
+// hardly tell whether a landmark stands where it stood.
+constexpr int kMaxTogether = 150;
+
 constexpr int kMaxRounds = 3;
 
 // What a run says by itself is read off the pull of what bends it, where both are about at rest.
@@ -38,22 +43,54 @@ constexpr double kBendingTolerance = 1e-3;  // Of the cost, for a step.
 
 Eigen::Index RowOf(std::size_t mode) { return static_cast<Eigen::Index>(2 * mode); }
 
-// The prior's mode that each encounter is with. Precondition: MeetsPrior().
-std::vector<int> PriorModes(const MapProblem& map, const std::vector<Encounter>& encounters) {
-  const FlatModes flat(map);
-  std::vector<int> of_flat(static_cast<std::size_t>(flat.count), kUnassigned);
-  for (std::size_t i = 0; i < map.prior.modes.size(); ++i) {
-    of_flat[static_cast<std::size_t>(map.prior.modes[i])] = static_cast<int>(i);
+// Per flat index which of the prior's modes a mode is, counted: those that have a number.
+std::vector<int> PriorNumbers(const MapProblem& map) {
+  std::vector<int> numbers;
+  int next = 0;
+  for (const std::vector<BuildMode>& group : map.modes) {
+    for (const BuildMode& mode : group) {
+      numbers.push_back(mode.number != kAbsent ? next++ : kUnassigned);
+    }
   }
-  std::vector<int> modes;
-  for (const Encounter& encounter : encounters) {
-    modes.push_back(
-        of_flat[static_cast<std::size_t>(flat.Index(encounter.group, encounter.nearest))]);
-  }
-  return modes;
+  return numbers;
 }
 
-// Decides on the landmarks that meet the prior.
+// A landmark of the prior map that a run has met.
+struct Candidate {
+  std::size_t flat = 0;  // Mode of the submap.
+  int prior_mode = 0;
+  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // In the prior map. [m]
+};
+
+// Decides on landmarks together. Positions and covariance as in Decide().
+std::vector<int> ClustersOf(const MapperOptions& options,
+                            const JointCovariance& prior_covariance,
+                            const std::vector<Candidate>& candidates,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& run_cov) {
+  const auto size = static_cast<Eigen::Index>(2 * candidates.size());
+  Eigen::VectorXd difference(size);
+  DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
+  std::vector<Eigen::Vector2d> before;
+  for (std::size_t a = 0; a < candidates.size(); ++a) {
+    const Candidate& of_a = candidates[a];
+    before.push_back(of_a.before);
+    difference.segment<2>(RowOf(a)) = positions[of_a.flat] - of_a.before;
+    for (std::size_t b = 0; b < candidates.size(); ++b) {
+      const Candidate& of_b = candidates[b];
+      cov.run.block<2, 2>(RowOf(a), RowOf(b)) =
+          run_cov.block<2, 2>(RowOf(of_a.flat), RowOf(of_b.flat));
+      cov.map.block<2, 2>(RowOf(a), RowOf(b)) =
+          prior_covariance.Block(of_a.prior_mode, of_b.prior_mode);
+    }
+  }
+  cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
+  cov.common = FreeDatumAndScale(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
+  return FindDisplaced(before, difference, cov, options.displacement);
+}
+
+// Decides on the landmarks that meet the prior, where they are many on those of one neighbourhood
+// after the other.
 // @param positions  Of the submap's modes as the run by itself has them. [m]
 // @param run_cov    Of these, relative to them as a whole. [m²]
 std::vector<bool> Decide(const MapperOptions& options,
@@ -63,40 +100,31 @@ std::vector<bool> Decide(const MapperOptions& options,
                          const std::vector<Eigen::Vector2d>& positions,
                          const Eigen::MatrixXd& run_cov) {
   std::vector<bool> displaced(encounters.size());
-  std::vector<std::size_t> tested;
-  std::vector<Encounter> with_prior;
-  std::vector<Eigen::Vector2d> before;
+  const std::vector<int> numbers = PriorNumbers(map);
+  const FlatModes flat(map);
+  std::vector<Candidate> met;
+  std::vector<Eigen::Vector2d> places;
   for (std::size_t i = 0; i < encounters.size(); ++i) {
-    if (!MeetsPrior(map, encounters[i])) continue;
-    const Eigen::Vector2d& place = NearestMode(map, encounters[i]).p_map_landmark;
-    if (std::sqrt(encounters[i].squared_m2) >
+    const Encounter& encounter = encounters[i];
+    if (!MeetsPrior(map, encounter)) continue;
+    if (std::sqrt(encounter.squared_m2) >
         kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
       displaced[i] = true;
       continue;
     }
-    tested.push_back(i);
-    with_prior.push_back(encounters[i]);
-    before.push_back(place);
+    const int mode = flat.Index(encounter.group, encounter.nearest);
+    places.push_back(NearestMode(map, encounter).p_map_landmark);
+    met.push_back({i, numbers[static_cast<std::size_t>(mode)], places.back()});
   }
-  if (tested.empty()) return displaced;
-
-  const std::vector<int> prior_modes = PriorModes(map, with_prior);
-  const auto size = static_cast<Eigen::Index>(2 * tested.size());
-  Eigen::VectorXd difference(size);
-  DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
-  for (std::size_t a = 0; a < tested.size(); ++a) {
-    difference.segment<2>(RowOf(a)) = positions[tested[a]] - before[a];
-    for (std::size_t b = 0; b < tested.size(); ++b) {
-      cov.run.block<2, 2>(RowOf(a), RowOf(b)) =
-          run_cov.block<2, 2>(RowOf(tested[a]), RowOf(tested[b]));
-      cov.map.block<2, 2>(RowOf(a), RowOf(b)) =
-          prior_covariance.Block(prior_modes[a], prior_modes[b]);
+  for (const std::vector<int>& tile : TileModes(places, kMaxTogether)) {
+    std::vector<Candidate> candidates;
+    for (const int i : tile) candidates.push_back(met[static_cast<std::size_t>(i)]);
+    const std::vector<int> clusters =
+        ClustersOf(options, prior_covariance, candidates, positions, run_cov);
+    for (std::size_t a = 0; a < candidates.size(); ++a) {
+      displaced[candidates[a].flat] = clusters[a] != kNotDisplaced;
     }
   }
-  cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
-  cov.common = FreeDatumAndScale(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
-  const std::vector<int> clusters = FindDisplaced(before, difference, cov, options.displacement);
-  for (std::size_t a = 0; a < tested.size(); ++a) displaced[tested[a]] = clusters[a] >= 0;
   return displaced;
 }
 
@@ -115,19 +143,23 @@ std::vector<int> Undisplaced(const MapProblem& map,
 // How far a submap would be bent by what holds it, where most: the largest shift of a mode
 //
 //   P_·M (P'_MM + R)⁻¹ (z_M - p_M),   P' = P with datum and scale left free. [m]
-double Bending(const MapperOptions& options, const GraphPrior& held, const Submap& submap) {
-  if (std::ssize(held.modes) < 2) return 0.0;
+double Bending(const MapperOptions& options,
+               const std::vector<GraphPrior>& held,
+               const Submap& submap) {
+  if (held.size() < 2) return 0.0;
   const std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
   std::vector<Eigen::Index> rows;
-  Eigen::VectorXd difference = held.mean;
-  for (std::size_t k = 0; k < held.modes.size(); ++k) {
-    const auto mode = static_cast<std::size_t>(held.modes[k]);
-    difference.segment<2>(RowOf(k)) -= positions[mode];
+  Eigen::VectorXd difference(static_cast<Eigen::Index>(2 * held.size()));
+  Eigen::VectorXd variance(difference.size());
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    const auto mode = static_cast<std::size_t>(held[k].modes.front());
+    difference.segment<2>(RowOf(k)) = held[k].mean - positions[mode];
+    variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
     for (const int axis : {0, 1}) rows.push_back(RowOf(mode) + axis);
   }
   Eigen::MatrixXd K =
       FreeDatumAndScale(positions, options.sd_range_scale, submap.covariance)(rows, rows);
-  K.diagonal() += held.sqrt_information.diagonal().cwiseAbs2().cwiseInverse();
+  K.diagonal() += variance;
   const Eigen::VectorXd shift = submap.covariance(Eigen::all, rows) * K.llt().solve(difference);
   double most = 0.0;
   for (std::size_t i = 0; i < positions.size(); ++i) {
@@ -138,17 +170,12 @@ double Bending(const MapperOptions& options, const GraphPrior& held, const Subma
 
 // Where a run by itself has its modes, seen from where it is bent: there its own cost pulls as much
 // as what bends it, and to the other side. [m]
-std::vector<Eigen::Vector2d> Unbent(const GraphPrior& held, const Submap& submap) {
+std::vector<Eigen::Vector2d> Unbent(const std::vector<GraphPrior>& held, const Submap& submap) {
   std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
-  Eigen::VectorXd difference = -held.mean;
-  for (std::size_t k = 0; k < held.modes.size(); ++k) {
-    difference.segment<2>(RowOf(k)) += positions[static_cast<std::size_t>(held.modes[k])];
-  }
-  const Eigen::VectorXd of_held =
-      held.sqrt_information.transpose() * (held.sqrt_information * difference);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(submap.covariance.rows());
-  for (std::size_t k = 0; k < held.modes.size(); ++k) {
-    pull.segment<2>(RowOf(static_cast<std::size_t>(held.modes[k]))) = of_held.segment<2>(RowOf(k));
+  for (const GraphPrior& of_mode : held) {
+    const auto mode = static_cast<std::size_t>(of_mode.modes.front());
+    pull.segment<2>(RowOf(mode)) = of_mode.information * (positions[mode] - of_mode.mean);
   }
   const Eigen::VectorXd shift = submap.covariance * pull;
   for (std::size_t i = 0; i < positions.size(); ++i) {
@@ -205,7 +232,7 @@ std::vector<bool> FindDisplacedModes(const MapperOptions& options,
   MapperOptions bending = options;
   bending.solver.cost_tolerance = std::max(kBendingTolerance, options.solver.cost_tolerance);
   for (int round = 0; round < kMaxRounds; ++round) {
-    const GraphPrior held = HoldKnown(options, map, known, *submap);
+    const std::vector<GraphPrior> held = HoldKnown(options, map, known, *submap);
     Bend(bending, held, kBendingSteps, submap);
     *encounters = Meet(submap->problem, map);
     if (std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap->problem)) {

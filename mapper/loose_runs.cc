@@ -17,7 +17,7 @@ class Ties {
   explicit Ties(const MapProblem& problem)
       : modes_(problem.runs.size()),
         runs_(static_cast<std::size_t>(FlatModes(problem).count)),
-        prior_(problem.prior.modes) {
+        priors_(problem.priors) {
     const FlatModes flat(problem);
     for (std::size_t r = 0; r < problem.runs.size(); ++r) {
       for (const auto& [group, mode] : ModesOf(problem.runs[r])) {
@@ -43,11 +43,13 @@ class Ties {
         open.push_back(run);
       }
     };
-    if (prior_.empty()) {
+    if (priors_.empty()) {
       tied[first] = true;
       open.push_back(first);
     }
-    for (const int mode : prior_) learn(mode);
+    for (const GraphPrior& prior : priors_) {
+      for (const int mode : prior.modes) learn(mode);
+    }
     while (!open.empty()) {
       const std::size_t run = open.back();
       open.pop_back();
@@ -59,7 +61,7 @@ class Ties {
  private:
   std::vector<std::vector<int>> modes_;         // Per run.
   std::vector<std::vector<std::size_t>> runs_;  // Per mode.
-  const std::vector<int>& prior_;
+  const std::vector<GraphPrior>& priors_;
 };
 
 // The most runs that are tied to each other, or to the prior map.
@@ -73,7 +75,7 @@ std::vector<bool> MostTied(const MapProblem& problem) {
     if (std::count(tied.begin(), tied.end(), true) > std::count(most.begin(), most.end(), true)) {
       most = tied;
     }
-    if (!problem.prior.modes.empty()) break;
+    if (!problem.priors.empty()) break;
     for (std::size_t i = 0; i < tied.size(); ++i) tried[i] = tried[i] || tied[i];
   }
   return most;
@@ -82,7 +84,7 @@ std::vector<bool> MostTied(const MapProblem& problem) {
 }  // namespace
 
 int TakeOutLooseRuns(MapProblem* problem) {
-  if (problem->runs.size() == 1 && problem->prior.modes.empty()) return 0;
+  if (problem->runs.size() == 1 && problem->priors.empty()) return 0;
   const std::vector<bool> tied = MostTied(*problem);
   const auto loose = static_cast<int>(std::count(tied.begin(), tied.end(), false));
   if (loose == 0) return 0;

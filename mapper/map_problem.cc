@@ -97,12 +97,17 @@ std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& 
 int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
   std::vector<BuildMode>& modes = problem->modes[static_cast<std::size_t>(group)];
   const auto index = static_cast<int>(modes.size());
-  if (!problem->prior.modes.empty()) {
-    const int flat = FlatModes(*problem).Index(group, index);
-    for (int& known : problem->prior.modes) known += known >= flat ? 1 : 0;
+  if (!problem->priors.empty()) {
+    ShiftPriors(FlatModes(*problem).Index(group, index), 1, &problem->priors);
   }
   modes.push_back(mode);
   return index;
+}
+
+void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors) {
+  for (GraphPrior& prior : *priors) {
+    for (int& mode : prior.modes) mode += mode >= first ? shift : 0;
+  }
 }
 
 Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
@@ -126,7 +131,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
                                     run.data->mean_squared_bearing});
     }
   }
-  graph.prior = problem->prior;
+  graph.priors = problem->priors;
   graph.open = problem->open;
   graph.loss_reach = problem->loss_reach;
   // Runs by themselves are mapped side by side.

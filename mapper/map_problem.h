@@ -70,12 +70,15 @@ struct MapProblem {
   std::vector<const MappingRun*> loose;       ///< Runs that came loose (loose_runs.h).
   SensorCalibration sensor;
 
-  /// Joint Gaussian of the prior map's modes; `modes` of it are flat indices, see FlatModes.
-  GraphPrior prior;
+  /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.
+  std::vector<GraphPrior> priors;
 
   /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
   /// of the map so far that merely hold a run do not.
   bool in_map_units = false;
+
+  /// What the scale of the prior map is uncertain by beside `priors` (TakeOutScale).
+  double sd_scale = 0.0;
 
   bool open = false;  ///< As in Graph.
 
@@ -105,7 +108,10 @@ std::vector<Eigen::Vector2d> ModePositions(const MapProblem& problem);
 /// Indices of each vehicle's runs, by its name.
 std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem);
 
-/// Adds a mode to a group and returns its index there; the prior's flat indices stay right.
+/// Flat indices from `first` on change by `shift`.
+void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors);
+
+/// Adds a mode to a group and returns its index there; the priors' flat indices stay right.
 int AddMode(int group, const BuildMode& mode, MapProblem* problem);
 
 /// The continuous part for the present assignment, at its present values.

@@ -13,6 +13,7 @@
 #include "mapper/fleet_calibration.h"
 #include "mapper/loose_runs.h"
 #include "mapper/map_output.h"
+#include "mapper/map_prior.h"
 #include "mapper/map_problem.h"
 #include "mapper/memory_estimate.h"
 #include "mapper/mode_covariance.h"
@@ -152,8 +153,11 @@ StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   return submaps;
 }
 
-BuildSize SizeOf(const std::vector<MapperInput>& inputs, const std::optional<MapContent>& prior) {
+BuildSize SizeOf(const std::vector<MapperInput>& inputs,
+                 const std::optional<MapContent>& prior,
+                 const MapperOptions& options) {
   BuildSize size;
+  size.runs_at_once = std::min<std::int64_t>(options.threads, std::ssize(inputs));
   if (prior) size.modes = prior->covariance.size();
   for (const MapperInput& input : inputs) AddRun(input.run, &size);
   return size;
@@ -219,7 +223,8 @@ Status PrepareInputs(const std::optional<MapContent>& prior,
   if (prior) {
     SHIFTMAP_RETURN_IF_ERROR(CheckPrior(*prior));
   }
-  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(SizeOf(*inputs, prior), options.max_memory_bytes));
+  SHIFTMAP_RETURN_IF_ERROR(
+      CheckBuildMemory(SizeOf(*inputs, prior, options), options.max_memory_bytes));
   std::sort(inputs->begin(), inputs->end(), [](const MapperInput& a, const MapperInput& b) {
     return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
            std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
@@ -247,10 +252,13 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
                                std::vector<RejectedRun>* rejected) {
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
                             MapRunsSingly(runs, signatures, options, watch));
+  std::optional<MapContent> known = prior;
+  const double sd_scale = known ? TakeOutScale(options.sd_range_scale, &*known) : 0.0;
   MapProblem problem =
-      StartProblem(signatures, prior, MeanSensor(submaps, options.calibration.sensor));
+      StartProblem(signatures, known, MeanSensor(submaps, options.calibration.sensor));
+  problem.sd_scale = sd_scale;
   PlaceSubmaps(options,
-               prior,
+               known,
                std::move(submaps),
                &problem,
                rejected,
@@ -269,7 +277,8 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
 
 // Runs of a build without a prior map do not tell their scales, and those of one vehicle share one.
 ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem) {
-  ScaleUncertainty scale{options.sd_range_scale, options.sd_run_range_scale};
+  ScaleUncertainty scale{std::max(options.sd_range_scale, problem.sd_scale),
+                         options.sd_run_range_scale};
   if (problem.in_map_units) return scale;
   const auto runs = RunsByVehicle(problem);
   if (runs.size() < 2) return scale;
@@ -340,7 +349,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const MapperMonitor& monitor) {
   SHIFTMAP_RETURN_IF_ERROR(PrepareInputs(prior, options, &inputs));
   MapperResult result;
-  BuildSize size = SizeOf(inputs, prior);
+  BuildSize size = SizeOf(inputs, prior, options);
   result.estimated_memory_bytes = EstimateBuildMemory(size);
   const std::vector<Signature> signatures = AllSignatures(inputs, prior);
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);

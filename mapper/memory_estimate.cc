@@ -6,6 +6,7 @@
 
 #include "mapper/graph/graph.h"
 #include "mapper/graph/residuals.h"
+#include "mapper/mode_covariance.h"
 
 namespace shiftmap {
 namespace {
@@ -26,8 +27,13 @@ constexpr std::int64_t kGraphCopies = 3;
 constexpr std::int64_t kSegmentRow = 3 * (11 + 2 * 20) * 8 + 2 * 72;
 
 // Dense matrices over the positions of all modes alive at a time while the joint covariance is
-// referred to the datum, and the blocks of it that the map keeps.
+// referred to the datum, and the blocks of it that the map keeps; of a large map over those of
+// kMaxJointModes, and copies of the blocks of its tiles.
 constexpr std::int64_t kDenseMatrices = 7;
+constexpr std::int64_t kTileCopies = 4;
+
+// Dense matrices over the landmarks of a run alive at a time while EKF-SLAM maps it.
+constexpr std::int64_t kRunMatrices = 5;
 
 // A run beside others brings a mode for every so many landmarks that it sees.
 constexpr std::int64_t kLandmarksPerNewMode = 4;
@@ -49,6 +55,7 @@ void AddRun(const Run& run, BuildSize* size) {
   const bool first = size->odometry_samples == 0 && size->modes == 0;
   const auto landmarks = static_cast<std::int64_t>(seen.size());
   size->odometry_samples += static_cast<std::int64_t>(run.odometry.size());
+  size->landmarks = std::max(size->landmarks, landmarks);
   size->scans += static_cast<std::int64_t>(run.scans.size());
   size->modes += first ? landmarks : landmarks / kLandmarksPerNewMode + 1;
 }
@@ -61,9 +68,14 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const std::int64_t graph =
       size.key_frames * bytes(sizeof(Se2) + sizeof(MotionIncrement) + sizeof(MotionResidual)) +
       size.observations * bytes(sizeof(GraphObservation) + sizeof(ObservationResidual));
-  const std::int64_t joint = 4 * size.modes * size.modes * bytes(sizeof(double));
+  const std::int64_t block = 4 * bytes(sizeof(double));
+  const std::int64_t dense = std::min<std::int64_t>(size.modes, kMaxJointModes);
+  const std::int64_t joint = kDenseMatrices * dense * dense * block;
+  const std::int64_t tiles = size.modes > dense ? kTileCopies * size.modes * kTileModes * block : 0;
+  const std::int64_t runs =
+      kRunMatrices * size.runs_at_once * size.landmarks * size.landmarks * block;
   return kProgram + kLogCopies * logs + kGraphCopies * graph + size.key_frames * kSegmentRow +
-         kDenseMatrices * joint;
+         joint + tiles + runs;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

@@ -13,8 +13,10 @@ struct BuildSize {
   std::int64_t odometry_samples = 0;
   std::int64_t scans = 0;
   std::int64_t observations = 0;
-  std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
-  std::int64_t modes = 0;       ///< Of the map that comes out.
+  std::int64_t key_frames = 0;    ///< Scans with an identified landmark.
+  std::int64_t modes = 0;         ///< Of the map that comes out.
+  std::int64_t landmarks = 0;     ///< Of the run that sees most.
+  std::int64_t runs_at_once = 1;  ///< That are mapped by themselves side by side.
 };
 
 /// Counts one run more. Each landmark that it sees is taken to be a mode, if `size` was without

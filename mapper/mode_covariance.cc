@@ -11,9 +11,6 @@
 namespace shiftmap {
 namespace {
 
-// Modes whose joint covariance a large map has: what a vehicle uses at a time are fewer.
-constexpr int kTileModes = 128;
-
 // Draws that bound the covariance of differences; as many as four times that tell it within 12 % of
 // a standard deviation's square where single differences would cost too much.
 constexpr int kDraws = 32;

@@ -14,6 +14,9 @@ namespace shiftmap {
 /// Maps of up to as many modes have the joint covariance of all of them.
 inline constexpr int kMaxJointModes = 300;
 
+/// Modes whose joint covariance a larger map has: what a vehicle uses at a time are fewer.
+inline constexpr int kTileModes = 128;
+
 /// How well a graph's modes are known against each other. Single differences are solved for on the
 /// factor, and most of them need not be: draws of the posterior bound them.
 class ModeDifferences {

@@ -34,9 +34,9 @@ void EraseMode(const std::vector<VisitRef>& visits,
                std::size_t group,
                int mode,
                MapProblem* problem) {
-  if (!problem->prior.modes.empty()) {
+  if (!problem->priors.empty()) {
     const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
-    for (int& index : problem->prior.modes) index -= index > flat ? 1 : 0;
+    ShiftPriors(flat + 1, -1, &problem->priors);
   }
   problem->modes[group].erase(problem->modes[group].begin() + mode);
   for (const VisitRef& ref : visits) {

@@ -238,7 +238,7 @@ double CostAmong(const MapperOptions& options,
     places.push_back(alone.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)]
                          .p_map_landmark);
   }
-  alone.prior = HoldModes(held_modes, places, options.modes.position_floor_m);
+  alone.priors = HoldModes(held_modes, places, options.modes.position_floor_m);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
   alone.loss_reach = problem.loss_reach;
   SolveContinuous(options, &alone);

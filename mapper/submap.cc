@@ -11,6 +11,7 @@
 #include "mapper/displaced_modes.h"
 #include "mapper/encounter.h"
 #include "mapper/loose_runs.h"
+#include "mapper/map_prior.h"
 #include "mapper/mode_refinement.h"
 #include "mapper/submap_alignment.h"
 #include "mapper/submap_fit.h"
@@ -245,19 +246,15 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
   problem.modes.resize(signatures.size());
   if (!prior) return problem;
   problem.in_map_units = true;
-  std::vector<int> flat;
-  std::vector<Eigen::Vector2d> positions;
   for (const LandmarkGroup& group : prior->groups) {
     const auto g = static_cast<std::size_t>(
         std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
         signatures.begin());
     for (const Mode& mode : group.modes) {
       problem.modes[g].push_back({mode.p_map_landmark, mode.number});
-      flat.push_back(static_cast<int>(flat.size()));
-      positions.push_back(mode.p_map_landmark);
     }
   }
-  problem.prior = MakeGraphPrior(flat, positions, prior->covariance.Dense());
+  problem.priors = MakeMapPrior(ModePositions(problem), prior->covariance);
   return problem;
 }
 

@@ -218,10 +218,10 @@ std::vector<int> FitBentSubmap(const MapperOptions& options,
   return known;
 }
 
-GraphPrior HoldKnown(const MapperOptions& options,
-                     const MapProblem& map,
-                     const std::vector<int>& known,
-                     const Submap& submap) {
+std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
+                                  const MapProblem& map,
+                                  const std::vector<int>& known,
+                                  const Submap& submap) {
   std::vector<int> modes;
   std::vector<Eigen::Vector2d> positions;
   std::size_t i = 0;
@@ -242,12 +242,15 @@ GraphPrior HoldKnown(const MapperOptions& options,
   return HoldModes(held, places, std::sqrt(2.0) * options.modes.position_floor_m);
 }
 
-void Bend(const MapperOptions& options, const GraphPrior& held, int steps, Submap* submap) {
+void Bend(const MapperOptions& options,
+          const std::vector<GraphPrior>& held,
+          int steps,
+          Submap* submap) {
   MapperOptions few = options;
   few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
-  submap->problem.prior = held;
+  submap->problem.priors = held;
   SolveContinuous(few, &submap->problem);
-  submap->problem.prior = {};
+  submap->problem.priors.clear();
 }
 
 void BendOntoMap(const MapperOptions& options,

@@ -43,14 +43,17 @@ std::vector<int> FitBentSubmap(const MapperOptions& options,
 
 /// What holds a submap's known modes where the map has them, or some of them all over it.
 /// @param known  As of GrowMatches().
-GraphPrior HoldKnown(const MapperOptions& options,
-                     const MapProblem& map,
-                     const std::vector<int>& known,
-                     const Submap& submap);
+std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
+                                  const MapProblem& map,
+                                  const std::vector<int>& known,
+                                  const Submap& submap);
 
 /// Bends a submap, its trajectory with it, by a solve of its run with some of its modes held.
 /// @param steps  Of the solver at most.
-void Bend(const MapperOptions& options, const GraphPrior& held, int steps, Submap* submap);
+void Bend(const MapperOptions& options,
+          const std::vector<GraphPrior>& held,
+          int steps,
+          Submap* submap);
 
 /// Bends a submap so that known modes come to stand where the map has them: some steps that a solve
 /// of all runs goes on from.

@@ -234,7 +234,7 @@ void GraphElimination::MakeStretches() {
   int rest = 0;
   for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
     const auto frames = static_cast<int>(graph_.runs[r].poses.size());
-    const bool held = graph_.prior.modes.empty() && graph_.anchor_run == static_cast<int>(r);
+    const bool held = graph_.priors.empty() && graph_.anchor_run == static_cast<int>(r);
     int before = held ? -1 : rest;
     rest += held ? 0 : 3;
     stretch_of_frame[r].resize(static_cast<std::size_t>(frames));
@@ -428,16 +428,18 @@ double GraphElimination::PriorCost() const {
     cost += 0.5 * difference.cwiseQuotient(run.correction_prior_sd).squaredNorm() +
             0.5 * run.sensor_bias.cwiseQuotient(run.sensor_bias_sd).squaredNorm();
   }
-  if (graph_.prior.modes.empty()) return cost;
-  return cost + 0.5 * (graph_.prior.sqrt_information * PriorDifference()).squaredNorm();
+  for (const GraphPrior& prior : graph_.priors) {
+    cost += 0.5 * (prior.sqrt_information * PriorDifference(prior)).squaredNorm();
+  }
+  return cost;
 }
 
-Eigen::VectorXd GraphElimination::PriorDifference() const {
-  Eigen::VectorXd difference(graph_.prior.mean.size());
-  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
+Eigen::VectorXd GraphElimination::PriorDifference(const GraphPrior& prior) const {
+  Eigen::VectorXd difference(prior.mean.size());
+  for (std::size_t i = 0; i < prior.modes.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(2 * i);
-    difference.segment<2>(at) = graph_.modes[static_cast<std::size_t>(graph_.prior.modes[i])] -
-                                graph_.prior.mean.segment<2>(at);
+    difference.segment<2>(at) =
+        graph_.modes[static_cast<std::size_t>(prior.modes[i])] - prior.mean.segment<2>(at);
   }
   return difference;
 }
@@ -456,25 +458,26 @@ void GraphElimination::AddPriors() {
     }
     rest_->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
   }
-  if (graph_.prior.modes.empty()) return;
-  std::vector<int> index;
-  for (const int mode : graph_.prior.modes) {
-    index.insert(index.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
+  for (const GraphPrior& prior : graph_.priors) {
+    rest_->Add(
+        RowsOf(prior.modes), prior.information, -(prior.information * PriorDifference(prior)));
   }
-  const Eigen::MatrixXd& W = graph_.prior.sqrt_information;
-  const Eigen::VectorXd whitened = W * PriorDifference();
-  rest_->Add(index, W.transpose() * W, -(W.transpose() * whitened));
+}
+
+std::vector<int> GraphElimination::RowsOf(const std::vector<int>& modes) const {
+  std::vector<int> rows;
+  for (const int mode : modes) {
+    rows.insert(rows.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
+  }
+  return rows;
 }
 
 // Terms of zeros: they have places in the factor.
 void GraphElimination::AddTogether(RestSystem* rest) const {
   for (const std::vector<int>& modes : together_) {
-    std::vector<int> index;
-    for (const int mode : modes) {
-      index.insert(index.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
-    }
-    const auto size = static_cast<Eigen::Index>(index.size());
-    rest->Add(index, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size));
+    const std::vector<int> rows = RowsOf(modes);
+    const auto size = static_cast<Eigen::Index>(rows.size());
+    rest->Add(rows, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size));
   }
 }
 
@@ -607,13 +610,10 @@ Eigen::MatrixXd GraphElimination::PriorNoise(int count, std::mt19937_64& random)
     right.middleRows<3>(row + 3) =
         run.sensor_bias_sd.cwiseInverse().asDiagonal() * noise.bottomRows<3>();
   }
-  if (graph_.prior.modes.empty()) return right;
-  Eigen::MatrixXd noise(graph_.prior.sqrt_information.rows(), count);
-  signs.Fill(count, &noise);
-  const Eigen::MatrixXd of_modes = graph_.prior.sqrt_information.transpose() * noise;
-  for (std::size_t i = 0; i < graph_.prior.modes.size(); ++i) {
-    right.middleRows<2>(first_mode_ + Eigen::Index{2} * graph_.prior.modes[i]) +=
-        of_modes.middleRows<2>(static_cast<Eigen::Index>(2 * i));
+  for (const GraphPrior& prior : graph_.priors) {
+    Eigen::MatrixXd noise(prior.sqrt_information.rows(), count);
+    signs.Fill(count, &noise);
+    right(RowsOf(prior.modes), Eigen::all) += prior.sqrt_information.transpose() * noise;
   }
   return right;
 }

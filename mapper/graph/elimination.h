@@ -185,7 +185,8 @@ class GraphElimination {
   Eigen::MatrixXd PriorNoise(int count, std::mt19937_64& random) const;
   double StretchCost(const Stretch& stretch) const;
   double PriorCost() const;
-  Eigen::VectorXd PriorDifference() const;
+  Eigen::VectorXd PriorDifference(const GraphPrior& prior) const;
+  std::vector<int> RowsOf(const std::vector<int>& modes) const;
   void AddPriors();
   void AddTogether(RestSystem* rest) const;
   GraphStep Complete(const Eigen::VectorXd& rest, const Inside& inside) const;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "localizer/models/motion_model.h"
@@ -47,11 +48,19 @@ struct GraphObservation {
   double mean_squared_bearing = 0.0;  ///< b̄² of the run. [rad²]
 };
 
-/// What is known of some modes beforehand: the joint Gaussian of a previous map version.
+/// What is known of some modes beforehand: a joint Gaussian, as a previous map version has it.
 struct GraphPrior {
+  GraphPrior() = default;
+  GraphPrior(std::vector<int> of_modes, Eigen::VectorXd mean_m, Eigen::MatrixXd whitening)
+      : modes(std::move(of_modes)),
+        mean(std::move(mean_m)),
+        sqrt_information(std::move(whitening)),
+        information(sqrt_information.transpose() * sqrt_information) {}
+
   std::vector<int> modes;            ///< Indices in Graph::modes.
   Eigen::VectorXd mean;              ///< Stacked (x, y). [m]
-  Eigen::MatrixXd sqrt_information;  ///< Rows: whitened residuals. [1/m]
+  Eigen::MatrixXd sqrt_information;  ///< W; rows: whitened residuals. [1/m]
+  Eigen::MatrixXd information;       ///< WᵀW, which every linearization takes. [1/m²]
 };
 
 /// The continuous part of the mapping problem, IJRR (21): poses and mode positions that minimize
@@ -63,7 +72,7 @@ struct Graph {
   std::vector<GraphRun> runs;
   std::vector<Eigen::Vector2d> modes;  ///< p_map_landmark. [m]
   std::vector<GraphObservation> observations;
-  GraphPrior prior;
+  std::vector<GraphPrior> priors;  ///< Independent of each other.
 
   /// Without a prior the frame is fixed by holding the first pose of this run.
   int anchor_run = 0;

@@ -78,12 +78,12 @@ GraphProblem::GraphProblem(const Graph& graph) : problem_(ProblemOptions()) {
   }
   for (std::size_t i = 0; i < graph.runs.size(); ++i) AddRun(graph.runs[i], i);
   AddObservations(graph);
-  if (graph.prior.modes.empty()) {
+  if (graph.priors.empty()) {
     double* anchor = poses_[static_cast<std::size_t>(graph.anchor_run)].front().data();
     problem_.AddParameterBlock(anchor, 3);
     problem_.SetParameterBlockConstant(anchor);
   } else {
-    AddPrior(graph.prior);
+    for (const GraphPrior& prior : graph.priors) AddPrior(prior);
   }
 }
 

@@ -121,7 +121,7 @@ class GaussNewton {
         elimination_(*elimination),
         graph_(*graph),
         summary_(*summary),
-        floats_(graph->prior.modes.empty() && !graph->modes.empty()) {
+        floats_(graph->priors.empty() && !graph->modes.empty()) {
     if (graph->open) open_chain_.emplace(*graph);
   }
 
@@ -268,7 +268,7 @@ GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   GaussNewton gauss_newton(limits, &near_minimum_, &elimination, graph, &summary);
   if (!gauss_newton.Start()) return SolveGraphByTrustRegion(limits, graph);
   if (!gauss_newton.Run()) DampedGaussNewton(limits, &elimination, graph, &summary);
-  if (graph->prior.modes.empty()) HoldFrame(T_map_anchor, graph);
+  if (graph->priors.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();
   return summary;
 }

@@ -59,10 +59,7 @@ int FixedLagSmoother::AddMode(const Eigen::Vector2d& p_map_landmark, const Eigen
   return static_cast<int>(window_.modes.size()) - 1;
 }
 
-void FixedLagSmoother::SetPrior(const GraphPrior& prior) {
-  prior_ = prior;
-  prior_information_ = prior.sqrt_information.transpose() * prior.sqrt_information;
-}
+void FixedLagSmoother::SetPrior(const GraphPrior& prior) { prior_ = prior; }
 
 void FixedLagSmoother::AddFrame() {
   SHIFTMAP_CHECK(window_.frames.empty(), "{} frames before the first", window_.frames.size());
@@ -190,7 +187,7 @@ void FixedLagSmoother::AddPriors(CarriedSystem* system) const {
     from_origin.segment<2>(static_cast<Eigen::Index>(2 * i)) -=
         window_.modes[static_cast<std::size_t>(prior_.modes[i])].origin;
   }
-  const Eigen::VectorXd b = prior_information_ * from_origin;
+  const Eigen::VectorXd b = prior_.information * from_origin;
   for (std::size_t i = 0; i < prior_.modes.size(); ++i) {
     const auto from = static_cast<Eigen::Index>(2 * i);
     const Eigen::Index row = ModeColumn(prior_.modes[i]);
@@ -199,7 +196,7 @@ void FixedLagSmoother::AddPriors(CarriedSystem* system) const {
       const Eigen::Index column = ModeColumn(prior_.modes[j]);
       if (column > row) continue;
       system->H.block<2, 2>(row, column) +=
-          prior_information_.block<2, 2>(from, static_cast<Eigen::Index>(2 * j));
+          prior_.information.block<2, 2>(from, static_cast<Eigen::Index>(2 * j));
     }
   }
   for (std::size_t m = 0; m < window_.modes.size(); ++m) {

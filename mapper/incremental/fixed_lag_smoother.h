@@ -109,7 +109,6 @@ class FixedLagSmoother {
 
   SmootherOptions options_;
   GraphPrior prior_;
-  Eigen::MatrixXd prior_information_;
   Window window_;
   CarriedSystem dropped_;  // Carried to the first frame of the window.
   std::vector<FrameChunk> chunks_;

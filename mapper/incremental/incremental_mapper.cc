@@ -109,11 +109,11 @@ IncrementalMapper::IncrementalMapper(const IncrementalOptions& options,
 void IncrementalMapper::AddPrior(const IncrementalPrior& prior,
                                  const Eigen::MatrixXd& sqrt_information) {
   groups_.resize(static_cast<std::size_t>(prior.groups));
-  GraphPrior known;
+  std::vector<int> known;
   for (std::size_t i = 0; i < prior.group.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(2 * i);
     const int mode = smoother_.AddMode(prior.mean.segment<2>(at), prior.cov.block<2, 2>(at, at));
-    known.modes.push_back(mode);
+    known.push_back(mode);
     IncrementalGroup& group = groups_[static_cast<std::size_t>(prior.group[i])];
     group.modes.push_back(mode);
     ++group.known;
@@ -123,9 +123,7 @@ void IncrementalMapper::AddPrior(const IncrementalPrior& prior,
     groups_[g].choice_before =
         !prior.choice_before.empty() ? prior.choice_before[g] : (one ? 0 : kNoMode);
   }
-  known.mean = prior.mean;
-  known.sqrt_information = sqrt_information;
-  smoother_.SetPrior(known);
+  smoother_.SetPrior({std::move(known), prior.mean, sqrt_information});
 }
 
 Status IncrementalMapper::Undetermined() const {

@@ -2,6 +2,7 @@
 #include "mapstore/map/joint_covariance.h"
 
 #include <algorithm>
+#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -77,6 +78,49 @@ Eigen::MatrixXd JointCovariance::Dense() const {
     dense.block<2, 2>(2 * block.column, 2 * block.row) = block.value.transpose();
   }
   return dense;
+}
+
+Eigen::MatrixXd JointCovariance::Dense(const std::vector<int>& modes) const {
+  const std::ptrdiff_t size = 2 * std::ssize(modes);
+  Eigen::MatrixXd dense(size, size);
+  for (std::size_t a = 0; a < modes.size(); ++a) {
+    for (std::size_t b = 0; b < modes.size(); ++b) {
+      dense.block<2, 2>(static_cast<Eigen::Index>(2 * a), static_cast<Eigen::Index>(2 * b)) =
+          Block(modes[a], modes[b]);
+    }
+  }
+  return dense;
+}
+
+std::vector<std::vector<int>> JointCovariance::Components() const {
+  // Union-find, every set by its first mode.
+  std::vector<int> parent(diagonal_.size());
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto find = [&](int mode) {
+    while (parent[static_cast<std::size_t>(mode)] != mode) {
+      int& up = parent[static_cast<std::size_t>(mode)];
+      up = parent[static_cast<std::size_t>(up)];
+      mode = up;
+    }
+    return mode;
+  };
+  for (const CrossBlock& block : cross_) {
+    const int a = find(block.row);
+    const int b = find(block.column);
+    parent[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+  }
+  std::vector<std::vector<int>> components;
+  std::vector<std::size_t> component_of(diagonal_.size());
+  for (int mode = 0; mode < size(); ++mode) {
+    const int first = find(mode);
+    std::size_t& component = component_of[static_cast<std::size_t>(first)];
+    if (first == mode) {
+      component = components.size();
+      components.emplace_back();
+    }
+    components[component].push_back(mode);
+  }
+  return components;
 }
 
 }  // namespace shiftmap

@@ -43,6 +43,13 @@ class JointCovariance {
   /// The dense 2n x 2n matrix, for tests and small maps.
   Eigen::MatrixXd Dense() const;
 
+  /// The same of some modes, 2k x 2k in their order.
+  Eigen::MatrixXd Dense(const std::vector<int>& modes) const;
+
+  /// All modes in the smallest sets that no stored block connects, by their first mode, each
+  /// ascending: a large map's tiles of neighbours, a survey's single landmarks.
+  std::vector<std::vector<int>> Components() const;
+
  private:
   std::vector<Eigen::Matrix2d> diagonal_;
   std::vector<CrossBlock> cross_;

@@ -14,6 +14,7 @@
 
 #include "mapper/datum.h"
 #include "mapper/mapper.h"
+#include "mapper/mode_covariance.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tests/unit/mapper/mapper_test_util.h"
@@ -144,6 +145,67 @@ TEST_P(NightlyBuilds, KnowHowGoodTheyAre) {
   // The scale of a map is no better than the sensor's, and the same for both.
   EXPECT_LT(nights.back().squared_error / nights.back().modes,
             1.5 * at_once.squared_error / at_once.modes);
+}
+
+// A site as runs of a shift see it, with more data than a few landmarks in a room.
+OpenWorldOptions LargeSite(int landmarks, double size_m) {
+  OpenWorldOptions options;
+  options.seed = 3;
+  options.groups = landmarks;
+  options.modes_per_group = 1;
+  options.size_m = size_m;
+  options.duration_s = 500.0;
+  options.odometry_rate_hz = 10.0;
+  options.scan_rate_hz = 2.5;
+  options.runs = 3;
+  return options;
+}
+
+// How much longer a map is than the truth, by its modes.
+double LogScale(const MapContent& content, const SimulatedWorld& world) {
+  std::vector<Eigen::Vector2d> positions;
+  Eigen::VectorXd error(0);
+  for (const MatchedMode& match : MatchModes(content, world)) {
+    positions.push_back(content.groups[match.group].modes[match.mode].p_map_landmark);
+    error.conservativeResize(error.size() + 2);
+    error.tail<2>() = match.error;
+  }
+  const Eigen::VectorXd q = OffsetsFromCentroid(positions);
+  return q.dot(error) / q.squaredNorm();
+}
+
+// The graph minimizes over the shape of a map; where its scale is free, all of its χ² is to be had
+// for making it smaller. Runs whose ranges are longer change nothing about the map's units either.
+TEST(NightlyBuildsOfALargeSite, LeaveTheScaleOfAMapAsItIs) {
+  const SimulatedWorld world = Simulate(LargeSite(80, 40.0));
+  std::vector<MapperInput> inputs = Inputs(world);
+  for (Scan& scan : inputs[2].run.scans) {
+    for (Observation& observation : scan.observations) observation.z.x() *= 1.01;
+  }
+  MapContent map = Build({inputs[0]}, std::nullopt);
+  const double scale = LogScale(map, world);
+  EXPECT_LT(std::abs(scale), 1e-3);
+  for (const std::size_t night : {1u, 2u}) {
+    map = Build({inputs[night]}, map);
+    EXPECT_NEAR(LogScale(map, world), scale, 5e-4) << "night " << night + 1;
+  }
+}
+
+// Beyond kMaxJointModes a map is known in tiles.
+TEST(NightlyBuildsOfALargeSite, ALargeMapBecomesBetterToo) {
+  const SimulatedWorld world = Simulate(LargeSite(kMaxJointModes + 40, 70.0));
+  const std::vector<MapperInput> inputs = Inputs(world);
+  const MapContent first = Build({inputs[0], inputs[1]}, std::nullopt);
+  ASSERT_GT(first.covariance.size(), kMaxJointModes);
+  const MapContent second = Build({inputs[2]}, first);
+  EXPECT_LE(second.covariance.size(), kMaxJointModes + 40);
+  const Consistency before = Measure(first, world);
+  const Consistency after = Measure(second, world);
+  std::printf("%.1f mm, then %.1f mm RMS\n",
+              1e3 * std::sqrt(before.squared_error / before.modes),
+              1e3 * std::sqrt(after.squared_error / after.modes));
+  EXPECT_LT(after.squared_error / after.modes, before.squared_error / before.modes);
+  EXPECT_LT(after.PerLandmark(), 2.5);
 }
 
 INSTANTIATE_TEST_SUITE_P(Fleets,

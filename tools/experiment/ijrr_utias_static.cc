@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "localizer/models/observation_model.h"
+#include "mapper/datum.h"
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/graph/graph.h"
 #include "mapstore/core/median.h"
@@ -51,25 +52,22 @@ Graph StaticGraph(const UtiasCase& data,
          ObservationNoise(observations[i], noise.sensor),
          0.0});
   }
-  graph.prior.mean.resize(2 * std::ssize(map));
+  std::vector<int> modes;
   for (const auto& [signature, place] : map) {
-    graph.prior.mean.segment<2>(2 * std::ssize(graph.modes)) = place;
-    graph.prior.modes.push_back(static_cast<int>(graph.modes.size()));
+    modes.push_back(static_cast<int>(graph.modes.size()));
     graph.modes.push_back(place);
   }
-  graph.prior.sqrt_information =
-      Eigen::MatrixXd::Identity(graph.prior.mean.size(), graph.prior.mean.size()) / prior_sd_m;
+  graph.priors = HoldModes(modes, graph.modes, prior_sd_m);
   return graph;
 }
 
 // Weights of Cauchy's loss at the present distances: w = 1 / (1 + (d / c sd)²).
 void Reweight(double prior_sd_m, Graph* graph) {
   for (std::size_t i = 0; i < graph->modes.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(2 * i);
-    const double distance = (graph->modes[i] - graph->prior.mean.segment<2>(at)).norm();
-    const double ratio = distance / (kCauchyScale * prior_sd_m);
-    graph->prior.sqrt_information.diagonal().segment<2>(at).setConstant(
-        1.0 / (prior_sd_m * std::sqrt(1.0 + ratio * ratio)));
+    GraphPrior& prior = graph->priors[i];
+    const double ratio = (graph->modes[i] - prior.mean).norm() / (kCauchyScale * prior_sd_m);
+    const double sd_m = prior_sd_m * std::sqrt(1.0 + ratio * ratio);
+    prior = {prior.modes, prior.mean, Eigen::MatrixXd(Eigen::Matrix2d::Identity() / sd_m)};
   }
 }
 

@@ -93,7 +93,8 @@ TEST_F(LooseRuns, WithAPriorMapItIsThatWhichTies) {
   Add("c", {5, 6, 7});
   Add("d", {5, 6, 7});
   for (const std::size_t group : {0u, 1u, 2u}) problem_.modes[group][0].number = ModeNumber(1);
-  problem_.prior.modes = {0, 1, 2};
+  problem_.priors.emplace_back().modes = {0, 1};
+  problem_.priors.emplace_back().modes = {2};
   EXPECT_EQ(TakeOutLooseRuns(&problem_), 2);
   EXPECT_EQ(Left(), (Names{"a", "b"}));
   problem_.runs.clear();

@@ -72,9 +72,11 @@ TEST(DropUnusedModes, KeepsThePriorsIndicesRight) {
   problem.signatures = {Signature("A"), Signature("B")};
   problem.modes = {{{Eigen::Vector2d::Zero(), kAbsent}, {Eigen::Vector2d::Ones(), ModeNumber(1)}},
                    {{Eigen::Vector2d::Ones(), ModeNumber(1)}}};
-  problem.prior.modes = {1, 2};
+  problem.priors.emplace_back().modes = {1};
+  problem.priors.emplace_back().modes = {2};
   DropUnusedModes(&problem);
-  EXPECT_EQ(problem.prior.modes, (std::vector<int>{0, 1}));
+  EXPECT_EQ(problem.priors[0].modes, std::vector<int>{0});
+  EXPECT_EQ(problem.priors[1].modes, std::vector<int>{1});
   EXPECT_EQ(testing::CountModes(problem), 2u);
 }
 

@@ -142,7 +142,7 @@ TEST(BendOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
     poses_after += (submap.problem.runs[0].poses[f].translation() - wanted).squaredNorm();
   }
   EXPECT_LT(poses_after, poses_before);
-  EXPECT_TRUE(submap.problem.prior.modes.empty());
+  EXPECT_TRUE(submap.problem.priors.empty());
 }
 
 }  // namespace

@@ -69,15 +69,14 @@ Graph MakeSite(const SiteShape& shape, unsigned seed) {
 }
 
 GraphPrior MakePrior(const Graph& graph) {
-  GraphPrior prior;
   const auto size = static_cast<Eigen::Index>(2 * graph.modes.size());
-  prior.mean.resize(size);
+  std::vector<int> modes;
+  Eigen::VectorXd mean(size);
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-    prior.modes.push_back(static_cast<int>(m));
-    prior.mean.segment<2>(static_cast<Eigen::Index>(2 * m)) = graph.modes[m];
+    modes.push_back(static_cast<int>(m));
+    mean.segment<2>(static_cast<Eigen::Index>(2 * m)) = graph.modes[m];
   }
-  prior.sqrt_information = Eigen::MatrixXd::Identity(size, size) * 20.0;
-  return prior;
+  return {std::move(modes), std::move(mean), Eigen::MatrixXd::Identity(size, size) * 20.0};
 }
 
 // The same minimum, from the same start, as Ceres' trust region finds.
@@ -111,7 +110,7 @@ TEST(GraphElimination, FindsTheMinimumOfCeres) {
   for (const int frames : {1, 2, 3, 32, 33, 34, 65, 200}) {
     SCOPED_TRACE(frames);
     Graph graph = MakeSite({.runs = 1, .frames = frames, .modes = 5}, 7);
-    graph.prior = MakePrior(graph);
+    graph.priors = {MakePrior(graph)};
     ExpectSameMinimum(std::move(graph));
   }
 }
@@ -122,14 +121,14 @@ TEST(GraphElimination, FindsTheMinimumOfCeresWithTheFirstPoseHeld) {
 
 TEST(GraphElimination, FindsTheMinimumOfCeresOverSeveralRuns) {
   Graph graph = MakeSite({.runs = 3, .frames = 70, .modes = 6}, 5);
-  graph.prior = MakePrior(graph);
+  graph.priors = {MakePrior(graph)};
   ExpectSameMinimum(std::move(graph));
 }
 
 // Every fifth observation is of another place, all on one side.
 TEST(GraphElimination, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
   Graph graph = MakeSite({.runs = 2, .frames = 70, .modes = 6}, 5);
-  graph.prior = MakePrior(graph);
+  graph.priors = {MakePrior(graph)};
   Graph clean = graph;
   clean.observations.clear();
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
@@ -159,7 +158,7 @@ TEST(GraphElimination, HeldPoseStays) {
 
 TEST(GraphElimination, DrawsHaveTheCovariance) {
   Graph graph = MakeSite({.runs = 1, .frames = 80, .modes = 4}, 13);
-  graph.prior = MakePrior(graph);
+  graph.priors = {MakePrior(graph)};
   SolveGraph({30}, &graph);
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
@@ -177,7 +176,7 @@ TEST(GraphElimination, DrawsHaveTheCovariance) {
 
 TEST(GraphElimination, DifferencesOfModesHaveTheJointCovariances) {
   Graph graph = MakeSite({.runs = 2, .frames = 80, .modes = 6}, 17);
-  graph.prior = MakePrior(graph);
+  graph.priors = {MakePrior(graph)};
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
   const Eigen::MatrixXd covariance = elimination.ModeCovariance();

@@ -162,7 +162,8 @@ Graph BatchOf(const World& world, const IncrementalMapper& mapper) {
   graph.runs.push_back(std::move(run));
   for (const WindowMode& mode : mapper.window().modes) graph.modes.push_back(mode.p_map_landmark);
   const IncrementalPrior survey = Survey(world);
-  graph.prior = {{0, 1, 2, 3}, survey.mean, Eigen::MatrixXd::Identity(8, 8) / kSurveySd};
+  graph.priors = {
+      {{0, 1, 2, 3}, survey.mean, Eigen::MatrixXd(Eigen::MatrixXd::Identity(8, 8) / kSurveySd)}};
   for (int i = 0; i < 20; ++i) SolveGraph({10}, &graph);
   return graph;
 }

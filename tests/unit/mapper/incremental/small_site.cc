@@ -59,13 +59,16 @@ Graph MakeSmallSite(const SiteShape& shape, std::uint64_t seed) {
   }
   graph.runs.push_back(run);
   if (shape.surveyed) {
-    graph.prior.mean.resize(2 * shape.modes);
+    std::vector<int> modes;
+    Eigen::VectorXd mean(2 * shape.modes);
     for (int m = 0; m < shape.modes; ++m) {
-      graph.prior.modes.push_back(m);
-      graph.prior.mean.segment<2>(2 * m) = graph.modes[static_cast<std::size_t>(m)];
+      modes.push_back(m);
+      mean.segment<2>(2 * m) = graph.modes[static_cast<std::size_t>(m)];
     }
-    graph.prior.sqrt_information =
-        Eigen::MatrixXd::Identity(2 * shape.modes, 2 * shape.modes) / kSurveySd;
+    graph.priors.emplace_back(
+        std::move(modes),
+        std::move(mean),
+        Eigen::MatrixXd::Identity(2 * shape.modes, 2 * shape.modes) / kSurveySd);
   }
   return graph;
 }
@@ -85,7 +88,7 @@ void AddModes(const Graph& graph, FixedLagSmoother* smoother) {
   for (const Eigen::Vector2d& mode : graph.modes) {
     smoother->AddMode(mode, Eigen::Matrix2d::Identity());
   }
-  if (!graph.prior.modes.empty()) smoother->SetPrior(graph.prior);
+  if (!graph.priors.empty()) smoother->SetPrior(graph.priors.front());
 }
 
 void AddNextFrame(const Graph& graph, int frame, FixedLagSmoother* smoother) {

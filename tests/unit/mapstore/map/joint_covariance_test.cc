@@ -35,6 +35,22 @@ TEST(JointCovarianceTest, EmptyAndWithoutCrossBlocks) {
   EXPECT_EQ(covariance.Block(1, 1)(0, 0), 2.0);
 }
 
+TEST(JointCovarianceTest, ComponentsAreWhatBlocksConnect) {
+  const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
+  const std::vector<Eigen::Matrix2d> diagonal(7, one);
+  // 1 - 4 - 6 by way of 4, 2 - 3, and 0 and 5 alone.
+  const JointCovariance cov(diagonal, {{4, 6, 0.1 * one}, {1, 4, 0.2 * one}, {2, 3, 0.3 * one}});
+  EXPECT_EQ(cov.Components(), (std::vector<std::vector<int>>{{0}, {1, 4, 6}, {2, 3}, {5}}));
+  EXPECT_TRUE(JointCovariance().Components().empty());
+}
+
+TEST(JointCovarianceTest, DenseOfSomeModesIsPartOfTheWhole) {
+  const Eigen::MatrixXd root = Eigen::MatrixXd::Random(10, 10);
+  const JointCovariance cov = JointCovariance::FromDense(root * root.transpose());
+  const Eigen::MatrixXd some = cov.Dense({3, 0});
+  EXPECT_EQ(some, cov.Dense()({6, 7, 0, 1}, {6, 7, 0, 1}));
+}
+
 TEST(JointCovarianceDeathTest, BlocksMustBeAboveTheDiagonalAndOnce) {
   const Eigen::Matrix2d zero = Eigen::Matrix2d::Zero();
   const std::vector<Eigen::Matrix2d> diagonal(3, Eigen::Matrix2d::Identity());
