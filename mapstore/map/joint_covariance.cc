@@ -41,9 +41,10 @@ JointCovariance JointCovariance::FromDense(const Eigen::MatrixXd& dense) {
   std::vector<Eigen::Matrix2d> diagonal;
   std::vector<CrossBlock> cross;
   for (int row = 0; row < modes; ++row) {
-    diagonal.push_back(dense.block<2, 2>(2 * row, 2 * row));
+    diagonal.push_back(dense.block<2, 2>(Eigen::Index{2} * row, Eigen::Index{2} * row));
     for (int column = row + 1; column < modes; ++column) {
-      const Eigen::Matrix2d value = dense.block<2, 2>(2 * row, 2 * column);
+      const Eigen::Matrix2d value =
+          dense.block<2, 2>(Eigen::Index{2} * row, Eigen::Index{2} * column);
       if (!value.isZero(0.0)) cross.push_back({row, column, value});
     }
   }
@@ -70,12 +71,14 @@ Eigen::Matrix2d JointCovariance::Block(int row, int column) const {
 }
 
 Eigen::MatrixXd JointCovariance::Dense() const {
-  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(2 * size(), 2 * size());
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(Eigen::Index{2} * size(), Eigen::Index{2} * size());
   for (int i = 0; i < size(); ++i)
-    dense.block<2, 2>(2 * i, 2 * i) = diagonal_[static_cast<std::size_t>(i)];
+    dense.block<2, 2>(Eigen::Index{2} * i, Eigen::Index{2} * i) =
+        diagonal_[static_cast<std::size_t>(i)];
   for (const CrossBlock& block : cross_) {
-    dense.block<2, 2>(2 * block.row, 2 * block.column) = block.value;
-    dense.block<2, 2>(2 * block.column, 2 * block.row) = block.value.transpose();
+    dense.block<2, 2>(Eigen::Index{2} * block.row, Eigen::Index{2} * block.column) = block.value;
+    dense.block<2, 2>(Eigen::Index{2} * block.column, Eigen::Index{2} * block.row) =
+        block.value.transpose();
   }
   return dense;
 }

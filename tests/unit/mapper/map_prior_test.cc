@@ -55,8 +55,9 @@ class MapPrior : public ::testing::Test {
   // Blocks of neighbours in order; zero between them.
   static JointCovariance InTiles(const Eigen::MatrixXd& dense, int modes_per_tile) {
     Eigen::MatrixXd blocks = Eigen::MatrixXd::Zero(dense.rows(), dense.cols());
-    for (Eigen::Index at = 0; at < dense.rows(); at += 2 * modes_per_tile) {
-      const Eigen::Index size = std::min<Eigen::Index>(2 * modes_per_tile, dense.rows() - at);
+    const Eigen::Index rows = Eigen::Index{2} * modes_per_tile;
+    for (Eigen::Index at = 0; at < dense.rows(); at += rows) {
+      const Eigen::Index size = std::min(rows, dense.rows() - at);
       blocks.block(at, at, size, size) = dense.block(at, at, size, size);
     }
     return JointCovariance::FromDense(blocks);
@@ -99,7 +100,8 @@ TEST_F(MapPrior, ASurveyKnowsItsScaleAndStaysAsItIs) {
   for (const int landmarks : {15, kMaxJointModes + 20}) {
     const Positions positions = RandomPositions(landmarks);
     const Eigen::MatrixXd cov =
-        0.05 * 0.05 * Eigen::MatrixXd::Identity(2 * landmarks, 2 * landmarks);
+        0.05 * 0.05 *
+        Eigen::MatrixXd::Identity(std::ssize(positions) * 2, std::ssize(positions) * 2);
     MapContent content = MapOf(positions, JointCovariance::FromDense(cov));
     EXPECT_EQ(TakeOutScale(kSdScale, &content), 0.0);
     EXPECT_EQ(content.covariance.Dense(), cov);

@@ -20,7 +20,8 @@ TEST(JointCovarianceTest, DenseRoundTrip) {
   EXPECT_THAT(covariance.Dense(), IsNearMatrix(dense, 0.0));
   for (int row = 0; row < 5; ++row) {
     for (int column = 0; column < 5; ++column) {
-      const Eigen::Matrix2d expected = dense.block<2, 2>(2 * row, 2 * column);
+      const Eigen::Matrix2d expected =
+          dense.block<2, 2>(Eigen::Index{2} * row, Eigen::Index{2} * column);
       EXPECT_EQ(covariance.Block(row, column), expected) << row << ", " << column;
     }
   }
