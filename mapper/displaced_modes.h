@@ -13,7 +13,8 @@
 namespace shiftmap {
 
 /// Which modes of a submap are of landmarks that stand elsewhere than the prior map has them,
-/// decided for all of them at once by FindDisplaced().
+/// decided together by FindDisplaced(): for all of them at once, or where they are hundreds for
+/// those of one neighbourhood after the other.
 ///
 /// That takes a run's landmarks for linear in its errors, which they are not once they are to turn
 /// by some tenths of a radian: a run that lost its heading between two rooms has the second one on

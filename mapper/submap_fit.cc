@@ -48,12 +48,11 @@ int NearestOf(const std::vector<BuildMode>& modes, const Eigen::Vector2d& point)
 class BentSubmap {
  public:
   BentSubmap(const MapperOptions& options, const Submap& submap, const MapProblem& map)
-      : map_(map), noise_(2.0 * std::pow(options.modes.position_floor_m, 2)) {
+      : map_(map),
+        noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
+        positions_(ModePositions(submap.problem)) {
     for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
-      for (const BuildMode& mode : submap.problem.modes[group]) {
-        group_.push_back(group);
-        positions_.push_back(mode.p_map_landmark);
-      }
+      group_.insert(group_.end(), submap.problem.modes[group].size(), group);
     }
     covariance_ = FreeDatumAndScale(positions_, options.sd_range_scale, submap.covariance);
     gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);

@@ -57,14 +57,7 @@ struct Consistency {
 
 Consistency Measure(const MapContent& content, const SimulatedWorld& world) {
   constexpr int kDatum = 3;
-  std::vector<Eigen::Vector2d> positions;
-  std::vector<double> errors;
-  for (const MatchedMode& match : MatchModes(content, world)) {
-    positions.push_back(content.groups[match.group].modes[match.mode].p_map_landmark);
-    errors.insert(errors.end(), {match.error.x(), match.error.y()});
-  }
-  const Eigen::VectorXd error =
-      Eigen::Map<Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size()));
+  const auto [positions, error] = ErrorsOf(content, world);
   const Eigen::MatrixXd G = DatumDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(error.size(), error.size()) - G * G.transpose();
@@ -161,19 +154,6 @@ OpenWorldOptions LargeSite(int landmarks, double size_m) {
   return options;
 }
 
-// How much longer a map is than the truth, by its modes.
-double LogScale(const MapContent& content, const SimulatedWorld& world) {
-  std::vector<Eigen::Vector2d> positions;
-  Eigen::VectorXd error(0);
-  for (const MatchedMode& match : MatchModes(content, world)) {
-    positions.push_back(content.groups[match.group].modes[match.mode].p_map_landmark);
-    error.conservativeResize(error.size() + 2);
-    error.tail<2>() = match.error;
-  }
-  const Eigen::VectorXd q = OffsetsFromCentroid(positions);
-  return q.dot(error) / q.squaredNorm();
-}
-
 // The graph minimizes over the shape of a map; where its scale is free, all of its χ² is to be had
 // for making it smaller. Runs whose ranges are longer change nothing about the map's units either.
 TEST(NightlyBuildsOfALargeSite, LeaveTheScaleOfAMapAsItIs) {
@@ -183,11 +163,11 @@ TEST(NightlyBuildsOfALargeSite, LeaveTheScaleOfAMapAsItIs) {
     for (Observation& observation : scan.observations) observation.z.x() *= 1.01;
   }
   MapContent map = Build({inputs[0]}, std::nullopt);
-  const double scale = LogScale(map, world);
+  const double scale = ErrorsOf(map, world).Scale();
   EXPECT_LT(std::abs(scale), 1e-3);
   for (const std::size_t night : {1u, 2u}) {
     map = Build({inputs[night]}, map);
-    EXPECT_NEAR(LogScale(map, world), scale, 5e-4) << "night " << night + 1;
+    EXPECT_NEAR(ErrorsOf(map, world).Scale(), scale, 5e-4) << "night " << night + 1;
   }
 }
 

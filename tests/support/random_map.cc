@@ -42,6 +42,16 @@ Eigen::Matrix2d RandomCovariance(std::mt19937_64& random, double scale) {
   return covariance;
 }
 
+std::vector<Eigen::Vector2d> RandomPositions(std::mt19937_64& random, int count, double sd_m) {
+  std::normal_distribution<double> normal(0.0, sd_m);
+  std::vector<Eigen::Vector2d> positions;
+  for (int i = 0; i < count; ++i) {
+    const double x = normal(random);
+    positions.emplace_back(x, normal(random));
+  }
+  return positions;
+}
+
 Eigen::VectorXd RandomDistribution(std::mt19937_64& random, int states) {
   Eigen::VectorXd weights(states);
   for (double& weight : weights) weight = Uniform(random, 0.05, 1.0);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
@@ -26,6 +27,9 @@ struct RandomMapOptions {
 
 /// A random symmetric positive definite matrix, eigenvalues about `scale`.
 Eigen::Matrix2d RandomCovariance(std::mt19937_64& random, double scale);
+
+/// Positions about the origin, normal with this standard deviation per axis. [m]
+std::vector<Eigen::Vector2d> RandomPositions(std::mt19937_64& random, int count, double sd_m);
 
 /// Random probabilities of `states` states, all positive.
 Eigen::VectorXd RandomDistribution(std::mt19937_64& random, int states);

@@ -126,8 +126,8 @@ double MeanSquaredDeviation(const MapContent& content, const std::vector<Eigen::
 }
 
 // Takes out of errors at some positions what makes the whole map larger, and returns it.
-double TakeOutScale(const std::vector<Eigen::Vector2d>& positions,
-                    std::vector<Eigen::Vector2d>* errors) {
+double RemoveScaleError(const std::vector<Eigen::Vector2d>& positions,
+                        std::vector<Eigen::Vector2d>* errors) {
   const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
   double along = 0.0;
   for (std::size_t i = 0; i < errors->size(); ++i) {
@@ -170,7 +170,7 @@ Status Score(const MapContent& content,
   row->rms_m = std::sqrt(squares / static_cast<double>(pairs.size()));
   row->median_m = Median(std::move(distances));
   row->nees = MeanSquaredDeviation(content, errors);
-  row->scale_error = TakeOutScale(positions, &errors);
+  row->scale_error = RemoveScaleError(positions, &errors);
   row->nees_shape = MeanSquaredDeviation(content, errors);
   return OkStatus();
 }

@@ -20,14 +20,7 @@ constexpr double kFloorVariance = 1e-6;  // What ReferToPositions adds per axis.
 
 class Datum : public ::testing::Test {
  protected:
-  Positions RandomPositions(int count) {
-    Positions positions;
-    for (int i = 0; i < count; ++i) {
-      const double x = 10.0 * normal_(random_);
-      positions.emplace_back(x, 10.0 * normal_(random_));
-    }
-    return positions;
-  }
+  Positions RandomPositions(int count) { return testing::RandomPositions(random_, count, 10.0); }
 
   Eigen::MatrixXd RandomJointCovariance(int count, double sd) {
     Eigen::MatrixXd root(2 * count, 2 * count);

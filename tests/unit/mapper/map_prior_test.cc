@@ -21,14 +21,7 @@ constexpr double kSdScale = 0.02;
 
 class MapPrior : public ::testing::Test {
  protected:
-  Positions RandomPositions(int count) {
-    Positions positions;
-    for (int i = 0; i < count; ++i) {
-      const double x = 20.0 * normal_(random_);
-      positions.emplace_back(x, 20.0 * normal_(random_));
-    }
-    return positions;
-  }
+  Positions RandomPositions(int count) { return testing::RandomPositions(random_, count, 20.0); }
 
   // Of centimetres, relative to the positions as a whole.
   Eigen::MatrixXd ShapeCovariance(const Positions& positions) {

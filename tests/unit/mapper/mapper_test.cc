@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 
-#include "mapper/datum.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
@@ -290,19 +289,13 @@ TEST(BuildMap, MisreadSignaturesMakeNoModesAndMoveNone) {
     const StatusOr<MapperResult> result = BuildMap(testing::Inputs(world), std::nullopt, mapper);
     ASSERT_THAT(result.status(), IsOk());
     EXPECT_TRUE(result->rejected.empty());
-    std::vector<Eigen::Vector2d> positions;
-    std::vector<Eigen::Vector2d> errors;
     for (const MatchedMode& match : MatchModes(result->content, world)) {
       const Mode& mode = result->content.groups[match.group].modes[match.mode];
       EXPECT_LT(match.error.norm(), 1.0) << seed;
       nees += SquaredMahalanobis(match.error, mode.cov_p_map_landmark);
       ++count;
-      positions.push_back(mode.p_map_landmark);
-      errors.push_back(match.error);
     }
-    const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
-    const Eigen::Map<const Eigen::VectorXd> stacked(errors.front().data(), offsets.size());
-    scale_error += 0.25 * offsets.dot(stacked) / offsets.squaredNorm();
+    scale_error += 0.25 * testing::ErrorsOf(result->content, world).Scale();
   }
   RecordProperty("mean_nees", std::to_string(nees / count));
   RecordProperty("scale_error", std::to_string(scale_error));

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "mapper/datum.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::testing {
@@ -132,6 +133,23 @@ std::vector<MatchedMode> MatchModes(const MapContent& content,
     matches[i].error = pairs[i].p_a - *T_map_world * pairs[i].p_b;
   }
   return matches;
+}
+
+double ModeErrors::Scale() const {
+  const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
+  return offsets.dot(errors) / offsets.squaredNorm();
+}
+
+ModeErrors ErrorsOf(const MapContent& content, const SimulatedWorld& world) {
+  const std::vector<MatchedMode> matches = MatchModes(content, world);
+  ModeErrors result;
+  result.errors.resize(static_cast<Eigen::Index>(2 * matches.size()));
+  for (const MatchedMode& match : matches) {
+    const auto row = static_cast<Eigen::Index>(2 * result.positions.size());
+    result.positions.push_back(content.groups[match.group].modes[match.mode].p_map_landmark);
+    result.errors.segment<2>(row) = match.error;
+  }
+  return result;
 }
 
 }  // namespace shiftmap::testing

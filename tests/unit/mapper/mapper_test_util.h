@@ -58,4 +58,15 @@ std::vector<MatchedMode> MatchModes(const MapContent& content,
                                     const SimulatedWorld& world,
                                     std::size_t first_run = 0);
 
+/// Where a map has its modes, and by how much it is wrong, as of MatchModes().
+struct ModeErrors {
+  std::vector<Eigen::Vector2d> positions;  ///< [m]
+  Eigen::VectorXd errors;                  ///< Stacked (x, y). [m]
+
+  /// By how much the map is too large. [-]
+  double Scale() const;
+};
+
+ModeErrors ErrorsOf(const MapContent& content, const SimulatedWorld& world);
+
 }  // namespace shiftmap::testing
