@@ -179,10 +179,11 @@ constexpr int kStrayRounds = 3;
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
   problem->loss_reach = kLossReach;
   const GoOn go_on = watch->During("all runs", 0.6);
+  GraphSolver solver;
   // Rounds of noise go on from where this ends.
   const auto refine = [&] {
-    return options.calibrate ? AlternateModes(options, problem, go_on)
-                             : RefineModes(options, problem, go_on);
+    return options.calibrate ? AlternateModes(options, problem, &solver, go_on)
+                             : RefineModes(options, problem, &solver, go_on);
   };
   int iterations = refine();
   for (int round = 0; round < kStrayRounds && PutBackStrayRuns(options, problem, go_on) > 0;
@@ -202,9 +203,9 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   }
   if (!options.calibrate) return iterations;
   problem->sensor = EstimateDetection(*problem, options.modes);
-  CalibrateNoise(options, {}, problem, watch->During("noise", 0.7));
+  CalibrateNoise(options, {}, problem, &solver, watch->During("noise", 0.7));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  iterations += RefineModes(options, problem, watch->During("all runs", 0.8));
+  iterations += RefineModes(options, problem, &solver, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
   return iterations;

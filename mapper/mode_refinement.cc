@@ -197,16 +197,20 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
   return created;
 }
 
-int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
-  GraphSolver solver;
-  const int iterations = Alternate(ForSelection(options), problem, &solver, go_on);
-  if (!problem->runs.empty()) SolveContinuous(options, problem, &solver);
+int RefineModes(const MapperOptions& options,
+                MapProblem* problem,
+                GraphSolver* solver,
+                const GoOn& go_on) {
+  const int iterations = AlternateModes(options, problem, solver, go_on);
+  if (!problem->runs.empty()) SolveContinuous(options, problem, solver);
   return iterations;
 }
 
-int AlternateModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
-  GraphSolver solver;
-  return Alternate(ForSelection(options), problem, &solver, go_on);
+int AlternateModes(const MapperOptions& options,
+                   MapProblem* problem,
+                   GraphSolver* solver,
+                   const GoOn& go_on) {
+  return Alternate(ForSelection(options), problem, solver, go_on);
 }
 
 void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {

@@ -38,12 +38,19 @@ int CreateModes(const ModeOptions& options, MapProblem* problem);
 /// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
 /// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
 /// selects at every linearization of the continuous part instead of once it is solved.
-/// @param go_on  Asked before each alternation.
-int RefineModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+/// @param solver  What it keeps goes on from and to other solves of this problem.
+/// @param go_on   Asked before each alternation.
+int RefineModes(const MapperOptions& options,
+                MapProblem* problem,
+                GraphSolver* solver,
+                const GoOn& go_on = {});
 
 /// As RefineModes(), but where something else goes on from here: the continuous part is left as
 /// selection needs it and not solved to its end.
-int AlternateModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+int AlternateModes(const MapperOptions& options,
+                   MapProblem* problem,
+                   GraphSolver* solver,
+                   const GoOn& go_on = {});
 
 /// As RefineModes(), but no further than other runs need to be placed in the map: nothing is solved
 /// to its end, and modes that are one place are merged.

@@ -137,16 +137,16 @@ Graph SolveRoughly(const MapperOptions& options,
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
                     MapProblem* problem,
+                    GraphSolver* solver,
                     const GoOn& go_on) {
   constexpr int kSteps = 2;
   VarianceComponents components(problem);
-  GraphSolver solver;
   for (int round = 0; round < rounds.most; ++round) {
     if (go_on && !go_on(*problem)) return;
     const Graph graph =
-        round == 0 ? MakeGraph(options, problem) : SolveRoughly(options, kSteps, problem, &solver);
+        round == 0 ? MakeGraph(options, problem) : SolveRoughly(options, kSteps, problem, solver);
     const std::vector<ResidualStatistics> statistics =
-        ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, &solver);
+        ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, solver);
     if (components.Step(statistics) < rounds.settled) return;
   }
 }

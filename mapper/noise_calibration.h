@@ -36,9 +36,11 @@ Graph SolveRoughly(const MapperOptions& options,
 /// components, README: noise), and the problem is solved again, until they stay. After the last
 /// change it is not.
 /// Precondition: the problem is solved, if roughly.
+/// @param solver  What it keeps goes on from and to other solves of this problem.
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
                     MapProblem* problem,
+                    GraphSolver* solver,
                     const GoOn& go_on = {});
 
 }  // namespace shiftmap

@@ -67,7 +67,7 @@ void CalibrateOpen(const MapperOptions& options,
   open.runs.push_back(std::move(*run));
   GraphSolver solver;
   SolveRoughly(options, kSteps, &open, &solver);
-  CalibrateNoise(options, kNoiseRounds, &open, go_on);
+  CalibrateNoise(options, kNoiseRounds, &open, &solver, go_on);
   *run = std::move(open.runs.front());
   *sensor = open.sensor;
 }
@@ -83,7 +83,8 @@ MapProblem MapFromPoses(const MapperOptions& options,
   mapped.sensor = problem.sensor;
   mapped.runs.push_back(std::move(run));
   PlaceModes(options.modes.cluster_radius_m, &mapped);
-  AlternateModes(options, &mapped, go_on);  // All runs are solved again together.
+  GraphSolver solver;
+  AlternateModes(options, &mapped, &solver, go_on);  // All runs are solved again together.
   return mapped;
 }
 

@@ -90,6 +90,11 @@ bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
   return FactorizeWith(Cuts::kNone, terms);
 }
 
+bool BorderedSolver::FactorizeRoughly(const std::vector<SystemTerm>& terms) {
+  if (border_.chained && FactorizeWith(Cuts::kAll, terms)) return true;
+  return FactorizeWith(Cuts::kNone, terms);
+}
+
 std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,
                                                     int columns,
                                                     std::mt19937_64& random) {

@@ -54,6 +54,9 @@ class BorderedSolver {
   /// not positive definite.
   bool Factorize(const std::vector<SystemTerm>& terms);
 
+  /// Factors what stands in for A in the least time: all chains are cut if that will do.
+  bool FactorizeRoughly(const std::vector<SystemTerm>& terms);
+
   /// Draws of N(0, H⁻¹), a column each: H⁻¹ b with b ~ N(0, H), which is drawn term by term.
   std::optional<Eigen::MatrixXd> Draw(const std::vector<SystemTerm>& terms,
                                       int columns,

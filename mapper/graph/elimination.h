@@ -67,10 +67,10 @@ class GraphElimination {
   /// Linearizes at the present values and eliminates. False if something is not determined.
   bool Linearize() { return Eliminate(&RobustLoss::Curvature, 0.0) && rest_->Factorize(); }
 
-  /// The same, but for a factor of an earlier linearization in which the calibrations are held:
-  /// what is drawn with it is of the present one.
+  /// The same for DrawResiduals(), which are of this linearization whatever one the factor is of:
+  /// where the calibrations are held that of an earlier one will do.
   bool LinearizeSimilar() {
-    return Eliminate(&RobustLoss::Curvature, 0.0) && (HoldsCalibrations() || rest_->Factorize());
+    return Eliminate(&RobustLoss::Curvature, 0.0) && rest_->FactorizeSimilar();
   }
 
   /// Linearizes for a cost and a SimilarStep(), without solving the small system. False if a

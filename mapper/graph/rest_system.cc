@@ -88,6 +88,12 @@ bool RestSystem::Factorize() {
   return has_factor_;
 }
 
+bool RestSystem::FactorizeSimilar() {
+  if (dense() || border_.blocks < kMinBorder) return Factorize();
+  Shape();
+  return bordered_.has_factor() || bordered_.FactorizeRoughly(terms_);
+}
+
 bool RestSystem::HoldsBorder() const {
   return !dense() && !(factor_ && has_factor_) && bordered_.has_factor();
 }

@@ -38,6 +38,10 @@ class RestSystem {
   /// many blocks the factor is without it (HoldsBorder).
   bool Factorize();
 
+  /// As Factorize() for solves; with a border of very many blocks a factor of an earlier, similar H
+  /// will do, or one that takes less.
+  bool FactorizeSimilar();
+
   /// H⁻¹ b without Factorize(), to a millionth, with a border of very many blocks to a hundredth:
   /// by conjugate gradients on the factor of an earlier, similar H if there is one of the same
   /// shape, with a factor of its own where these are slow. Nothing if the system is not positive

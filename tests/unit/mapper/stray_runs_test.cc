@@ -31,7 +31,8 @@ class StrayRuns : public ::testing::Test {
     MapProblem problem = StartProblem(signatures, std::nullopt, options_.calibration.sensor);
     std::vector<RejectedRun> rejected;
     PlaceSubmaps(options_, std::nullopt, std::move(submaps), &problem, &rejected);
-    RefineModes(options_, &problem);
+    GraphSolver solver;
+    RefineModes(options_, &problem, &solver);
     return problem;
   }
 
@@ -81,7 +82,8 @@ TEST_F(StrayRuns, ArePutBack) {
     LaySecondMap(from, Se2(12.0, 5.0, 0.4), &problem.runs[1], &problem);
     ASSERT_GT(testing::CountModes(problem), modes + 5);
     EXPECT_EQ(PutBackStrayRuns(options_, &problem), 1);
-    AlternateModes(options_, &problem);
+    GraphSolver solver;
+    AlternateModes(options_, &problem, &solver);
     EXPECT_EQ(testing::CountModes(problem), modes);
     for (std::size_t i = 0; i < before.poses.size(); ++i) {
       const Se2 error = before.poses[i].Inverse() * problem.runs[1].poses[i];
