@@ -38,7 +38,9 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   result.sensor_bias = run->sensor_bias;
   result.sensor_bias_sd.setConstant(kHeldSd);
   if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
-  if (calibrate && in_map_units) result.sensor_bias_sd[kLogRangeScale] = options.sd_run_range_scale;
+  if (calibrate && in_map_units) {
+    result.sensor_bias_sd[kLogRangeScale] = std::max(kHeldSd, options.sd_run_range_scale);
+  }
   return result;
 }
 

@@ -329,8 +329,22 @@ Status MapperOptions::Validate() const {
   if (!positive(modes.position_floor_m) || !positive(modes.cluster_radius_m)) {
     return InvalidArgument("position_floor_m and cluster_radius_m: expected > 0");
   }
-  if (!(modes.leave_rate_per_s >= 0.0)) {
+  if (!(modes.merge_probability > 0.0 && modes.merge_probability < 1.0)) {
+    return InvalidArgument("merge_probability: {}, expected between 0 and 1",
+                           modes.merge_probability);
+  }
+  const auto not_negative = [](double value) { return std::isfinite(value) && value >= 0.0; };
+  if (!not_negative(modes.leave_rate_per_s)) {
     return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", modes.leave_rate_per_s);
+  }
+  if (!not_negative(modes.score_position_sd_m)) {
+    return InvalidArgument("score_position_sd_m: {}, expected 0 or more",
+                           modes.score_position_sd_m);
+  }
+  if (!not_negative(sd_range_scale) || !not_negative(sd_run_range_scale)) {
+    return InvalidArgument("sd_range_scale and sd_run_range_scale: {} and {}, expected 0 or more",
+                           sd_range_scale,
+                           sd_run_range_scale);
   }
   SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());
   SHIFTMAP_RETURN_IF_ERROR(association.Validate());

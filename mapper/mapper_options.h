@@ -70,7 +70,7 @@ struct MapperOptions {
 
   /// How well the fleet's sensors know lengths: what they get wrong together goes into the map's
   /// covariance, what each run's gets wrong beside it is estimated where there is a prior map.
-  /// Standard deviations. [-]
+  /// Standard deviations; 0: exactly. [-]
   double sd_range_scale = 0.02;
   double sd_run_range_scale = 0.01;
 

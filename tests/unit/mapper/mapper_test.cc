@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "mapstore/geometry/covariance.h"
@@ -174,6 +175,49 @@ TEST(BuildMap, ALargeRunOfAnotherPlaceDoesNotTakeThePlaceOfTheOthers) {
   EXPECT_EQ(result.runs.size(), inputs.size() - 1);
   ASSERT_EQ(result.rejected.size(), 1u);
   EXPECT_EQ(result.rejected[0].name, "stranger");
+}
+
+TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto expect_named = [](const char* name, const auto& change) {
+    MapperOptions options;
+    EXPECT_THAT(options.Validate(), IsOk());
+    change(&options);
+    EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, name));
+  };
+  expect_named("visit_gap_s", [](auto* o) { o->front_end.visit_gap_s = 0.0; });
+  expect_named("min_signatures", [](auto* o) { o->alignment.min_signatures = 1; });
+  expect_named("min_sightings", [](auto* o) { o->modes.min_sightings = 0; });
+  expect_named("position_floor_m", [](auto* o) { o->modes.position_floor_m = 0.0; });
+  expect_named("cluster_radius_m", [](auto* o) { o->modes.cluster_radius_m = kNan; });
+  expect_named("merge_probability", [](auto* o) { o->modes.merge_probability = 1.0; });
+  expect_named("leave_rate_per_s", [](auto* o) { o->modes.leave_rate_per_s = -1e-9; });
+  expect_named("score_position_sd_m", [](auto* o) { o->modes.score_position_sd_m = kNan; });
+  expect_named("sd_range_scale", [](auto* o) { o->sd_range_scale = -0.01; });
+  expect_named("sd_run_range_scale", [](auto* o) { o->sd_run_range_scale = kNan; });
+  expect_named("iterations", [](auto* o) { o->max_outer_iterations = 0; });
+  expect_named("iterations", [](auto* o) { o->max_integrations = 0; });
+  expect_named("threads", [](auto* o) { o->threads = 0; });
+  expect_named("max_memory_bytes", [](auto* o) { o->max_memory_bytes = -1; });
+}
+
+// Where lengths are known exactly, a night on a map has one error less to estimate.
+TEST(BuildMap, LengthsMayBeKnownExactly) {
+  OpenWorldOptions world = SmallWorld(3);
+  world.runs = 2;
+  const SimulatedWorld simulated = Simulate(world);
+  const std::vector<MapperInput> inputs = testing::Inputs(simulated);
+  MapperOptions options;
+  options.sd_range_scale = 0.0;
+  options.sd_run_range_scale = 0.0;
+  StatusOr<MapperResult> first = BuildMap({inputs[0]}, std::nullopt, options);
+  ASSERT_THAT(first.status(), IsOk());
+  const StatusOr<MapperResult> second = BuildMap({inputs[1]}, first->content, options);
+  ASSERT_THAT(second.status(), IsOk());
+  EXPECT_NEAR(second->runs[0].sensor_bias[0], 0.0, 1e-12);
+  for (const testing::MatchedMode& mode : MatchModes(second->content, simulated)) {
+    EXPECT_LT(mode.error.norm(), 0.3);
+  }
 }
 
 TEST(BuildMap, NothingToBuildFromIsAnError) {
