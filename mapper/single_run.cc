@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "mapper/frontend/ekf_slam.h"
@@ -99,9 +101,11 @@ MapProblem MapByEkf(const MapperOptions& options,
   return MapFromPoses(options, problem, go_on, std::move(run));
 }
 
-// Groups with so many modes beside their first in one run are not landmarks that moved meanwhile:
-// the vehicle came back and did not know where it was.
+// A run with so many modes beside the first of their group, in number and as a share of the groups,
+// is torn: landmarks that move meanwhile are fewer, and the vehicle came back and did not know
+// where it was.
 constexpr int kTorn = 4;
+constexpr double kTornShare = 0.02;
 
 int ModesBesideFirst(const MapProblem& problem) {
   int count = 0;
@@ -111,6 +115,14 @@ int ModesBesideFirst(const MapProblem& problem) {
   return count;
 }
 
+bool IsTorn(const MapProblem& problem) {
+  const auto groups = static_cast<double>(
+      std::count_if(problem.modes.begin(), problem.modes.end(), [](const auto& modes) {
+        return !modes.empty();
+      }));
+  return ModesBesideFirst(problem) >= std::max<double>(kTorn, kTornShare * groups);
+}
+
 double CostOf(const MapProblem& problem) {
   return problem.cost + kModeCost * ModesBesideFirst(problem);
 }
@@ -118,28 +130,77 @@ double CostOf(const MapProblem& problem) {
 // Heading that odometry may lose in a part. [rad]
 constexpr double kPartHeadingSd = 0.5;
 
-// Poses of a run whose loops a filter did not find: it is mapped in parts that odometry by itself
-// holds together, which are placed like runs. Nothing if `go_on` says no.
-std::vector<Se2> PosesByParts(const MapperOptions& options,
-                              const MapProblem& problem,
-                              const GoOn& go_on,
-                              const BuildRun& run) {
+// Landmarks in a part at most, but for short ones: what a filter costs goes with their square.
+constexpr std::ptrdiff_t kMaxPartLandmarks = 300;
+constexpr double kShortPart = 60.0;  // [s]
+
+// Landmarks in a run from which on its parts cost less than the run as a whole.
+constexpr std::ptrdiff_t kManyLandmarks = 100;
+
+double DurationOf(const MappingRun& run) {
+  return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
+}
+
+// Landmarks that a part of a run saw well enough for a mode: of the part with most.
+std::ptrdiff_t MostLandmarks(const ModeOptions& options, const MappingRun& run, double part_s) {
+  const auto part_at = [&](Stamp stamp) {
+    return std::floor(ToSeconds(stamp - run.frames.front().stamp) / part_s);
+  };
+  std::set<std::pair<double, int>> seen;  // Part and group.
+  for (const MappingVisit& visit : run.visits) {
+    if (std::ssize(visit.sightings) < options.min_sightings) continue;
+    seen.emplace(part_at(visit.begin), visit.group);
+    seen.emplace(part_at(visit.end), visit.group);
+  }
+  std::ptrdiff_t most = 0;
+  for (auto begin = seen.begin(); begin != seen.end();) {
+    const auto end = seen.lower_bound({begin->first + 1.0, std::numeric_limits<int>::min()});
+    most = std::max(most, std::distance(begin, end));
+    begin = end;
+  }
+  return most;
+}
+
+// Of a part that odometry by itself holds together, and that a filter does not take long for. [s]
+double PartDuration(const ModeOptions& options, const BuildRun& run) {
+  constexpr double kShorter = 0.8;
   const double noise = std::max(1e-3, run.odometry.noise_omega);
-  RunParts parts(*run.data, std::pow(kPartHeadingSd / noise, 2));
+  double part_s = std::pow(kPartHeadingSd / noise, 2);
+  while (part_s > kShortPart && MostLandmarks(options, *run.data, part_s) > kMaxPartLandmarks) {
+    part_s = std::max(kShortPart, kShorter * std::min(part_s, DurationOf(*run.data)));
+  }
+  return part_s;
+}
+
+// Whether the first try at a run is by its parts.
+bool GoesByParts(const ModeOptions& options, const MappingRun& run, double part_s) {
+  constexpr double kParts = 1.5;
+  const double duration = DurationOf(run);
+  return duration >= kParts * part_s &&
+         MostLandmarks(options, run, 2.0 * duration) > kManyLandmarks;
+}
+
+// Maps a run in parts, which are placed like runs.
+MapProblem MapByParts(const MapperOptions& options,
+                      const MapProblem& problem,
+                      const GoOn& go_on,
+                      double part_s,
+                      BuildRun run) {
+  RunParts parts(*run.data, part_s);
   std::vector<Submap> submaps;
   for (std::size_t k = 0; k < parts.size(); ++k) {
     MapProblem part = MapPart(options, problem, run, parts.At(k), go_on);
-    if (go_on && !go_on(part)) return {};
+    if (go_on && !go_on(part)) break;
     submaps.push_back(MakeSubmap(options, std::move(part)));
   }
   MapProblem placed = StartProblem(problem.signatures, std::nullopt, problem.sensor);
   std::vector<RejectedRun> rejected;
   PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
-  if (go_on && !go_on(placed)) return {};
   for (BuildRun& part : placed.runs) {
     parts.Place(static_cast<std::size_t>(part.data - &parts.At(0)), std::move(part.poses));
   }
-  return parts.Poses(run.motions);
+  run.poses = parts.Poses(run.motions);
+  return MapFromPoses(options, problem, go_on, std::move(run));
 }
 
 }  // namespace
@@ -169,12 +230,16 @@ MapProblem MapSingleRun(const MappingRun& run,
   build.odometry = options.calibration.odometry;
   if (options.calibrate) CalibrateOpen(options, signatures.size(), go_on, &build, &nothing.sensor);
   UpdateMotions(run, build.odometry, &build.motions);
-  MapProblem by_ekf = MapByEkf(options, nothing, go_on, build);
-  if (ModesBesideFirst(by_ekf) < kTorn) return by_ekf;
-  build.poses = PosesByParts(options, nothing, go_on, build);
-  if (build.poses.empty()) return by_ekf;
-  MapProblem by_parts = MapFromPoses(options, nothing, go_on, std::move(build));
-  return CostOf(by_parts) < CostOf(by_ekf) ? std::move(by_parts) : std::move(by_ekf);
+  const double part_s = PartDuration(options.modes, build);
+  const bool by_parts = GoesByParts(options.modes, run, part_s);
+  const auto map = [&](bool in_parts) {
+    return in_parts ? MapByParts(options, nothing, go_on, part_s, build)
+                    : MapByEkf(options, nothing, go_on, build);
+  };
+  MapProblem first = map(by_parts);
+  if (!IsTorn(first) || (go_on && !go_on(first))) return first;
+  MapProblem second = map(!by_parts);
+  return CostOf(second) < CostOf(first) ? std::move(second) : std::move(first);
 }
 
 }  // namespace shiftmap

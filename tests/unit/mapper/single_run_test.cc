@@ -63,5 +63,23 @@ TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
   EXPECT_GE(lost, 2);
 }
 
+// Hours over many landmarks, of which the way back to the first ones is long: mapped in parts.
+TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    OpenWorldOptions options = LargeFloor(seed);
+    options.groups = 500;
+    options.size_m = 200.0;
+    options.duration_s = 5400.0;
+    options.odometry.noise_omega = 0.02;
+    const SimulatedWorld world = testing::Simulate(options);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run)),
+              1.0)
+        << seed;
+    for (const std::vector<BuildMode>& modes : problem.modes) EXPECT_LE(modes.size(), 1u) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap
