@@ -66,11 +66,8 @@ bool ToldApart(const Eigen::Vector2d& difference,
   // What the least or the largest covariance there can be decides needs no other.
   const Eigen::Matrix2d least = differences.MinCovariance(i, j);
   const Eigen::Matrix2d most = differences.MaxCovariance(i, j);
-  if (unknown(least)) return true;
-  if (!unknown(most)) {
-    if (!apart_by(least)) return false;
-    if (apart_by(most)) return true;
-  }
+  if (unknown(least) || apart_by(most)) return true;
+  if (!unknown(most) && !apart_by(least)) return false;
   const Eigen::Matrix2d cov = differences.Covariance(i, j);
   return unknown(cov) || apart_by(cov);
 }
