@@ -58,60 +58,62 @@ class BentSubmap {
     gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
   }
 
-  // Takes modes for known. False if values are so far astray that they tell nothing of each other.
-  bool Hold(const std::vector<int>& known) {
-    std::vector<double> differences;
-    rows_.clear();
-    held_.clear();
+  // Takes modes for known, and conditions `open` on them, for Match(). False if values are so far
+  // astray that they tell nothing of each other.
+  bool Hold(const std::vector<int>& known, std::vector<std::size_t> open) {
+    std::vector<std::size_t> first;
     for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i] == kUnassigned) continue;
-      held_.push_back(i);
-      const Eigen::Vector2d difference = ModeAt(i, known[i]) - positions_[i];
-      for (const int axis : {0, 1}) {
-        rows_.push_back(RowOf(i) + axis);
-        differences.push_back(difference[axis]);
-      }
+      if (known[i] != kUnassigned) first.push_back(i);
     }
-    Eigen::MatrixXd K = covariance_(rows_, rows_);
-    K.diagonal().array() += noise_;
-    llt_.compute(K);
-    if (llt_.info() != Eigen::Success) return false;
-    whitened_ = Eigen::Map<const Eigen::VectorXd>(differences.data(),
-                                                  static_cast<Eigen::Index>(differences.size()));
-    llt_.matrixL().solveInPlace(whitened_);
-    return true;
+    held_.clear();
+    whitened_.resize(0);
+    L_.resize(0, 0);
+    inverse_L_.resize(0, 0);
+    open_ = std::move(open);
+    explained_.resize(0, RowOf(open_.size()));
+    return Extend(known, first, Eigen::MatrixXd(0, RowOf(first.size())));
   }
 
-  // Conditions some modes on the known ones, for Match().
-  void Condition(const std::vector<std::size_t>& modes) {
-    std::vector<Eigen::Index> columns;
-    for (const std::size_t i : modes) {
-      for (const int axis : {0, 1}) columns.push_back(RowOf(i) + axis);
+  // Takes those of the open modes that are known now for known as well.
+  bool HoldMore(const std::vector<int>& known) {
+    std::vector<std::size_t> added;
+    std::vector<std::size_t> left;
+    std::vector<std::size_t> added_at;
+    std::vector<std::size_t> left_at;
+    for (std::size_t k = 0; k < open_.size(); ++k) {
+      const bool is_known = known[open_[k]] != kUnassigned;
+      (is_known ? added : left).push_back(open_[k]);
+      (is_known ? added_at : left_at).push_back(k);
     }
-    explained_ = covariance_(rows_, columns);
-    llt_.matrixL().solveInPlace(explained_);
-    shift_ = explained_.transpose() * whitened_;
+    const Eigen::MatrixXd W = explained_(Eigen::all, Rows(added_at));
+    explained_ = explained_(Eigen::all, Rows(left_at)).eval();
+    open_ = std::move(left);
+    return Extend(known, added, W);
   }
+
+  // Modes that are neither known nor given up.
+  const std::vector<std::size_t>& open() const { return open_; }
 
   // Of the known modes, those that the others contradict. With K = P_MM + R and differences d, a
   // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
-  std::vector<std::size_t> Contradicted() const {
+  std::vector<std::size_t> Contradicted() {
+    Invert();
     const double gate = kBothBent * ChiSquareQuantile(kContradicted, 2);
-    Eigen::MatrixXd inverse_L = Eigen::MatrixXd::Identity(whitened_.size(), whitened_.size());
-    llt_.matrixL().solveInPlace(inverse_L);
     std::vector<std::size_t> contradicted;
     for (std::size_t k = 0; k < held_.size(); ++k) {
-      const auto of_match = inverse_L.middleCols<2>(RowOf(k));
+      const Eigen::Index below = whitened_.size() - RowOf(k);
+      const auto of_match = inverse_L_.block(RowOf(k), RowOf(k), below, 2);
       const Eigen::Matrix2d information = of_match.transpose() * of_match;
-      const Eigen::Vector2d at = of_match.transpose() * whitened_;
+      const Eigen::Vector2d at = of_match.transpose() * whitened_.tail(below);
       if (at.dot(information.llt().solve(at)) > gate) contradicted.push_back(held_[k]);
     }
     return contradicted;
   }
 
-  // The mode of the map that mode i is, or kUnassigned if that does not show.
-  // @param place  Of i among those that are conditioned.
-  int Match(std::size_t i, std::size_t place, double max_sd) const {
+  // The mode of the map that an open mode is, or kUnassigned if that does not show.
+  // @param place  Of the mode in open().
+  int Match(std::size_t place, double max_sd) const {
+    const std::size_t i = open_[place];
     const Eigen::Index row = RowOf(i);
     const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
     const auto explained = explained_.middleCols<2>(RowOf(place));
@@ -126,6 +128,71 @@ class BentSubmap {
   }
 
  private:
+  static std::vector<Eigen::Index> Rows(const std::vector<std::size_t>& modes) {
+    std::vector<Eigen::Index> rows;
+    for (const std::size_t i : modes) {
+      for (const int axis : {0, 1}) rows.push_back(RowOf(i) + axis);
+    }
+    return rows;
+  }
+
+  // Takes more modes for known. With W = L⁻¹ P of the new ones and S the covariance of their
+  // differences given the others, the new rows of L are [Wᵀ  L_S], S = L_S L_Sᵀ.
+  bool Extend(const std::vector<int>& known,
+              const std::vector<std::size_t>& added,
+              const Eigen::MatrixXd& W) {
+    const std::vector<Eigen::Index> rows = Rows(added);
+    const Eigen::Index before = whitened_.size();
+    const Eigen::Index more = RowOf(added.size());
+    Eigen::MatrixXd S = covariance_(rows, rows) - W.transpose() * W;
+    S.diagonal().array() += noise_;
+    const Eigen::LLT<Eigen::MatrixXd> llt(S);
+    if (llt.info() != Eigen::Success) return false;
+
+    Eigen::VectorXd differences(more);
+    for (std::size_t k = 0; k < added.size(); ++k) {
+      const std::size_t i = added[k];
+      differences.segment<2>(RowOf(k)) = ModeAt(i, known[i]) - positions_[i];
+    }
+    differences -= W.transpose() * whitened_;
+    whitened_.conservativeResize(before + more);
+    whitened_.tail(more) = llt.matrixL().solve(differences);
+
+    explained_.conservativeResize(before + more, Eigen::NoChange);
+    explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
+                                                      W.transpose() * explained_.topRows(before));
+    shift_ = explained_.transpose() * whitened_;
+
+    L_.conservativeResize(before + more, before + more);
+    L_.bottomLeftCorner(more, before) = W.transpose();
+    L_.bottomRightCorner(more, more) = llt.matrixL();
+    held_.insert(held_.end(), added.begin(), added.end());
+    return true;
+  }
+
+  // Brings L⁻¹ up to L, some rows after the others:
+  //
+  //   | L      |⁻¹   |      L⁻¹             |
+  //   | Wᵀ L_S |   = | -L_S⁻¹ Wᵀ L⁻¹  L_S⁻¹ |
+  void Invert() {
+    constexpr Eigen::Index kRows = 200;  // More take no advantage of the zeros.
+    Eigen::Index done = inverse_L_.rows();
+    inverse_L_.conservativeResize(L_.rows(), L_.rows());
+    while (done < L_.rows()) {
+      const Eigen::Index rows = std::min(kRows, L_.rows() - done);
+      const auto L_S = L_.block(done, done, rows, rows).triangularView<Eigen::Lower>();
+      inverse_L_.block(0, done, done, rows).setZero();
+      inverse_L_.block(done, done, rows, rows) = L_S.solve(Eigen::MatrixXd::Identity(rows, rows));
+      if (done > 0) {  // Eigen's product with a triangle of no size divides by zero.
+        auto new_rows = inverse_L_.block(done, 0, rows, done);
+        new_rows = -L_.block(done, 0, rows, done) *
+                   inverse_L_.topLeftCorner(done, done).triangularView<Eigen::Lower>();
+        L_S.solveInPlace(new_rows);
+      }
+      done += rows;
+    }
+  }
+
   const Eigen::Vector2d& ModeAt(std::size_t i, int mode) const {
     return map_.modes[group_[i]][static_cast<std::size_t>(mode)].p_map_landmark;
   }
@@ -137,13 +204,14 @@ class BentSubmap {
   std::vector<Eigen::Vector2d> positions_;
   Eigen::MatrixXd covariance_;
 
-  // Of the known modes.
+  // Of the known modes, in the order in which they became known; L Lᵀ = P + noise.
   std::vector<std::size_t> held_;
-  std::vector<Eigen::Index> rows_;
-  Eigen::LLT<Eigen::MatrixXd> llt_;  // Of K.
-  Eigen::VectorXd whitened_;         // L⁻¹ of the differences, map less submap.
+  Eigen::MatrixXd L_;          // Its lower triangle.
+  Eigen::MatrixXd inverse_L_;  // Of the first of them.
+  Eigen::VectorXd whitened_;   // L⁻¹ of the differences, map less submap.
 
-  // Of those that are conditioned. Columns: what the known modes explain of each coordinate.
+  // Of the open ones. Columns: what the known modes explain of each coordinate, L⁻¹ P.
+  std::vector<std::size_t> open_;
   Eigen::MatrixXd explained_;
   Eigen::VectorXd shift_;
 };
@@ -160,33 +228,31 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i] != kUnassigned) settled[i] = true;
   }
-  std::vector<std::size_t> open;  // Not matched, and not given up.
-  const auto condition = [&] {
-    open.clear();
+  const auto hold = [&] {
+    std::vector<std::size_t> open;
     for (std::size_t i = 0; i < known.size(); ++i) {
       if (known[i] == kUnassigned && !settled[i]) open.push_back(i);
     }
-    if (!open.empty()) bent.Condition(open);
+    return bent.Hold(known, std::move(open));
   };
-  if (!bent.Hold(known)) return known;
-  condition();
-  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !open.empty();) {
+  if (!hold()) return known;
+  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !bent.open().empty();) {
     bool grew = false;
-    for (std::size_t k = 0; k < open.size(); ++k) {
-      known[open[k]] = bent.Match(open[k], k, max_sd);
-      grew = grew || known[open[k]] != kUnassigned;
+    for (std::size_t k = 0; k < bent.open().size(); ++k) {
+      int& match = known[bent.open()[k]];
+      match = bent.Match(k, max_sd);
+      grew = grew || match != kUnassigned;
     }
     max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
     if (!grew) continue;
-    if (!bent.Hold(known)) return known;
+    if (!bent.HoldMore(known)) return known;
     bool dropped = false;
     for (const std::size_t i : bent.Contradicted()) {
       dropped = dropped || !settled[i];
       if (!settled[i]) known[i] = kUnassigned;
       settled[i] = true;
     }
-    if (dropped && !bent.Hold(known)) return known;
-    condition();
+    if (dropped && !hold()) return known;
   }
   return known;
 }
