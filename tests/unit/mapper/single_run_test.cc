@@ -81,5 +81,29 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   }
 }
 
+// Wherever it is stopped, what is left is the run and none of its parts.
+TEST(MapSingleRun, IsTheRunWhereverItIsStopped) {
+  OpenWorldOptions options = LargeFloor(1);
+  options.groups = 300;
+  options.size_m = 155.0;
+  options.duration_s = 1200.0;
+  options.odometry.noise_omega = 0.05;
+  const SimulatedWorld world = testing::Simulate(options);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  int calls = 0;
+  MapSingleRun(
+      run, testing::SignaturesOf(world), {}, [&](const MapProblem&) { return ++calls > 0; });
+  ASSERT_GT(calls, 20);
+  for (int stop = 0; stop < calls; stop += 5) {
+    int asked = 0;
+    const MapProblem problem = MapSingleRun(
+        run, testing::SignaturesOf(world), {}, [&](const MapProblem&) { return asked++ < stop; });
+    EXPECT_LE(asked, calls);
+    ASSERT_EQ(problem.runs.size(), 1u);
+    EXPECT_EQ(problem.runs[0].data, &run);
+    EXPECT_EQ(problem.runs[0].poses.size(), run.frames.size());
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap
