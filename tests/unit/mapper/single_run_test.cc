@@ -26,6 +26,16 @@ OpenWorldOptions LargeFloor(std::uint64_t seed) {
   return options;
 }
 
+// The same density of landmarks on another floor, for as long, with odometry so noisy.
+OpenWorldOptions FloorOf(int groups, double duration_s, double noise_omega, std::uint64_t seed) {
+  OpenWorldOptions options = LargeFloor(seed);
+  options.size_m *= std::sqrt(static_cast<double>(groups) / options.groups);
+  options.groups = groups;
+  options.duration_s = duration_s;
+  options.odometry.noise_omega = noise_omega;
+  return options;
+}
+
 // A filter that took the odometry for as bad as that would close loops by turning the map, and what
 // follows would take the twist for noise.
 TEST(MapSingleRun, LongWaysBetweenTwoLooksDoNotTwistIt) {
@@ -66,12 +76,7 @@ TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
 // Hours over many landmarks, of which the way back to the first ones is long: mapped in parts.
 TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    OpenWorldOptions options = LargeFloor(seed);
-    options.groups = 500;
-    options.size_m = 200.0;
-    options.duration_s = 5400.0;
-    options.odometry.noise_omega = 0.02;
-    const SimulatedWorld world = testing::Simulate(options);
+    const SimulatedWorld world = testing::Simulate(FloorOf(500, 5400.0, 0.02, seed));
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
     EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run)),
@@ -83,12 +88,7 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
 
 // Wherever it is stopped, what is left is the run and none of its parts.
 TEST(MapSingleRun, IsTheRunWhereverItIsStopped) {
-  OpenWorldOptions options = LargeFloor(1);
-  options.groups = 300;
-  options.size_m = 155.0;
-  options.duration_s = 1200.0;
-  options.odometry.noise_omega = 0.05;
-  const SimulatedWorld world = testing::Simulate(options);
+  const SimulatedWorld world = testing::Simulate(FloorOf(300, 1200.0, 0.05, 1));
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   int calls = 0;
   MapSingleRun(
