@@ -214,6 +214,10 @@ bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& si
          gate;
 }
 
+bool MakesMode(const ModeOptions& options, const MappingVisit& visit) {
+  return std::ssize(visit.sightings) >= options.min_sightings;
+}
+
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {
   std::vector<Eigen::Vector2d> positions;
   for (const int index : visit.sightings) {

@@ -155,4 +155,7 @@ bool IsInlier(const MapProblem& problem, const BuildRun& run, const Sighting& si
 /// off. [m]
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit);
 
+/// Whether a visit has sightings enough for a mode. Shorter ones may be of a misread signature.
+bool MakesMode(const ModeOptions& options, const MappingVisit& visit);
+
 }  // namespace shiftmap

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -137,27 +137,19 @@ constexpr double kShortPart = 60.0;  // [s]
 // Landmarks in a run from which on its parts cost less than the run as a whole.
 constexpr std::ptrdiff_t kManyLandmarks = 100;
 
-double DurationOf(const MappingRun& run) {
-  return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
-}
-
 // Landmarks that a part of a run saw well enough for a mode: of the part with most.
 std::ptrdiff_t MostLandmarks(const ModeOptions& options, const MappingRun& run, double part_s) {
   const auto part_at = [&](Stamp stamp) {
     return std::floor(ToSeconds(stamp - run.frames.front().stamp) / part_s);
   };
-  std::set<std::pair<double, int>> seen;  // Part and group.
+  std::map<double, std::set<int>> seen;  // Per part its groups.
   for (const MappingVisit& visit : run.visits) {
-    if (std::ssize(visit.sightings) < options.min_sightings) continue;
-    seen.emplace(part_at(visit.begin), visit.group);
-    seen.emplace(part_at(visit.end), visit.group);
+    if (!MakesMode(options, visit)) continue;
+    seen[part_at(visit.begin)].insert(visit.group);
+    seen[part_at(visit.end)].insert(visit.group);
   }
   std::ptrdiff_t most = 0;
-  for (auto begin = seen.begin(); begin != seen.end();) {
-    const auto end = seen.lower_bound({begin->first + 1.0, std::numeric_limits<int>::min()});
-    most = std::max(most, std::distance(begin, end));
-    begin = end;
-  }
+  for (const auto& [part, groups] : seen) most = std::max(most, std::ssize(groups));
   return most;
 }
 

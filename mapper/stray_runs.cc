@@ -44,11 +44,6 @@ void AddOwner(const BuildRun& run, int change, Owners* owners) {
   }
 }
 
-// Shorter ones may be of a misread signature.
-bool MakesMode(const ModeOptions& options, const MappingVisit& visit) {
-  return std::ssize(visit.sightings) >= options.min_sightings;
-}
-
 // How the visits of a run, or of a stretch of it, agree with the others. Only visits that make a
 // mode count.
 struct Agreement {
@@ -146,8 +141,8 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);
       });
-  const double duration = ToSeconds(data.frames.back().stamp - data.frames.front().stamp);
-  AlignedParts aligned{RunParts(data, duration * kPartVisits / static_cast<double>(visits)), {}};
+  AlignedParts aligned{RunParts(data, DurationOf(data) * kPartVisits / static_cast<double>(visits)),
+                       {}};
   const std::vector<AlignmentPoint> reference = Reference(problem, others, run);
   std::vector<Eigen::Vector2d> positions;
   for (const AlignmentPoint& point : reference) positions.push_back(point.position);

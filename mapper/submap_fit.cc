@@ -181,7 +181,6 @@ class BentSubmap {
     while (done < L_.rows()) {
       const Eigen::Index rows = std::min(kRows, L_.rows() - done);
       const auto L_S = L_.block(done, done, rows, rows).triangularView<Eigen::Lower>();
-      inverse_L_.block(0, done, done, rows).setZero();
       inverse_L_.block(done, done, rows, rows) = L_S.solve(Eigen::MatrixXd::Identity(rows, rows));
       if (done > 0) {  // Eigen's product with a triangle of no size divides by zero.
         auto new_rows = inverse_L_.block(done, 0, rows, done);
@@ -207,7 +206,7 @@ class BentSubmap {
   // Of the known modes, in the order in which they became known; L Lᵀ = P + noise.
   std::vector<std::size_t> held_;
   Eigen::MatrixXd L_;          // Its lower triangle.
-  Eigen::MatrixXd inverse_L_;  // Of the first of them.
+  Eigen::MatrixXd inverse_L_;  // Of the first of them; its lower triangle.
   Eigen::VectorXd whitened_;   // L⁻¹ of the differences, map less submap.
 
   // Of the open ones. Columns: what the known modes explain of each coordinate, L⁻¹ P.

@@ -93,6 +93,10 @@ std::vector<Signature> CollectSignatures(const std::vector<const Run*>& runs,
   return {all.begin(), all.end()};
 }
 
+double DurationOf(const MappingRun& run) {
+  return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
+}
+
 MappingRun MakeMappingRun(const Run& run,
                           const std::vector<Signature>& signatures,
                           const FrontEndOptions& options) {

@@ -71,6 +71,9 @@ struct FrontEndOptions {
 std::vector<Signature> CollectSignatures(const std::vector<const Run*>& runs,
                                          const std::vector<Signature>& known);
 
+/// From the first key frame to the last, of which there is one at least. [s]
+double DurationOf(const MappingRun& run);
+
 /// Arranges a valid run for mapping. The run may have no sighting at all.
 /// @param signatures  Ascending, holding every signature of the run.
 MappingRun MakeMappingRun(const Run& run,

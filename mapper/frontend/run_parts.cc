@@ -31,7 +31,7 @@ std::vector<OdometrySample> OdometryBetween(const std::vector<OdometrySample>& o
 // Where parts begin, the first at 0. Each has a key frame.
 std::vector<int> PartStarts(const MappingRun& run, double part_s) {
   const Stamp begin = run.frames.front().stamp;
-  const double duration = ToSeconds(run.frames.back().stamp - begin);
+  const double duration = DurationOf(run);
   const double parts = std::max(1.0, std::round(duration / part_s));
   std::vector<int> starts;
   double part = -1.0;

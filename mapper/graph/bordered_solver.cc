@@ -85,14 +85,18 @@ std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTer
   return ConjugateGradients(false, b, tolerance, kMaxIterations);
 }
 
-bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
-  if (border_.chained && FactorizeWith(Cuts::kWide, terms)) return true;
+// With no cuts where those do not do.
+bool BorderedSolver::FactorizeCut(Cuts cuts, const std::vector<SystemTerm>& terms) {
+  if (border_.chained && FactorizeWith(cuts, terms)) return true;
   return FactorizeWith(Cuts::kNone, terms);
 }
 
+bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
+  return FactorizeCut(Cuts::kWide, terms);
+}
+
 bool BorderedSolver::FactorizeRoughly(const std::vector<SystemTerm>& terms) {
-  if (border_.chained && FactorizeWith(Cuts::kAll, terms)) return true;
-  return FactorizeWith(Cuts::kNone, terms);
+  return FactorizeCut(Cuts::kAll, terms);
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,

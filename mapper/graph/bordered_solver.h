@@ -89,6 +89,7 @@ class BorderedSolver {
   void Adopt(ChainElimination chains);
   bool ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms);
   bool FactorizeWith(Cuts cuts, const std::vector<SystemTerm>& terms);
+  bool FactorizeCut(Cuts cuts, const std::vector<SystemTerm>& terms);
   std::vector<bool> NarrowPoses() const;
   Eigen::MatrixXd BorderTimes(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& c) const;
   std::optional<Eigen::MatrixXd> ConjugateGradients(bool held,

@@ -26,7 +26,7 @@ OpenWorldOptions LargeFloor(std::uint64_t seed) {
   return options;
 }
 
-// The same density of landmarks on another floor, for as long, with odometry so noisy.
+// As many landmarks per square metre, of another number, for another time, with such odometry.
 OpenWorldOptions FloorOf(int groups, double duration_s, double noise_omega, std::uint64_t seed) {
   OpenWorldOptions options = LargeFloor(seed);
   options.size_m *= std::sqrt(static_cast<double>(groups) / options.groups);

@@ -75,16 +75,13 @@ TEST_F(RunPartsTest, MoveAsTheRunDoes) {
 }
 
 TEST_F(RunPartsTest, TakeAboutTheTimeTheyAreTold) {
-  const auto duration = [](const MappingRun& run) {
-    return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
-  };
   for (const double part_s : {10.0, 25.0}) {
     const RunParts parts(run_, part_s);
     for (std::size_t k = 0; k < parts.size(); ++k) {
-      EXPECT_LT(duration(parts.At(k)), 1.5 * part_s);
+      EXPECT_LT(DurationOf(parts.At(k)), 1.5 * part_s);
     }
   }
-  EXPECT_EQ(RunParts(run_, 2.0 * duration(run_)).size(), 1u);
+  EXPECT_EQ(RunParts(run_, 2.0 * DurationOf(run_)).size(), 1u);
 }
 
 // Where odometry is right, one part that is placed tells where all of the run is.
@@ -93,7 +90,7 @@ TEST_F(RunPartsTest, PosesGoOnByOdometry) {
   const std::vector<Se2> reckoned = DeadReckon(motions);
   const Se2 T_map_run(3.0, -2.0, 1.0);
   for (const std::size_t placed : {0u, 2u, 4u}) {
-    RunParts parts(run_, ToSeconds(run_.frames.back().stamp - run_.frames.front().stamp) / 5.0);
+    RunParts parts(run_, DurationOf(run_) / 5.0);
     ASSERT_EQ(parts.size(), 5u);
     std::size_t begin = 0;
     for (std::size_t k = 0; k < placed; ++k) begin += parts.At(k).frames.size();
