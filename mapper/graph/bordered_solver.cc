@@ -12,8 +12,10 @@ namespace {
 constexpr int kMaxSimilar = 24;
 constexpr int kMaxIterations = 200;
 
-// Unknowns of a front from which on it is worth to cut the chains that cross it.
-constexpr int kWideFront = 1500;
+// Chains that pass where one is cut. Of few a good part of what ties the modes there would be lost:
+// for solves that is another iteration, for covariances it is not told.
+constexpr int kSome = 4;
+constexpr int kMany = 16;
 
 // Relative error of draws, which scatter by more however many there are.
 constexpr double kDrawTolerance = 1e-2;
@@ -40,28 +42,15 @@ bool BorderedSolver::ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms) {
   if (chains_ && cuts_ == cuts) return true;
   Forget();
   cuts_ = cuts;
-  std::vector<bool> stays;
-  if (cuts != Cuts::kAll) {
+  if (cuts == Cuts::kNone) {
     Adopt(ChainElimination::OfBorder(size_, border_, terms));
-    if (cuts == Cuts::kNone) return true;
-    stays = NarrowPoses();
-    if (std::find(stays.begin(), stays.end(), false) == stays.end()) return true;
+    return true;
   }
-  std::optional<ChainElimination> chains = ChainElimination::OfPoses(size_, border_, terms, stays);
-  Forget();
+  std::optional<ChainElimination> chains = ChainElimination::OfPoses(
+      size_, border_, terms, cuts == Cuts::kWhereManyPass ? kMany : kSome);
   if (!chains) return false;
   Adopt(*std::move(chains));
   return true;
-}
-
-// Poses of which the fronts are narrow: what eliminates there costs little and stays exact.
-// Precondition: no chain is cut.
-std::vector<bool> BorderedSolver::NarrowPoses() const {
-  std::vector<bool> narrow;
-  for (int pose = 0; pose < border_.begin; pose += kChainRows) {
-    narrow.push_back(factor_->FrontWidth(chains_->RowOf(pose)) <= kWideFront);
-  }
-  return narrow;
 }
 
 bool BorderedSolver::FactorizeWith(Cuts cuts, const std::vector<SystemTerm>& terms) {
@@ -78,7 +67,7 @@ std::optional<Eigen::MatrixXd> BorderedSolver::Solve(const std::vector<SystemTer
   if (has_factor_ && chains_->Eliminate(terms)) {
     if (auto x = ConjugateGradients(false, b, tolerance, kMaxSimilar)) return x;
   }
-  if (border_.chained && FactorizeWith(Cuts::kAll, terms)) {
+  if (border_.chained && FactorizeWith(Cuts::kWhereSomePass, terms)) {
     if (auto x = ConjugateGradients(false, b, tolerance, kMaxIterations)) return x;
   }
   if (!FactorizeWith(Cuts::kNone, terms)) return std::nullopt;
@@ -92,11 +81,11 @@ bool BorderedSolver::FactorizeCut(Cuts cuts, const std::vector<SystemTerm>& term
 }
 
 bool BorderedSolver::Factorize(const std::vector<SystemTerm>& terms) {
-  return FactorizeCut(Cuts::kWide, terms);
+  return FactorizeCut(Cuts::kWhereManyPass, terms);
 }
 
 bool BorderedSolver::FactorizeRoughly(const std::vector<SystemTerm>& terms) {
-  return FactorizeCut(Cuts::kAll, terms);
+  return FactorizeCut(Cuts::kWhereSomePass, terms);
 }
 
 std::optional<Eigen::MatrixXd> BorderedSolver::Draw(const std::vector<SystemTerm>& terms,

@@ -42,7 +42,8 @@ class BorderedSolver {
   Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
 
   /// H⁻¹ b. The factor of an earlier, similar system of the same shape is used while that needs few
-  /// iterations; then one with all chains cut; and one with none cut where nothing else will do.
+  /// iterations; then one with chains cut wherever some pass; and one with none cut where nothing
+  /// else will do.
   /// Nothing if H is not positive definite or so badly conditioned that too many iterations are
   /// needed.
   /// @param tolerance  Relative error of the solution in the norm of the preconditioner. [-]
@@ -50,11 +51,11 @@ class BorderedSolver {
                                        const Eigen::MatrixXd& b,
                                        double tolerance = 1e-4);
 
-  /// Factors what stands in for A with chains cut only where a front would be wide. False if it is
-  /// not positive definite.
+  /// Factors what stands in for A with chains cut only where many pass. False if it is not positive
+  /// definite.
   bool Factorize(const std::vector<SystemTerm>& terms);
 
-  /// Factors what stands in for A in the least time: all chains are cut if that will do.
+  /// Factors what stands in for A in less time: chains are cut wherever some pass.
   bool FactorizeRoughly(const std::vector<SystemTerm>& terms);
 
   /// Draws of N(0, H⁻¹), a column each: H⁻¹ b with b ~ N(0, H), which is drawn term by term.
@@ -84,13 +85,12 @@ class BorderedSolver {
 
  private:
   // Where chains are cut.
-  enum class Cuts { kNone, kWide, kAll };
+  enum class Cuts { kNone, kWhereManyPass, kWhereSomePass };
 
   void Adopt(ChainElimination chains);
   bool ShapeFor(Cuts cuts, const std::vector<SystemTerm>& terms);
   bool FactorizeWith(Cuts cuts, const std::vector<SystemTerm>& terms);
   bool FactorizeCut(Cuts cuts, const std::vector<SystemTerm>& terms);
-  std::vector<bool> NarrowPoses() const;
   Eigen::MatrixXd BorderTimes(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& c) const;
   std::optional<Eigen::MatrixXd> ConjugateGradients(bool held,
                                                     const Eigen::MatrixXd& b,
@@ -103,7 +103,7 @@ class BorderedSolver {
 
   int size_;
   Border border_;
-  Cuts cuts_ = Cuts::kAll;
+  Cuts cuts_ = Cuts::kNone;
   std::optional<ChainElimination> chains_;
   std::unique_ptr<Multifrontal> factor_;  // Of the shape of chains_' cut terms.
   bool has_factor_ = false;

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <iterator>
+#include <utility>
 
 namespace shiftmap {
 namespace {
@@ -11,13 +11,7 @@ namespace {
 constexpr int kPose = kChainRows;
 constexpr int kMode = 2;  // Unknowns of a mode.
 
-// No chain, and more than one.
-constexpr int kNobody = -1;
-constexpr int kSeveral = -2;
-
-// A chain is cut between two terms that have as many modes in common, or of which each has as many
-// that other chains pass: these say how either lies.
-constexpr std::ptrdiff_t kMinCommon = 2;
+// A term lies fast where as many of its modes are passed by many chains.
 constexpr std::ptrdiff_t kMinPassed = 3;
 
 std::size_t At(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
@@ -38,19 +32,14 @@ Eigen::MatrixXd Block(const Eigen::MatrixXd& H,
   return block;
 }
 
-// @param a, b  Ascending.
-std::ptrdiff_t InCommon(const std::vector<int>& a, const std::vector<int>& b) {
-  std::vector<int> common;
-  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
-  return std::ssize(common);
-}
+constexpr int kNoChain = -1;
 
-// What a term has of a chain: at most two poses, the modes that it passes, ascending, and the block
-// of the border that is the chain's.
+// What a term has of a chain: at most two poses, the modes that it passes, and the block of the
+// border that is the chain's.
 struct Stretch {
   std::vector<int> poses;
   std::vector<int> modes;  // Their first unknowns.
-  int chain = -1;
+  int chain = kNoChain;
 };
 
 Stretch StretchOf(const Border& border, const SystemTerm& term) {
@@ -65,7 +54,6 @@ Stretch StretchOf(const Border& border, const SystemTerm& term) {
       stretch.modes.push_back(unknown);
     }
   }
-  std::sort(stretch.modes.begin(), stretch.modes.end());
   return stretch;
 }
 
@@ -73,10 +61,11 @@ Stretch StretchOf(const Border& border, const SystemTerm& term) {
 std::optional<std::vector<int>> FindCuts(int size,
                                          const Border& border,
                                          const std::vector<SystemTerm>& terms,
-                                         const std::vector<bool>& stays) {
+                                         int min_chains) {
   std::vector<Stretch> stretches;
   std::vector<std::vector<std::size_t>> beside(At(border.begin / kPose));  // Per pose stretches.
-  std::vector<int> passed_by(At(size), kNobody);                           // Per mode.
+  std::vector<int> passed_by(At(size));                                    // Chains, per mode,
+  std::vector<int> last_passed_by(At(size), kNoChain);                     // and the last of them.
   for (const SystemTerm& term : terms) {
     const Stretch stretch = StretchOf(border, term);
     const std::vector<int>& poses = stretch.poses;
@@ -84,28 +73,29 @@ std::optional<std::vector<int>> FindCuts(int size,
     if (poses.size() > 2 || poses.back() - poses.front() > 1) return std::nullopt;
     for (const int pose : poses) beside[At(pose)].push_back(stretches.size());
     for (const int mode : stretch.modes) {
-      int& chain = passed_by[At(mode)];
-      chain = chain == kNobody || chain == stretch.chain ? stretch.chain : kSeveral;
+      if (std::exchange(last_passed_by[At(mode)], stretch.chain) != stretch.chain) {
+        ++passed_by[At(mode)];
+      }
     }
     stretches.push_back(stretch);
   }
+  // What no other chain passes hangs by the chain alone.
   const auto lies_fast = [&](const Stretch& stretch) {
-    return std::count_if(stretch.modes.begin(), stretch.modes.end(), [&](int mode) {
-             return passed_by[At(mode)] == kSeveral;
-           }) >= kMinPassed;
+    std::ptrdiff_t passed = 0;
+    for (const int mode : stretch.modes) {
+      if (passed_by[At(mode)] == 1) return false;
+      if (passed_by[At(mode)] >= min_chains) ++passed;
+    }
+    return passed >= kMinPassed;
   };
   std::vector<int> cuts;
   for (std::size_t pose = 0; pose < beside.size(); ++pose) {
     if (beside[pose].empty() || beside[pose].size() > 2) continue;
-    if (!stays.empty() && stays[pose]) continue;
-    const Stretch& before = stretches[beside[pose].front()];
-    const Stretch& after = stretches[beside[pose].back()];
     // At the end of a chain nothing is lost.
-    if (beside[pose].size() == 2 && InCommon(before.modes, after.modes) < kMinCommon &&
-        !(lies_fast(before) && lies_fast(after))) {
-      continue;
+    if (beside[pose].size() == 1 ||
+        (lies_fast(stretches[beside[pose].front()]) && lies_fast(stretches[beside[pose].back()]))) {
+      cuts.push_back(static_cast<int>(pose));
     }
-    cuts.push_back(static_cast<int>(pose));
   }
   return cuts;
 }
@@ -115,8 +105,8 @@ std::optional<std::vector<int>> FindCuts(int size,
 std::optional<ChainElimination> ChainElimination::OfPoses(int size,
                                                           const Border& border,
                                                           const std::vector<SystemTerm>& terms,
-                                                          const std::vector<bool>& stays) {
-  std::optional<std::vector<int>> cuts = FindCuts(size, border, terms, stays);
+                                                          int min_chains) {
+  std::optional<std::vector<int>> cuts = FindCuts(size, border, terms, min_chains);
   if (!cuts) return std::nullopt;
   ChainElimination elimination(size, border, *std::move(cuts));
   elimination.MakeParts(terms);

@@ -43,8 +43,9 @@ struct Border {
 /// What stands in for S has every chain cut at its poses: each becomes two, one in the term before
 /// it and one in the term after, and M, the sum of terms without their poses, the border held, is
 /// left. That both were one pose it does not know, and has entries within terms only. However many
-/// chains cross a place, a factor of M is no wider than the others there. Where little else says
-/// how two terms lie to each other, the pose between them stays among the others.
+/// chains cross a place, a factor of M is no wider than the others there. Chains are cut where many
+/// pass: elsewhere little else says how two terms lie to each other, and the pose between them
+/// stays among the others.
 ///
 /// With the border held, H without its rows and columns, S - M is positive semidefinite.
 ///
@@ -58,13 +59,15 @@ class ChainElimination {
   };
 
   /// Eliminates poses and the border. Nothing if terms have other poses than one or two neighbours.
-  /// @param border  With `chained`.
-  /// @param terms   Their `index` tells the shape; values are not read.
-  /// @param stays   Poses that stay among the others, by number; none if empty.
+  /// @param border      With `chained`.
+  /// @param terms       Their `index` tells the shape; values are not read. Those of a chain in a
+  ///                    row.
+  /// @param min_chains  So many chains pass where one is cut: more cuts are cheaper, fewer say
+  ///                    more.
   static std::optional<ChainElimination> OfPoses(int size,
                                                  const Border& border,
                                                  const std::vector<SystemTerm>& terms,
-                                                 const std::vector<bool>& stays);
+                                                 int min_chains);
 
   /// Eliminates the border alone: M is A.
   static ChainElimination OfBorder(int size,

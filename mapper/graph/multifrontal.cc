@@ -321,12 +321,6 @@ void Multifrontal::VisitInverse(const InverseVisitor& visitor) const {
   }
 }
 
-int Multifrontal::FrontWidth(int unknown) const {
-  const int place = place_[static_cast<std::size_t>(unknown)];
-  const int front = front_[static_cast<std::size_t>(place)];
-  return static_cast<int>(factors_[static_cast<std::size_t>(front)].rows.size());
-}
-
 double Multifrontal::fill() const {
   return std::accumulate(factors_.begin(), factors_.end(), 0.0, [](double sum, const Factor& f) {
     return sum + static_cast<double>(f.rows.size()) * f.own;

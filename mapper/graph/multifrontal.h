@@ -63,9 +63,6 @@ class Multifrontal {
   /// Entries of the factor.
   double fill() const;
 
-  /// Unknowns of the front that eliminates an unknown.
-  int FrontWidth(int unknown) const;
-
  private:
   struct Factor {
     Eigen::MatrixXd L;      // Own columns; lower trapezoid.

@@ -39,8 +39,13 @@ Eigen::MatrixXd InverseByCuts(const ChainElimination& elimination, const ChainSy
   return elimination.Join(parts);
 }
 
-ChainElimination Eliminated(const ChainSystem& system, const std::vector<bool>& stays = {}) {
-  auto elimination = ChainElimination::OfPoses(kSize, kBorder, system.terms, stays);
+// Chains that pass where one is cut: at all poses, at half of them, only at the ends.
+constexpr int kSome = kChains - 1;
+constexpr int kMany = kChains;
+constexpr int kMoreThanThereAre = kChains + 1;
+
+ChainElimination Eliminated(const ChainSystem& system, int min_chains = kSome) {
+  auto elimination = ChainElimination::OfPoses(kSize, kBorder, system.terms, min_chains);
   EXPECT_TRUE(elimination && elimination->Eliminate(system.terms));
   return *std::move(elimination);
 }
@@ -50,11 +55,8 @@ TEST(ChainElimination, LeavesTheSchurComplement) {
   const ChainSystem system = MakeChainSystem(4, random);
   const Eigen::MatrixXd H = system.Dense();
   const Eigen::MatrixXd b = Eigen::MatrixXd::Random(kSize, 3);
-  std::vector<bool> some(static_cast<std::size_t>(kPoses * kChains));
-  for (std::size_t pose = 5; pose < some.size(); pose += 7) some[pose] = true;
-  const std::vector<bool> all(some.size(), true);
   for (const ChainElimination& elimination :
-       {Eliminated(system), Eliminated(system, some), Eliminated(system, all)}) {
+       {Eliminated(system), Eliminated(system, kMany), Eliminated(system, kMoreThanThereAre)}) {
     for (const bool held : {false, true}) {
       ChainElimination::Parts parts = elimination.Split(b);
       EXPECT_EQ(elimination.Join(parts), b);
@@ -83,10 +85,10 @@ TEST(ChainElimination, IsExactWhereNothingIsCut) {
   const ChainSystem system = MakeChainSystem(3, random);
   const std::vector<int> rows = RowsOutside();
   const Eigen::MatrixXd A = system.Dense()(rows, rows);
-  const std::vector<bool> all(static_cast<std::size_t>(kPoses * kChains), true);
   ChainElimination of_border = ChainElimination::OfBorder(kSize, kBorder, system.terms);
   ASSERT_TRUE(of_border.Eliminate(system.terms));
-  for (const ChainElimination& elimination : {Eliminated(system, all), std::move(of_border)}) {
+  for (const ChainElimination& elimination :
+       {Eliminated(system, kMoreThanThereAre), std::move(of_border)}) {
     const Eigen::MatrixXd inverse = InverseByCuts(elimination, system)(rows, rows);
     EXPECT_LT((inverse * A - Eigen::MatrixXd::Identity(A.rows(), A.cols())).norm(), 1e-7);
   }
@@ -107,6 +109,20 @@ TEST(ChainElimination, CutTermsSayNoMoreThanTheSystem) {
   EXPECT_GT(eigenvalues.maxCoeff(), 1.0 + 1e-3);  // Something was cut.
 }
 
+TEST(ChainElimination, CutsWhereManyPass) {
+  std::mt19937_64 random(testing::TestSeed(87));
+  const ChainSystem system = MakeChainSystem(4, random);
+  const auto cuts = [&](int min_chains) {
+    const auto uncut =
+        std::ssize(ChainElimination::OfBorder(kSize, kBorder, system.terms).others());
+    return (uncut - std::ssize(Eliminated(system, min_chains).others())) / kChainRows;
+  };
+  EXPECT_EQ(cuts(kSome), kPoses * kChains);
+  EXPECT_EQ(cuts(kMoreThanThereAre), 2 * kChains);
+  EXPECT_GT(cuts(kMany), 2 * kChains);
+  EXPECT_LT(cuts(kMany), kPoses * kChains);
+}
+
 // Terms that have no mode in common, nor with other chains, hang together by their poses alone.
 TEST(ChainElimination, LeavesPosesThatHoldTermsTogether) {
   std::mt19937_64 random(testing::TestSeed(84));
@@ -116,7 +132,7 @@ TEST(ChainElimination, LeavesPosesThatHoldTermsTogether) {
     const int chain = (term.index[kPoseRows] - kFirstCalibration) / 2;
     for (std::size_t i = kPoseRows + 2; i < term.index.size(); ++i) {
       const int mode = (term.index[i] - kFirstMode) / 2;
-      term.index[i] = kFirstMode + 2 * (mode % 8 + 8 * chain) + (term.index[i] - kFirstMode) % 2;
+      term.index[i] = kFirstMode + 2 * (mode % 5 + 5 * chain) + (term.index[i] - kFirstMode) % 2;
     }
   }
   const std::vector<int> rows = RowsOutside();
@@ -131,7 +147,7 @@ TEST(ChainElimination, RefusesTermsOfPosesThatAreNoNeighbours) {
   std::swap_ranges(system.terms[0].index.begin(),
                    system.terms[0].index.begin() + kChainRows,
                    system.terms[5].index.begin());
-  EXPECT_FALSE(ChainElimination::OfPoses(kSize, kBorder, system.terms, {}));
+  EXPECT_FALSE(ChainElimination::OfPoses(kSize, kBorder, system.terms, kSome));
 }
 
 }  // namespace

@@ -12,8 +12,8 @@ namespace shiftmap::testing {
 
 // A system of chains of poses with a border and modes.
 inline constexpr int kPoses = 24;  // Of each chain.
-inline constexpr int kChains = 3;
-inline constexpr int kModes = 24;
+inline constexpr int kChains = 5;
+inline constexpr int kModes = 25;
 inline constexpr int kFirstCalibration = kChainRows * kPoses * kChains;
 inline constexpr Border kBorder{kFirstCalibration, kChains, 2, true};
 inline constexpr int kFirstMode = kFirstCalibration + 2 * kChains;
@@ -31,10 +31,12 @@ struct ChainSystem {
 };
 
 /// Terms between neighbouring poses of each chain, with the chain's calibration and `seen` modes.
+/// All chains pass the first half of the modes, all but the last one pass the others.
 inline ChainSystem MakeChainSystem(int seen, std::mt19937_64& random) {
   ChainSystem system;
   std::normal_distribution<double> normal;
   for (int chain = 0; chain < kChains; ++chain) {
+    const int modes = chain + 1 < kChains ? kModes : kModes / 2;
     for (int i = 0; i + 1 < kPoses; ++i) {
       SystemTerm term;
       for (int row = 0; row < 2 * kChainRows; ++row) {
@@ -42,7 +44,7 @@ inline ChainSystem MakeChainSystem(int seen, std::mt19937_64& random) {
       }
       for (int row = 0; row < 2; ++row) term.index.push_back(kFirstCalibration + 2 * chain + row);
       for (int k = 0; k < seen; ++k) {
-        const int mode = (i + k) % kModes;
+        const int mode = (i + k) % modes;
         term.index.push_back(kFirstMode + 2 * mode);
         term.index.push_back(kFirstMode + 2 * mode + 1);
       }
