@@ -15,7 +15,7 @@ constexpr int kMaxIterations = 200;
 // Chains that pass where one is cut. Of few a good part of what ties the modes there would be lost:
 // for solves that is another iteration, for covariances it is not told.
 constexpr int kSome = 4;
-constexpr int kMany = 16;
+constexpr int kMany = 12;
 
 // Relative error of draws, which scatter by more however many there are.
 constexpr double kDrawTolerance = 1e-2;
