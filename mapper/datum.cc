@@ -72,13 +72,13 @@ Eigen::Matrix2d DatumChange::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b)
 }
 
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
-                                 const Eigen::MatrixXd& cov) {
+                                 Eigen::MatrixXd cov) {
   const Eigen::MatrixXd G = DatumDirections(positions);
   const DatumChange change(G, cov * G);
-  Eigen::MatrixXd result = cov - G * change.W.transpose() - change.W * G.transpose();
-  result = Symmetrized(result);
-  result.diagonal().array() += kFloorSd * kFloorSd;
-  return result;
+  cov.triangularView<Eigen::Lower>() -= G * change.W.transpose() + change.W * G.transpose();
+  cov.triangularView<Eigen::StrictlyUpper>() = cov.transpose();
+  cov.diagonal().array() += kFloorSd * kFloorSd;
+  return cov;
 }
 
 Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions) {

@@ -38,7 +38,7 @@ struct DatumChange {
 /// which pose or landmark held the frame in the solve, and has the smallest trace of all choices. A
 /// floor of 1 mm per axis keeps it positive definite.
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
-                                 const Eigen::MatrixXd& cov);
+                                 Eigen::MatrixXd cov);
 
 /// q, stacked (x, y): how positions move as their scale grows. [m]
 Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions);

@@ -208,9 +208,9 @@ void PlaceMost(const MapperOptions& options,
 
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
-  const std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
+  std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
   if (!covariance) return std::nullopt;
-  return ReferToPositions(graph.modes, *covariance);
+  return ReferToPositions(graph.modes, *std::move(covariance));
 }
 
 Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {

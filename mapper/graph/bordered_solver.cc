@@ -166,11 +166,14 @@ Eigen::MatrixXd BorderedSolver::QuadraticForm(const std::vector<int>& index,
   return factor_->QuadraticForm(others, weights(rows, Eigen::all));
 }
 
-Eigen::MatrixXd BorderedSolver::SolveUpper(const Eigen::MatrixXd& z) const {
-  ChainElimination::Parts parts = chains_->Split(z);
-  parts.chains.setZero();
-  parts.others = factor_->SolveUpper(parts.others);
-  return chains_->Join(parts);
+Eigen::MatrixXd BorderedSolver::DrawTail(int size, const Eigen::MatrixXd& z) const {
+  const Eigen::MatrixXd others = factor_->SolveUpper(z);
+  Eigen::MatrixXd tail = Eigen::MatrixXd::Zero(size, z.cols());
+  for (int i = 0; i < size; ++i) {
+    const int row = chains_->RowOf(size_ - size + i);
+    if (row >= 0) tail.row(i) = others.row(row);
+  }
+  return tail;
 }
 
 // H⁻¹ b of what chains_ eliminated, or, the border held, A⁻¹ b.

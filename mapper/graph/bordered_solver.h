@@ -33,13 +33,17 @@ class BorderedSolver {
   bool has_factor() const { return has_factor_; }
 
   /// Wᵀ A⁻¹ W, as Multifrontal::QuadraticForm(); rows of the border count as zero. Precondition,
-  /// here and in SolveUpper(): has_factor(). W has no rows for poses.
+  /// here and in what draws: has_factor(). W has no rows for poses.
   Eigen::MatrixXd QuadraticForm(const std::vector<int>& index,
                                 const Eigen::MatrixXd& weights) const;
 
-  /// A draw of N(0, A⁻¹) if z is one of N(0, I), as Multifrontal::SolveUpper(); zero where chains
-  /// are cut and in the border.
-  Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
+  /// Unknowns that the factor is over: neither in the border nor of a chain that is cut there.
+  int factored_size() const { return static_cast<int>(chains_->others().size()); }
+
+  /// The last `size` unknowns of a draw of N(0, A⁻¹) if z is one of N(0, I), as
+  /// Multifrontal::SolveUpper(); zero where chains are cut and in the border.
+  /// @param z  factored_size() rows.
+  Eigen::MatrixXd DrawTail(int size, const Eigen::MatrixXd& z) const;
 
   /// H⁻¹ b. The factor of an earlier, similar system of the same shape is used while that needs few
   /// iterations; then one with chains cut wherever some pass; and one with none cut where nothing

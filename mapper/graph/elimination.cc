@@ -173,13 +173,6 @@ class RandomSigns {
   int left_ = 0;
 };
 
-Eigen::VectorXd StandardNormal(Eigen::Index size, std::mt19937_64& random) {
-  std::normal_distribution<double> normal;
-  Eigen::VectorXd z(size);
-  for (double& value : z) value = normal(random);
-  return z;
-}
-
 }  // namespace
 
 GraphStep Scaled(GraphStep step, double factor) {
@@ -668,11 +661,10 @@ Eigen::Matrix2d GraphElimination::ModeDifferenceCovariance(int a, int b) const {
 }
 
 Eigen::MatrixXd GraphElimination::DrawModes(int draws, std::mt19937_64& random) const {
-  Eigen::MatrixXd z(rest_->size(), draws);
-  for (Eigen::Index column = 0; column < draws; ++column) {
-    z.col(column) = StandardNormal(rest_->size(), random);
-  }
-  return rest_->Draw(z).bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd z(rest_->factored_size(), draws);
+  for (double& value : z.reshaped()) value = normal(random);
+  return rest_->DrawTail(static_cast<int>(2 * graph_.modes.size()), z);
 }
 
 Eigen::MatrixXd GraphElimination::CalibrationRoot() const {

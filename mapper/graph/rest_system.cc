@@ -179,10 +179,10 @@ Eigen::MatrixXd RestSystem::QuadraticForm(const std::vector<int>& index,
   return x.transpose() * x;
 }
 
-Eigen::MatrixXd RestSystem::Draw(const Eigen::MatrixXd& z) const {
-  if (dense()) return dense_.matrixU().solve(z);
-  if (HoldsBorder()) return bordered_.SolveUpper(z);
-  return factor_->SolveUpper(z);
+Eigen::MatrixXd RestSystem::DrawTail(int size, const Eigen::MatrixXd& z) const {
+  if (HoldsBorder()) return bordered_.DrawTail(size, z);
+  if (dense()) return dense_.matrixU().solve(z).bottomRows(size);
+  return factor_->SolveUpper(z).bottomRows(size);
 }
 
 Eigen::MatrixXd RestSystem::DrawColumns(int columns, std::mt19937_64& random) {

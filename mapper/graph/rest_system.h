@@ -48,8 +48,8 @@ class RestSystem {
   /// definite.
   std::optional<Eigen::VectorXd> SolveSimilar();
 
-  /// True if there is no factor but one, of an earlier, similar H, without the border: Draw() and
-  /// QuadraticForm() are then those of the system with the border held at zero.
+  /// True if there is no factor but one, of an earlier, similar H, without the border: DrawTail()
+  /// and QuadraticForm() are then those of the system with the border held at zero.
   bool HoldsBorder() const;
 
   /// H⁻¹ b. Precondition, here and in what follows: Factorize() succeeded.
@@ -63,8 +63,13 @@ class RestSystem {
   Eigen::MatrixXd QuadraticForm(const std::vector<int>& index,
                                 const Eigen::MatrixXd& weights) const;
 
-  /// L⁻ᵀ z, any number of columns: a draw of N(0, H⁻¹) if z is one of N(0, I).
-  Eigen::MatrixXd Draw(const Eigen::MatrixXd& z) const;
+  /// Unknowns that the factor is over: all, fewer while HoldsBorder().
+  int factored_size() const { return HoldsBorder() ? bordered_.factored_size() : size(); }
+
+  /// The last `size` rows of L⁻ᵀ z, any number of columns: of a draw of N(0, H⁻¹) if z is one of
+  /// N(0, I).
+  /// @param z  factored_size() rows.
+  Eigen::MatrixXd DrawTail(int size, const Eigen::MatrixXd& z) const;
 
   /// SolveFor(), as exact as draws need it.
   Eigen::MatrixXd SolveForDraws(const Eigen::MatrixXd& b) const;

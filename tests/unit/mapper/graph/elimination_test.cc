@@ -247,7 +247,8 @@ TEST(RestSystem, SolvesLikeADenseMatrix) {
     EXPECT_LT((rest.TailCovariance(6) - covariance.bottomRightCorner(6, 6)).norm(), 1e-9);
     // L⁻ᵀ of all unit vectors is a square root of the covariance.
     Eigen::MatrixXd root(size, size);
-    for (int i = 0; i < size; ++i) root.col(i) = rest.Draw(Eigen::VectorXd::Unit(size, i));
+    for (int i = 0; i < size; ++i)
+      root.col(i) = rest.DrawTail(size, Eigen::VectorXd::Unit(size, i));
     EXPECT_LT((root * root.transpose() - covariance).norm(), 1e-8);
   }
 }
