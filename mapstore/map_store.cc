@@ -104,6 +104,8 @@ StatusOr<MapStore> MapStore::Open(const std::string& path, Access access) {
   return Open(path, options);
 }
 
+Status MapStore::CheckWritable(const std::string& path) { return Database::CheckWritable(path); }
+
 StatusOr<std::vector<AreaSummary>> MapStore::Areas() {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,

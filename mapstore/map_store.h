@@ -64,6 +64,12 @@ class MapStore {
   static StatusOr<MapStore> Open(const std::string& path, const OpenOptions& options);
   static StatusOr<MapStore> Open(const std::string& path, Access access);
 
+  /// Whether a store could be written, or made, as far as permissions tell, for what works long
+  /// before it commits. Makes and changes nothing. Errors: kNotFound if its folder does not exist;
+  /// kFailedPrecondition if something else is at the path; kUnavailable if the file or its folder
+  /// may not be written to.
+  static Status CheckWritable(const std::string& path);
+
   MapStore(MapStore&&) noexcept;
   MapStore& operator=(MapStore&&) noexcept;
   ~MapStore();

@@ -262,9 +262,16 @@ MapperMonitor MakeMonitor(Progress* progress) {
   };
 }
 
+// What cannot be written is better known before the work than after it.
+Status CheckOutputs(const BuildOptions& options) {
+  if (options.trajectories) SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
+  return MapStore::CheckWritable(options.store);
+}
+
 Status Build(const BuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
   const StopSignals signals;
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,

@@ -1,20 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/core/folder.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <filesystem>
 #include <system_error>
 
 namespace shiftmap {
+namespace {
 
-Status MakeFolder(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (!error) return OkStatus();
+Status CannotBeMade(const std::string& path, const std::error_code& error) {
   const bool in_the_way = error == std::errc::not_a_directory || error == std::errc::file_exists;
   return MakeStatus(in_the_way ? StatusCode::kInvalidArgument : StatusCode::kUnavailable,
                     "folder '{}': cannot be made: {}",
                     path,
                     error.message());
+}
+
+Status CheckAccess(const std::string& path, const std::string& existing) {
+  if (faccessat(AT_FDCWD, existing.c_str(), W_OK | X_OK, AT_EACCESS) == 0) return OkStatus();
+  const std::error_code error(errno, std::generic_category());
+  return MakeStatus(
+      StatusCode::kUnavailable, "folder '{}': cannot be written to: {}", path, error.message());
+}
+
+}  // namespace
+
+Status CheckFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path existing = std::filesystem::absolute(path, error);
+  while (!error && existing.has_relative_path() && !std::filesystem::exists(existing, error)) {
+    existing = existing.parent_path();
+  }
+  if (!error && !std::filesystem::is_directory(existing, error)) {
+    error = std::make_error_code(std::errc::not_a_directory);
+  }
+  return error ? CannotBeMade(path, error) : CheckAccess(path, existing.string());
+}
+
+Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  return error ? CannotBeMade(path, error) : CheckAccess(path, path);
 }
 
 }  // namespace shiftmap

@@ -10,7 +10,12 @@ namespace shiftmap {
 /// Makes a folder, and those above it, unless it is there.
 ///
 /// Errors: kInvalidArgument if something else than a folder is at the path or at one above it;
-/// kUnavailable if the disk does not take it. Messages start with `folder '<path>': `.
+/// kUnavailable if the disk does not take it or nothing may be written in the folder. Messages
+/// start with `folder '<path>': `.
 Status MakeFolder(const std::string& path);
+
+/// Whether MakeFolder() would make the folder and let write in it, as far as permissions tell, for
+/// what works long before it writes. Makes nothing. Errors as MakeFolder().
+Status CheckFolder(const std::string& path);
 
 }  // namespace shiftmap

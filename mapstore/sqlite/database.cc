@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/sqlite/database.h"
 
+#include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -53,6 +57,12 @@ Status CheckFile(const std::string& path, Database::Mode mode) {
     return NotFound("{}: its folder does not exist", NameOf(path));
   }
   return OkStatus();
+}
+
+// What the effective user may do with a file or folder that a store needs.
+Status CheckAccess(const std::string& store, const std::string& path, int mode) {
+  if (faccessat(AT_FDCWD, path.c_str(), mode, AT_EACCESS) == 0) return OkStatus();
+  return Unavailable("{}: cannot be written: '{}': {}", NameOf(store), path, std::strerror(errno));
 }
 
 // True if nobody can write the file and no interrupted write waits to be rolled back: only then may
@@ -165,6 +175,16 @@ Database::Database(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Database::Database(Database&&) noexcept = default;
 Database& Database::operator=(Database&&) noexcept = default;
 Database::~Database() = default;
+
+Status Database::CheckWritable(const std::string& path) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckFile(path, Mode::kReadWriteCreate));
+  // SQLite keeps the journal beside the file that a link leads to.
+  std::error_code error;
+  const std::filesystem::path file = std::filesystem::weakly_canonical(path, error);
+  const std::filesystem::path folder = (error ? std::filesystem::path(path) : file).parent_path();
+  SHIFTMAP_RETURN_IF_ERROR(CheckAccess(path, folder.empty() ? "." : folder.string(), W_OK | X_OK));
+  return access(path.c_str(), F_OK) == 0 ? CheckAccess(path, path, W_OK) : OkStatus();
+}
 
 StatusOr<Database> Database::Open(const std::string& path, const Options& options) {
   SHIFTMAP_RETURN_IF_ERROR(CheckFile(path, options.mode));

@@ -45,6 +45,11 @@ class Database {
   /// kFailedPrecondition if something other than a regular file is there.
   static StatusOr<Database> Open(const std::string& path, const Options& options);
 
+  /// Whether the database could be written, or made, as far as permissions tell. Leaves no trace.
+  /// Errors: as Open(); kUnavailable if the file, or the folder that its journal needs, may not be
+  /// written to.
+  static Status CheckWritable(const std::string& path);
+
   Database(Database&&) noexcept;
   Database& operator=(Database&&) noexcept;
   ~Database();

@@ -28,6 +28,13 @@ Json RowJson(const std::vector<std::string>& columns, const std::vector<ResultTa
 
 }  // namespace
 
+StatusOr<ExperimentOutput> ExperimentOutput::Create(std::string name,
+                                                    std::string directory,
+                                                    bool dry_run) {
+  if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(MakeFolder(directory));
+  return ExperimentOutput(std::move(name), std::move(directory), dry_run);
+}
+
 ExperimentOutput::ExperimentOutput(std::string name, std::string directory, bool dry_run)
     : name_(std::move(name)), directory_(std::move(directory)), dry_run_(dry_run) {}
 
@@ -57,7 +64,6 @@ Status ExperimentOutput::Write(const std::string& file, const std::string& text)
   const std::string path = directory_ + "/" + file;
   files_.push_back(path);
   if (dry_run_) return OkStatus();
-  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(directory_));
   return WriteFileAtomically(path, text);
 }
 

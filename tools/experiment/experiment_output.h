@@ -14,8 +14,10 @@ namespace shiftmap {
 /// The files of one experiment. With --dry-run nothing is written, and the paths are still listed.
 class ExperimentOutput {
  public:
+  /// Makes the folder, so that what cannot be written is told before hours of work and not after.
+  /// Errors: MakeFolder()'s.
   /// @param name  Of the experiment: the stem of its files.
-  ExperimentOutput(std::string name, std::string directory, bool dry_run);
+  static StatusOr<ExperimentOutput> Create(std::string name, std::string directory, bool dry_run);
 
   /// `<name>.csv`. Errors: kUnavailable. So have all below.
   Status WriteTable(const ResultTable& table);
@@ -33,6 +35,8 @@ class ExperimentOutput {
   const std::vector<std::string>& files() const { return files_; }
 
  private:
+  ExperimentOutput(std::string name, std::string directory, bool dry_run);
+
   Status Write(const std::string& file, const std::string& text);
 
   std::string name_;

@@ -118,12 +118,14 @@ Json OptionsJson(const IjrrSelectorsOptions& options) {
 }
 
 Status Run(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("ijrr-selectors", arguments.output, context.dry_run()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<IjrrSelectorsRow> rows,
                             RunIjrrSelectors(arguments.options, [&](double done) {
                               progress->Update("realizations", done);
                             }));
-  ExperimentOutput output("ijrr-selectors", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(arguments.options, rows, &output));

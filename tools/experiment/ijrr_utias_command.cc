@@ -243,13 +243,15 @@ Json OptionsJson(const IjrrUtiasOptions& options, const IjrrUtiasResult& result)
 }
 
 Status RunExperiment(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("ijrr-utias", arguments.output, context.dry_run()));
   SHIFTMAP_ASSIGN_OR_RETURN(const IjrrUtiasOptions options, MakeOptions(arguments));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(const IjrrUtiasResult result,
                             RunIjrrUtias(options, [&](const std::string& what, double done) {
                               progress->Update(what, done);
                             }));
-  ExperimentOutput output("ijrr-utias", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(result.rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));

@@ -21,6 +21,9 @@ struct Arguments {
 };
 
 Status Measure(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("localizer-consistency", arguments.output, context.dry_run()));
   const double low = ChiSquareQuantile(0.025, 3 * arguments.runs) / arguments.runs;
   const double high = ChiSquareQuantile(0.975, 3 * arguments.runs) / arguments.runs;
   ResultTable table(
@@ -42,7 +45,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     progress->Update("runs",
                      static_cast<double>(table.rows().size()) / static_cast<double>(sds.size()));
   }
-  ExperimentOutput output("localizer-consistency", arguments.output, context.dry_run());
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   const Chart chart{.title = "Consistency of the pose on an uncertain map",
                     .x_label = "standard deviation of the map [m]",

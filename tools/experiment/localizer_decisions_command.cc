@@ -110,6 +110,9 @@ Chart WrongShareChart(const std::vector<Row>& rows) {
 }
 
 Status Measure(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("localizer-decisions", arguments.output, context.dry_run()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   const std::vector<VisitScene> scenes = Scenes(arguments);
   const std::vector<double> alphas = Chosen(arguments.alpha, {1e-1, 1e-2, 1e-3});
@@ -128,7 +131,6 @@ Status Measure(const Arguments& arguments, Context& context) {
           static_cast<double>(rows.size()) / static_cast<double>(alphas.size() * scenes.size()));
     }
   }
-  ExperimentOutput output("localizer-decisions", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));

@@ -81,6 +81,9 @@ Json OptionsJson(const Arguments& arguments) {
 }
 
 Status RunLocalizerStates(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("localizer-states", arguments.output, context.dry_run()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   std::vector<CauseTally> tallies;
   for (std::size_t i = 0; i < kShiftCauses; ++i) {
@@ -89,7 +92,6 @@ Status RunLocalizerStates(const Arguments& arguments, Context& context) {
     tallies.push_back(
         TallyCause(cause, arguments.seed, arguments.shifts, arguments.threads, LocalizerOptions()));
   }
-  ExperimentOutput output("localizer-states", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(tallies);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePicture("matrix", DrawMatrix(tallies)));

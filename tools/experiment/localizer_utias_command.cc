@@ -44,6 +44,9 @@ StatusOr<Calibration> MappedCalibration(const std::string& data) {
 }
 
 Status Measure(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("localizer-utias", arguments.output, context.dry_run()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   progress->Update("calibration", 0.0);
   SHIFTMAP_ASSIGN_OR_RETURN(const Calibration calibration, MappedCalibration(arguments.data));
@@ -94,7 +97,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     }
     progress->Update("runs", (layout + 1.0) / static_cast<double>(kDatasets.size()));
   }
-  ExperimentOutput output("localizer-utias", arguments.output, context.dry_run());
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", chart));
   const UtiasShiftOptions& shift = arguments.options;

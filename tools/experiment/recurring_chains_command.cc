@@ -147,6 +147,9 @@ Json OptionsJson(const RecurringChainsOptions& options) {
 }
 
 Status Run(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("recurring-chains", arguments.output, context.dry_run()));
   SHIFTMAP_ASSIGN_OR_RETURN(const RecurringRecord door,
                             ReadDoorRecord(arguments.data + "/office_door_2016_jan_mar.txt"));
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -173,7 +176,6 @@ Status Run(const Arguments& arguments, Context& context) {
     records.push_back(record->name);
   }
 
-  ExperimentOutput output("recurring-chains", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(rows, records, options, &output));

@@ -73,13 +73,14 @@ ResultTable MakeTable(const std::vector<ScaleRow>& rows) {
 }
 
 Status Run(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(ExperimentOutput output,
+                            ExperimentOutput::Create("scale", arguments.output, context.dry_run()));
   ScaleOptions options = arguments.options;
   options.key_frames = Sizes(arguments.min_key_frames, arguments.max_key_frames);
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScaleRow> rows, RunScale(options, [&](double done) {
                               progress->Update("sites", done);
                             }));
-  ExperimentOutput output("scale", arguments.output, context.dry_run());
   const ResultTable table = MakeTable(rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   Chart chart{.title = "Processor time of a build per key frame",

@@ -46,6 +46,9 @@ Chart DrawPark(const ParkResult& result, const GpsScore& score, const std::vecto
 }
 
 Status Measure(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("victoria-park", arguments.output, context.dry_run()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   SHIFTMAP_ASSIGN_OR_RETURN(const VictoriaParkRun park, ReadVictoriaPark(arguments.data));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GpsFix> fixes,
@@ -59,7 +62,6 @@ Status Measure(const Arguments& arguments, Context& context) {
                      "associated",
                      "observations",
                      "cpu_s"});
-  ExperimentOutput output("victoria-park", arguments.output, context.dry_run());
   MapperOptions options;
   const int min_sightings = options.association.min_sightings;
   const std::vector<int> cases = arguments.quick ? std::vector<int>{1} : kEvery;

@@ -13,6 +13,8 @@ namespace {
 
 TEST(MakeFolderTest, MakesWhatIsMissing) {
   const TempDir dir;
+  EXPECT_THAT(CheckFolder(dir.File("a/b")), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(dir.File("a")));
   for (int time = 0; time < 2; ++time) {
     EXPECT_THAT(MakeFolder(dir.File("a/b")), IsOk());
     EXPECT_TRUE(std::filesystem::is_directory(dir.File("a/b")));
@@ -26,6 +28,8 @@ TEST(MakeFolderTest, AFileInTheWayIsBadInput) {
   for (const char* path : {"file", "file/below"}) {
     EXPECT_THAT(MakeFolder(dir.File(path)),
                 StatusIs(StatusCode::kInvalidArgument, "folder '" + dir.File(path) + "'"));
+    EXPECT_THAT(CheckFolder(dir.File(path)),
+                StatusIs(StatusCode::kInvalidArgument, "folder '" + dir.File(path) + "'"));
   }
   EXPECT_EQ(ReadFile(dir.File("file")), "kept");
 }
@@ -36,6 +40,9 @@ TEST(MakeFolderTest, AFolderThatCannotBeWrittenToMayBecomeWritable) {
   {
     const WithoutPrivilege unprivileged;
     EXPECT_THAT(MakeFolder(dir.File("a")), StatusIs(StatusCode::kUnavailable, "folder '"));
+    EXPECT_THAT(CheckFolder(dir.File("a")), StatusIs(StatusCode::kUnavailable, "folder '"));
+    EXPECT_THAT(MakeFolder(dir.path()), StatusIs(StatusCode::kUnavailable, "cannot be written"));
+    EXPECT_THAT(CheckFolder(dir.path()), StatusIs(StatusCode::kUnavailable, "cannot be written"));
   }
   std::filesystem::permissions(dir.path(), std::filesystem::perms::owner_all);
 }

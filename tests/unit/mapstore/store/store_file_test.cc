@@ -177,6 +177,41 @@ TEST_F(StoreFileTest, ReadOnlyFolderAndFileAreReadButNotWritten) {
   ASSERT_EQ(chmod(dir_.path().c_str(), 0755), 0);
 }
 
+TEST_F(StoreFileTest, WhetherAStoreCanBeWrittenIsKnownBefore) {
+  const std::string missing = dir_.File("missing.db");
+  EXPECT_THAT(MapStore::CheckWritable(missing), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(missing));
+  EXPECT_THAT(MapStore::CheckWritable(dir_.File("no/folder.db")),
+              StatusIs(StatusCode::kNotFound, "folder does not exist"));
+  EXPECT_THAT(MapStore::CheckWritable(dir_.path()),
+              StatusIs(StatusCode::kFailedPrecondition, "not a regular file"));
+  MakeStore();
+  EXPECT_THAT(MapStore::CheckWritable(path_), IsOk());
+  for (const auto& [file, folder] : {std::pair(0444, 0777), std::pair(0666, 0555)}) {
+    ASSERT_EQ(chmod(path_.c_str(), static_cast<mode_t>(file)), 0);
+    ASSERT_EQ(chmod(dir_.path().c_str(), static_cast<mode_t>(folder)), 0);
+    const WithoutPrivilege unprivileged;
+    EXPECT_THAT(MapStore::CheckWritable(path_),
+                StatusIs(StatusCode::kUnavailable, "cannot be written"));
+  }
+  ASSERT_EQ(chmod(dir_.path().c_str(), 0755), 0);
+}
+
+TEST_F(StoreFileTest, ALinkToAStoreMayStandWhereNothingCanBeWritten) {
+  MakeStore();
+  ASSERT_EQ(chmod(path_.c_str(), 0666), 0);
+  ASSERT_EQ(chmod(dir_.path().c_str(), 0777), 0);
+  const TempDir links;
+  std::filesystem::create_symlink(path_, links.File("link.db"));
+  ASSERT_EQ(chmod(links.path().c_str(), 0555), 0);
+  {
+    const WithoutPrivilege unprivileged;
+    EXPECT_THAT(MapStore::CheckWritable(links.File("link.db")), IsOk());
+    EXPECT_THAT(MapStore::Open(links.File("link.db"), Access::kReadWrite), IsOk());
+  }
+  ASSERT_EQ(chmod(links.path().c_str(), 0755), 0);
+}
+
 TEST_F(StoreFileTest, ReadingLeavesTheFileAsItIs) {
   MakeStore();
   const std::string before = ReadFile(path_);

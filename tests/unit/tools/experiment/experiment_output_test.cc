@@ -26,7 +26,9 @@ ResultTable SmallTable() {
 TEST(ExperimentOutput, WritesTableFiguresAndDocument) {
   const testing::TempDir dir;
   const std::string folder = dir.File("new/folder");
-  ExperimentOutput output("trial", folder, /*dry_run=*/false);
+  StatusOr<ExperimentOutput> created = ExperimentOutput::Create("trial", folder, /*dry_run=*/false);
+  ASSERT_THAT(created, IsOk());
+  ExperimentOutput& output = *created;
   EXPECT_THAT(output.WriteTable(SmallTable()), IsOk());
   EXPECT_THAT(output.WriteFigure("curve", Chart()), IsOk());
   const StatusOr<Json> document = output.WriteDocument({{"runs", 3}}, SmallTable());
@@ -45,18 +47,20 @@ TEST(ExperimentOutput, WritesTableFiguresAndDocument) {
 
 TEST(ExperimentOutput, WritesNothingInADryRun) {
   const testing::TempDir dir;
-  ExperimentOutput output("trial", dir.File("folder"), /*dry_run=*/true);
+  StatusOr<ExperimentOutput> created =
+      ExperimentOutput::Create("trial", dir.File("folder"), /*dry_run=*/true);
+  ASSERT_THAT(created, IsOk());
+  ExperimentOutput& output = *created;
   EXPECT_THAT(output.WriteTable(SmallTable()), IsOk());
   EXPECT_THAT(output.WriteDocument(Json::object(), SmallTable()), IsOk());
   EXPECT_EQ(output.files().size(), 2u);
   EXPECT_FALSE(std::filesystem::exists(dir.File("folder")));
 }
 
-TEST(ExperimentOutput, AFolderThatCannotBeMadeIsNamed) {
+TEST(ExperimentOutput, AFolderThatCannotBeMadeIsNamedAtOnce) {
   const testing::TempDir dir;
   testing::WriteFile(dir.File("file"), "");
-  ExperimentOutput output("trial", dir.File("file/folder"), /*dry_run=*/false);
-  EXPECT_THAT(output.WriteTable(SmallTable()),
+  EXPECT_THAT(ExperimentOutput::Create("trial", dir.File("file/folder"), /*dry_run=*/false),
               StatusIs(StatusCode::kInvalidArgument, "file/folder"));
 }
 
