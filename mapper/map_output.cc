@@ -11,6 +11,7 @@
 #include "mapper/fleet_calibration.h"
 #include "mapper/mode_refinement.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/mode_filter.h"
 
 namespace shiftmap {
 namespace {
@@ -25,29 +26,6 @@ std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_ord
   std::vector<Eigen::Index> states = {0};
   for (const std::size_t mode : mode_order) states.push_back(static_cast<Eigen::Index>(mode) + 1);
   return states;
-}
-
-// Forward filter of the group's chain over its visits, from what was known to `end`.
-// @param states  The problem's state that each of the chain's is.
-Eigen::VectorXd FilterProbabilities(const MapProblem& problem,
-                                    const std::vector<VisitRef>& visits,
-                                    const std::vector<Eigen::Index>& states,
-                                    const ModeChain& chain,
-                                    Eigen::VectorXd probabilities,
-                                    Stamp now,
-                                    Stamp end,
-                                    const ModeOptions& options) {
-  for (const VisitRef& ref : visits) {
-    const MappingVisit& visit = problem.runs[static_cast<std::size_t>(ref.run)]
-                                    .data->visits[static_cast<std::size_t>(ref.visit)];
-    probabilities = chain.Propagate(probabilities, visit.begin - now);
-    const Eigen::VectorXd log_likelihood = VisitLogLikelihood(problem, ref, options)(states);
-    probabilities.array() *= (log_likelihood.array() - log_likelihood.maxCoeff()).exp();
-    probabilities = (probabilities / probabilities.sum()).cwiseMax(kMinProbability).eval();
-    now = visit.end;
-  }
-  probabilities = chain.Propagate(probabilities, end - now);
-  return probabilities / probabilities.sum();
 }
 
 const LandmarkGroup* FindGroup(const std::optional<MapContent>& map, const Signature& signature) {
@@ -65,8 +43,7 @@ std::vector<std::size_t> ModeOrder(const MapProblem& problem,
   std::vector<std::size_t> order;
   std::vector<std::size_t> first_visit(modes.size(), visits.size());
   for (std::size_t v = visits.size(); v-- > 0;) {
-    const BuildRun& run = problem.runs[static_cast<std::size_t>(visits[v].run)];
-    const int mode = run.assignment[static_cast<std::size_t>(visits[v].visit)];
+    const int mode = AssignmentOf(problem, visits[v]);
     if (mode != kUnassigned) first_visit[static_cast<std::size_t>(mode)] = v;
   }
   for (std::size_t i = 0; i < modes.size(); ++i) order.push_back(i);
@@ -84,9 +61,7 @@ Stamp LastSeen(const MapProblem& problem,
                int mode,
                Stamp known) {
   for (const VisitRef& ref : visits) {
-    const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
-    if (run.assignment[static_cast<std::size_t>(ref.visit)] != mode) continue;
-    known = std::max(known, run.data->visits[static_cast<std::size_t>(ref.visit)].end);
+    if (AssignmentOf(problem, ref) == mode) known = std::max(known, VisitOf(problem, ref).end);
   }
   return known;
 }
@@ -167,7 +142,7 @@ void AddOwnEvidence(const MapProblem& problem,
                     std::vector<EvidenceRow>* rows) {
   for (const VisitRef& ref : source.visits) {
     const MappingRun& run = *problem.runs[static_cast<std::size_t>(ref.run)].data;
-    const MappingVisit& visit = run.visits[static_cast<std::size_t>(ref.visit)];
+    const MappingVisit& visit = VisitOf(problem, ref);
     const Eigen::VectorXd values = VisitLogLikelihood(problem, ref, options);
     EvidenceRow row{run.sha256, {group.signature, visit.begin, visit.end, {{kAbsent, values[0]}}}};
     for (std::size_t i = 0; i < source.order.size(); ++i) {
@@ -202,6 +177,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
   return chains;
 }
 
+// The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13, 14).
+// Visits that began before the prior's stamp come late, and do not overrule what is newer.
 void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
                       const std::optional<MapContent>& prior,
@@ -212,14 +189,25 @@ void SetProbabilities(const MapProblem& problem,
   const GroupStart start = StartOf(problem, problem.modes[source.group], known, prior);
   // The chain's states are in the order of the map's modes, the visits' in that of the problem's.
   const std::vector<Eigen::Index> states = StatesInOrder(source.order);
-  group->probabilities = FilterProbabilities(problem,
-                                             source.visits,
-                                             states,
-                                             group->chain,
-                                             start.probabilities(states),
-                                             start.stamp,
-                                             end,
-                                             options);
+  group->probabilities = start.probabilities(states);
+  ModeState late = StationaryStart(*group, start.stamp);
+  ModeState now = StartModes(*group, start.stamp);
+  const auto filter = [&](auto first, auto last, ModeState* state) {
+    for (auto ref = first; ref != last; ++ref) {
+      const MappingVisit& visit = VisitOf(problem, *ref);
+      const Eigen::VectorXd log_likelihoods = VisitLogLikelihood(problem, *ref, options)(states);
+      AddVisit(*group, visit.begin, visit.end, log_likelihoods, state);
+    }
+  };
+  const auto first = source.visits.begin();
+  const auto newer = std::partition_point(first, source.visits.end(), [&](const VisitRef& ref) {
+    return VisitOf(problem, ref).begin < start.stamp;
+  });
+  filter(first, newer, &late);
+  if (newer != first) AddLateVisits(*group, late, &now);
+  filter(newer, source.visits.end(), &now);
+  group->probabilities = ProbabilitiesAt(*group, now, end).cwiseMax(kMinProbability);
+  group->probabilities /= group->probabilities.sum();
 }
 
 // Joint and marginal covariances of the map's modes.
