@@ -277,10 +277,14 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
 }
 
 // Runs of a build without a prior map do not tell their scales, and those of one vehicle share one.
+// A prior map that knows its scale better than sensors do lost nothing of it (TakeOutScale).
 ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem) {
   ScaleUncertainty scale{std::max(options.sd_range_scale, problem.sd_scale),
                          options.sd_run_range_scale};
-  if (problem.in_map_units) return scale;
+  if (problem.in_map_units) {
+    if (problem.sd_scale == 0.0) scale.sd_common = 0.0;
+    return scale;
+  }
   const auto runs = RunsByVehicle(problem);
   if (runs.size() < 2) return scale;
   for (const auto& [vehicle, of_vehicle] : runs) scale.runs_of_vehicles.push_back(of_vehicle);

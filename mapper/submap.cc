@@ -245,7 +245,6 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
   problem.sensor = sensor;
   problem.modes.resize(signatures.size());
   if (!prior) return problem;
-  problem.in_map_units = true;
   for (const LandmarkGroup& group : prior->groups) {
     const auto g = static_cast<std::size_t>(
         std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
@@ -254,7 +253,9 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
       problem.modes[g].push_back({mode.p_map_landmark, mode.number});
     }
   }
-  problem.priors = MakeMapPrior(ModePositions(problem), prior->covariance);
+  const std::vector<Eigen::Vector2d> positions = ModePositions(problem);
+  problem.in_map_units = positions.size() > 1;  // One position has no length.
+  problem.priors = MakeMapPrior(positions, prior->covariance);
   return problem;
 }
 
