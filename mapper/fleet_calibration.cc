@@ -36,7 +36,7 @@ double RobustSd(const std::vector<double>& squares) {
 class ActiveModes {
  public:
   ActiveModes(const MapProblem& problem, const BuildRun& run)
-      : run_(run), visits_(problem.signatures.size()) {
+      : run_(run), visits_(problem.modes.size()) {
     for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
       visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
     }
@@ -162,7 +162,7 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
   double detected = 0.0;
   double frames = 0.0;
   const ModeGrid grid(problem, sensor.max_range_m);
-  std::vector<int> seen_at(problem.signatures.size(), -1);  // The last frame of each group.
+  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
   int frame_number = 0;
   for (const BuildRun& run : problem.runs) {
     const ActiveModes active(problem, run);

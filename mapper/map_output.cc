@@ -30,10 +30,12 @@ std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_ord
 
 const LandmarkGroup* FindGroup(const std::optional<MapContent>& map, const Signature& signature) {
   if (!map) return nullptr;
-  for (const LandmarkGroup& group : map->groups) {
-    if (group.signature == signature) return &group;
-  }
-  return nullptr;
+  const auto found =
+      std::lower_bound(map->groups.begin(),
+                       map->groups.end(),
+                       signature,
+                       [](const LandmarkGroup& a, const Signature& b) { return a.signature < b; });
+  return found != map->groups.end() && found->signature == signature ? &*found : nullptr;
 }
 
 // Modes of a group in the order they get: the prior's by number, then new ones by first visit.
@@ -104,13 +106,14 @@ struct GroupSource {
 
 // A group of the map without probabilities, its chain as the prior map has it.
 LandmarkGroup MakeGroup(const MapProblem& problem,
+                        const std::vector<Signature>& signatures,
                         const GroupSource& source,
                         const std::optional<MapContent>& prior,
                         const ModeOptions& options) {
   const std::vector<BuildMode>& modes = problem.modes[source.group];
-  const LandmarkGroup* known = FindGroup(prior, problem.signatures[source.group]);
+  const LandmarkGroup* known = FindGroup(prior, signatures[source.group]);
   LandmarkGroup group;
-  group.signature = problem.signatures[source.group];
+  group.signature = signatures[source.group];
   group.chain = ModeChain::Uniform(
       static_cast<int>(modes.size()),
       known != nullptr ? known->chain.leave_rate_per_s() : options.leave_rate_per_s);
@@ -177,8 +180,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
   return chains;
 }
 
-// The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13, 14).
-// Visits that began before the prior's stamp come late, and do not overrule what is newer.
+// The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13,
+// 14). Visits that began before the prior's stamp come late, and do not overrule what is newer.
 void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
                       const std::optional<MapContent>& prior,
@@ -249,6 +252,7 @@ void SetCovariance(const JointCovariance& cov,
 // a landmark without identity is nothing but its position.
 // @param flat, cov  The problem's modes and their joint covariance.
 void AddTracks(const MapProblem& problem,
+               const std::vector<Signature>& signatures,
                const std::vector<std::vector<VisitRef>>& visits,
                const FlatModes& flat,
                const JointCovariance& cov,
@@ -256,7 +260,7 @@ void AddTracks(const MapProblem& problem,
                std::vector<Mode>* landmarks) {
   std::vector<std::vector<Mode>> found(problem.runs.size());
   for (std::size_t g = 0; g < problem.modes.size(); ++g) {
-    if (!IsTrackSignature(problem.signatures[g]) || visits[g].empty()) continue;
+    if (!IsTrackSignature(signatures[g]) || visits[g].empty()) continue;
     for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
       const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
       Mode mode;
@@ -275,6 +279,7 @@ void AddTracks(const MapProblem& problem,
 }  // namespace
 
 StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+                                   const std::vector<Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options) {
@@ -292,15 +297,16 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
   const bool tracks = options.association.associate;
   if (tracks) {
-    AddTracks(problem, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
+    AddTracks(
+        problem, signatures, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
   }
   std::vector<GroupSource> sources;
   std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
   int modes = 0;
   for (std::size_t g = 0; g < problem.modes.size(); ++g) {
-    if (problem.modes[g].empty() || (tracks && IsTrackSignature(problem.signatures[g]))) continue;
+    if (problem.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
     sources.push_back({g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g])});
-    content.groups.push_back(MakeGroup(problem, sources.back(), prior, options.modes));
+    content.groups.push_back(MakeGroup(problem, signatures, sources.back(), prior, options.modes));
     for (const std::size_t k : sources.back().order) {
       place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
           modes++;

@@ -20,9 +20,11 @@ struct MapOutput {
 
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
 /// end of the newest run.
+/// @param signatures  Of the problem's groups.
 /// @param mode_covariance  Flat order of the problem. [m²]
 /// Errors: kInvalidArgument, as LearnGroupChains.
 StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+                                   const std::vector<Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options);

@@ -64,9 +64,8 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 /// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct MapProblem {
-  std::vector<Signature> signatures;          ///< Ascending; a group index points into it.
   std::vector<BuildRun> runs;                 ///< By begin.
-  std::vector<std::vector<BuildMode>> modes;  ///< Per group.
+  std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
   std::vector<const MappingRun*> loose;       ///< Runs that came loose (loose_runs.h).
   SensorCalibration sensor;
 

@@ -37,8 +37,7 @@ void AnchorFrame(MapProblem* problem) {
 }
 
 // What the runs by themselves say of the sensor, as the start of the common estimate.
-SensorCalibration MeanSensor(const std::vector<Submap>& submaps,
-                             const SensorCalibration& fallback) {
+SensorCalibration RmsSensor(const std::vector<Submap>& submaps, const SensorCalibration& fallback) {
   if (submaps.empty()) return fallback;
   SensorCalibration mean = fallback;
   const auto average = [&](double SensorCalibration::*member) {
@@ -133,23 +132,34 @@ class Watch {
 constexpr double kSingleRunsShare = 0.5;
 
 StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
-                                            const std::vector<Signature>& signatures,
+                                            std::size_t groups,
                                             const MapperOptions& options,
-                                            Watch* watch) {
+                                            Watch* watch,
+                                            std::vector<RejectedRun>* rejected) {
+  MapperOptions alone = options;  // Threads that runs leave go to what is inside each.
+  alone.threads = std::max(1, options.threads / std::max(1, static_cast<int>(runs.size())));
   std::vector<MapProblem> problems(runs.size());
   ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
     const double done =
         kSingleRunsShare * static_cast<double>(i) / static_cast<double>(runs.size());
     const GoOn go_on = watch->During(fmt::format("run {}", runs[i].name), done);
     if (!go_on({})) return;
-    problems[i] = MapSingleRun(runs[i], signatures, options, go_on);
+    problems[i] = MapSingleRun(runs[i], groups, alone, go_on);
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   RaiseNoiseByVehicle(&problems);
-  std::vector<Submap> submaps(runs.size());
+  std::vector<std::optional<Submap>> made(runs.size());
   ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
-    submaps[i] = MakeSubmap(options, std::move(problems[i]));
+    made[i] = MakeSubmap(alone, std::move(problems[i]));
   });
+  std::vector<Submap> submaps;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (made[i]) {
+      submaps.push_back(*std::move(made[i]));
+    } else {
+      rejected->push_back({runs[i].name, "its sightings do not determine its landmarks"});
+    }
+  }
   return submaps;
 }
 
@@ -158,7 +168,7 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
                  const MapperOptions& options) {
   BuildSize size;
   size.runs_at_once = std::min<std::int64_t>(options.threads, std::ssize(inputs));
-  if (prior) size.modes = prior->covariance.size();
+  if (prior) size.prior_modes = prior->covariance.size();
   for (const MapperInput& input : inputs) AddRun(input.run, &size);
   return size;
 }
@@ -252,11 +262,12 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
                                Watch* watch,
                                std::vector<RejectedRun>* rejected) {
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
-                            MapRunsSingly(runs, signatures, options, watch));
+                            MapRunsSingly(runs, signatures.size(), options, watch, rejected));
   std::optional<MapContent> known = prior;
   const double sd_scale = known ? TakeOutScale(options.sd_range_scale, &*known) : 0.0;
+  const SensorCalibration sensor = RmsSensor(submaps, options.calibration.sensor);
   MapProblem problem =
-      StartProblem(signatures, known, MeanSensor(submaps, options.calibration.sensor));
+      known ? StartProblem(signatures, *known, sensor) : StartProblem(signatures.size(), sensor);
   problem.sd_scale = sd_scale;
   PlaceSubmaps(options,
                known,
@@ -292,14 +303,16 @@ ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem
 }
 
 // What is told of a solved problem.
-Status Conclude(const std::optional<MapContent>& prior,
+Status Conclude(const std::vector<Signature>& signatures,
+                const std::optional<MapContent>& prior,
                 const MapperOptions& options,
                 MapProblem* problem,
                 MapperResult* result) {
   const Graph graph = MakeGraph(options, problem);
   const std::unique_ptr<GraphElimination> elimination = LinearizeForMap(graph);
   const JointCovariance covariance = MapCovariance(graph, *elimination, ScaleOf(options, *problem));
-  SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output, MakeMapContent(*problem, prior, covariance, options));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
+                            MakeMapContent(*problem, signatures, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
   if (options.calibrate) {
@@ -386,7 +399,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   if (!prior) AnchorFrame(&problem);
   watch.Report("covariance", 0.9, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
-  SHIFTMAP_RETURN_IF_ERROR(Conclude(prior, options, &problem, &result));
+  SHIFTMAP_RETURN_IF_ERROR(Conclude(signatures, prior, options, &problem, &result));
   watch.Report("done", 1.0, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;

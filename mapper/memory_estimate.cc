@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <set>
+#include <vector>
 
+#include "mapper/alignment/consensus.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/residuals.h"
+#include "mapper/map_problem.h"
 #include "mapper/mode_covariance.h"
 
 namespace shiftmap {
@@ -52,12 +55,18 @@ void AddRun(const Run& run, BuildSize* size) {
     size->key_frames += identified ? 1 : 0;
     size->observations += static_cast<std::int64_t>(scan.observations.size());
   }
-  const bool first = size->odometry_samples == 0 && size->modes == 0;
   const auto landmarks = static_cast<std::int64_t>(seen.size());
   size->odometry_samples += static_cast<std::int64_t>(run.odometry.size());
   size->landmarks = std::max(size->landmarks, landmarks);
   size->scans += static_cast<std::int64_t>(run.scans.size());
-  size->modes += first ? landmarks : landmarks / kLandmarksPerNewMode + 1;
+  size->runs += 1;
+  size->all_landmarks += landmarks;
+  size->landmark_pairs += landmarks * landmarks;
+}
+
+std::int64_t ExpectedModes(const BuildSize& size) {
+  const std::int64_t first = size.prior_modes > 0 ? 0 : size.landmarks;
+  return size.prior_modes + first + (size.all_landmarks - first) / kLandmarksPerNewMode + size.runs;
 }
 
 std::int64_t EstimateBuildMemory(const BuildSize& size) {
@@ -69,13 +78,19 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
       size.key_frames * bytes(sizeof(Se2) + sizeof(MotionIncrement) + sizeof(MotionResidual)) +
       size.observations * bytes(sizeof(GraphObservation) + sizeof(ObservationResidual));
   const std::int64_t block = 4 * bytes(sizeof(double));
-  const std::int64_t dense = std::min<std::int64_t>(size.modes, kMaxJointModes);
+  const std::int64_t modes = size.modes.value_or(ExpectedModes(size));
+  const std::int64_t dense = std::min<std::int64_t>(modes, kMaxJointModes);
   const std::int64_t joint = kDenseMatrices * dense * dense * block;
-  const std::int64_t tiles = size.modes > dense ? kTileCopies * size.modes * kTileModes * block : 0;
+  const std::int64_t tiles = modes > dense ? kTileCopies * modes * kTileModes * block : 0;
   const std::int64_t runs =
       kRunMatrices * size.runs_at_once * size.landmarks * size.landmarks * block;
+  // Runs wait for their place with their joint covariances, and each with a list for every group.
+  const std::int64_t waiting =
+      size.landmark_pairs * block +
+      size.all_landmarks * bytes(sizeof(BuildMode) + sizeof(AlignmentPoint)) +
+      size.runs * modes * bytes(sizeof(std::vector<BuildMode>));
   return kProgram + kLogCopies * logs + kGraphCopies * graph + size.key_frames * kSegmentRow +
-         joint + tiles + runs;
+         joint + tiles + runs + waiting;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {
@@ -85,7 +100,7 @@ Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {
       "build: {} key frames and {} modes take about {} MiB, allowed are {}; build fewer runs at a "
       "time",
       size.key_frames,
-      size.modes,
+      size.modes.value_or(ExpectedModes(size)),
       needed / kMib + 1,
       max_memory_bytes / kMib);
 }

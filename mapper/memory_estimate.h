@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"
@@ -13,15 +14,23 @@ struct BuildSize {
   std::int64_t odometry_samples = 0;
   std::int64_t scans = 0;
   std::int64_t observations = 0;
-  std::int64_t key_frames = 0;    ///< Scans with an identified landmark.
-  std::int64_t modes = 0;         ///< Of the map that comes out.
-  std::int64_t landmarks = 0;     ///< Of the run that sees most.
-  std::int64_t runs_at_once = 1;  ///< That are mapped by themselves side by side.
+  std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
+  std::int64_t runs = 0;
+  std::int64_t landmarks = 0;         ///< Of the run that sees most.
+  std::int64_t all_landmarks = 0;     ///< Sum over the runs of those that each sees.
+  std::int64_t landmark_pairs = 0;    ///< Sum over the runs of the squares of those.
+  std::int64_t prior_modes = 0;       ///< Of the map that the build goes on from.
+  std::optional<std::int64_t> modes;  ///< Of the map that comes out, once that is known.
+  std::int64_t runs_at_once = 1;      ///< That are mapped by themselves side by side.
 };
 
-/// Counts one run more. Each landmark that it sees is taken to be a mode, if `size` was without
-/// runs; later runs bring one for every fourth landmark: most stand where they stood.
+/// Counts one run more. The result does not depend on the order.
 void AddRun(const Run& run, BuildSize* size);
+
+/// Modes that are to be expected before any run is placed: without a prior map the landmarks of the
+/// run that sees most, and one for every fourth landmark of the others: most stand where they
+/// stood.
+std::int64_t ExpectedModes(const BuildSize& size);
 
 /// Memory that a build of this size takes at its peak, the logs and the program included. [bytes]
 /// Between 1 and 2.5 times what was measured (README, "Memory").

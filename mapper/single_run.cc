@@ -30,8 +30,7 @@ constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
 void PlaceModes(double radius_m, MapProblem* problem) {
   BuildRun& run = problem->runs.front();
-  problem->modes.assign(problem->signatures.size(), {});
-  std::vector<std::vector<Eigen::Vector2d>> positions(problem->signatures.size());
+  std::vector<std::vector<Eigen::Vector2d>> positions(problem->modes.size());
   for (const MappingVisit& visit : run.data->visits) {
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
     std::vector<Eigen::Vector2d>& all = positions[static_cast<std::size_t>(visit.group)];
@@ -75,14 +74,12 @@ void CalibrateOpen(const MapperOptions& options,
 }
 
 // Maps a calibrated run from its poses on.
-// @param problem  Of the run's signatures and sensor.
+// @param problem  Whose groups and sensor it has.
 MapProblem MapFromPoses(const MapperOptions& options,
                         const MapProblem& problem,
                         const GoOn& go_on,
                         BuildRun run) {
-  MapProblem mapped;
-  mapped.signatures = problem.signatures;
-  mapped.sensor = problem.sensor;
+  MapProblem mapped = StartProblem(problem.modes.size(), problem.sensor);
   mapped.runs.push_back(std::move(run));
   PlaceModes(options.modes.cluster_radius_m, &mapped);
   GraphSolver solver;
@@ -183,9 +180,11 @@ MapProblem MapByParts(const MapperOptions& options,
   for (std::size_t k = 0; k < parts.size(); ++k) {
     MapProblem part = MapPart(options, problem, run, parts.At(k), go_on);
     if (go_on && !go_on(part)) break;
-    submaps.push_back(MakeSubmap(options, std::move(part)));
+    if (std::optional<Submap> submap = MakeSubmap(options, std::move(part))) {
+      submaps.push_back(*std::move(submap));
+    }
   }
-  MapProblem placed = StartProblem(problem.signatures, std::nullopt, problem.sensor);
+  MapProblem placed = StartProblem(problem.modes.size(), problem.sensor);
   std::vector<RejectedRun> rejected;
   PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
   for (BuildRun& part : placed.runs) {
@@ -211,16 +210,14 @@ MapProblem MapPart(const MapperOptions& options,
 }
 
 MapProblem MapSingleRun(const MappingRun& run,
-                        const std::vector<Signature>& signatures,
+                        std::size_t groups,
                         const MapperOptions& options,
                         const GoOn& go_on) {
-  MapProblem nothing;
-  nothing.signatures = signatures;
-  nothing.sensor = options.calibration.sensor;
+  MapProblem nothing = StartProblem(groups, options.calibration.sensor);
   BuildRun build;
   build.data = &run;
   build.odometry = options.calibration.odometry;
-  if (options.calibrate) CalibrateOpen(options, signatures.size(), go_on, &build, &nothing.sensor);
+  if (options.calibrate) CalibrateOpen(options, groups, go_on, &build, &nothing.sensor);
   UpdateMotions(run, build.odometry, &build.motions);
   const double part_s = PartDuration(options.modes, build);
   const bool by_parts = GoesByParts(options.modes, run, part_s);

@@ -150,11 +150,12 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
   for (std::size_t k = 0; k < aligned.parts.size(); ++k) {
     MapProblem part = MapPart(options, problem, run, aligned.parts.At(k), go_on);
     if (go_on && !go_on(part)) return std::nullopt;
-    const Submap submap = MakeSubmap(options, std::move(part));
-    const auto found = AlignSubmap(reference, submap, area, options.alignment);
     std::vector<Se2>& poses = aligned.poses.emplace_back();
+    const std::optional<Submap> submap = MakeSubmap(options, std::move(part));
+    if (!submap) continue;
+    const auto found = AlignSubmap(reference, *submap, area, options.alignment);
     if (!found || found->alignment.signatures.size() < kMinPartSignatures) continue;
-    for (const Se2& pose : submap.problem.runs.front().poses) {
+    for (const Se2& pose : submap->problem.runs.front().poses) {
       poses.push_back(found->alignment.T_reference_other * pose);
     }
   }
@@ -197,7 +198,6 @@ double CostAmong(const MapperOptions& options,
                  const Owners& others,
                  const BuildRun& run) {
   MapProblem alone;
-  alone.signatures = problem.signatures;
   alone.sensor = problem.sensor;
   alone.modes.resize(problem.modes.size());
   alone.runs.push_back(run);

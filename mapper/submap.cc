@@ -213,10 +213,10 @@ std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, Ma
   return ReferToPositions(graph.modes, *std::move(covariance));
 }
 
-Submap MakeSubmap(const MapperOptions& options, MapProblem problem) {
+std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem) {
   Submap submap{std::move(problem), {}, {}};
   std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap.problem);
-  SHIFTMAP_CHECK(covariance, "a run does not determine its own landmarks");
+  if (!covariance) return std::nullopt;
   submap.covariance = *std::move(covariance);
   for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
     for (const BuildMode& mode : submap.problem.modes[group]) {
@@ -237,15 +237,18 @@ void MoveProblem(const Se2& T_map_old, MapProblem* problem) {
   }
 }
 
-MapProblem StartProblem(const std::vector<Signature>& signatures,
-                        const std::optional<MapContent>& prior,
-                        const SensorCalibration& sensor) {
+MapProblem StartProblem(std::size_t groups, const SensorCalibration& sensor) {
   MapProblem problem;
-  problem.signatures = signatures;
   problem.sensor = sensor;
-  problem.modes.resize(signatures.size());
-  if (!prior) return problem;
-  for (const LandmarkGroup& group : prior->groups) {
+  problem.modes.resize(groups);
+  return problem;
+}
+
+MapProblem StartProblem(const std::vector<Signature>& signatures,
+                        const MapContent& prior,
+                        const SensorCalibration& sensor) {
+  MapProblem problem = StartProblem(signatures.size(), sensor);
+  for (const LandmarkGroup& group : prior.groups) {
     const auto g = static_cast<std::size_t>(
         std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
         signatures.begin());
@@ -255,7 +258,7 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
   }
   const std::vector<Eigen::Vector2d> positions = ModePositions(problem);
   problem.in_map_units = positions.size() > 1;  // One position has no length.
-  problem.priors = MakeMapPrior(positions, prior->covariance);
+  problem.priors = MakeMapPrior(positions, prior.covariance);
   return problem;
 }
 

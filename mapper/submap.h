@@ -24,15 +24,18 @@ struct Submap {
 /// these have gone astray so far that there is none.
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem);
 
+/// Nothing if the run does not determine its own landmarks.
 /// @param problem  As MapSingleRun() leaves it.
-Submap MakeSubmap(const MapperOptions& options, MapProblem problem);
+std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem);
 
 /// Moves everything in a problem but its prior.
 void MoveProblem(const Se2& T_map_old, MapProblem* problem);
 
-/// The problem before any run is in it: the prior's modes, or none.
+/// The problem before any run is in it: without modes, or with those of a prior map.
+/// @param signatures  Of the groups, ascending; the prior's are among them.
+MapProblem StartProblem(std::size_t groups, const SensorCalibration& sensor);
 MapProblem StartProblem(const std::vector<Signature>& signatures,
-                        const std::optional<MapContent>& prior,
+                        const MapContent& prior,
                         const SensorCalibration& sensor);
 
 /// Places submaps one after the other, always the one that shares most signatures with what is

@@ -109,9 +109,9 @@ void CountDetections(const MapProblem& problem,
                      const BuildRun& run,
                      DetectionCount* count) {
   const SensorCalibration& sensor = problem.sensor;
-  std::vector<int> mode_of(problem.signatures.size(), kUnassigned);
+  std::vector<int> mode_of(problem.modes.size(), kUnassigned);
   std::size_t next_visit = 0;
-  std::vector<int> seen_at(problem.signatures.size(), -1);  // The last frame of each group.
+  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
   for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
     const KeyFrame& frame = run.data->frames[f];
     for (;

@@ -6,7 +6,7 @@
 namespace shiftmap {
 
 std::vector<std::vector<VisitRef>> VisitsByGroup(const MapProblem& problem) {
-  std::vector<std::vector<VisitRef>> by_group(problem.signatures.size());
+  std::vector<std::vector<VisitRef>> by_group(problem.modes.size());
   for (std::size_t r = 0; r < problem.runs.size(); ++r) {
     const std::vector<MappingVisit>& visits = problem.runs[r].data->visits;
     for (std::size_t v = 0; v < visits.size(); ++v) {

@@ -159,7 +159,7 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
                               const Context& context) {
   LoadedRuns runs;
   BuildSize size;
-  if (prior.content) size.modes = prior.content->covariance.size();
+  if (prior.content) size.prior_modes = prior.content->covariance.size();
   std::set<std::string> seen = prior.run_hashes;
   for (const std::string& path : options.logs) {
     SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));

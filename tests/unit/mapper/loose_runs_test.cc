@@ -16,10 +16,7 @@ namespace {
 // Runs that each have one visit at the first mode of each of some groups.
 class LooseRuns : public ::testing::Test {
  protected:
-  LooseRuns() {
-    problem_.signatures.resize(kGroups);
-    problem_.modes.resize(kGroups);
-  }
+  LooseRuns() { problem_.modes.resize(kGroups); }
 
   void Add(const std::string& name, const std::vector<int>& groups) {
     MappingRun& data = *runs_.emplace_back(std::make_unique<MappingRun>());

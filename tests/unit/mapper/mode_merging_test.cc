@@ -16,7 +16,7 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   const SimulatedWorld world = testing::StaticWorld(1);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
   const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
   const auto busiest =
       std::max_element(visits.begin(), visits.end(), [](const auto& a, const auto& b) {
@@ -40,7 +40,7 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
 TEST(DropUnusedModes, ModesOfThePriorMapStayThoughNothingHoldsThere) {
   const SimulatedWorld world = testing::StaticWorld(1);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+  MapProblem problem = MapSingleRun(run, world.groups.size(), {});
   const std::size_t before = testing::CountModes(problem);
   problem.modes[0].push_back({Eigen::Vector2d(50.0, 50.0), ModeNumber(7)});
   problem.modes[1].push_back({Eigen::Vector2d(50.0, 50.0), kAbsent});
@@ -55,7 +55,7 @@ TEST(DropFaintModes, CountsWhatAModeExplains) {
   const SimulatedWorld world = testing::StaticWorld(1);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
   DropFaintModes(options.modes, &problem);
   const std::size_t before = testing::CountModes(problem);
   const auto group = static_cast<std::size_t>(run.visits.front().group);
@@ -69,7 +69,6 @@ TEST(DropFaintModes, CountsWhatAModeExplains) {
 
 TEST(DropUnusedModes, KeepsThePriorsIndicesRight) {
   MapProblem problem;
-  problem.signatures = {Signature("A"), Signature("B")};
   problem.modes = {{{Eigen::Vector2d::Zero(), kAbsent}, {Eigen::Vector2d::Ones(), ModeNumber(1)}},
                    {{Eigen::Vector2d::Ones(), ModeNumber(1)}}};
   problem.priors.emplace_back().modes = {1};
@@ -84,7 +83,6 @@ TEST(MergeMemory, MergesAgainWhereTheGroupIsAsItWas) {
   MappingRun run;
   run.visits.resize(2);
   MapProblem problem;
-  problem.signatures = {Signature("A")};
   problem.modes = {{{Eigen::Vector2d::Zero(), kAbsent}, {Eigen::Vector2d::Ones(), kAbsent}}};
   problem.runs.resize(1);
   problem.runs[0].data = &run;

@@ -26,7 +26,7 @@ TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SimulatedWorld world = testing::StaticWorld(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
     for (std::size_t group = 0; group < problem.modes.size(); ++group) {
       EXPECT_LE(problem.modes[group].size(), 1u) << seed << " " << group;
     }
@@ -42,7 +42,7 @@ TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
   MapperOptions options;
   options.calibration.sensor.sd_range_m = 0.3;
   options.calibration.sensor.sd_bearing_rad = 0.01;
-  const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
   EXPECT_NEAR(problem.sensor.sd_range_m, 0.1, 0.015);
   EXPECT_NEAR(problem.sensor.sd_bearing_rad, 0.02, 0.004);
 }
@@ -68,7 +68,7 @@ TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SimulatedWorld world = WorldWithAMover(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
     ASSERT_EQ(problem.modes[0].size(), 2u) << seed;
     EXPECT_EQ(problem.modes[1].size(), 0u) << seed;
     EXPECT_EQ(AssignedModes(problem, 0), (std::set<int>{0, 1})) << seed;
@@ -85,7 +85,7 @@ TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     MapperOptions options;
     options.modes.position_floor_m = 100.0;
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
     EXPECT_EQ(problem.modes[0].size(), 1u) << seed;
     EXPECT_LE(problem.modes_merged, 3) << seed;
   }
@@ -94,7 +94,7 @@ TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
 TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   SimulatedWorld world = testing::StaticWorld(2);
   const MappingRun clean = testing::Arrange(world, world.runs[0].run);
-  const MapProblem expected = MapSingleRun(clean, testing::SignaturesOf(world), {});
+  const MapProblem expected = MapSingleRun(clean, world.groups.size(), {});
   // Once in a visit, once in a scan by itself: the name of a landmark that is elsewhere.
   Observation misread;
   misread.z = {2.0, 0.7};
@@ -113,7 +113,7 @@ TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   }
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   ASSERT_EQ(run.sightings.size(), clean.sightings.size() + 2);
-  const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+  const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
   EXPECT_EQ(testing::CountModes(problem), testing::CountModes(expected));
 }
 
@@ -121,7 +121,7 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
   const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
   ASSERT_FALSE(visits.empty());
   const Eigen::VectorXd here = VisitLogLikelihood(problem, visits[0], options.modes);

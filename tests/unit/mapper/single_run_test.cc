@@ -42,7 +42,7 @@ TEST(MapSingleRun, LongWaysBetweenTwoLooksDoNotTwistIt) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     const SimulatedWorld world = testing::Simulate(LargeFloor(seed));
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
     const OdometryCalibration& odometry = problem.runs[0].odometry;
     const double error =
         testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run));
@@ -62,7 +62,7 @@ TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
     options.odometry.noise_omega = 0.05;
     const SimulatedWorld world = testing::Simulate(options);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
     const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
     EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, truth), 1.5) << seed;
     for (const std::vector<BuildMode>& modes : problem.modes) EXPECT_LE(modes.size(), 1u) << seed;
@@ -78,7 +78,7 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SimulatedWorld world = testing::Simulate(FloorOf(500, 5400.0, 0.02, seed));
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), {});
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
     EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run)),
               1.0)
         << seed;
@@ -91,13 +91,12 @@ TEST(MapSingleRun, IsTheRunWhereverItIsStopped) {
   const SimulatedWorld world = testing::Simulate(FloorOf(300, 1200.0, 0.05, 1));
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   int calls = 0;
-  MapSingleRun(
-      run, testing::SignaturesOf(world), {}, [&](const MapProblem&) { return ++calls > 0; });
+  MapSingleRun(run, world.groups.size(), {}, [&](const MapProblem&) { return ++calls > 0; });
   ASSERT_GT(calls, 20);
   for (int stop = 0; stop < calls; stop += 5) {
     int asked = 0;
     const MapProblem problem = MapSingleRun(
-        run, testing::SignaturesOf(world), {}, [&](const MapProblem&) { return asked++ < stop; });
+        run, world.groups.size(), {}, [&](const MapProblem&) { return asked++ < stop; });
     EXPECT_LE(asked, calls);
     ASSERT_EQ(problem.runs.size(), 1u);
     EXPECT_EQ(problem.runs[0].data, &run);

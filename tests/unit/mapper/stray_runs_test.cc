@@ -22,13 +22,13 @@ class StrayRuns : public ::testing::Test {
  protected:
   // The runs of a world, solved together.
   MapProblem Solved(const SimulatedWorld& world) {
-    const std::vector<Signature> signatures = testing::SignaturesOf(world);
     std::vector<Submap> submaps;
     for (const SimulatedRun& run : world.runs) {
       runs_.push_back(testing::Arrange(world, run.run));
-      submaps.push_back(MakeSubmap(options_, MapSingleRun(runs_.back(), signatures, options_)));
+      submaps.push_back(
+          MakeSubmap(options_, MapSingleRun(runs_.back(), world.groups.size(), options_)).value());
     }
-    MapProblem problem = StartProblem(signatures, std::nullopt, options_.calibration.sensor);
+    MapProblem problem = StartProblem(world.groups.size(), options_.calibration.sensor);
     std::vector<RejectedRun> rejected;
     PlaceSubmaps(options_, std::nullopt, std::move(submaps), &problem, &rejected);
     GraphSolver solver;

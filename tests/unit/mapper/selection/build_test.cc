@@ -155,7 +155,7 @@ TEST(SummarizeSelection, SeesAWrongAssignment) {
   const SimulatedWorld world = TwoDays(4);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, testing::SignaturesOf(world), options);
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
   const SelectionSummary before = SummarizeSelection(options.modes, problem);
   EXPECT_EQ(before.visits, static_cast<int>(run.visits.size()));
   EXPECT_NEAR(before.log_joint, before.best_log_joint, 1e-9);
