@@ -186,6 +186,16 @@ StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNu
   return ReadProvenance(database, row.version_id, state_->VersionName(area, version));
 }
 
+StatusOr<std::set<std::string>> MapStore::RunHashes(const std::string& area,
+                                                    VersionNumber version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(database, area, area_row.area_id, version));
+  return ReadRunHashes(database, row.version_id);
+}
+
 StatusOr<std::vector<ReportSummary>> MapStore::Reports(const std::string& area,
                                                        std::optional<VersionNumber> version) {
   Database& database = state_->database;

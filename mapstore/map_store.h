@@ -125,6 +125,9 @@ class MapStore {
 
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
+  /// RunRecord::sha256 of all runs that a version and its ancestors were built from.
+  StatusOr<std::set<std::string>> RunHashes(const std::string& area, VersionNumber version);
+
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing.
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if its
   /// content hash is not that version's.

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -87,25 +88,6 @@ bool IsPriorName(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && number > 0;
 }
 
-// Runs of a version and of those it was made from.
-StatusOr<std::set<std::string>> RunHashes(MapStore& store,
-                                          const std::string& area,
-                                          VersionNumber version) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store.Versions(area));
-  std::set<std::string> hashes;
-  std::optional<VersionNumber> at = version;
-  while (at) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store.LoadProvenance(area, *at));
-    for (const RunRecord& run : provenance.runs) hashes.insert(run.sha256);
-    std::optional<VersionNumber> parent;
-    for (const VersionSummary& summary : versions) {
-      if (summary.version == *at) parent = summary.parent;
-    }
-    at = parent;
-  }
-  return hashes;
-}
-
 StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context) {
   PriorMap prior;
   std::error_code error;
@@ -125,7 +107,7 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
   prior.content = snapshot.content();
   prior.ledger_position = snapshot.ledger_position();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, RunHashes(store, options.area, *prior.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, store.RunHashes(options.area, *prior.version));
   return prior;
 }
 
@@ -161,6 +143,7 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
   BuildSize size;
   if (prior.content) size.prior_modes = prior.content->covariance.size();
   std::set<std::string> seen = prior.run_hashes;
+  std::map<std::string, std::string> paths;  // Of the runs, by name.
   for (const std::string& path : options.logs) {
     SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
     SHIFTMAP_ASSIGN_OR_RETURN(RunLog log, ReadRunLog(path));
@@ -171,6 +154,11 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
     if (!seen.insert(log.sha256).second) {
       runs.rejected.push_back({name, "already in the map"});
       continue;
+    }
+    const auto [named, added] = paths.try_emplace(name, path);
+    if (options.trajectories && !added) {
+      return InvalidArgument(
+          "run logs '{}' and '{}': their trajectories would be one file", named->second, path);
     }
     AddRun(log.run, &size);
     SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, MaxMemory(options)));

@@ -84,4 +84,21 @@ StatusOr<Provenance> ReadProvenance(Database& database,
   return provenance;
 }
 
+StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
+                       "SELECT parent_version_id FROM version JOIN line USING (version_id) "
+                       "WHERE parent_version_id IS NOT NULL) "
+                       "SELECT sha256 FROM line JOIN version_run USING (version_id) "
+                       "JOIN run USING (run_id)"));
+  query.Bind(version_id);
+  std::set<std::string> hashes;
+  while (true) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return hashes;
+    hashes.insert(query.Text(0));
+  }
+}
+
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,5 +19,8 @@ Status InsertRuns(Database& database, std::int64_t version_id, const std::vector
 StatusOr<Provenance> ReadProvenance(Database& database,
                                     std::int64_t version_id,
                                     const std::string& owner);
+
+/// RunRecord::sha256 of all runs that a version and its ancestors were built from.
+StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id);
 
 }  // namespace shiftmap

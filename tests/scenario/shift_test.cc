@@ -370,6 +370,24 @@ TEST_F(ShiftTest, MapperWritesTrajectoriesToo) {
   }
 }
 
+// The logs of two vehicles may have one name, but not what is made of them in one folder. The same
+// log named twice is one.
+TEST_F(ShiftTest, NoTrajectoryTakesThePlaceOfAnother) {
+  constexpr int kBadInput = 3;
+  const std::string folder = folder_.File("trajectories");
+  const std::string other = folder_.File("run_000.mcap");
+  std::filesystem::copy_file(week_->Log(1), other);
+  const std::string store = folder_.File("second.db");
+  ExpectError("shiftmap-mapper",
+              Of(store, {"build", "--trajectories", folder, week_->Log(0), other}),
+              kBadInput,
+              other);
+  EXPECT_FALSE(std::filesystem::exists(folder));
+  EXPECT_FALSE(std::filesystem::exists(store));
+  RunForJson("shiftmap-mapper",
+             Of(store, {"build", "--trajectories", folder, week_->Log(0), week_->Log(0)}));
+}
+
 TEST_F(ShiftTest, PlotIsWellFormed) {
   Localize(kMappedShifts, {"--return"});
   const std::string path = folder_.File("map.svg");

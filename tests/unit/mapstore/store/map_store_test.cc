@@ -167,6 +167,32 @@ TEST_F(MapStoreTest, ProvenanceComesBack) {
   }
 }
 
+TEST_F(MapStoreTest, RunsOfAVersionAreThoseOfItsAncestorsToo) {
+  const auto commit = [&](const std::vector<std::string>& hashes, std::optional<int> parent) {
+    Provenance provenance;
+    for (const std::string& hash : hashes) {
+      provenance.runs.push_back({hash, hash, "truck", At(0.0), At(1.0), {}});
+    }
+    CommitOptions options;
+    if (parent) options.parent = VersionNumber(*parent);
+    options.publish = false;
+    ASSERT_THAT(store_.Commit("level 1", MapContent{}, provenance, options), IsOk());
+  };
+  commit({"a", "b"}, std::nullopt);
+  commit({"c"}, 1);
+  commit({"d"}, 1);
+  commit({"b", "e"}, 3);
+  commit({}, 2);
+  const auto of = [&](int version) {
+    return store_.RunHashes("level 1", VersionNumber(version)).value();
+  };
+  EXPECT_THAT(of(1), ElementsAre("a", "b"));
+  EXPECT_THAT(of(4), ElementsAre("a", "b", "d", "e"));
+  EXPECT_THAT(of(5), ElementsAre("a", "b", "c"));
+  EXPECT_THAT(store_.RunHashes("level 1", VersionNumber(6)),
+              StatusIs(StatusCode::kNotFound, "no version 6"));
+}
+
 TEST_F(MapStoreTest, ExportedSnapshotGivesWhatTheStoreGives) {
   const MapContent content = RandomContent(random_);
   const CommitResult parent = MustCommit(content);
