@@ -107,7 +107,8 @@ class Watch {
     if (!monitor_ || stopped_) return !stopped_;
     std::size_t modes = 0;
     for (const std::vector<BuildMode>& group : problem.modes) modes += group.size();
-    stopped_ = !monitor_({phase, done, problem.cost, modes});
+    done_ = std::max(done_, done);  // Threads take runs in turn, not their reports.
+    stopped_ = !monitor_({phase, done_, problem.cost, modes});
     return !stopped_;
   }
 
@@ -125,6 +126,7 @@ class Watch {
  private:
   const MapperMonitor& monitor_;
   mutable std::mutex mutex_;
+  double done_ = 0.0;
   bool stopped_ = false;
 };
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/residuals.h"
 #include "mapper/map_problem.h"
@@ -25,9 +26,17 @@ constexpr std::int64_t kLogCopies = 2;
 // Graphs alive at a time: a run's own, the common one, and the one that it is copied from.
 constexpr std::int64_t kGraphCopies = 3;
 
-// Per key frame, what a segment keeps: 3 rows of Y over its two separators, its calibration and the
-// modes seen from it, of which 20 are many; and its factor.
-constexpr std::int64_t kSegmentRow = 3 * (11 + 2 * 20) * 8 + 2 * 72;
+// What a segment couples with beside modes: its two separators and its run's calibration.
+constexpr std::int64_t kSegmentEnds = 2 * 3 + kRunCalibration;
+
+// Per key frame of a segment and column of its boundary, rows of Y; per key frame its factor.
+// [bytes]
+constexpr std::int64_t kSegmentRow = 3 * 8;
+constexpr std::int64_t kSegmentFactor = 2 * 72;
+
+// Per pair of columns of a segment's boundary: its term in the system of the rest, what is left of
+// that without chains, its place in it, and the fronts that take it up. [bytes]
+constexpr std::int64_t kSegmentPair = 8 + 8 + 4 + 4;
 
 // Dense matrices over the positions of all modes alive at a time while the joint covariance is
 // referred to the datum, and the blocks of it that the map keeps; of a large map over those of
@@ -45,16 +54,27 @@ constexpr std::int64_t kLandmarksPerNewMode = 4;
 
 void AddRun(const Run& run, BuildSize* size) {
   std::set<Signature> seen;
+  std::set<Signature> from_segment;
+  std::int64_t key_frames = 0;
+  const auto end_segment = [&] {
+    const std::int64_t boundary = kSegmentEnds + 2 * std::ssize(from_segment);
+    size->segment_boundary += boundary;
+    size->segment_pairs += boundary * boundary;
+    seen.merge(from_segment);
+    from_segment.clear();
+  };
   for (const Scan& scan : run.scans) {
     bool identified = false;
     for (const Observation& observation : scan.observations) {
       if (observation.signature.anonymous()) continue;
       identified = true;
-      seen.insert(observation.signature);
+      from_segment.insert(observation.signature);
     }
-    size->key_frames += identified ? 1 : 0;
+    if (identified && ++key_frames % (kSegmentPoses + 1) == 0) end_segment();
     size->observations += static_cast<std::int64_t>(scan.observations.size());
   }
+  end_segment();
+  size->key_frames += key_frames;
   const auto landmarks = static_cast<std::int64_t>(seen.size());
   size->odometry_samples += static_cast<std::int64_t>(run.odometry.size());
   size->landmarks = std::max(size->landmarks, landmarks);
@@ -89,8 +109,11 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
       size.landmark_pairs * block +
       size.all_landmarks * bytes(sizeof(BuildMode) + sizeof(AlignmentPoint)) +
       size.runs * modes * bytes(sizeof(std::vector<BuildMode>));
-  return kProgram + kLogCopies * logs + kGraphCopies * graph + size.key_frames * kSegmentRow +
-         joint + tiles + runs + waiting;
+  const std::int64_t segments = size.segment_boundary * kSegmentPoses * kSegmentRow +
+                                size.key_frames * kSegmentFactor +
+                                size.segment_pairs * kSegmentPair;
+  return kProgram + kLogCopies * logs + kGraphCopies * graph + segments + joint + tiles + runs +
+         waiting;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

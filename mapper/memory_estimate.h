@@ -15,6 +15,12 @@ struct BuildSize {
   std::int64_t scans = 0;
   std::int64_t observations = 0;
   std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
+
+  /// What a segment of a run couples with, GraphElimination: sums over all segments of how much it
+  /// is, and of the square.
+  std::int64_t segment_boundary = 0;
+  std::int64_t segment_pairs = 0;
+
   std::int64_t runs = 0;
   std::int64_t landmarks = 0;         ///< Of the run that sees most.
   std::int64_t all_landmarks = 0;     ///< Sum over the runs of those that each sees.

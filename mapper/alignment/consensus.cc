@@ -116,11 +116,11 @@ class Consensus {
  private:
   // After so many draws a transform that half as many groups support as the best, or the fewest
   // that count, has been proposed but with probability kMissed: each draws a pair of its
-  // supporters with probability (supporters / matches)².
+  // supporters, two that differ, with probability supporters (supporters - 1) / matches².
   double SufficientDraws() const {
     const double supporters = std::max(1.0 * options_.min_signatures, 0.5 * best_.count);
-    const double share = supporters / static_cast<double>(matches_.size());
-    return std::log(kMissed) / std::log1p(-share * share);
+    const auto matches = static_cast<double>(matches_.size());
+    return std::log(kMissed) / std::log1p(-supporters * (supporters - 1.0) / (matches * matches));
   }
 
   const Correspondence& At(int match) const { return matches_[static_cast<std::size_t>(match)]; }

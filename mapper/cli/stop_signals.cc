@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/cli/stop_signals.h"
 
+#include <atomic>
+
 namespace shiftmap {
 namespace {
 
-volatile std::sig_atomic_t received = 0;
+// Set by a handler, read by all threads.
+std::atomic<int> received = 0;
+static_assert(std::atomic<int>::is_always_lock_free);
 
 void Keep(int signal) { received = signal; }
 
@@ -33,9 +37,14 @@ StopSignals::~StopSignals() {
 }
 
 std::string StopSignals::Received() {
-  if (received == SIGINT) return "SIGINT";
-  if (received == SIGTERM) return "SIGTERM";
-  return "";
+  switch (received) {
+    case SIGINT:
+      return "SIGINT";
+    case SIGTERM:
+      return "SIGTERM";
+    default:
+      return "";
+  }
 }
 
 }  // namespace shiftmap

@@ -14,9 +14,6 @@
 namespace shiftmap {
 namespace {
 
-// Poses between two separators. More make the rest smaller and let a segment see more modes.
-constexpr int kSegmentPoses = 31;
-
 // Draws of the calibrations for what they add to the covariance of modes, a small part of it.
 constexpr int kCalibrationDraws = 32;
 

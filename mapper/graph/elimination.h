@@ -17,6 +17,9 @@
 
 namespace shiftmap {
 
+/// Poses between two separators. More make the rest smaller and let a segment see more modes.
+inline constexpr int kSegmentPoses = 31;
+
 /// A change of everything continuous in a graph.
 struct GraphStep {
   std::vector<Eigen::VectorXd> poses;  ///< Per run ξ of every pose, T·Exp(ξ), three rows each.

@@ -112,8 +112,25 @@ TEST_F(BuildLimits, TheEstimateOfMemoryHolds) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer takes memory of its own";
 #endif
-  for (const std::string& log : {world_->Log(0), large_->Log(0)}) {
-    BackgroundCommand build("shiftmap-mapper", Build({"--dry-run", "--json", log}));
+  constexpr int kShifts = 24;
+  const World many({"--shifts",
+                    std::to_string(kShifts),
+                    "--duration-s",
+                    "100",
+                    "--groups",
+                    "300",
+                    "--size-m",
+                    "60",
+                    "--scan-rate-hz",
+                    "1",
+                    "--speed-mps",
+                    "2.5"});
+  Arguments of_many;
+  for (int shift = 0; shift < kShifts; ++shift) of_many.push_back(many.Log(shift));
+  for (const Arguments& logs : {Arguments{world_->Log(0)}, Arguments{large_->Log(0)}, of_many}) {
+    Arguments words = {"--dry-run", "--json"};
+    words.insert(words.end(), logs.begin(), logs.end());
+    BackgroundCommand build("shiftmap-mapper", Build(words));
     ASSERT_EQ(build.End(0), 0);
     const auto estimate = Json::parse(build.Output())["estimated_memory_mib"].get<double>();
     std::printf("estimated %.1f MiB, taken %.1f MiB\n", estimate, build.PeakMib());

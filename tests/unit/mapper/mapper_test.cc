@@ -394,18 +394,22 @@ TEST(BuildMap, MisreadSignaturesMakeNoModesAndMoveNone) {
 
 TEST(BuildMap, TellsHowFarItIs) {
   OpenWorldOptions options = SmallWorld(1);
-  options.runs = 2;
+  options.runs = 8;
   options.duration_s = 60.0;
+  MapperOptions on_threads;
+  on_threads.threads = 4;
   MapperProgress last;
   int calls = 0;
-  const auto result = BuildMap(
-      testing::Inputs(Simulate(options)), std::nullopt, {}, [&](const MapperProgress& progress) {
-        EXPECT_FALSE(progress.phase.empty());
-        EXPECT_GE(progress.done, last.done);
-        last = progress;
-        ++calls;
-        return true;
-      });
+  const auto result = BuildMap(testing::Inputs(Simulate(options)),
+                               std::nullopt,
+                               on_threads,
+                               [&](const MapperProgress& progress) {
+                                 EXPECT_FALSE(progress.phase.empty());
+                                 EXPECT_GE(progress.done, last.done);
+                                 last = progress;
+                                 ++calls;
+                                 return true;
+                               });
   ASSERT_THAT(result, IsOk());
   EXPECT_EQ(last.done, 1.0);
   EXPECT_GT(last.cost, 0.0);

@@ -10,6 +10,7 @@
 #include "mapper/mapper.h"
 #include "mapstore/geometry/angle.h"
 #include "proto/core/check.h"
+#include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -99,6 +100,24 @@ TEST(CalibrateVehicles, MoreRunsTellMore) {
   EXPECT_LT(width(many.bearing_offset_rad), width(few.bearing_offset_rad));
   EXPECT_LT(width(many.noise_v), width(few.noise_v));
   EXPECT_LT(width(many.detection_probability), width(few.detection_probability));
+}
+
+// Without a map nothing tells how long a metre is, and what was known beforehand remains.
+TEST(CalibrateVehicles, ScaleOfRangesIsToldByAMap) {
+  const std::vector<MapperInput> inputs = testing::Inputs(testing::Simulate(TestSite(3, 6)));
+  MapperOptions options;
+  const MapperResult first = Build({inputs[0], inputs[1]}, options);
+  constexpr double kQuantile = 1.959964;  // Of 97.5 %.
+  for (const VehicleEstimate& vehicle : first.vehicles) {
+    EXPECT_NEAR(vehicle.range_scale.value, 1.0, 1e-9);
+    EXPECT_NEAR(std::log(vehicle.range_scale.low), -kQuantile * options.sd_run_range_scale, 1e-6);
+    EXPECT_NEAR(std::log(vehicle.range_scale.high), kQuantile * options.sd_run_range_scale, 1e-6);
+  }
+  const StatusOr<MapperResult> second = BuildMap({inputs[2]}, first.content, options);
+  ASSERT_THAT(second, testing::IsOk());
+  const Interval& scale = second->vehicles.front().range_scale;
+  EXPECT_GT(std::abs(scale.value - 1.0), 1e-5);
+  EXPECT_LT(std::log(scale.high / scale.low), 1.9 * kQuantile * options.sd_run_range_scale);
 }
 
 TEST(CalibrateVehicles, NothingIsSaidWithoutCalibration) {
