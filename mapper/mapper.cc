@@ -312,6 +312,7 @@ Status Conclude(const std::vector<Signature>& signatures,
                 MapperResult* result) {
   const Graph graph = MakeGraph(options, problem);
   const std::unique_ptr<GraphElimination> elimination = LinearizeForMap(graph);
+  if (!elimination) return InvalidArgument("the runs do not determine where their landmarks are");
   const JointCovariance covariance = MapCovariance(graph, *elimination, ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
                             MakeMapContent(*problem, signatures, prior, covariance, options));

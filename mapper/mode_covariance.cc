@@ -16,8 +16,6 @@ namespace {
 constexpr int kDraws = 32;
 constexpr int kTellingDraws = 128;
 
-constexpr char kNotDetermined[] = "the graph does not determine its modes";
-
 using Modes = std::vector<int>;
 
 // Cuts [begin, end) of `modes` at the median of the longer side until no part is too large.
@@ -112,20 +110,16 @@ JointCovariance TiledCovariance(const Graph& graph,
 
 }  // namespace
 
-ModeDifferences::ModeDifferences(const Graph& graph)
-    : elimination_(std::make_unique<GraphElimination>(graph)) {
-  SHIFTMAP_CHECK(elimination_->Linearize(), kNotDetermined);
-  Draw(graph);
-}
-
-ModeDifferences::ModeDifferences(const Graph& graph, GraphSolver* solver)
-    : elimination_(std::make_unique<GraphElimination>(graph, solver->TakeRest())) {
-  const bool many = elimination_->HoldsCalibrations();
-  if (!many) SHIFTMAP_CHECK(elimination_->Linearize(), kNotDetermined);
-  Draw(graph);
-  if (!many || draws_.cols() == 0) return;
-  solver->KeepRest(elimination_->TakeRest());
-  elimination_.reset();
+std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolver* solver) {
+  ModeDifferences result(std::make_unique<GraphElimination>(graph, solver->TakeRest()));
+  const bool many = result.elimination_->HoldsCalibrations();
+  if (!many && !result.elimination_->Linearize()) return std::nullopt;
+  result.Draw(graph);
+  if (many && result.draws_.cols() > 0) {
+    solver->KeepRest(result.elimination_->TakeRest());
+    result.elimination_.reset();
+  }
+  return result;
 }
 
 void ModeDifferences::Draw(const Graph& graph) {
@@ -138,11 +132,7 @@ void ModeDifferences::Draw(const Graph& graph) {
 
 Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
   if (elimination_) return elimination_->ModeDifferenceCovariance(a, b);
-  if (draws_.cols() > 0) return SampledCovariance(a, b, 1.0);
-  const Eigen::Index i = Eigen::Index{2} * a;
-  const Eigen::Index j = Eigen::Index{2} * b;
-  return joint_.block<2, 2>(i, i) + joint_.block<2, 2>(j, j) - joint_.block<2, 2>(i, j) -
-         joint_.block<2, 2>(j, i);
+  return SampledCovariance(a, b, 1.0);
 }
 
 Eigen::Matrix2d ModeDifferences::SampledCovariance(int a, int b, double factor) const {
@@ -167,8 +157,7 @@ std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int 
 std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph) {
   auto elimination = std::make_unique<GraphElimination>(
       graph, IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
-  SHIFTMAP_CHECK(elimination->Linearize(), kNotDetermined);
-  return elimination;
+  return elimination->Linearize() ? std::move(elimination) : nullptr;
 }
 
 JointCovariance MapCovariance(const Graph& graph,

@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "mapper/graph/elimination.h"
@@ -21,16 +23,11 @@ inline constexpr int kTileModes = 128;
 /// factor, and most of them need not be: draws of the posterior bound them.
 class ModeDifferences {
  public:
-  /// Around the graph's present values. The graph must outlive this.
+  /// Around the graph's present values, which must outlive this, with what a solver kept that has
+  /// just solved the graph: where runs are many, without another factor, given their calibrations,
+  /// and from draws alone. Nothing if the values have gone so far astray that none can be told.
   /// Precondition: every mode is observed or in the prior.
-  explicit ModeDifferences(const Graph& graph);
-
-  /// The same with what a solver kept that has just solved the graph: where runs are many, without
-  /// another factor, given their calibrations, and from draws alone.
-  ModeDifferences(const Graph& graph, GraphSolver* solver);
-
-  /// From the joint covariance of all modes. [m²]
-  explicit ModeDifferences(Eigen::MatrixXd joint) : joint_(std::move(joint)) {}
+  static std::optional<ModeDifferences> Of(const Graph& graph, GraphSolver* solver);
 
   /// Covariance of p_a - p_b. [m²]
   Eigen::Matrix2d Covariance(int a, int b) const;
@@ -46,13 +43,15 @@ class ModeDifferences {
  private:
   static constexpr double kSafety = 4.0;
 
+  explicit ModeDifferences(std::unique_ptr<GraphElimination> elimination)
+      : elimination_(std::move(elimination)) {}
+
   void Draw(const Graph& graph);
 
   // `factor` times what the draws say.
   Eigen::Matrix2d SampledCovariance(int a, int b, double factor) const;
 
-  Eigen::MatrixXd joint_;                          // If it was given.
-  std::unique_ptr<GraphElimination> elimination_;  // If not.
+  std::unique_ptr<GraphElimination> elimination_;  // Null where draws alone tell.
   Eigen::MatrixXd draws_;                          // Of the modes' errors, a column each. [m]
 };
 
@@ -70,7 +69,8 @@ struct ScaleUncertainty {
 };
 
 /// The normal equations of a graph at its present values, of which MapCovariance() can be told, and
-/// what else is to be known of them. Precondition: every mode is observed or in the prior.
+/// what else is to be known of them; null if it does not determine its modes in the numbers that a
+/// computer has. Precondition: every mode is observed or in the prior.
 std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph);
 
 /// Covariance of a graph's modes as a map has it: referred to the positions as a whole

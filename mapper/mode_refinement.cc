@@ -59,6 +59,17 @@ MapperOptions ForSelection(const MapperOptions& options) {
   return coarse;
 }
 
+// Modes of one landmark that are the same.
+// @param graph  Of the problem, which the solver has just solved.
+std::vector<ModeMerge> MergesIn(const ModeOptions& options,
+                                const Graph& graph,
+                                const MapProblem& problem,
+                                GraphSolver* solver) {
+  if (!HasSeveralModes(problem)) return {};
+  const auto differences = ModeDifferences::Of(graph, solver);
+  return differences ? FindMerges(options, *differences, problem) : std::vector<ModeMerge>();
+}
+
 // Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
 int Alternate(const MapperOptions& options,
               MapProblem* problem,
@@ -83,13 +94,10 @@ int Alternate(const MapperOptions& options,
     const bool recurs = !seen.insert(state).second;
     const Graph graph = SolveContinuous(options, problem, solver);
     solved = state;
-    if (HasSeveralModes(*problem)) {
-      const std::vector<ModeMerge> merges =
-          FindMerges(options.modes, ModeDifferences(graph, solver), *problem);
-      problem->modes_merged += static_cast<int>(merges.size());
-      memory.Merge(merges, problem);
-      if (!merges.empty()) solved.clear();
-    }
+    const std::vector<ModeMerge> merges = MergesIn(options.modes, graph, *problem, solver);
+    problem->modes_merged += static_cast<int>(merges.size());
+    memory.Merge(merges, problem);
+    if (!merges.empty()) solved.clear();
     if (recurs) return iteration;
   }
   return options.max_outer_iterations;

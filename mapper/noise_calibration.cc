@@ -145,9 +145,8 @@ void CalibrateNoise(const MapperOptions& options,
     if (go_on && !go_on(*problem)) return;
     const Graph graph =
         round == 0 ? MakeGraph(options, problem) : SolveRoughly(options, kSteps, problem, solver);
-    const std::vector<ResidualStatistics> statistics =
-        ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, solver);
-    if (components.Step(statistics) < rounds.settled) return;
+    const auto statistics = ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, solver);
+    if (!statistics || components.Step(*statistics) < rounds.settled) return;
   }
 }
 

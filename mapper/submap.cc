@@ -17,7 +17,6 @@
 #include "mapper/submap_fit.h"
 #include "mapper/waiting_submaps.h"
 #include "mapstore/geometry/covariance.h"
-#include "proto/core/check.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {

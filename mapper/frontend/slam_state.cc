@@ -300,7 +300,7 @@ void SlamState::Correct(const Eigen::VectorXd& nu,
                         const Eigen::MatrixXd& PHt,
                         const Eigen::MatrixXd& HPhi) {
   const Eigen::LLT<Eigen::MatrixXd> llt(S);
-  SHIFTMAP_CHECK(llt.info() == Eigen::Success, "innovation covariance is not positive definite");
+  if (llt.info() != Eigen::Success) return;  // So far astray, nothing can be told.
   // P Hᵀ S⁻¹ H P = W Wᵀ.
   const Eigen::MatrixXd W = llt.matrixL().solve(PHt.transpose()).transpose();
   const Eigen::VectorXd whitened = llt.matrixL().solve(nu);

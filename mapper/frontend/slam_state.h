@@ -83,7 +83,7 @@ class SlamState {
   /// Precondition, here and in Update(): the landmarks are active.
   JointInnovation Innovate(std::span<const SlamPair> pairs) const;
 
-  /// Corrects the state by all pairs in one step.
+  /// Corrects the state by all pairs in one step; not at all if their covariance has gone astray.
   void Update(std::span<const SlamPair> pairs);
 
   /// Takes two active landmarks for one: p_a = p_b. `b` is removed.

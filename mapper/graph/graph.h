@@ -158,10 +158,11 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 /// the prior.
 /// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
 ///                do. May be null.
-std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     int samples,
-                                                     std::uint64_t seed,
-                                                     GraphSolver* solver = nullptr);
+/// @return Nothing where ComputeModeCovariance() has none.
+std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph& graph,
+                                                                    int samples,
+                                                                    std::uint64_t seed,
+                                                                    GraphSolver* solver = nullptr);
 
 /// The same.
 /// @param elimination  Of the graph, linearized at its present values.

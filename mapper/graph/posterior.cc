@@ -15,8 +15,6 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
-constexpr char kNotDetermined[] = "the graph does not determine its poses and modes";
-
 Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t frame) {
   return step.poses[run].segment<3>(static_cast<Eigen::Index>(3 * frame));
 }
@@ -113,12 +111,12 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
   return statistics;
 }
 
-std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     int samples,
-                                                     std::uint64_t seed,
-                                                     GraphSolver* solver) {
+std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph& graph,
+                                                                    int samples,
+                                                                    std::uint64_t seed,
+                                                                    GraphSolver* solver) {
   GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
-  SHIFTMAP_CHECK(elimination.LinearizeSimilar(), kNotDetermined);
+  if (!elimination.LinearizeSimilar()) return std::nullopt;
   std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, elimination, samples, seed);
   if (solver != nullptr) solver->KeepRest(elimination.TakeRest());

@@ -104,10 +104,14 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
 
 TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
   const Graph graph = Corridor(kMaxJointModes + 60);
-  const ModeDifferences sparse(graph);
-  const ModeDifferences joint(ComputeModeCovariance(graph).value());
+  GraphSolver solver;
+  const ModeDifferences sparse = ModeDifferences::Of(graph, &solver).value();
+  const Eigen::MatrixXd joint = ComputeModeCovariance(graph).value();
   for (const auto& [a, b] : {std::pair{0, 1}, {5, 300}, {200, 204}, {358, 359}}) {
-    const Eigen::Matrix2d wanted = joint.Covariance(a, b);
+    Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(2, joint.cols());
+    difference.middleCols<2>(Eigen::Index{2} * a).setIdentity();
+    difference.middleCols<2>(Eigen::Index{2} * b) = -Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d wanted = difference * joint * difference.transpose();
     EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm()) << a << " " << b;
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> above(sparse.MaxCovariance(a, b) - wanted);
     EXPECT_GT(above.eigenvalues().minCoeff(), 0.0) << a << " " << b;

@@ -28,9 +28,11 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   const std::size_t before = testing::CountModes(problem);
   problem.modes[group].push_back(problem.modes[group].front());
   problem.runs[0].assignment[static_cast<std::size_t>(busiest->back().visit)] = 1;
-  const ModeDifferences differences(
-      ComputeModeCovariance(SolveContinuous(options, &problem)).value());
-  const std::vector<ModeMerge> merges = FindMerges(options.modes, differences, problem);
+  GraphSolver solver;
+  const Graph graph = SolveContinuous(options, &problem, &solver);
+  const auto differences = ModeDifferences::Of(graph, &solver);
+  ASSERT_TRUE(differences);
+  const std::vector<ModeMerge> merges = FindMerges(options.modes, *differences, problem);
   EXPECT_EQ(merges.size(), 1u);
   MergeMemory(problem).Merge(merges, &problem);
   EXPECT_EQ(testing::CountModes(problem), before);

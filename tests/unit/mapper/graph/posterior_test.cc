@@ -244,7 +244,8 @@ TEST_F(Posterior, ModesFollowAScaleThatIsHeldAsInTheDenseProblem) {
 
 ResidualStatistics StatisticsOf(const Graph& graph, int samples, std::uint64_t seed) {
   ResidualStatistics sum;
-  for (const ResidualStatistics& run : ComputeRunStatistics(graph, samples, seed)) sum += run;
+  const auto of_runs = ComputeRunStatistics(graph, samples, seed).value();
+  for (const ResidualStatistics& run : of_runs) sum += run;
   return sum;
 }
 
