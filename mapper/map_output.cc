@@ -8,8 +8,9 @@
 #include "localizer/models/observation_model.h"
 #include "mapper/association/anonymous_landmarks.h"
 #include "mapper/association/track_names.h"
-#include "mapper/fleet_calibration.h"
-#include "mapper/mode_refinement.h"
+#include "mapper/calibration/fleet_calibration.h"
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/problem/sightings.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/mode_filter.h"
 

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
-#include "mapper/map_problem.h"
 #include "mapper/mapper.h"
 #include "mapper/mapper_options.h"
+#include "mapper/problem/map_problem.h"
 #include "mapstore/map/joint_covariance.h"
 
 namespace shiftmap {

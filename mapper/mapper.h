@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "mapper/calibration/vehicle_calibration.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
-#include "mapper/rejected_run.h"
-#include "mapper/selection_summary.h"
-#include "mapper/vehicle_calibration.h"
+#include "mapper/modes/selection_summary.h"
+#include "mapper/problem/rejected_run.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"

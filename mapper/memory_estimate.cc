@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/covariance/mode_covariance.h"
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/residuals.h"
-#include "mapper/map_problem.h"
-#include "mapper/mode_covariance.h"
+#include "mapper/problem/map_problem.h"
 
 namespace shiftmap {
 namespace {

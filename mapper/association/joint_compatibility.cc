@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <numeric>
 #include <set>
 
 #include "mapstore/geometry/covariance.h"

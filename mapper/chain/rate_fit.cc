@@ -2,11 +2,9 @@
 #include "mapper/chain/rate_fit.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
-#include <vector>
 
 #include "mapper/chain/chain_expectations.h"
 #include "proto/core/check.h"

@@ -2,7 +2,6 @@
 #include "mapper/cli/survey_file.h"
 
 #include <charconv>
-#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <map>

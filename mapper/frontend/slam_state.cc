@@ -2,7 +2,6 @@
 #include "mapper/frontend/slam_state.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <utility>
 

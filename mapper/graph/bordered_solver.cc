@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/graph/bordered_solver.h"
 
-#include <algorithm>
 #include <utility>
 
 namespace shiftmap {

@@ -4,8 +4,6 @@
 #include <ceres/loss_function.h>
 #include <ceres/normal_prior.h>
 
-#include <memory>
-
 #include "mapper/graph/cost_functions.h"
 #include "mapper/graph/robust_loss.h"
 

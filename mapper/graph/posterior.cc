@@ -2,7 +2,6 @@
 #include <cmath>
 #include <optional>
 #include <random>
-#include <utility>
 
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/incremental/mode_window.h"
 
-#include <algorithm>
 #include <cmath>
 #include <optional>
-#include <utility>
 
 #include "localizer/models/detection_model.h"
 #include "localizer/models/observation_model.h"

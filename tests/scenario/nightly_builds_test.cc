@@ -12,9 +12,9 @@
 #include <random>
 #include <string>
 
-#include "mapper/datum.h"
+#include "mapper/covariance/datum.h"
+#include "mapper/covariance/mode_covariance.h"
 #include "mapper/mapper.h"
-#include "mapper/mode_covariance.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tests/unit/mapper/mapper_test_util.h"

@@ -2,7 +2,6 @@
 #include "tools/experiment/ijrr_utias_selectors.h"
 
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "mapper/incremental/incremental_mapper.h"

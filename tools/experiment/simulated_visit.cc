@@ -4,10 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include "localizer/filter/known_map_filter.h"
-#include "localizer/models/observation_model.h"
 #include "tools/experiment/dice.h"
 
 namespace shiftmap {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "mapper/datum.h"
+#include "mapper/covariance/datum.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::testing {

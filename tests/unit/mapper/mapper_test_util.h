@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "mapper/frontend/mapping_run.h"
-#include "mapper/map_problem.h"
 #include "mapper/mapper.h"
+#include "mapper/problem/map_problem.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/sim/open_world.h"
 

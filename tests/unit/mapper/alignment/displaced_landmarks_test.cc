@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/log_math.h"
-#include "mapper/datum.h"
+#include "mapper/covariance/datum.h"
 
 namespace shiftmap {
 namespace {

@@ -7,9 +7,9 @@
 #include <set>
 
 #include "mapper/mapper.h"
-#include "mapper/mode_refinement.h"
-#include "mapper/selection_summary.h"
-#include "mapper/single_run.h"
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/modes/selection_summary.h"
+#include "mapper/submaps/single_run.h"
 #include "proto/core/check.h"
 #include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"

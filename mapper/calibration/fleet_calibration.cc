@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/calibration/fleet_calibration.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapper/problem/mode_grid.h"
+#include "mapper/problem/sightings.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kFieldOfViewQuantile = 0.99;
+
+// How much the systematic errors of a sensor that no run has calibrated yet differ from the
+// fleet's.
+constexpr double kRangeSpread = 0.03;     // [m]
+constexpr double kBearingSpread = 0.015;  // [rad]
+
+double Quantile(std::vector<double> values, double quantile) {
+  const auto at = static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+// Spread of innovations about zero, from the median of their squares, which a few outliers do not
+// move.
+double RobustSd(const std::vector<double>& squares) {
+  constexpr double kSdOverMedianDeviation = 1.4826;
+  return kSdOverMedianDeviation * std::sqrt(Quantile(squares, 0.5));
+}
+
+// The mode of every group at a key frame of a run: that of the visit going on, or of the one
+// before, or of the first to come.
+class ActiveModes {
+ public:
+  ActiveModes(const MapProblem& problem, const BuildRun& run)
+      : run_(run), visits_(problem.modes.size()) {
+    for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
+      visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
+    }
+  }
+
+  int At(std::size_t group, Stamp stamp) const {
+    int mode = kUnassigned;
+    for (const std::size_t visit : visits_[group]) {
+      if (mode != kUnassigned && run_.data->visits[visit].begin > stamp) break;
+      if (run_.assignment[visit] != kUnassigned) mode = run_.assignment[visit];
+    }
+    return mode;
+  }
+
+ private:
+  const BuildRun& run_;
+  std::vector<std::vector<std::size_t>> visits_;
+};
+
+// Random walk of a run's odometry over spans of this length: its errors are correlated over
+// seconds, and from one key frame to the next they look smaller than what a gap between landmarks
+// will cost.
+constexpr double kNoiseSpanSeconds = 10.0;
+
+// Squares of the errors over such spans, per second of them.
+struct MotionSquares {
+  std::vector<double> x;
+  std::vector<double> yaw;
+};
+
+void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
+  std::size_t first = 0;
+  Se2 T_first_odometry;
+  const std::vector<KeyFrame>& frames = run.data->frames;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
+    const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
+    if (seconds < kNoiseSpanSeconds) continue;
+    const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
+    const Eigen::Vector3d error = (T_first_odometry.Inverse() * T_first_i).Log();
+    squares->x.push_back(error.x() * error.x() / seconds);
+    squares->yaw.push_back(error.z() * error.z() / seconds);
+    first = i;
+    T_first_odometry = Se2();
+  }
+}
+
+Eigen::Vector2d LongTermNoise(const BuildRun& run) {
+  MotionSquares squares;
+  AddMotionSquares(run, &squares);
+  if (squares.x.empty()) return Eigen::Vector2d::Zero();
+  return {RobustSd(squares.x), RobustSd(squares.yaw)};
+}
+
+// Squared innovations of a run's explained observations.
+struct SensorSquares {
+  std::vector<double> range;
+  std::vector<double> bearing;
+  std::vector<double> position;
+  double squared_ranges = 0.0;  // Sum of r².
+};
+
+void AddSensorSquares(const MapProblem& problem,
+                      const BuildRun& run,
+                      const SensorBias& bias,
+                      double mean_squared_bearing,
+                      SensorSquares* squares) {
+  for (const Sighting& sighting : run.data->sightings) {
+    if (!IsInlier(problem, run, sighting)) continue;
+    const Eigen::Vector2d nu2 = LinearizeBiased(sighting.observation,
+                                                run.poses[static_cast<std::size_t>(sighting.frame)],
+                                                AssignedPosition(problem, run, sighting),
+                                                bias,
+                                                mean_squared_bearing)
+                                    .nu.cwiseAbs2();
+    if (sighting.observation.kind == Observation::Kind::kCartesian) {
+      squares->position.insert(squares->position.end(), {nu2.x(), nu2.y()});
+    } else {
+      squares->range.push_back(nu2.x());
+      squares->bearing.push_back(nu2.y());
+      squares->squared_ranges += sighting.observation.z.x() * sighting.observation.z.x();
+    }
+  }
+}
+
+// What sensors of the fleet get wrong about ranges beside noise. [m]
+double RangeSpread(const SensorSquares& squares, double sd_range_scale) {
+  if (squares.range.empty()) return 0.0;
+  const double mean_square = squares.squared_ranges / static_cast<double>(squares.range.size());
+  return std::hypot(kRangeSpread, sd_range_scale * std::sqrt(mean_square));
+}
+
+// The median tells as much of a standard deviation as 37 % of the values would in squares.
+NoiseEstimate RobustNoise(const std::vector<double>& squares) {
+  constexpr double kEfficiency = 0.37;
+  if (squares.empty()) return {};
+  return {RobustSd(squares), kEfficiency * static_cast<double>(squares.size())};
+}
+
+}  // namespace
+
+SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
+  SensorCalibration sensor = problem.sensor;
+  std::vector<double> ranges;
+  std::vector<double> bearings;
+  int outliers = 0;
+  for (const BuildRun& run : problem.runs) {
+    for (const Sighting& sighting : run.data->sightings) {
+      if (!IsInlier(problem, run, sighting)) {
+        ++outliers;
+        continue;
+      }
+      const Eigen::Vector2d q = sighting.observation.PositionInVehicle();
+      ranges.push_back(q.norm());
+      bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
+    }
+  }
+  if (static_cast<int>(ranges.size()) < options.min_sightings) return sensor;
+  sensor.max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
+  sensor.max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+
+  double expected = 0.0;
+  double detected = 0.0;
+  double frames = 0.0;
+  const ModeGrid grid(problem, sensor.max_range_m);
+  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
+  int frame_number = 0;
+  for (const BuildRun& run : problem.runs) {
+    const ActiveModes active(problem, run);
+    frames += static_cast<double>(run.data->frames.size());
+    for (std::size_t f = 0; f < run.data->frames.size(); ++f, ++frame_number) {
+      const KeyFrame& frame = run.data->frames[f];
+      const Se2 T_vehicle_map = run.poses[f].Inverse();
+      for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+        const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+        if (!IsInlier(problem, run, sighting)) continue;
+        seen_at[static_cast<std::size_t>(
+            run.data->visits[static_cast<std::size_t>(sighting.visit)].group)] = frame_number;
+      }
+      grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+        const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
+        if (q.norm() > sensor.max_range_m ||
+            std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) {
+          return;
+        }
+        const auto group = static_cast<std::size_t>(entry.group);
+        if (active.At(group, frame.stamp) != entry.mode) return;
+        expected += 1.0;
+        detected += seen_at[group] == frame_number ? 1.0 : 0.0;
+      });
+    }
+  }
+  // Beta(1, 1) prior, and never so certain that one scan decides.
+  sensor.detection_probability = std::clamp((detected + 1.0) / (expected + 2.0), 0.05, 0.95);
+  const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
+  sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
+  return sensor;
+}
+
+SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale) {
+  SensorCalibration sensor = problem.sensor;
+  const auto runs = static_cast<double>(problem.runs.size());
+  for (const BuildRun& run : problem.runs) {
+    sensor.range_curvature_per_rad2 += run.sensor_bias[kRangeCurvature] / runs;
+    sensor.mean_squared_bearing_rad2 += run.data->mean_squared_bearing / runs;
+  }
+  const SensorBias common(0.0, 0.0, sensor.range_curvature_per_rad2);
+  SensorSquares squares;
+  for (const BuildRun& run : problem.runs) {
+    AddSensorSquares(problem, run, common, sensor.mean_squared_bearing_rad2, &squares);
+  }
+  const auto raise = [](const std::vector<double>& of_kind, double spread, double* sd) {
+    if (!of_kind.empty()) *sd = std::hypot(std::max(*sd, RobustSd(of_kind)), spread);
+  };
+  raise(squares.range, RangeSpread(squares, sd_range_scale), &sensor.sd_range_m);
+  raise(squares.bearing, kBearingSpread, &sensor.sd_bearing_rad);
+  raise(squares.position, kRangeSpread, &sensor.sd_position_m);
+  return sensor;
+}
+
+OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
+                                  const OdometryCalibration& fallback) {
+  const auto count = static_cast<double>(runs.size());
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  double lag = 0.0;
+  Eigen::Vector2d variance = Eigen::Vector2d::Zero();
+  for (const BuildRun& run : runs) {
+    mean +=
+        Eigen::Vector2d(std::log(run.odometry.scale_v), std::log(run.odometry.scale_omega)) / count;
+    lag += run.odometry.lag_s / count;
+    const Eigen::Vector2d short_term(run.odometry.noise_v, run.odometry.noise_omega);
+    variance += short_term.cwiseMax(LongTermNoise(run)).cwiseAbs2() / count;
+  }
+  OdometryCalibration fleet = fallback;
+  fleet.scale_v = std::exp(mean.x());
+  fleet.scale_omega = std::exp(mean.y());
+  fleet.lag_s = lag;
+  fleet.noise_v = std::sqrt(variance.x());
+  fleet.noise_omega = std::sqrt(variance.y());
+  return fleet;
+}
+
+VehicleNoise NoiseOverSeconds(const MapProblem& problem,
+                              const std::vector<std::size_t>& runs,
+                              const SensorBias& bias,
+                              double mean_squared_bearing,
+                              double sd_range_scale) {
+  MotionSquares motion;
+  SensorSquares sensor;
+  for (const std::size_t r : runs) {
+    const BuildRun& run = problem.runs[r];
+    AddMotionSquares(run, &motion);
+    AddSensorSquares(problem, run, bias, mean_squared_bearing, &sensor);
+  }
+  NoiseEstimate range = RobustNoise(sensor.range);
+  range.sd = std::hypot(range.sd, RangeSpread(sensor, sd_range_scale));
+  return {RobustNoise(motion.x),
+          RobustNoise(motion.yaw),
+          range,
+          RobustNoise(sensor.bearing),
+          RobustNoise(sensor.position)};
+}
+
+NoiseEstimate Larger(const NoiseEstimate& a, const NoiseEstimate& b) {
+  if (!a.known() || !b.known()) return a.known() ? a : b;
+  return a.sd < b.sd ? b : a;
+}
+
+}  // namespace shiftmap

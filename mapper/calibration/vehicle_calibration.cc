@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/calibration/vehicle_calibration.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "mapper/calibration/fleet_calibration.h"
+#include "mapper/graph/elimination.h"
+#include "mapper/problem/mode_grid.h"
+#include "mapper/problem/sightings.h"
+
+namespace shiftmap {
+namespace {
+
+// A run's calibration, order of CalibrationInformationTimes(). Localizers leave the scale of
+// ranges in their noise.
+using Parameters = Eigen::Vector<double, kRunCalibration>;
+constexpr int kRangeScale = 3;
+const Eigen::Array<int, 5, 1> kTakenOff = {0, 1, 2, 4, 5};
+
+// Noise is settled within a few percent of what residuals say, and that of one kind passes for
+// another's: 2.5 % of a standard deviation are as 1 / (2 · 0.025²) degrees of freedom.
+constexpr double kUnsettled = 2.0 * 0.025 * 0.025;
+
+// Draws of the posterior for redundancies.
+constexpr int kSamples = 4;
+
+Parameters ParametersOf(const OdometryCalibration& odometry, const SensorBias& bias) {
+  Parameters parameters;
+  parameters << std::log(odometry.scale_v), std::log(odometry.scale_omega), odometry.lag_s, bias;
+  return parameters;
+}
+
+// A standard deviation from the squares of `count` residuals of redundancy r in all. The fit shares
+// r among them about evenly, tr R² ≈ r² / count of the residuals' projection R, and as many degrees
+// of freedom has the variance once what other kinds of noise leave in the residuals is told apart.
+NoiseEstimate NoiseFrom(double sum_of_squares, double redundancy, double count) {
+  const double of_residuals = redundancy * redundancy / std::max(count, 1.0);
+  const double dof = 1.0 / (1.0 / std::max(of_residuals, 1e-3) + kUnsettled);
+  if (dof < 2.0) return {};
+  return {std::sqrt(sum_of_squares / redundancy), dof};
+}
+
+// Systematic errors of all vehicles with their joint covariance, and the prior that is in it.
+struct Systematic {
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd cov;
+  Parameters prior_mean;
+  Parameters prior_sd;
+
+  SystematicErrors Of(Eigen::Index vehicle) const {
+    const Eigen::Array<int, 5, 1> rows = kTakenOff + static_cast<int>(kRunCalibration * vehicle);
+    return {mean(rows), cov(rows, rows), prior_mean(kTakenOff), prior_sd(kTakenOff)};
+  }
+
+  // Logarithm. Runs that do not tell how long a metre is hold it at 0.
+  // @param sd_run  Of what a run's is known to beforehand. [-]
+  Estimate RangeScaleOf(Eigen::Index vehicle, bool in_map_units, double sd_run) const {
+    const Eigen::Index row = kRunCalibration * vehicle + kRangeScale;
+    return {mean[row], in_map_units ? std::sqrt(cov(row, row)) : sd_run};
+  }
+};
+
+Systematic CombineRuns(const OdometryCalibration& fleet,
+                       const Graph& graph,
+                       const GraphElimination& elimination,
+                       const MapProblem& problem,
+                       const std::map<std::string, std::vector<std::size_t>>& vehicles) {
+  const auto runs = static_cast<Eigen::Index>(kRunCalibration * problem.runs.size());
+  const auto size = static_cast<Eigen::Index>(kRunCalibration * vehicles.size());
+  Systematic result;
+  result.prior_mean = ParametersOf(fleet, SensorBias::Zero());
+  result.prior_sd << graph.runs.front().correction_prior_sd, graph.runs.front().sensor_bias_sd;
+  const Parameters information_of_prior = result.prior_sd.cwiseAbs2().cwiseInverse();
+  Eigen::VectorXd estimate(runs);
+  Eigen::MatrixXd E = Eigen::MatrixXd::Zero(runs, size);
+  Eigen::VectorXd prior = Eigen::VectorXd::Zero(size);
+  Eigen::VectorXd prior_pull = Eigen::VectorXd::Zero(size);
+  Eigen::Index column = 0;
+  for (const auto& [name, of_vehicle] : vehicles) {
+    for (const std::size_t r : of_vehicle) {
+      const auto row = static_cast<Eigen::Index>(kRunCalibration * r);
+      estimate.segment<kRunCalibration>(row) =
+          ParametersOf(problem.runs[r].odometry, problem.runs[r].sensor_bias);
+      E.block<kRunCalibration, kRunCalibration>(row, column).setIdentity();
+      if (r == of_vehicle.front()) continue;
+      prior.segment<kRunCalibration>(column) += information_of_prior;
+      prior_pull.segment<kRunCalibration>(column) +=
+          information_of_prior.cwiseProduct(result.prior_mean);
+    }
+    column += kRunCalibration;
+  }
+  const Eigen::MatrixXd EtC = elimination.CalibrationInformationTimes(E).transpose();
+  Eigen::MatrixXd information = EtC * E;
+  information.diagonal() -= prior;
+  result.cov = information.llt().solve(Eigen::MatrixXd::Identity(size, size));
+  result.mean = result.cov * (EtC * estimate - prior_pull);
+  return result;
+}
+
+struct DetectionCount {
+  double expected = 0.0;
+  double detected = 0.0;
+};
+
+// What stood in the field of view of a run's key frames. A landmark stands where the visit going on
+// has it, or the last one.
+void CountDetections(const MapProblem& problem,
+                     const ModeGrid& grid,
+                     const BuildRun& run,
+                     DetectionCount* count) {
+  const SensorCalibration& sensor = problem.sensor;
+  std::vector<int> mode_of(problem.modes.size(), kUnassigned);
+  std::size_t next_visit = 0;
+  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
+  for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
+    const KeyFrame& frame = run.data->frames[f];
+    for (;
+         next_visit < run.data->visits.size() && run.data->visits[next_visit].begin <= frame.stamp;
+         ++next_visit) {
+      if (run.assignment[next_visit] == kUnassigned) continue;
+      mode_of[static_cast<std::size_t>(run.data->visits[next_visit].group)] =
+          run.assignment[next_visit];
+    }
+    const auto now = static_cast<int>(f);
+    int all_seen = 0;
+    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+      const auto visit = static_cast<std::size_t>(sighting.visit);
+      if (!IsInlier(problem, run, sighting)) continue;
+      int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
+      all_seen += at != now ? 1 : 0;
+      at = now;
+    }
+    const Se2 T_vehicle_map = run.poses[f].Inverse();
+    grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+      const auto group = static_cast<std::size_t>(entry.group);
+      const int seen = seen_at[group] == now ? 1 : 0;
+      if (mode_of[group] != entry.mode || all_seen - seen == 0) return;
+      const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
+      if (q.squaredNorm() > sensor.max_range_m * sensor.max_range_m) return;
+      if (std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) return;
+      count->expected += 1.0;
+      count->detected += seen;
+    });
+  }
+}
+
+// Noise of a vehicle's runs: their residuals together, each under its own run's noise.
+VehicleNoise ScatterOf(const MapProblem& problem,
+                       const std::vector<std::size_t>& runs,
+                       const std::vector<ResidualStatistics>& statistics) {
+  using Kind = ResidualStatistics;
+  ResidualStatistics sum;
+  const SensorCalibration& sensor = problem.sensor;
+  for (const std::size_t r : runs) {
+    const OdometryCalibration& odometry = problem.runs[r].odometry;
+    Eigen::Array<double, Kind::kKinds, 1> sd;
+    sd << odometry.noise_v, odometry.noise_omega, sensor.sd_range_m, sensor.sd_bearing_rad,
+        sensor.sd_position_m;
+    sum.sum_of_squares += sd.square() * statistics[r].sum_of_squares;
+    sum.redundancy += statistics[r].redundancy;
+    sum.count += statistics[r].count;
+  }
+  const auto noise = [&](Kind::Kind kind) {
+    return NoiseFrom(sum.sum_of_squares[kind], sum.redundancy[kind], sum.count[kind]);
+  };
+  return {noise(Kind::kTranslation),
+          noise(Kind::kYaw),
+          noise(Kind::kRange),
+          noise(Kind::kBearing),
+          noise(Kind::kPosition)};
+}
+
+Estimate EstimateOf(const SystematicErrors& errors, Eigen::Index i) {
+  return {errors.mean[i], std::sqrt(errors.cov(i, i))};
+}
+
+ShareEstimate DetectionOf(const MapProblem& problem,
+                          const ModeGrid& grid,
+                          const std::vector<std::size_t>& runs) {
+  DetectionCount count;
+  for (const std::size_t r : runs) CountDetections(problem, grid, problem.runs[r], &count);
+  if (count.expected == 0.0) return {};
+  return {count.detected / count.expected, count.expected};
+}
+
+// What a map knows of the vehicle from these runs.
+VehicleCalibration CalibrationFrom(const MapProblem& problem,
+                                   const ModeGrid& grid,
+                                   const std::string& name,
+                                   const std::vector<std::size_t>& runs,
+                                   const SystematicErrors& errors,
+                                   const VehicleNoise& scatter,
+                                   double sd_range_scale) {
+  VehicleCalibration vehicle;
+  vehicle.vehicle = name;
+  vehicle.runs = static_cast<std::int64_t>(runs.size());
+  for (const std::size_t r : runs) {
+    const MappingRun& run = *problem.runs[r].data;
+    vehicle.stamp = std::max(vehicle.stamp, run.end());
+    vehicle.mean_squared_bearing_rad2 +=
+        run.mean_squared_bearing / static_cast<double>(runs.size());
+  }
+  vehicle.log_scale_v = EstimateOf(errors, 0);
+  vehicle.log_scale_omega = EstimateOf(errors, 1);
+  vehicle.lag_s = EstimateOf(errors, 2);
+  vehicle.bearing_offset_rad = EstimateOf(errors, 3);
+  vehicle.range_curvature_per_rad2 = EstimateOf(errors, 4);
+  const SensorBias bias(0.0, errors.mean[3], errors.mean[4]);
+  const VehicleNoise noise =
+      NoiseOverSeconds(problem, runs, bias, vehicle.mean_squared_bearing_rad2, sd_range_scale);
+  vehicle.noise_v = Larger(scatter.v, noise.v);
+  vehicle.noise_omega = Larger(scatter.omega, noise.omega);
+  vehicle.range_m = Larger(scatter.range_m, noise.range_m);
+  vehicle.bearing_rad = Larger(scatter.bearing_rad, noise.bearing_rad);
+  vehicle.position_m = Larger(scatter.position_m, noise.position_m);
+  vehicle.detection = DetectionOf(problem, grid, runs);
+  return vehicle;
+}
+
+}  // namespace
+
+std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
+                                               const Graph& graph,
+                                               const GraphElimination& elimination,
+                                               const MapProblem& problem) {
+  const auto by_vehicle = RunsByVehicle(problem);
+  const Systematic systematic =
+      CombineRuns(options.calibration.odometry, graph, elimination, problem, by_vehicle);
+  const std::vector<ResidualStatistics> statistics =
+      ComputeRunStatistics(graph, elimination, kSamples, options.seed);
+  const ModeGrid grid(problem, problem.sensor.max_range_m);
+  std::vector<VehicleEstimate> vehicles;
+  for (const auto& [name, runs] : by_vehicle) {
+    const auto index = static_cast<Eigen::Index>(vehicles.size());
+    VehicleEstimate& vehicle = vehicles.emplace_back();
+    vehicle.vehicle = name;
+    vehicle.runs = static_cast<int>(runs.size());
+    vehicle.systematic = systematic.Of(index);
+    const VehicleNoise scatter = ScatterOf(problem, runs, statistics);
+    vehicle.calibration = CalibrationFrom(
+        problem, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
+    const VehicleCalibration& found = vehicle.calibration;
+    vehicle.scale_v = Exponential(IntervalOf(found.log_scale_v));
+    vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));
+    vehicle.lag_s = IntervalOf(found.lag_s);
+    vehicle.range_scale = Exponential(IntervalOf(
+        systematic.RangeScaleOf(index, problem.in_map_units, options.sd_run_range_scale)));
+    vehicle.bearing_offset_rad = IntervalOf(found.bearing_offset_rad);
+    vehicle.range_curvature_per_rad2 = IntervalOf(found.range_curvature_per_rad2);
+    vehicle.noise_v = IntervalOf(scatter.v);
+    vehicle.noise_omega = IntervalOf(scatter.omega);
+    vehicle.sd_range_m = IntervalOf(scatter.range_m);
+    vehicle.sd_bearing_rad = IntervalOf(scatter.bearing_rad);
+    vehicle.detection_probability = IntervalOf(found.detection);
+  }
+  return vehicles;
+}
+
+}  // namespace shiftmap

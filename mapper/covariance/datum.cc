@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/covariance/datum.h"
+
+#include <Eigen/Eigenvalues>
+#include <utility>
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kFloorSd = 1e-3;  // [m]
+constexpr double kDatumSd = 1e-4;  // How firmly a prior holds the frame. [m]
+
+Eigen::VectorXd Stacked(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::VectorXd stacked(static_cast<Eigen::Index>(2 * positions.size()));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    stacked.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i];
+  }
+  return stacked;
+}
+
+// W with WᵀW = P⁻¹ but for what is known better than a floor.
+Eigen::MatrixXd Whitening(const Eigen::MatrixXd& cov) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Symmetrized(cov));
+  const Eigen::VectorXd sqrt_information =
+      solver.eigenvalues().cwiseMax(kFloorSd * kFloorSd * 0.1).cwiseSqrt().cwiseInverse();
+  return sqrt_information.asDiagonal() * solver.eigenvectors().transpose();
+}
+
+}  // namespace
+
+Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& position : positions) {
+    centroid += position / static_cast<double>(positions.size());
+  }
+  return centroid;
+}
+
+Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
+  const auto count = static_cast<Eigen::Index>(positions.size());
+  const Eigen::Vector2d centroid = Centroid(positions);
+  Eigen::MatrixXd G(2 * count, 3);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Vector2d offset = positions[static_cast<std::size_t>(i)] - centroid;
+    G.row(2 * i) << 1.0, 0.0, -offset.y();
+    G.row(2 * i + 1) << 0.0, 1.0, offset.x();
+  }
+  // The columns are orthogonal because the rotation is about the centroid. If all positions are
+  // one, no rotation moves them, and its column is zero.
+  for (Eigen::Index column = 0; column < 3; ++column) {
+    const double norm = G.col(column).norm();
+    if (norm > 0.0) G.col(column) /= norm;
+  }
+  return G;
+}
+
+DatumChange::DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions)
+    : G(std::move(directions)),
+      W(cov_times_directions - 0.5 * G * (G.transpose() * cov_times_directions)) {}
+
+Eigen::Matrix2d DatumChange::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const {
+  const auto G_a = G.middleRows<2>(Eigen::Index{2} * a);
+  const auto G_b = G.middleRows<2>(Eigen::Index{2} * b);
+  const auto W_a = W.middleRows<2>(Eigen::Index{2} * a);
+  const auto W_b = W.middleRows<2>(Eigen::Index{2} * b);
+  Eigen::Matrix2d result = cov_a_b - G_a * W_b.transpose() - W_a * G_b.transpose();
+  if (a == b) result = Symmetrized(result) + kFloorSd * kFloorSd * Eigen::Matrix2d::Identity();
+  return result;
+}
+
+Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
+                                 Eigen::MatrixXd cov) {
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const DatumChange change(G, cov * G);
+  cov.triangularView<Eigen::Lower>() -= G * change.W.transpose() + change.W * G.transpose();
+  cov.triangularView<Eigen::StrictlyUpper>() = cov.transpose();
+  cov.diagonal().array() += kFloorSd * kFloorSd;
+  return cov;
+}
+
+Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions) {
+  const Eigen::Vector2d centroid = Centroid(positions);
+  Eigen::VectorXd q(static_cast<Eigen::Index>(2 * positions.size()));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    q.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i] - centroid;
+  }
+  return q;
+}
+
+Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,
+                                    double sd_scale,
+                                    const Eigen::MatrixXd& cov) {
+  const Eigen::VectorXd q = OffsetsFromCentroid(positions);
+  return cov + sd_scale * sd_scale * q * q.transpose();
+}
+
+Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_scale,
+                                  const Eigen::MatrixXd& cov) {
+  constexpr double kFreeSd = 10.0;
+  Eigen::MatrixXd result = AddScaleUncertainty(positions, sd_scale, cov);
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  result += kFreeSd * kFreeSd * G * G.transpose();
+  return result;
+}
+
+GraphPrior MakeLocatedPrior(const std::vector<int>& modes,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& cov) {
+  return {modes, Stacked(positions), Whitening(cov)};
+}
+
+std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
+                                  const std::vector<Eigen::Vector2d>& positions,
+                                  double sd_m) {
+  std::vector<GraphPrior> priors;
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    priors.push_back(
+        {{modes[i]}, positions[i], Eigen::MatrixXd(Eigen::Matrix2d::Identity() / sd_m)});
+  }
+  return priors;
+}
+
+GraphPrior MakeGraphPrior(const std::vector<int>& modes,
+                          const std::vector<Eigen::Vector2d>& positions,
+                          const Eigen::MatrixXd& cov) {
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
+  // Where the frame of `cov` was held does not matter: what it says of the datum of these positions
+  // goes before it is inverted. Its inverse would tell of it in every other direction too.
+  const Eigen::MatrixXd whitening = Whitening(projector * cov * projector) * projector;
+  Eigen::MatrixXd sqrt_information(whitening.rows() + 3, whitening.cols());
+  sqrt_information << whitening, G.transpose() / kDatumSd;
+  return {modes, Stacked(positions), std::move(sqrt_information)};
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/covariance/mode_covariance.h"
+
+#include <algorithm>
+#include <random>
+#include <utility>
+
+#include "mapper/covariance/datum.h"
+#include "proto/core/check.h"
+
+namespace shiftmap {
+namespace {
+
+// Draws that bound the covariance of differences; as many as four times that tell it within 12 % of
+// a standard deviation's square where single differences would cost too much.
+constexpr int kDraws = 32;
+constexpr int kTellingDraws = 128;
+
+using Modes = std::vector<int>;
+
+// Cuts [begin, end) of `modes` at the median of the longer side until no part is too large.
+void Cut(const std::vector<Eigen::Vector2d>& positions,
+         int size,
+         Modes::iterator begin,
+         Modes::iterator end,
+         std::vector<Modes>* tiles) {
+  if (end - begin <= size) {
+    tiles->emplace_back(begin, end);
+    std::sort(tiles->back().begin(), tiles->back().end());
+    return;
+  }
+  Eigen::Vector2d low = positions[static_cast<std::size_t>(*begin)];
+  Eigen::Vector2d high = low;
+  for (auto it = begin; it != end; ++it) {
+    low = low.cwiseMin(positions[static_cast<std::size_t>(*it)]);
+    high = high.cwiseMax(positions[static_cast<std::size_t>(*it)]);
+  }
+  const Eigen::Index axis = high.x() - low.x() >= high.y() - low.y() ? 0 : 1;
+  const auto middle = begin + (end - begin) / 2;
+  std::nth_element(begin, middle, end, [&](int a, int b) {
+    const double at_a = positions[static_cast<std::size_t>(a)][axis];
+    const double at_b = positions[static_cast<std::size_t>(b)][axis];
+    return at_a != at_b ? at_a < at_b : a < b;
+  });
+  Cut(positions, size, begin, middle, tiles);
+  Cut(positions, size, middle, end, tiles);
+}
+
+DatumChange MakeDatumChange(const Graph& graph,
+                            const GraphElimination& elimination,
+                            const Eigen::MatrixXd& calibration_root) {
+  Eigen::MatrixXd G = DatumDirections(graph.modes);
+  const Eigen::MatrixXd PG = elimination.VisitedCovarianceTimes(calibration_root, G);
+  return {std::move(G), PG};
+}
+
+// Root of what the scales of ranges make uncertain, relative to the positions as a whole: columns
+// sd S, and sd q for the common one.
+// @param G  DatumDirections().
+Eigen::MatrixXd ScaleRoot(const Graph& graph,
+                          const GraphElimination& elimination,
+                          const Eigen::MatrixXd& G,
+                          const ScaleUncertainty& scale) {
+  const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
+  const std::ptrdiff_t vehicles = std::ssize(scale.runs_of_vehicles);
+  Eigen::MatrixXd root(rows, 1 + vehicles);
+  root.col(0) = scale.sd_common * OffsetsFromCentroid(graph.modes);
+  if (vehicles > 0) {
+    const Eigen::MatrixXd S = elimination.ModesByRangeScale(scale.runs_of_vehicles);
+    root.rightCols(vehicles) = scale.sd_vehicle * (S - G * (G.transpose() * S));
+  }
+  return root;
+}
+
+bool IsTiled(const Graph& graph) { return static_cast<int>(graph.modes.size()) > kMaxJointModes; }
+
+JointCovariance TiledCovariance(const Graph& graph,
+                                const GraphElimination& elimination,
+                                const ScaleUncertainty& scale) {
+  const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
+  std::vector<int> tile_of(graph.modes.size());
+  for (std::size_t t = 0; t < tiles.size(); ++t) {
+    for (const int mode : tiles[t]) {
+      tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
+    }
+  }
+  const Eigen::MatrixXd calibration_root = elimination.CalibrationRoot();
+  const DatumChange change = MakeDatumChange(graph, elimination, calibration_root);
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change.G, scale);
+  std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
+  std::vector<JointCovariance::CrossBlock> cross;
+  const auto add_block = [&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
+    const auto i = static_cast<std::size_t>(a);
+    const auto j = static_cast<std::size_t>(b);
+    if (tile_of[i] != tile_of[j]) return;
+    Eigen::Matrix2d block = change.Refer(a, b, cov_a_b);
+    block.noalias() += root.middleRows<2>(Eigen::Index{2} * a) *
+                       root.middleRows<2>(Eigen::Index{2} * b).transpose();
+    if (a == b) {
+      diagonal[i] = block;
+    } else if (a < b) {
+      cross.push_back({a, b, block});
+    } else {
+      cross.push_back({b, a, block.transpose()});
+    }
+  };
+  elimination.VisitModeCovariance(calibration_root, add_block);
+  return JointCovariance(std::move(diagonal), std::move(cross));
+}
+
+}  // namespace
+
+std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolver* solver) {
+  ModeDifferences result(std::make_unique<GraphElimination>(graph, solver->TakeRest()));
+  const bool many = result.elimination_->HoldsCalibrations();
+  if (!many && !result.elimination_->Linearize()) return std::nullopt;
+  result.Draw(graph);
+  if (many && result.draws_.cols() > 0) {
+    solver->KeepRest(result.elimination_->TakeRest());
+    result.elimination_.reset();
+  }
+  return result;
+}
+
+void ModeDifferences::Draw(const Graph& graph) {
+  // Few differences cost less than the draws that would spare them.
+  if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) return;
+  std::mt19937_64 random(1);
+  const bool alone = elimination_->HoldsCalibrations();
+  draws_ = elimination_->DrawModes(alone ? kTellingDraws : kDraws, random);
+}
+
+Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
+  if (elimination_) return elimination_->ModeDifferenceCovariance(a, b);
+  return SampledCovariance(a, b, 1.0);
+}
+
+Eigen::Matrix2d ModeDifferences::SampledCovariance(int a, int b, double factor) const {
+  constexpr double kInfinite = 1e12;
+  if (draws_.cols() == 0) {
+    return Eigen::Matrix2d::Identity() * (factor < 1.0 ? 0.0 : kInfinite);
+  }
+  const auto differences =
+      draws_.middleRows<2>(Eigen::Index{2} * a) - draws_.middleRows<2>(Eigen::Index{2} * b);
+  return differences * differences.transpose() * (factor / static_cast<double>(draws_.cols()));
+}
+
+std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int size) {
+  SHIFTMAP_CHECK(size > 0, "tiles of {} modes", size);
+  Modes modes;
+  for (std::size_t i = 0; i < positions.size(); ++i) modes.push_back(static_cast<int>(i));
+  std::vector<Modes> tiles;
+  if (!modes.empty()) Cut(positions, size, modes.begin(), modes.end(), &tiles);
+  return tiles;
+}
+
+std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph) {
+  auto elimination = std::make_unique<GraphElimination>(
+      graph, IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
+  return elimination->Linearize() ? std::move(elimination) : nullptr;
+}
+
+JointCovariance MapCovariance(const Graph& graph,
+                              const GraphElimination& elimination,
+                              const ScaleUncertainty& scale) {
+  if (IsTiled(graph)) return TiledCovariance(graph, elimination, scale);
+  const Eigen::MatrixXd cov = elimination.ModeCovariance();
+  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumDirections(graph.modes), scale);
+  return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
+}
+
+}  // namespace shiftmap

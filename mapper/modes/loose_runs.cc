@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/loose_runs.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "mapper/modes/mode_merging.h"
+
+namespace shiftmap {
+namespace {
+
+// Which runs have which modes, by flat index.
+class Ties {
+ public:
+  explicit Ties(const MapProblem& problem)
+      : modes_(problem.runs.size()),
+        runs_(static_cast<std::size_t>(FlatModes(problem).count)),
+        priors_(problem.priors) {
+    const FlatModes flat(problem);
+    for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+      for (const auto& [group, mode] : ModesOf(problem.runs[r])) {
+        modes_[r].push_back(flat.Index(group, mode));
+        runs_[static_cast<std::size_t>(modes_[r].back())].push_back(r);
+      }
+    }
+  }
+
+  // Runs that are tied to the prior map, or to one of them where there is none.
+  std::vector<bool> TiedTo(std::size_t first) const {
+    std::vector<bool> tied(modes_.size());
+    std::vector<int> count(modes_.size());
+    std::vector<bool> known(runs_.size());
+    std::vector<std::size_t> open;
+    const auto learn = [&](int mode) {
+      const auto m = static_cast<std::size_t>(mode);
+      if (known[m]) return;
+      known[m] = true;
+      for (const std::size_t run : runs_[m]) {
+        if (++count[run] != kMinTyingModes || tied[run]) continue;
+        tied[run] = true;
+        open.push_back(run);
+      }
+    };
+    if (priors_.empty()) {
+      tied[first] = true;
+      open.push_back(first);
+    }
+    for (const GraphPrior& prior : priors_) {
+      for (const int mode : prior.modes) learn(mode);
+    }
+    while (!open.empty()) {
+      const std::size_t run = open.back();
+      open.pop_back();
+      for (const int mode : modes_[run]) learn(mode);
+    }
+    return tied;
+  }
+
+ private:
+  std::vector<std::vector<int>> modes_;         // Per run.
+  std::vector<std::vector<std::size_t>> runs_;  // Per mode.
+  const std::vector<GraphPrior>& priors_;
+};
+
+// The most runs that are tied to each other, or to the prior map.
+std::vector<bool> MostTied(const MapProblem& problem) {
+  const Ties ties(problem);
+  std::vector<bool> most(problem.runs.size());
+  std::vector<bool> tried(problem.runs.size());
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    if (tried[r]) continue;
+    const std::vector<bool> tied = ties.TiedTo(r);
+    if (std::count(tied.begin(), tied.end(), true) > std::count(most.begin(), most.end(), true)) {
+      most = tied;
+    }
+    if (!problem.priors.empty()) break;
+    for (std::size_t i = 0; i < tied.size(); ++i) tried[i] = tried[i] || tied[i];
+  }
+  return most;
+}
+
+}  // namespace
+
+int TakeOutLooseRuns(MapProblem* problem) {
+  if (problem->runs.size() == 1 && problem->priors.empty()) return 0;
+  const std::vector<bool> tied = MostTied(*problem);
+  const auto loose = static_cast<int>(std::count(tied.begin(), tied.end(), false));
+  if (loose == 0) return 0;
+  std::vector<BuildRun> runs;
+  for (std::size_t r = 0; r < tied.size(); ++r) {
+    if (tied[r]) {
+      runs.push_back(std::move(problem->runs[r]));
+    } else {
+      problem->loose.push_back(problem->runs[r].data);
+    }
+  }
+  problem->runs = std::move(runs);
+  DropUnusedModes(problem);
+  return loose;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/mode_merging.h"
+#include "mapper/problem/sightings.h"
+
+#include <algorithm>
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
+
+// Everything discrete of a group.
+std::vector<int> GroupState(const MapProblem& problem,
+                            const std::vector<VisitRef>& visits,
+                            std::size_t group) {
+  std::vector<int> state = {static_cast<int>(problem.modes[group].size())};
+  for (const VisitRef& ref : visits) {
+    state.push_back(AssignmentOf(problem, ref));
+  }
+  return state;
+}
+
+// Moves every assignment of a group from one mode to another.
+void Reassign(const std::vector<VisitRef>& visits, int from, int to, MapProblem* problem) {
+  for (const VisitRef& ref : visits) {
+    int& assignment = AssignmentOf(problem, ref);
+    if (assignment == from) assignment = to;
+  }
+}
+
+// Removes a mode; later modes of the group and of the prior's flat list move up.
+void EraseMode(const std::vector<VisitRef>& visits,
+               std::size_t group,
+               int mode,
+               MapProblem* problem) {
+  if (!problem->priors.empty()) {
+    const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
+    ShiftPriors(flat + 1, -1, &problem->priors);
+  }
+  problem->modes[group].erase(problem->modes[group].begin() + mode);
+  for (const VisitRef& ref : visits) {
+    int& assignment = AssignmentOf(problem, ref);
+    if (assignment > mode) --assignment;
+  }
+}
+
+// What is known no better than this may be anywhere: that two modes are near each other is then no
+// sign that they are one place. [m]
+constexpr double kMaxMergeSd = 4.0;
+
+// True if two modes i and j, `difference` apart, are not known to be one place.
+// @param floor  Variance per axis beyond what their covariance knows of. [m²]
+bool ToldApart(const Eigen::Vector2d& difference,
+               int i,
+               int j,
+               double floor,
+               double gate,
+               const ModeDifferences& differences) {
+  const auto unknown = [](const Eigen::Matrix2d& cov) {
+    return 0.5 * cov.trace() > kMaxMergeSd * kMaxMergeSd;
+  };
+  const auto apart_by = [&](const Eigen::Matrix2d& cov) {
+    return SquaredMahalanobis(difference, cov + floor * Eigen::Matrix2d::Identity()) > gate;
+  };
+  // What the least or the largest covariance there can be decides needs no other.
+  const Eigen::Matrix2d least = differences.MinCovariance(i, j);
+  const Eigen::Matrix2d most = differences.MaxCovariance(i, j);
+  if (unknown(least) || apart_by(most)) return true;
+  if (!unknown(most) && !apart_by(least)) return false;
+  const Eigen::Matrix2d cov = differences.Covariance(i, j);
+  return unknown(cov) || apart_by(cov);
+}
+
+// Sightings of a visit that its mode explains.
+std::ptrdiff_t CountInliers(const MapProblem& problem, const VisitRef& ref) {
+  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<int>& sightings = VisitOf(problem, ref).sightings;
+  return std::count_if(sightings.begin(), sightings.end(), [&](int index) {
+    return IsInlier(problem, run, run.data->sightings[static_cast<std::size_t>(index)]);
+  });
+}
+
+void ApplyMerges(const std::vector<std::vector<VisitRef>>& by_group,
+                 const std::vector<ModeMerge>& merges,
+                 MapProblem* problem) {
+  for (const ModeMerge& merge : merges) {
+    Reassign(by_group[merge.group], merge.from, merge.to, problem);
+  }
+  DropUnusedModes(problem);
+}
+
+}  // namespace
+
+std::vector<ModeMerge> FindMerges(const ModeOptions& options,
+                                  const ModeDifferences& differences,
+                                  const MapProblem& problem) {
+  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
+  const double gate = ChiSquareQuantile(options.merge_probability, 2);
+  const FlatModes flat(problem);
+  std::vector<ModeMerge> merges;
+  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+    const std::vector<BuildMode>& modes = problem.modes[group];
+    std::vector<bool> gone(modes.size());
+    for (std::size_t a = 0; a < modes.size(); ++a) {
+      for (std::size_t b = a + 1; b < modes.size(); ++b) {
+        if (gone[a] || gone[b] || InPrior(modes[b])) continue;
+        if (InPrior(modes[a]) && modes[b].displaced) continue;
+        const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
+        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
+        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
+        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
+        merges.push_back({group, static_cast<int>(a), static_cast<int>(b)});
+        gone[b] = true;
+      }
+    }
+  }
+  return merges;
+}
+
+MergeMemory::MergeMemory(const MapProblem& problem)
+    : by_group_(VisitsByGroup(problem)), merged_(by_group_.size()) {}
+
+void MergeMemory::Merge(const std::vector<ModeMerge>& merges, MapProblem* problem) {
+  std::map<std::size_t, std::vector<ModeMerge>> of_groups;
+  for (const ModeMerge& merge : merges) of_groups[merge.group].push_back(merge);
+  for (const auto& [group, of_group] : of_groups) {
+    merged_[group][GroupState(*problem, by_group_[group], group)] = of_group;
+  }
+  ApplyMerges(by_group_, merges, problem);
+}
+
+void MergeMemory::MergeAgain(MapProblem* problem) const {
+  std::vector<ModeMerge> merges;
+  for (std::size_t group = 0; group < by_group_.size(); ++group) {
+    if (merged_[group].empty()) continue;
+    const auto found = merged_[group].find(GroupState(*problem, by_group_[group], group));
+    if (found == merged_[group].end()) continue;
+    merges.insert(merges.end(), found->second.begin(), found->second.end());
+  }
+  ApplyMerges(by_group_, merges, problem);
+}
+
+void DropUnusedModes(MapProblem* problem) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+      const bool used =
+          std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
+            return AssignmentOf(problem, ref) == mode;
+          });
+      if (used || InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) continue;
+      EraseMode(by_group[group], group, mode, problem);
+    }
+  }
+}
+
+int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  int dropped = 0;
+  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
+    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+      std::ptrdiff_t sightings = 0;
+      for (const VisitRef& ref : by_group[group]) {
+        if (AssignmentOf(problem, ref) == mode) sightings += CountInliers(*problem, ref);
+      }
+      if (sightings >= options.min_sightings ||
+          InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) {
+        continue;
+      }
+      Reassign(by_group[group], mode, kUnassigned, problem);
+      EraseMode(by_group[group], group, mode, problem);
+      ++dropped;
+    }
+  }
+  return dropped;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/mode_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <set>
+#include <utility>
+
+#include "localizer/hypothesis/log_math.h"
+#include "localizer/models/observation_model.h"
+#include "mapper/modes/loose_runs.h"
+#include "mapper/modes/mode_merging.h"
+#include "mapper/parallel.h"
+#include "mapper/problem/sightings.h"
+#include "mapper/selection/selector.h"
+#include "mapper/selection/sequence_builders.h"
+#include "mapstore/map/mode_chain.h"
+
+namespace shiftmap {
+namespace {
+
+// Everything discrete of a problem, to notice that it comes around again.
+std::vector<int> DiscreteState(const MapProblem& problem) {
+  std::vector<int> state;
+  for (const std::vector<BuildMode>& group : problem.modes)
+    state.push_back(static_cast<int>(group.size()));
+  for (const BuildRun& run : problem.runs)
+    state.insert(state.end(), run.assignment.begin(), run.assignment.end());
+  return state;
+}
+
+bool HasSeveralModes(const MapProblem& problem) {
+  return std::any_of(problem.modes.begin(),
+                     problem.modes.end(),
+                     [](const std::vector<BuildMode>& group) { return group.size() > 1; });
+}
+
+// Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
+// is linearized: after each step of the solver, until that changes no component.
+void Select(const MapperOptions& options, MapProblem* problem) {
+  if (options.modes.selector.kind != SelectorKind::kMaxMixture) {
+    SelectModes(options.modes, problem, options.threads);
+    return;
+  }
+  MapperOptions one_step = options;
+  one_step.solver.max_iterations = 1;
+  for (int i = 0; i < options.solver.max_iterations; ++i) {
+    if (SelectModes(options.modes, problem, options.threads) == 0 && i > 0) return;
+    SolveContinuous(one_step, problem);
+  }
+}
+
+// What is to be selected does not hang on the last hundredth of a standard deviation.
+MapperOptions ForSelection(const MapperOptions& options) {
+  constexpr double kCostTolerance = 1e-4;
+  MapperOptions coarse = options;
+  coarse.max_integrations = 1;
+  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  return coarse;
+}
+
+// Modes of one landmark that are the same.
+// @param graph  Of the problem, which the solver has just solved.
+std::vector<ModeMerge> MergesIn(const ModeOptions& options,
+                                const Graph& graph,
+                                const MapProblem& problem,
+                                GraphSolver* solver) {
+  if (!HasSeveralModes(problem)) return {};
+  const auto differences = ModeDifferences::Of(graph, solver);
+  return differences ? FindMerges(options, *differences, problem) : std::vector<ModeMerge>();
+}
+
+// Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
+int Alternate(const MapperOptions& options,
+              MapProblem* problem,
+              GraphSolver* solver,
+              const GoOn& go_on) {
+  std::set<std::vector<int>> seen;
+  std::vector<int> solved;
+  MergeMemory memory(*problem);
+  for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
+    if (problem->runs.empty() || (go_on && !go_on(*problem))) return iteration - 1;
+    Select(options, problem);
+    CreateModes(options.modes, problem);
+    DropUnusedModes(problem);
+    memory.MergeAgain(problem);
+    if (TakeOutLooseRuns(problem) > 0) {
+      memory = MergeMemory(*problem);
+      continue;
+    }
+    const std::vector<int> state = DiscreteState(*problem);
+    if (state == solved) return iteration;
+    // A state that comes again closes a cycle.
+    const bool recurs = !seen.insert(state).second;
+    const Graph graph = SolveContinuous(options, problem, solver);
+    solved = state;
+    const std::vector<ModeMerge> merges = MergesIn(options.modes, graph, *problem, solver);
+    problem->modes_merged += static_cast<int>(merges.size());
+    memory.Merge(merges, problem);
+    if (!merges.empty()) solved.clear();
+    if (recurs) return iteration;
+  }
+  return options.max_outer_iterations;
+}
+
+}  // namespace
+
+Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
+                                   const VisitRef& ref,
+                                   const ModeOptions& options) {
+  const MappingVisit& visit = VisitOf(problem, ref);
+  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<BuildMode>& modes = problem.modes[static_cast<std::size_t>(visit.group)];
+  const SensorCalibration& sensor = problem.sensor;
+  const Eigen::Matrix2d pose_noise =
+      Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
+
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(modes.size()) + 1);
+  for (const int index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+    const Observation& observation = sighting.observation;
+    const double area = SquareMetresPerUnit(observation);
+    const double log_clutter = std::log(sensor.clutter_density_per_m2 * area);
+    result[0] +=
+        std::log((sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2) * area);
+    for (std::size_t k = 0; k < modes.size(); ++k) {
+      const Innovation innovation = SightingInnovation(run, sighting, modes[k].p_map_landmark);
+      const Eigen::Matrix2d S =
+          ObservationNoise(observation, sensor) +
+          innovation.H_landmark * pose_noise * innovation.H_landmark.transpose();
+      const double log_detection =
+          std::log(sensor.detection_probability) + LogGaussian(innovation.nu, S);
+      result[static_cast<Eigen::Index>(k) + 1] += LogAdd(log_detection, log_clutter);
+    }
+  }
+  return result;
+}
+
+ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+                                      const std::vector<VisitRef>& visits,
+                                      std::size_t group,
+                                      const ModeOptions& options) {
+  const auto modes = static_cast<int>(problem.modes[group].size());
+  std::vector<VisitStep> steps;
+  for (std::size_t t = 0; t < visits.size(); ++t) {
+    VisitStep step{VisitLogLikelihood(problem, visits[t], options), {}};
+    if (t > 0) step.gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
+    steps.push_back(std::move(step));
+  }
+  ModeSequenceProblem sequence =
+      MakeVisitSequence(Eigen::VectorXd::Constant(modes + 1, -std::log(modes + 1.0)),
+                        ModeChain::Uniform(modes, options.leave_rate_per_s),
+                        steps);
+  sequence.static_state = std::min(1, modes);
+  return sequence;
+}
+
+int SelectModes(const ModeOptions& options, MapProblem* problem, int threads) {
+  int changed = 0;
+  const std::unique_ptr<Selector> selector = MakeSelector(options.selector);
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  std::vector<ModeSequenceProblem> sequences(by_group.size());
+  ForEachIndex(by_group.size(), threads, [&](std::size_t group) {
+    if (by_group[group].empty()) return;
+    sequences[group] = MakeGroupSequence(*problem, by_group[group], group, options);
+  });
+  for (std::size_t group = 0; group < by_group.size(); ++group) {
+    const std::vector<VisitRef>& visits = by_group[group];
+    if (visits.empty()) continue;
+    const std::vector<int> states = selector->Select(sequences[group]).states;
+    for (std::size_t t = 0; t < visits.size(); ++t) {
+      int& assignment = AssignmentOf(problem, visits[t]);
+      changed += assignment != states[t] - 1;
+      assignment = states[t] - 1;  // State 0, absent, is kUnassigned.
+    }
+  }
+  return changed;
+}
+
+int CreateModes(const ModeOptions& options, MapProblem* problem) {
+  int created = 0;
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  for (std::size_t group = 0; group < by_group.size(); ++group) {
+    const std::vector<BuildMode>& modes = problem->modes[group];
+    const std::size_t known = modes.size();
+    for (const VisitRef& ref : by_group[group]) {
+      if (AssignmentOf(problem, ref) != kUnassigned) continue;
+      const VisitCluster cluster = DensestCluster(
+          VisitPositions(problem->runs[static_cast<std::size_t>(ref.run)], VisitOf(*problem, ref)),
+          options.cluster_radius_m);
+      if (cluster.count < options.min_sightings) continue;
+      // An earlier visit may just have made a mode of this place.
+      int mode = kUnassigned;
+      for (std::size_t k = known; k < modes.size() && mode == kUnassigned; ++k) {
+        const double distance = (modes[k].p_map_landmark - cluster.centre).norm();
+        if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
+      }
+      if (mode == kUnassigned) {
+        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent, false}, problem);
+        ++created;
+      }
+      AssignmentOf(problem, ref) = mode;
+    }
+  }
+  return created;
+}
+
+int RefineModes(const MapperOptions& options,
+                MapProblem* problem,
+                GraphSolver* solver,
+                const GoOn& go_on) {
+  const int iterations = AlternateModes(options, problem, solver, go_on);
+  if (!problem->runs.empty()) SolveContinuous(options, problem, solver);
+  return iterations;
+}
+
+int AlternateModes(const MapperOptions& options,
+                   MapProblem* problem,
+                   GraphSolver* solver,
+                   const GoOn& go_on) {
+  return Alternate(ForSelection(options), problem, solver, go_on);
+}
+
+void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+  constexpr int kAlternations = 2;
+  constexpr int kIterations = 5;
+  constexpr double kCostTolerance = 1e-3;
+  MapperOptions coarse = options;
+  coarse.max_outer_iterations = std::min(kAlternations, options.max_outer_iterations);
+  coarse.max_integrations = 1;
+  coarse.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
+  coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  GraphSolver solver;
+  Alternate(coarse, problem, &solver, go_on);
+}
+
+}  // namespace shiftmap

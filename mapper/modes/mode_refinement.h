@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "mapper/mapper_options.h"
+#include "mapper/problem/map_problem.h"
+#include "mapper/problem/visit_ref.h"
+#include "mapper/selection/mode_sequence.h"
+
+namespace shiftmap {
+
+/// Log-likelihood of a visit under every state of its group: entry 0 is `absent` (every sighting
+/// clutter or new), entry 1 + i is mode i, from which every sighting is either a detection or
+/// clutter.
+Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
+                                   const VisitRef& visit,
+                                   const ModeOptions& options);
+
+/// The chain of one group, IJRR (19): the steps are its visits, the states `absent` and the group's
+/// modes, with the real time between visits.
+ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+                                      const std::vector<VisitRef>& visits,
+                                      std::size_t group,
+                                      const ModeOptions& options);
+
+/// Assigns every visit the mode that the selector of the options gives it. Returns how many
+/// assignments changed.
+/// @param threads  On which visits are scored; the result does not depend on it.
+int SelectModes(const ModeOptions& options, MapProblem* problem, int threads = 1);
+
+/// Makes a mode for visits that no mode explains, where enough of their sightings agree on a place.
+/// Returns how many modes were made.
+int CreateModes(const ModeOptions& options, MapProblem* problem);
+
+/// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
+/// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
+/// selects at every linearization of the continuous part instead of once it is solved.
+/// @param solver  What it keeps goes on from and to other solves of this problem.
+/// @param go_on   Asked before each alternation.
+int RefineModes(const MapperOptions& options,
+                MapProblem* problem,
+                GraphSolver* solver,
+                const GoOn& go_on = {});
+
+/// As RefineModes(), but where something else goes on from here: the continuous part is left as
+/// selection needs it and not solved to its end.
+int AlternateModes(const MapperOptions& options,
+                   MapProblem* problem,
+                   GraphSolver* solver,
+                   const GoOn& go_on = {});
+
+/// As RefineModes(), but no further than other runs need to be placed in the map: nothing is solved
+/// to its end, and modes that are one place are merged.
+void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+
+}  // namespace shiftmap

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/selection_summary.h"
+
+#include <vector>
+
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/problem/map_problem.h"
+#include "mapper/selection/forward_backward.h"
+#include "mapper/selection/viterbi.h"
+
+namespace shiftmap {
+
+SelectionSummary SummarizeSelection(const ModeOptions& options, const MapProblem& problem) {
+  SelectionSummary summary;
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(problem);
+  for (std::size_t group = 0; group < by_group.size(); ++group) {
+    const std::vector<VisitRef>& visits = by_group[group];
+    if (visits.empty()) continue;
+    const ModeSequenceProblem sequence = MakeGroupSequence(problem, visits, group, options);
+    const ModePosteriors posteriors = SmoothModes(sequence);
+    std::vector<int> states;
+    for (std::size_t t = 0; t < visits.size(); ++t) {
+      const BuildRun& run = problem.runs[static_cast<std::size_t>(visits[t].run)];
+      // kUnassigned is state 0, absent.
+      const int state = run.assignment[static_cast<std::size_t>(visits[t].visit)] + 1;
+      states.push_back(state);
+      const double posterior = posteriors.probabilities(static_cast<Eigen::Index>(t), state);
+      summary.uncertain_visits += posterior < kSureProbability ? 1 : 0;
+    }
+    summary.visits += static_cast<int>(visits.size());
+    summary.log_joint += LogJoint(sequence, states);
+    summary.best_log_joint += LogJoint(sequence, MostLikelyModes(sequence));
+  }
+  return summary;
+}
+
+}  // namespace shiftmap

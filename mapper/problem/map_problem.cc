@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/problem/map_problem.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mapper/covariance/map_prior.h"
+
+namespace shiftmap {
+namespace {
+
+// Prior knowledge of a run's odometry relative to where it is linearized. The lag's is wide: logs
+// differ in what they call now.
+constexpr double kLagSd = 0.2;  // [s]
+
+// What sensors read too much, before their runs tell. [m], [rad]
+constexpr double kBearingOffsetSd = 0.05;  // [rad]
+constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
+
+// Of what is not estimated.
+constexpr double kHeldSd = 1e-9;
+
+// @param in_map_units  As in MapProblem.
+GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
+  const OdometryCalibration& fleet = options.calibration.odometry;
+  const bool calibrate = options.calibrate;
+  UpdateMotions(*run->data, run->odometry, &run->motions);
+  GraphRun result;
+  result.poses = run->poses;
+  for (const IntegratedMotion& motion : run->motions.between_frames) {
+    result.motions.push_back(motion.WithNoise(run->odometry.noise_v, run->odometry.noise_omega));
+  }
+  const double sd_scale = calibrate ? fleet.sd_log_scale : kHeldSd;
+  result.correction = CorrectionBetween(run->motions.calibration, run->odometry);
+  result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : kHeldSd};
+  result.correction_prior_mean = CorrectionBetween(run->motions.calibration, fleet);
+  result.sensor_bias = run->sensor_bias;
+  result.sensor_bias_sd.setConstant(kHeldSd);
+  if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
+  if (calibrate && in_map_units) {
+    result.sensor_bias_sd[kLogRangeScale] = std::max(kHeldSd, options.sd_run_range_scale);
+  }
+  return result;
+}
+
+void CopyBack(const Graph& graph, MapProblem* problem) {
+  std::size_t flat = 0;
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    run.poses = graph.runs[r].poses;
+    const Eigen::Vector3d& correction = graph.runs[r].correction;
+    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
+    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
+    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
+    run.sensor_bias = graph.runs[r].sensor_bias;
+  }
+}
+
+}  // namespace
+
+std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
+  std::vector<BuildModeRef> modes;
+  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    if (run.assignment[v] == kUnassigned) continue;
+    modes.push_back({run.data->visits[v].group, run.assignment[v]});
+  }
+  std::sort(modes.begin(), modes.end());
+  modes.erase(std::unique(modes.begin(), modes.end()), modes.end());
+  return modes;
+}
+
+FlatModes::FlatModes(const MapProblem& problem) {
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    first.push_back(count);
+    count += static_cast<int>(group.size());
+  }
+}
+
+std::vector<Eigen::Vector2d> ModePositions(const MapProblem& problem) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const std::vector<BuildMode>& group : problem.modes) {
+    for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
+  }
+  return positions;
+}
+
+std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const MapProblem& problem) {
+  std::map<std::string, std::vector<std::size_t>> runs;
+  for (std::size_t r = 0; r < problem.runs.size(); ++r) {
+    runs[problem.runs[r].data->info.vehicle].push_back(r);
+  }
+  return runs;
+}
+
+void MoveProblem(const Se2& T_map_old, MapProblem* problem) {
+  for (BuildRun& run : problem->runs) {
+    for (Se2& pose : run.poses) pose = T_map_old * pose;
+  }
+  for (std::vector<BuildMode>& group : problem->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
+  }
+}
+
+MapProblem StartProblem(std::size_t groups, const SensorCalibration& sensor) {
+  MapProblem problem;
+  problem.sensor = sensor;
+  problem.modes.resize(groups);
+  return problem;
+}
+
+MapProblem StartProblem(const std::vector<Signature>& signatures,
+                        const MapContent& prior,
+                        const SensorCalibration& sensor) {
+  MapProblem problem = StartProblem(signatures.size(), sensor);
+  for (const LandmarkGroup& group : prior.groups) {
+    const auto g = static_cast<std::size_t>(
+        std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
+        signatures.begin());
+    for (const Mode& mode : group.modes) {
+      problem.modes[g].push_back({mode.p_map_landmark, mode.number});
+    }
+  }
+  const std::vector<Eigen::Vector2d> positions = ModePositions(problem);
+  problem.in_map_units = positions.size() > 1;  // One position has no length.
+  problem.priors = MakeMapPrior(positions, prior.covariance);
+  return problem;
+}
+
+int AddMode(int group, const BuildMode& mode, MapProblem* problem) {
+  std::vector<BuildMode>& modes = problem->modes[static_cast<std::size_t>(group)];
+  const auto index = static_cast<int>(modes.size());
+  if (!problem->priors.empty()) {
+    ShiftPriors(FlatModes(*problem).Index(group, index), 1, &problem->priors);
+  }
+  modes.push_back(mode);
+  return index;
+}
+
+void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors) {
+  for (GraphPrior& prior : *priors) {
+    for (int& mode : prior.modes) mode += mode >= first ? shift : 0;
+  }
+}
+
+Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
+  Graph graph;
+  const FlatModes flat(*problem);
+  for (const std::vector<BuildMode>& group : problem->modes) {
+    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
+  }
+  for (std::size_t r = 0; r < problem->runs.size(); ++r) {
+    BuildRun& run = problem->runs[r];
+    graph.runs.push_back(MakeGraphRun(options, problem->in_map_units, &run));
+    for (const Sighting& sighting : run.data->sightings) {
+      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+      if (mode == kUnassigned) continue;
+      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
+      graph.observations.push_back({static_cast<int>(r),
+                                    sighting.frame,
+                                    flat.Index(group, mode),
+                                    sighting.observation,
+                                    ObservationNoise(sighting.observation, problem->sensor),
+                                    run.data->mean_squared_bearing});
+    }
+  }
+  graph.priors = problem->priors;
+  graph.open = problem->open;
+  graph.loss_reach = problem->loss_reach;
+  // Runs by themselves are mapped side by side.
+  graph.threads = problem->runs.size() > 1 ? options.threads : 1;
+  return graph;
+}
+
+Graph SolveOnce(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
+  Graph graph = MakeGraph(options, problem);
+  problem->cost = solver->Solve(options.solver, &graph).final_cost;
+  CopyBack(graph, problem);
+  return graph;
+}
+
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem) {
+  GraphSolver solver;
+  return SolveContinuous(options, problem, &solver);
+}
+
+Graph SolveContinuous(const MapperOptions& options, MapProblem* problem, GraphSolver* solver) {
+  // Integrate again until the calibration stays.
+  Graph graph;
+  for (int i = 0; i < options.max_integrations; ++i) {
+    graph = SolveOnce(options, problem, solver);
+    const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
+      return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
+    });
+    if (settled) break;
+  }
+  return graph;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/submaps/displaced_modes.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/covariance/datum.h"
+#include "mapper/covariance/mode_covariance.h"
+#include "mapper/submaps/submap_fit.h"
+
+namespace shiftmap {
+namespace {
+
+// Error of a position in a map that its covariance does not know of. [m]
+constexpr double kPositionFloor = 0.03;
+
+// A landmark that stands farther from where it was than this many DisplacementOptions::
+// sd_displacement_m was displaced, whatever the others did. The normal distribution of
+// displacements has no tail for it: to it, most landmarks moving together the other way would be
+// more likely.
+constexpr double kSurelyDisplaced = 3.0;
+
+// A submap whose worst mode is known to this, relative to the others, is rigid. [m]
+constexpr double kRigidSd = 0.15;
+
+// A run that is bent by this a metre from where it turns is off the tangent by half its square. [m]
+constexpr double kLinear = 0.25;
+
+// Landmarks that are decided on together: time grows with the cube. Others than those around it
+// hardly tell whether a landmark stands where it stood.
+constexpr int kMaxTogether = 150;
+
+constexpr int kMaxRounds = 3;
+
+// What a run says by itself is read off the pull of what bends it, where both are about at rest.
+constexpr int kBendingSteps = 10;
+constexpr double kBendingTolerance = 1e-3;  // Of the cost, for a step.
+
+Eigen::Index RowOf(std::size_t mode) { return static_cast<Eigen::Index>(2 * mode); }
+
+// Per flat index which of the prior's modes a mode is, counted: those that have a number.
+std::vector<int> PriorNumbers(const MapProblem& map) {
+  std::vector<int> numbers;
+  int next = 0;
+  for (const std::vector<BuildMode>& group : map.modes) {
+    for (const BuildMode& mode : group) {
+      numbers.push_back(mode.number != kAbsent ? next++ : kUnassigned);
+    }
+  }
+  return numbers;
+}
+
+// A landmark of the prior map that a run has met.
+struct Candidate {
+  std::size_t flat = 0;  // Mode of the submap.
+  int prior_mode = 0;
+  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // In the prior map. [m]
+};
+
+// Decides on landmarks together. Positions and covariance as in Decide().
+std::vector<int> ClustersOf(const MapperOptions& options,
+                            const JointCovariance& prior_covariance,
+                            const std::vector<Candidate>& candidates,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& run_cov) {
+  const auto size = static_cast<Eigen::Index>(2 * candidates.size());
+  Eigen::VectorXd difference(size);
+  DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
+  std::vector<Eigen::Vector2d> before;
+  for (std::size_t a = 0; a < candidates.size(); ++a) {
+    const Candidate& of_a = candidates[a];
+    before.push_back(of_a.before);
+    difference.segment<2>(RowOf(a)) = positions[of_a.flat] - of_a.before;
+    for (std::size_t b = 0; b < candidates.size(); ++b) {
+      const Candidate& of_b = candidates[b];
+      cov.run.block<2, 2>(RowOf(a), RowOf(b)) =
+          run_cov.block<2, 2>(RowOf(of_a.flat), RowOf(of_b.flat));
+      cov.map.block<2, 2>(RowOf(a), RowOf(b)) =
+          prior_covariance.Block(of_a.prior_mode, of_b.prior_mode);
+    }
+  }
+  cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
+  cov.common = FreeDatumAndScale(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
+  return FindDisplaced(before, difference, cov, options.displacement);
+}
+
+// Decides on the landmarks that meet the prior, where they are many on those of one neighbourhood
+// after the other.
+// @param positions  Of the submap's modes as the run by itself has them. [m]
+// @param run_cov    Of these, relative to them as a whole. [m²]
+std::vector<bool> Decide(const MapperOptions& options,
+                         const JointCovariance& prior_covariance,
+                         const MapProblem& map,
+                         const std::vector<Encounter>& encounters,
+                         const std::vector<Eigen::Vector2d>& positions,
+                         const Eigen::MatrixXd& run_cov) {
+  std::vector<bool> displaced(encounters.size());
+  const std::vector<int> numbers = PriorNumbers(map);
+  const FlatModes flat(map);
+  std::vector<Candidate> met;
+  std::vector<Eigen::Vector2d> places;
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    const Encounter& encounter = encounters[i];
+    if (!MeetsPrior(map, encounter)) continue;
+    if (std::sqrt(encounter.squared_m2) >
+        kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
+      displaced[i] = true;
+      continue;
+    }
+    const int mode = flat.Index(encounter.group, encounter.nearest);
+    places.push_back(NearestMode(map, encounter).p_map_landmark);
+    met.push_back({i, numbers[static_cast<std::size_t>(mode)], places.back()});
+  }
+  for (const std::vector<int>& tile : TileModes(places, kMaxTogether)) {
+    std::vector<Candidate> candidates;
+    for (const int i : tile) candidates.push_back(met[static_cast<std::size_t>(i)]);
+    const std::vector<int> clusters =
+        ClustersOf(options, prior_covariance, candidates, positions, run_cov);
+    for (std::size_t a = 0; a < candidates.size(); ++a) {
+      displaced[candidates[a].flat] = clusters[a] != kNotDisplaced;
+    }
+  }
+  return displaced;
+}
+
+// Per mode of the submap the prior's mode that it still is, or kUnassigned.
+std::vector<int> Undisplaced(const MapProblem& map,
+                             const std::vector<Encounter>& encounters,
+                             const std::vector<bool>& displaced) {
+  std::vector<int> known;
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    const bool stays = MeetsPrior(map, encounters[i]) && !displaced[i];
+    known.push_back(stays ? encounters[i].nearest : kUnassigned);
+  }
+  return known;
+}
+
+// How far a submap would be bent by what holds it, where most: the largest shift of a mode
+//
+//   P_·M (P'_MM + R)⁻¹ (z_M - p_M),   P' = P with datum and scale left free. [m]
+double Bending(const MapperOptions& options,
+               const std::vector<GraphPrior>& held,
+               const Submap& submap) {
+  if (held.size() < 2) return 0.0;
+  const std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
+  std::vector<Eigen::Index> rows;
+  Eigen::VectorXd difference(static_cast<Eigen::Index>(2 * held.size()));
+  Eigen::VectorXd variance(difference.size());
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    const auto mode = static_cast<std::size_t>(held[k].modes.front());
+    difference.segment<2>(RowOf(k)) = held[k].mean - positions[mode];
+    variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
+    for (const int axis : {0, 1}) rows.push_back(RowOf(mode) + axis);
+  }
+  Eigen::MatrixXd K =
+      FreeDatumAndScale(positions, options.sd_range_scale, submap.covariance)(rows, rows);
+  K.diagonal() += variance;
+  const Eigen::VectorXd shift = submap.covariance(Eigen::all, rows) * K.llt().solve(difference);
+  double most = 0.0;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    most = std::max(most, shift.segment<2>(RowOf(i)).norm());
+  }
+  return most;
+}
+
+// Where a run by itself has its modes, seen from where it is bent: there its own cost pulls as much
+// as what bends it, and to the other side. [m]
+std::vector<Eigen::Vector2d> Unbent(const std::vector<GraphPrior>& held, const Submap& submap) {
+  std::vector<Eigen::Vector2d> positions = ModePositions(submap.problem);
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(submap.covariance.rows());
+  for (const GraphPrior& of_mode : held) {
+    const auto mode = static_cast<std::size_t>(of_mode.modes.front());
+    pull.segment<2>(RowOf(mode)) = of_mode.information * (positions[mode] - of_mode.mean);
+  }
+  const Eigen::VectorXd shift = submap.covariance * pull;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    positions[i] += shift.segment<2>(RowOf(i));
+  }
+  return positions;
+}
+
+// Where a submap that is aligned has those of its modes that agree with the map.
+std::vector<std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
+                                                   const MapProblem& submap) {
+  std::vector<std::optional<Eigen::Vector2d>> places;
+  for (std::size_t group = 0; group < submap.modes.size(); ++group) {
+    const bool agrees = std::binary_search(
+        alignment.signatures.begin(), alignment.signatures.end(), static_cast<int>(group));
+    for (const BuildMode& mode : submap.modes[group]) {
+      places.push_back(agrees ? std::optional(mode.p_map_landmark) : std::nullopt);
+    }
+  }
+  return places;
+}
+
+// What a run hardly knows against the rest of itself.
+bool IsFlexible(const Submap& submap) {
+  return std::any_of(submap.points.begin(), submap.points.end(), [](const AlignmentPoint& point) {
+    return 0.5 * point.cov.trace() > kRigidSd * kRigidSd;
+  });
+}
+
+}  // namespace
+
+std::vector<bool> FindDisplacedModes(const MapperOptions& options,
+                                     const JointCovariance& prior_covariance,
+                                     const MapProblem& map,
+                                     const Alignment& alignment,
+                                     Submap* submap,
+                                     std::vector<Encounter>* encounters) {
+  std::vector<bool> displaced;
+  std::vector<int> known;  // Of what the submap is to be bent onto.
+  if (IsFlexible(*submap)) {
+    known = FitBentSubmap(options, map, Places(alignment, submap->problem), submap);
+  } else {
+    displaced = Decide(options,
+                       prior_covariance,
+                       map,
+                       *encounters,
+                       ModePositions(submap->problem),
+                       submap->covariance);
+    known = Undisplaced(map, *encounters, displaced);
+    if (Bending(options, HoldKnown(options, map, known, *submap), *submap) < kLinear) {
+      return displaced;
+    }
+  }
+  MapperOptions bending = options;
+  bending.solver.cost_tolerance = std::max(kBendingTolerance, options.solver.cost_tolerance);
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const std::vector<GraphPrior> held = HoldKnown(options, map, known, *submap);
+    Bend(bending, held, kBendingSteps, submap);
+    *encounters = Meet(submap->problem, map);
+    if (std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap->problem)) {
+      submap->covariance = *std::move(covariance);
+    }
+    std::vector<bool> again = Decide(
+        options, prior_covariance, map, *encounters, Unbent(held, *submap), submap->covariance);
+    if (again == displaced) break;
+    displaced = std::move(again);
+    known = Undisplaced(map, *encounters, displaced);
+  }
+  return displaced;
+}
+
+}  // namespace shiftmap

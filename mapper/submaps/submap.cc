@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/submaps/submap.h"
+
+#include <utility>
+
+#include "mapper/covariance/datum.h"
+#include "mapper/graph/graph.h"
+
+namespace shiftmap {
+
+std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
+  const Graph graph = MakeGraph(options, problem);
+  std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
+  if (!covariance) return std::nullopt;
+  return ReferToPositions(graph.modes, *std::move(covariance));
+}
+
+std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem) {
+  Submap submap{std::move(problem), {}, {}};
+  std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap.problem);
+  if (!covariance) return std::nullopt;
+  submap.covariance = *std::move(covariance);
+  for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+    for (const BuildMode& mode : submap.problem.modes[group]) {
+      const auto at = static_cast<Eigen::Index>(2 * submap.points.size());
+      submap.points.push_back(
+          {static_cast<int>(group), mode.p_map_landmark, submap.covariance.block<2, 2>(at, at)});
+    }
+  }
+  return submap;
+}
+
+}  // namespace shiftmap

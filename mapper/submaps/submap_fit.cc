@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/submaps/submap_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "mapper/covariance/datum.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// How well a mode is to be known to be matched. A vehicle that comes back to mapped ground after a
+// while is less sure where it is: only when nothing else is left is the limit raised. [m]
+constexpr double kFirstMaxSd = 0.5;
+constexpr double kLastMaxSd = 4.0;
+
+// Matches that the others contradict at this probability are none.
+constexpr double kContradicted = 0.999;
+
+// The map is bent as well; its share is taken to be as large as the submap's.
+constexpr double kBothBent = 2.0;
+
+// So many modes hold a submap while it is bent: they are seen every few metres.
+constexpr std::size_t kMaxHeld = 40;
+
+Eigen::Index RowOf(std::size_t mode) { return static_cast<Eigen::Index>(2 * mode); }
+
+// The mode of a group that is nearest to a point, or kUnassigned.
+int NearestOf(const std::vector<BuildMode>& modes, const Eigen::Vector2d& point) {
+  int nearest = kUnassigned;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const double squared = (modes[k].p_map_landmark - point).squaredNorm();
+    if (squared >= least) continue;
+    least = squared;
+    nearest = static_cast<int>(k);
+  }
+  return nearest;
+}
+
+// A submap's modes as what is known of them tells of the others.
+class BentSubmap {
+ public:
+  BentSubmap(const MapperOptions& options, const Submap& submap, const MapProblem& map)
+      : map_(map),
+        noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
+        positions_(ModePositions(submap.problem)) {
+    for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+      group_.insert(group_.end(), submap.problem.modes[group].size(), group);
+    }
+    covariance_ = FreeDatumAndScale(positions_, options.sd_range_scale, submap.covariance);
+    gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
+  }
+
+  // Takes modes for known, and conditions `open` on them, for Match(). False if values are so far
+  // astray that they tell nothing of each other.
+  bool Hold(const std::vector<int>& known, std::vector<std::size_t> open) {
+    std::vector<std::size_t> first;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] != kUnassigned) first.push_back(i);
+    }
+    held_.clear();
+    whitened_.resize(0);
+    L_.resize(0, 0);
+    inverse_L_.resize(0, 0);
+    open_ = std::move(open);
+    explained_.resize(0, RowOf(open_.size()));
+    return Extend(known, first, Eigen::MatrixXd(0, RowOf(first.size())));
+  }
+
+  // Takes those of the open modes that are known now for known as well.
+  bool HoldMore(const std::vector<int>& known) {
+    std::vector<std::size_t> added;
+    std::vector<std::size_t> left;
+    std::vector<std::size_t> added_at;
+    std::vector<std::size_t> left_at;
+    for (std::size_t k = 0; k < open_.size(); ++k) {
+      const bool is_known = known[open_[k]] != kUnassigned;
+      (is_known ? added : left).push_back(open_[k]);
+      (is_known ? added_at : left_at).push_back(k);
+    }
+    const Eigen::MatrixXd W = explained_(Eigen::all, Rows(added_at));
+    explained_ = explained_(Eigen::all, Rows(left_at)).eval();
+    open_ = std::move(left);
+    return Extend(known, added, W);
+  }
+
+  // Modes that are neither known nor given up.
+  const std::vector<std::size_t>& open() const { return open_; }
+
+  // Of the known modes, those that the others contradict. With K = P_MM + R and differences d, a
+  // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
+  std::vector<std::size_t> Contradicted() {
+    Invert();
+    const double gate = kBothBent * ChiSquareQuantile(kContradicted, 2);
+    std::vector<std::size_t> contradicted;
+    for (std::size_t k = 0; k < held_.size(); ++k) {
+      const Eigen::Index below = whitened_.size() - RowOf(k);
+      const auto of_match = inverse_L_.block(RowOf(k), RowOf(k), below, 2);
+      const Eigen::Matrix2d information = of_match.transpose() * of_match;
+      const Eigen::Vector2d at = of_match.transpose() * whitened_.tail(below);
+      if (at.dot(information.llt().solve(at)) > gate) contradicted.push_back(held_[k]);
+    }
+    return contradicted;
+  }
+
+  // The mode of the map that an open mode is, or kUnassigned if that does not show.
+  // @param place  Of the mode in open().
+  int Match(std::size_t place, double max_sd) const {
+    const std::size_t i = open_[place];
+    const Eigen::Index row = RowOf(i);
+    const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
+    const auto explained = explained_.middleCols<2>(RowOf(place));
+    const Eigen::Matrix2d cov =
+        covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
+    if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
+    const int nearest = NearestOf(map_.modes[group_[i]], expected);
+    if (nearest == kUnassigned) return kUnassigned;
+    const Eigen::Matrix2d S = kBothBent * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
+    const bool agrees = SquaredMahalanobis(ModeAt(i, nearest) - expected, S) <= gate_;
+    return agrees ? nearest : kUnassigned;
+  }
+
+ private:
+  static std::vector<Eigen::Index> Rows(const std::vector<std::size_t>& modes) {
+    std::vector<Eigen::Index> rows;
+    for (const std::size_t i : modes) {
+      for (const int axis : {0, 1}) rows.push_back(RowOf(i) + axis);
+    }
+    return rows;
+  }
+
+  // Takes more modes for known. With W = L⁻¹ P of the new ones and S the covariance of their
+  // differences given the others, the new rows of L are [Wᵀ  L_S], S = L_S L_Sᵀ.
+  bool Extend(const std::vector<int>& known,
+              const std::vector<std::size_t>& added,
+              const Eigen::MatrixXd& W) {
+    const std::vector<Eigen::Index> rows = Rows(added);
+    const Eigen::Index before = whitened_.size();
+    const Eigen::Index more = RowOf(added.size());
+    Eigen::MatrixXd S = covariance_(rows, rows) - W.transpose() * W;
+    S.diagonal().array() += noise_;
+    const Eigen::LLT<Eigen::MatrixXd> llt(S);
+    if (llt.info() != Eigen::Success) return false;
+
+    Eigen::VectorXd differences(more);
+    for (std::size_t k = 0; k < added.size(); ++k) {
+      const std::size_t i = added[k];
+      differences.segment<2>(RowOf(k)) = ModeAt(i, known[i]) - positions_[i];
+    }
+    differences -= W.transpose() * whitened_;
+    whitened_.conservativeResize(before + more);
+    whitened_.tail(more) = llt.matrixL().solve(differences);
+
+    explained_.conservativeResize(before + more, Eigen::NoChange);
+    explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
+                                                      W.transpose() * explained_.topRows(before));
+    shift_ = explained_.transpose() * whitened_;
+
+    L_.conservativeResize(before + more, before + more);
+    L_.bottomLeftCorner(more, before) = W.transpose();
+    L_.bottomRightCorner(more, more) = llt.matrixL();
+    held_.insert(held_.end(), added.begin(), added.end());
+    return true;
+  }
+
+  // Brings L⁻¹ up to L, some rows after the others:
+  //
+  //   | L      |⁻¹   |      L⁻¹             |
+  //   | Wᵀ L_S |   = | -L_S⁻¹ Wᵀ L⁻¹  L_S⁻¹ |
+  void Invert() {
+    constexpr Eigen::Index kRows = 200;  // More take no advantage of the zeros.
+    Eigen::Index done = inverse_L_.rows();
+    inverse_L_.conservativeResize(L_.rows(), L_.rows());
+    while (done < L_.rows()) {
+      const Eigen::Index rows = std::min(kRows, L_.rows() - done);
+      const auto L_S = L_.block(done, done, rows, rows).triangularView<Eigen::Lower>();
+      inverse_L_.block(done, done, rows, rows) = L_S.solve(Eigen::MatrixXd::Identity(rows, rows));
+      if (done > 0) {  // Eigen's product with a triangle of no size divides by zero.
+        auto new_rows = inverse_L_.block(done, 0, rows, done);
+        new_rows = -L_.block(done, 0, rows, done) *
+                   inverse_L_.topLeftCorner(done, done).triangularView<Eigen::Lower>();
+        L_S.solveInPlace(new_rows);
+      }
+      done += rows;
+    }
+  }
+
+  const Eigen::Vector2d& ModeAt(std::size_t i, int mode) const {
+    return map_.modes[group_[i]][static_cast<std::size_t>(mode)].p_map_landmark;
+  }
+
+  const MapProblem& map_;
+  double noise_;  // Between a mode of the submap and the same of the map, per axis. [m²]
+  double gate_ = 0.0;
+  std::vector<std::size_t> group_;
+  std::vector<Eigen::Vector2d> positions_;
+  Eigen::MatrixXd covariance_;
+
+  // Of the known modes, in the order in which they became known; L Lᵀ = P + noise.
+  std::vector<std::size_t> held_;
+  Eigen::MatrixXd L_;          // Its lower triangle.
+  Eigen::MatrixXd inverse_L_;  // Of the first of them; its lower triangle.
+  Eigen::VectorXd whitened_;   // L⁻¹ of the differences, map less submap.
+
+  // Of the open ones. Columns: what the known modes explain of each coordinate, L⁻¹ P.
+  std::vector<std::size_t> open_;
+  Eigen::MatrixXd explained_;
+  Eigen::VectorXd shift_;
+};
+
+}  // namespace
+
+std::vector<int> GrowMatches(const MapperOptions& options,
+                             const Submap& submap,
+                             const MapProblem& map,
+                             std::vector<int> known,
+                             const std::vector<bool>& fixed) {
+  BentSubmap bent(options, submap, map);
+  std::vector<bool> settled = fixed;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (known[i] != kUnassigned) settled[i] = true;
+  }
+  const auto hold = [&] {
+    std::vector<std::size_t> open;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] == kUnassigned && !settled[i]) open.push_back(i);
+    }
+    return bent.Hold(known, std::move(open));
+  };
+  if (!hold()) return known;
+  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !bent.open().empty();) {
+    bool grew = false;
+    for (std::size_t k = 0; k < bent.open().size(); ++k) {
+      int& match = known[bent.open()[k]];
+      match = bent.Match(k, max_sd);
+      grew = grew || match != kUnassigned;
+    }
+    max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
+    if (!grew) continue;
+    if (!bent.HoldMore(known)) return known;
+    bool dropped = false;
+    for (const std::size_t i : bent.Contradicted()) {
+      dropped = dropped || !settled[i];
+      if (!settled[i]) known[i] = kUnassigned;
+      settled[i] = true;
+    }
+    if (dropped && !hold()) return known;
+  }
+  return known;
+}
+
+std::vector<int> FitBentSubmap(const MapperOptions& options,
+                               const MapProblem& map,
+                               const std::vector<std::optional<Eigen::Vector2d>>& places,
+                               Submap* submap) {
+  constexpr int kMaxRounds = 4;
+  std::vector<int> known;
+  for (std::size_t group = 0; group < submap->problem.modes.size(); ++group) {
+    for (std::size_t m = 0; m < submap->problem.modes[group].size(); ++m) {
+      const auto& place = places[known.size()];
+      known.push_back(place ? NearestOf(map.modes[group], *place) : kUnassigned);
+    }
+  }
+  for (int round = 0; round < kMaxRounds; ++round) {
+    BendOntoMap(options, map, known, submap);
+    std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &submap->problem);
+    if (!covariance) break;
+    submap->covariance = *std::move(covariance);
+    std::vector<int> grown =
+        GrowMatches(options, *submap, map, known, std::vector<bool>(known.size()));
+    if (grown == known) break;
+    known = std::move(grown);
+  }
+  BendOntoMap(options, map, known, submap);
+  return known;
+}
+
+std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
+                                  const MapProblem& map,
+                                  const std::vector<int>& known,
+                                  const Submap& submap) {
+  std::vector<int> modes;
+  std::vector<Eigen::Vector2d> positions;
+  std::size_t i = 0;
+  for (std::size_t group = 0; group < submap.problem.modes.size(); ++group) {
+    for (std::size_t m = 0; m < submap.problem.modes[group].size(); ++m, ++i) {
+      if (known[i] == kUnassigned) continue;
+      modes.push_back(static_cast<int>(i));
+      positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
+    }
+  }
+  std::vector<int> held;
+  std::vector<Eigen::Vector2d> places;
+  const std::size_t step = modes.size() / kMaxHeld + 1;
+  for (std::size_t k = 0; k < modes.size(); k += step) {
+    held.push_back(modes[k]);
+    places.push_back(positions[k]);
+  }
+  return HoldModes(held, places, std::sqrt(2.0) * options.modes.position_floor_m);
+}
+
+void Bend(const MapperOptions& options,
+          const std::vector<GraphPrior>& held,
+          int steps,
+          Submap* submap) {
+  MapperOptions few = options;
+  few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
+  submap->problem.priors = held;
+  SolveContinuous(few, &submap->problem);
+  submap->problem.priors.clear();
+}
+
+void BendOntoMap(const MapperOptions& options,
+                 const MapProblem& map,
+                 const std::vector<int>& known,
+                 Submap* submap) {
+  // The next solve goes on from where this one ends.
+  constexpr int kSteps = 4;
+  Bend(options, HoldKnown(options, map, known, *submap), kSteps, submap);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/problem/map_problem.h"
+#include "mapper/submaps/submap.h"
+
+namespace shiftmap {
+
+/// Submaps that wait for their place, and how much of each the map has by now: counts that are kept
+/// up to date, so that choosing the next one aligns none.
+class WaitingSubmaps {
+ public:
+  /// @param problem  The map so far.
+  WaitingSubmaps(std::vector<Submap> submaps, const MapProblem& problem);
+
+  /// The one with most landmarks, the first of several; nothing if none waits.
+  std::optional<std::size_t> Largest() const;
+
+  /// The one that shares most signatures with the map, the first of several. One that was set aside
+  /// comes after all others, and only if the map has got more modes of its signatures since.
+  std::optional<std::size_t> Next() const;
+
+  /// Precondition of this and what follows: it waits.
+  const Submap& At(std::size_t i) const { return *entries_[i].submap; }
+
+  /// It does not align with the map as it is.
+  void SetAside(std::size_t i) { entries_[i].tried_with_modes = entries_[i].modes; }
+
+  /// It waits no longer.
+  Submap Take(std::size_t i);
+
+  /// Counts what a submap that was taken has brought to the map.
+  void Update(std::size_t i, const MapProblem& problem);
+
+  /// Counts anew in a map that has changed as a whole. What was set aside may be tried again.
+  void Recount(const MapProblem& problem);
+
+  /// Every mode of the map of the signatures that a submap has.
+  std::vector<AlignmentPoint> Reference(std::size_t i, const MapProblem& problem) const;
+
+  /// Those that wait, in the order they came in.
+  std::vector<std::size_t> Remaining() const;
+
+ private:
+  struct Entry {
+    std::optional<Submap> submap;      // Until it is taken.
+    std::vector<int> groups;           // Ascending.
+    std::size_t shared = 0;            // Of its groups, those with a mode in the map.
+    std::size_t modes = 0;             // Of its groups in the map.
+    std::size_t tried_with_modes = 0;  // How many these were when it did not align.
+  };
+
+  template <typename Value>
+  std::optional<std::size_t> FirstWithMost(const Value& value) const;
+  void Count(std::size_t group, const MapProblem& problem);
+
+  std::vector<Entry> entries_;
+  std::vector<std::vector<std::size_t>> with_group_;  // Per group the submaps that have it.
+  std::vector<std::size_t> modes_of_group_;           // In the map, as counted.
+};
+
+}  // namespace shiftmap

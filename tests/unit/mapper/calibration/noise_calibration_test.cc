@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/calibration/noise_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+TEST(PoolNoiseByVehicle, TakesTheMedianOfEachVehicle) {
+  const std::vector<std::string> vehicles = {"a", "b", "a", "b", "a"};
+  const std::vector<double> noise = {0.01, 0.05, 0.9, 0.05, 0.02};
+  std::vector<MappingRun> data(vehicles.size());
+  MapProblem problem;
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    data[i].info.vehicle = vehicles[i];
+    BuildRun run;
+    run.data = &data[i];
+    run.odometry.noise_v = noise[i];
+    run.odometry.noise_omega = 10.0 * noise[i];
+    problem.runs.push_back(run);
+  }
+  PoolNoiseByVehicle(&problem);
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    const double expected = vehicles[i] == "a" ? 0.02 : 0.05;
+    EXPECT_EQ(problem.runs[i].odometry.noise_v, expected) << i;
+    EXPECT_EQ(problem.runs[i].odometry.noise_omega, 10.0 * expected) << i;
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/covariance/mode_covariance.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+
+#include "mapper/covariance/datum.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/random_map.h"
+
+namespace shiftmap {
+namespace {
+
+// Runs along a corridor with `modes` landmarks on either side.
+Graph Corridor(int modes, int runs = 1) {
+  std::mt19937_64 random(testing::TestSeed(81));
+  std::normal_distribution<double> normal;
+  Graph graph;
+  for (int m = 0; m < modes; ++m) {
+    graph.modes.emplace_back(0.5 * m, m % 2 == 0 ? 2.0 : -2.0);
+  }
+  GraphRun run;
+  const int frames = modes / 2;
+  for (int f = 0; f < frames; ++f) {
+    run.poses.emplace_back(1.0 * f, 0.0, 0.0);
+    if (f + 1 == frames) break;
+    MotionIncrement motion;
+    motion.T_begin_end = Se2(1.0, 0.0, 0.0);
+    motion.cov = Eigen::Vector3d(4e-4, 4e-4, 1e-4).asDiagonal();
+    motion.J_calibration(0, 0) = 1.0;
+    run.motions.push_back(motion);
+  }
+  graph.runs.assign(static_cast<std::size_t>(runs), run);
+  for (int f = 0; f < runs * frames; ++f) {
+    const int frame = f % frames;
+    for (int m = std::max(0, 2 * frame - 1); m < std::min(modes, 2 * frame + 8); ++m) {
+      const Eigen::Vector2d q = run.poses[static_cast<std::size_t>(frame)].Inverse() *
+                                graph.modes[static_cast<std::size_t>(m)];
+      Observation observation;
+      observation.z = {q.norm() + 0.05 * normal(random), std::atan2(q.y(), q.x())};
+      graph.observations.push_back(
+          {f / frames, frame, m, observation, Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(), 0.1});
+    }
+  }
+  return graph;
+}
+
+TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
+  std::vector<Eigen::Vector2d> positions;
+  for (int i = 0; i < 40; ++i) positions.emplace_back(i, 0.1 * (i % 3));
+  std::set<int> seen;
+  for (const std::vector<int>& tile : TileModes(positions, 8)) {
+    EXPECT_LE(tile.size(), 8u);
+    EXPECT_EQ(tile.back() - tile.front() + 1, std::ssize(tile));
+    for (const int mode : tile) EXPECT_TRUE(seen.insert(mode).second);
+  }
+  EXPECT_EQ(seen.size(), 40u);
+}
+
+// What all ranges have too much makes the whole map larger, about its centroid, odometry's scale
+// with it: with one vehicle its own scale is as good as the common one, in small maps, in large
+// ones, and where calibrations are beside the factor.
+TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
+  for (const auto& [modes, runs] : {std::pair{80, 1}, {kMaxJointModes + 60, 1}, {400, 24}}) {
+    Graph graph = Corridor(modes, runs);
+    std::vector<std::size_t> all;
+    for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+      graph.runs[r].sensor_bias_sd[kLogRangeScale] = 1e-9;
+      all.push_back(r);
+    }
+    constexpr double kScale = 0.02;
+    const auto elimination = LinearizeForMap(graph);
+    const Eigen::MatrixXd common = MapCovariance(graph, *elimination, {kScale}).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, *elimination, {0.0, kScale, {all}}).Dense();
+    const Eigen::MatrixXd neither = MapCovariance(graph, *elimination, {}).Dense();
+    EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
+  }
+}
+
+TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
+  const Graph graph = Corridor(kMaxJointModes + 60);
+  constexpr double kScale = 0.02;
+  const auto elimination = LinearizeForMap(graph);
+  const JointCovariance blocks = MapCovariance(graph, *elimination, {kScale});
+  const Eigen::MatrixXd dense = AddScaleUncertainty(
+      graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
+  for (int i = 0; i < blocks.size(); ++i) {
+    const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * i, 2 * i);
+    EXPECT_THAT(blocks.Block(i, i), testing::IsNearMatrix(wanted, 1e-7 * wanted.norm())) << i;
+  }
+  EXPECT_GT(blocks.cross_blocks().size(), 10u * graph.modes.size());
+  for (const JointCovariance::CrossBlock& block : blocks.cross_blocks()) {
+    const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * block.row, 2 * block.column);
+    EXPECT_LT((block.value - wanted).norm(), 1e-7 * dense.norm()) << block.row;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(blocks.Dense());
+  EXPECT_GT(solver.eigenvalues().minCoeff(), 0.0);
+}
+
+TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
+  const Graph graph = Corridor(kMaxJointModes + 60);
+  GraphSolver solver;
+  const ModeDifferences sparse = ModeDifferences::Of(graph, &solver).value();
+  const Eigen::MatrixXd joint = ComputeModeCovariance(graph).value();
+  for (const auto& [a, b] : {std::pair{0, 1}, {5, 300}, {200, 204}, {358, 359}}) {
+    Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(2, joint.cols());
+    difference.middleCols<2>(Eigen::Index{2} * a).setIdentity();
+    difference.middleCols<2>(Eigen::Index{2} * b) = -Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d wanted = difference * joint * difference.transpose();
+    EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm()) << a << " " << b;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> above(sparse.MaxCovariance(a, b) - wanted);
+    EXPECT_GT(above.eigenvalues().minCoeff(), 0.0) << a << " " << b;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> below(wanted - sparse.MinCovariance(a, b));
+    EXPECT_GT(below.eigenvalues().minCoeff(), 0.0) << a << " " << b;
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/loose_runs.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+// Runs that each have one visit at the first mode of each of some groups.
+class LooseRuns : public ::testing::Test {
+ protected:
+  LooseRuns() { problem_.modes.resize(kGroups); }
+
+  void Add(const std::string& name, const std::vector<int>& groups) {
+    MappingRun& data = *runs_.emplace_back(std::make_unique<MappingRun>());
+    data.name = name;
+    BuildRun run;
+    run.data = &data;
+    for (const int group : groups) {
+      data.visits.push_back({group, {}, {}, {}});
+      run.assignment.push_back(0);
+      auto& modes = problem_.modes[static_cast<std::size_t>(group)];
+      if (modes.empty()) modes.push_back({});
+    }
+    problem_.runs.push_back(std::move(run));
+  }
+
+  std::vector<std::string> Left() const {
+    std::vector<std::string> names;
+    for (const BuildRun& run : problem_.runs) names.push_back(run.data->name);
+    return names;
+  }
+
+  static constexpr std::size_t kGroups = 10;
+  MapProblem problem_;
+  std::vector<std::unique_ptr<MappingRun>> runs_;
+};
+
+using Names = std::vector<std::string>;
+
+TEST_F(LooseRuns, AreThoseOfFewerThanTwoModesOfOthers) {
+  Add("a", {0, 1, 2});
+  Add("by-one", {2, 7, 8});
+  Add("b", {1, 2, 3});
+  Add("by-two-runs", {0, 3, 9});
+  Add("apart", {5, 6});
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 2);
+  EXPECT_EQ(Left(), (Names{"a", "b", "by-two-runs"}));
+  ASSERT_EQ(problem_.loose.size(), 2u);
+  EXPECT_EQ(problem_.loose[0]->name, "by-one");
+  EXPECT_EQ(problem_.loose[1]->name, "apart");
+  for (const std::size_t group : {5u, 6u, 7u, 8u}) EXPECT_TRUE(problem_.modes[group].empty());
+  for (const std::size_t group : {0u, 1u, 2u, 3u, 9u}) {
+    EXPECT_EQ(problem_.modes[group].size(), 1u);
+  }
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 0);
+}
+
+TEST_F(LooseRuns, TheMostThatAreTiedStay) {
+  Add("stranger", {0, 1, 2, 3});
+  Add("a", {3, 4, 5});
+  Add("b", {4, 5, 6});
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 1);
+  EXPECT_EQ(Left(), (Names{"a", "b"}));
+}
+
+TEST_F(LooseRuns, VisitsWithoutModeTieNothing) {
+  Add("a", {0, 1, 2});
+  Add("b", {0, 1, 2});
+  problem_.runs[1].assignment = {0, kUnassigned, kUnassigned};
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 1);
+  EXPECT_EQ(Left(), Names{"a"});
+}
+
+TEST_F(LooseRuns, OneRunByItselfIsTied) {
+  Add("a", {0});
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 0);
+}
+
+TEST_F(LooseRuns, WithAPriorMapItIsThatWhichTies) {
+  Add("a", {0, 1});
+  Add("b", {1, 2});
+  Add("c", {5, 6, 7});
+  Add("d", {5, 6, 7});
+  for (const std::size_t group : {0u, 1u, 2u}) problem_.modes[group][0].number = ModeNumber(1);
+  problem_.priors.emplace_back().modes = {0, 1};
+  problem_.priors.emplace_back().modes = {2};
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 2);
+  EXPECT_EQ(Left(), (Names{"a", "b"}));
+  problem_.runs.clear();
+  Add("e", {7, 8});
+  EXPECT_EQ(TakeOutLooseRuns(&problem_), 1);
+  EXPECT_TRUE(problem_.runs.empty());
+}
+
+}  // namespace
+}  // namespace shiftmap

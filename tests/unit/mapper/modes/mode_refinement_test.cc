@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/mode_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "mapper/submaps/single_run.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+// The modes that the visits of a group are assigned to.
+std::set<int> AssignedModes(const MapProblem& problem, int group) {
+  std::set<int> assigned;
+  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  for (const VisitRef& ref : visits[static_cast<std::size_t>(group)]) {
+    assigned.insert(problem.runs[0].assignment[static_cast<std::size_t>(ref.visit)]);
+  }
+  return assigned;
+}
+
+TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SimulatedWorld world = testing::StaticWorld(seed);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
+    for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+      EXPECT_LE(problem.modes[group].size(), 1u) << seed << " " << group;
+    }
+    EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run)),
+              0.12)
+        << seed;
+  }
+}
+
+TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
+  const SimulatedWorld world = testing::StaticWorld(4);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  MapperOptions options;
+  options.calibration.sensor.sd_range_m = 0.3;
+  options.calibration.sensor.sd_bearing_rad = 0.01;
+  const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
+  EXPECT_NEAR(problem.sensor.sd_range_m, 0.1, 0.015);
+  EXPECT_NEAR(problem.sensor.sd_bearing_rad, 0.02, 0.004);
+}
+
+// A world in which landmark 0 moves at half time to where landmark 1 stands, which is taken away.
+SimulatedWorld WorldWithAMover(std::uint64_t seed) {
+  SimulatedWorld world = testing::StaticWorld(seed);
+  const Signature mover = world.groups[0].signature;
+  const Signature place = world.groups[1].signature;
+  std::vector<Scan>& scans = world.runs[0].run.scans;
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    std::vector<Observation>& seen = scans[i].observations;
+    const Signature& gone = 2 * i < scans.size() ? place : mover;
+    std::erase_if(seen, [&](const Observation& item) { return item.signature == gone; });
+    for (Observation& item : seen) {
+      if (item.signature == place) item.signature = mover;
+    }
+  }
+  return world;
+}
+
+TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SimulatedWorld world = WorldWithAMover(seed);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
+    ASSERT_EQ(problem.modes[0].size(), 2u) << seed;
+    EXPECT_EQ(problem.modes[1].size(), 0u) << seed;
+    EXPECT_EQ(AssignedModes(problem, 0), (std::set<int>{0, 1})) << seed;
+    const double moved =
+        (problem.modes[0][0].p_map_landmark - problem.modes[0][1].p_map_landmark).norm();
+    EXPECT_NEAR(moved, (world.groups[0].modes[0] - world.groups[1].modes[0]).norm(), 0.3) << seed;
+  }
+}
+
+// Visits that no mode explains, though what they make is taken for the mode that is there.
+TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SimulatedWorld world = WorldWithAMover(seed);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    MapperOptions options;
+    options.modes.position_floor_m = 100.0;
+    const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
+    EXPECT_EQ(problem.modes[0].size(), 1u) << seed;
+    EXPECT_LE(problem.modes_merged, 3) << seed;
+  }
+}
+
+TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
+  SimulatedWorld world = testing::StaticWorld(2);
+  const MappingRun clean = testing::Arrange(world, world.runs[0].run);
+  const MapProblem expected = MapSingleRun(clean, world.groups.size(), {});
+  // Once in a visit, once in a scan by itself: the name of a landmark that is elsewhere.
+  Observation misread;
+  misread.z = {2.0, 0.7};
+  std::vector<Scan>& scans = world.runs[0].run.scans;
+  for (const std::size_t at : {scans.size() / 3, scans.size() / 2}) {
+    for (const SimulatedGroup& group : world.groups) {
+      const bool seen = std::any_of(
+          scans[at].observations.begin(), scans[at].observations.end(), [&](const auto& item) {
+            return item.signature == group.signature;
+          });
+      if (seen) continue;
+      misread.signature = group.signature;
+      break;
+    }
+    scans[at].observations.push_back(misread);
+  }
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  ASSERT_EQ(run.sightings.size(), clean.sightings.size() + 2);
+  const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
+  EXPECT_EQ(testing::CountModes(problem), testing::CountModes(expected));
+}
+
+TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
+  const SimulatedWorld world = testing::StaticWorld(3);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  const MapperOptions options;
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
+  const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
+  ASSERT_FALSE(visits.empty());
+  const Eigen::VectorXd here = VisitLogLikelihood(problem, visits[0], options.modes);
+  EXPECT_GT(here[1], here[0]);
+  problem.modes[0][0].p_map_landmark += Eigen::Vector2d(5.0, 5.0);
+  const Eigen::VectorXd away = VisitLogLikelihood(problem, visits[0], options.modes);
+  EXPECT_LT(away[1], away[0]);
+  EXPECT_GT(SelectModes(options.modes, &problem), 0);
+  EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{kUnassigned});
+  // They agree on a place, so they make a mode again.
+  EXPECT_EQ(CreateModes(options.modes, &problem), 1);
+}
+
+}  // namespace
+}  // namespace shiftmap
