@@ -4,14 +4,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "localizer/models/motion_model.h"
-#include "localizer/models/observation_model.h"
 #include "mapper/association/anonymous_landmarks.h"
 #include "mapper/association/track_names.h"
 #include "mapper/calibration/fleet_calibration.h"
 #include "mapper/modes/mode_refinement.h"
-#include "mapper/problem/sightings.h"
-#include "mapstore/geometry/covariance.h"
 #include "mapstore/map/mode_filter.h"
 
 namespace shiftmap {
@@ -323,44 +319,6 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   }
   SetCovariance(mode_covariance, place, modes, &content);
   return output;
-}
-
-MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
-  const BuildRun& run = problem.runs[index];
-  MappedRun mapped;
-  mapped.name = run.data->name;
-  mapped.sha256 = run.data->sha256;
-  mapped.vehicle = run.data->info.vehicle;
-  mapped.begin = run.data->begin();
-  mapped.end = run.data->end();
-  mapped.poses = static_cast<int>(run.poses.size());
-  mapped.observations = static_cast<int>(run.data->sightings.size());
-  mapped.duplicate_observations = run.data->duplicate_observations;
-  mapped.near_observations = run.data->near_observations;
-  mapped.odometry = run.odometry;
-  mapped.sensor_bias = run.sensor_bias;
-  for (std::size_t f = 0; f < run.poses.size(); ++f) {
-    mapped.trajectory.push_back({run.data->frames[f].stamp, run.poses[f]});
-  }
-  for (const Sighting& sighting : run.data->sightings) {
-    if (!IsInlier(problem, run, sighting)) {
-      ++mapped.outliers;
-      continue;
-    }
-    const Innovation innovation =
-        SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
-    mapped.chi2 +=
-        SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor));
-  }
-  std::size_t hint = 0;
-  const Stamp first = run.data->frames.front().stamp;
-  const Se2 T_start_first =
-      first < mapped.begin
-          ? Se2()
-          : IntegrateMotion(run.data->odometry, mapped.begin, first, run.odometry, &hint)
-                .T_begin_end;
-  mapped.T_map_start = run.poses.front() * T_start_first.Inverse();
-  return mapped;
 }
 
 }  // namespace shiftmap

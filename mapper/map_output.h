@@ -5,10 +5,12 @@
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
-#include "mapper/mapper.h"
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
+#include "mapstore/core/ids.h"
 #include "mapstore/map/joint_covariance.h"
+#include "mapstore/map/map_snapshot.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -28,8 +30,5 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options);
-
-/// What became of run `index` of a solved problem.
-MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);
 
 }  // namespace shiftmap

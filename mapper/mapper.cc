@@ -31,8 +31,7 @@ namespace {
 
 // Puts the start of the earliest run at the origin of the map.
 void AnchorFrame(MapProblem* problem) {
-  const MappedRun first = MakeMappedRun(*problem, 0);
-  MoveProblem(first.T_map_start.Inverse(), problem);
+  MoveProblem(StartPose(problem->runs.front()).Inverse(), problem);
 }
 
 // What the runs by themselves say of the sensor, as the start of the common estimate.
@@ -77,17 +76,6 @@ Status CheckPrior(const MapContent& prior) {
   return OkStatus();
 }
 
-Status NameAnonymous(const MapperOptions& options, std::vector<MapperInput>* inputs) {
-  if (!options.association.associate) return OkStatus();
-  for (std::size_t i = 0; i < inputs->size(); ++i) {
-    MapperInput& input = (*inputs)[i];
-    const Status named =
-        NameTracks(static_cast<int>(i), options.calibration, options.association, &input.run);
-    if (!named.ok()) return MakeStatus(named.code(), "run '{}': {}", input.name, Message(named));
-  }
-  return OkStatus();
-}
-
 Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
   if (any) return OkStatus();
   if (rejected.empty()) return InvalidArgument("no runs to build from");
@@ -101,6 +89,7 @@ class Watch {
  public:
   explicit Watch(const MapperMonitor& monitor) : monitor_(monitor) {}
 
+  // Returns whether to go on.
   bool Report(const std::string& phase, double done, const MapProblem& problem) {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!monitor_ || stopped_) return !stopped_;
@@ -131,6 +120,29 @@ class Watch {
 
 // Runs by themselves take about half of a build, each the same share.
 constexpr double kSingleRunsShare = 0.5;
+
+// Landmarks without signature get the names of their tracks.
+Status NameAnonymous(const MapperOptions& options, Watch* watch, std::vector<MapperInput>* inputs) {
+  if (!options.association.associate) return OkStatus();
+  std::vector<Status> named(inputs->size());
+  ForEachIndex(inputs->size(), options.threads, [&](std::size_t i) {
+    MapperInput& input = (*inputs)[i];
+    const std::string phase = fmt::format("landmarks without signature, run {}", input.name);
+    named[i] = NameTracks(
+        static_cast<int>(i),
+        options.calibration,
+        options.association,
+        options.front_end,
+        [&] { return watch->Report(phase, 0.0, {}); },
+        &input.run);
+  });
+  SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  for (std::size_t i = 0; i < inputs->size(); ++i) {
+    if (named[i].ok()) continue;
+    return MakeStatus(named[i].code(), "run '{}': {}", (*inputs)[i].name, Message(named[i]));
+  }
+  return OkStatus();
+}
 
 StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
                                             std::size_t groups,
@@ -186,32 +198,44 @@ constexpr double kLossReach = 50.0;
 // A run that is put back may be what another one is to be held against.
 constexpr int kStrayRounds = 3;
 
-// What is discrete in all runs together, and the noise.
-StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
-  problem->loss_reach = kLossReach;
-  const GoOn go_on = watch->During("all runs", 0.6);
-  GraphSolver solver;
-  // Rounds of noise go on from where this ends.
+// What is discrete in all runs together, where every run is where the others say.
+int RefineAndPutBack(const MapperOptions& options,
+                     const GoOn& go_on,
+                     MapProblem* problem,
+                     GraphSolver* solver) {
   const auto refine = [&] {
-    return options.calibrate ? AlternateModes(options, problem, &solver, go_on)
-                             : RefineModes(options, problem, &solver, go_on);
+    return options.calibrate ? AlternateModes(options, problem, solver, go_on)
+                             : RefineModes(options, problem, solver, go_on);
   };
   int iterations = refine();
   for (int round = 0; round < kStrayRounds && PutBackStrayRuns(options, problem, go_on) > 0;
        ++round) {
     iterations += refine();
   }
+  return iterations;
+}
+
+// Takes out modes of too few sightings, and runs that nothing holds then.
+Status TakeOutFaint(const MapperOptions& options, MapProblem* problem) {
+  if (DropFaintModes(options.modes, problem) == 0) return OkStatus();
+  if (FlatModes(*problem).count == 0) {
+    return InvalidArgument("no run can be used: none has {} sightings of one landmark",
+                           options.modes.min_sightings);
+  }
+  TakeOutLooseRuns(problem);
+  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+  if (!options.calibrate) SolveContinuous(options, problem);  // Else with the noise.
+  return OkStatus();
+}
+
+// What is discrete in all runs together, and the noise. Returns the outer iterations.
+StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
+  problem->loss_reach = kLossReach;
+  GraphSolver solver;  // Rounds of noise go on from where this ends.
+  int iterations = RefineAndPutBack(options, watch->During("all runs", 0.6), problem, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-  if (DropFaintModes(options.modes, problem) > 0) {
-    if (FlatModes(*problem).count == 0) {
-      return InvalidArgument("no run can be used: none has {} sightings of one landmark",
-                             options.modes.min_sightings);
-    }
-    TakeOutLooseRuns(problem);
-    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-    if (!options.calibrate) SolveContinuous(options, problem);  // Else with the noise.
-  }
+  SHIFTMAP_RETURN_IF_ERROR(TakeOutFaint(options, problem));
   if (!options.calibrate) return iterations;
   problem->sensor = EstimateDetection(*problem, options.modes);
   CalibrateNoise(options, {}, problem, &solver, watch->During("noise", 0.7));
@@ -222,26 +246,24 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   return iterations;
 }
 
-// The inputs in the order of time, whatever order they were named in, with every landmark named.
-Status PrepareInputs(const std::optional<MapContent>& prior,
-                     const MapperOptions& options,
-                     std::vector<MapperInput>* inputs) {
+Status CheckInputs(const std::vector<MapperInput>& inputs,
+                   const std::optional<MapContent>& prior,
+                   const MapperOptions& options) {
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
-  for (const MapperInput& input : *inputs) {
+  for (const MapperInput& input : inputs) {
     if (const Status valid = ValidateRun(input.run); !valid.ok()) {
       return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
     }
   }
-  if (prior) {
-    SHIFTMAP_RETURN_IF_ERROR(CheckPrior(*prior));
-  }
-  SHIFTMAP_RETURN_IF_ERROR(
-      CheckBuildMemory(SizeOf(*inputs, prior, options), options.max_memory_bytes));
+  return prior ? CheckPrior(*prior) : OkStatus();
+}
+
+// The order of time, whatever order the inputs were named in.
+void SortByBegin(std::vector<MapperInput>* inputs) {
   std::sort(inputs->begin(), inputs->end(), [](const MapperInput& a, const MapperInput& b) {
     return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
            std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
   });
-  return NameAnonymous(options, inputs);
 }
 
 std::vector<Signature> AllSignatures(const std::vector<MapperInput>& inputs,
@@ -381,15 +403,18 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,
                                 const MapperMonitor& monitor) {
-  SHIFTMAP_RETURN_IF_ERROR(PrepareInputs(prior, options, &inputs));
-  MapperResult result;
+  SHIFTMAP_RETURN_IF_ERROR(CheckInputs(inputs, prior, options));
   BuildSize size = SizeOf(inputs, prior, options);
+  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
+  MapperResult result;
   result.estimated_memory_bytes = EstimateBuildMemory(size);
+  SortByBegin(&inputs);
+  Watch watch(monitor);
+  SHIFTMAP_RETURN_IF_ERROR(NameAnonymous(options, &watch, &inputs));
   const std::vector<Signature> signatures = AllSignatures(inputs, prior);
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 
-  Watch watch(monitor);
   SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
   // What was to be expected before the runs were placed may be less than what they brought.

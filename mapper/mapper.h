@@ -9,14 +9,12 @@
 
 #include "mapper/calibration/vehicle_calibration.h"
 #include "mapper/chain/group_chains.h"
-#include "mapper/graph/graph.h"
+#include "mapper/mapped_run.h"
 #include "mapper/mapper_options.h"
 #include "mapper/modes/selection_summary.h"
 #include "mapper/problem/rejected_run.h"
-#include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
-#include "mapstore/run/trajectory.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -26,25 +24,6 @@ struct MapperInput {
   std::string name;    ///< For messages and files: the log's stem.
   std::string sha256;  ///< Of the log file; orders runs that begin at the same time.
   Run run;
-};
-
-/// What became of one run.
-struct MappedRun {
-  std::string name;
-  std::string sha256;
-  std::string vehicle;
-  Stamp begin;
-  Stamp end;
-  int poses = 0;
-  int observations = 0;            ///< Of identified landmarks, used or not.
-  int outliers = 0;                ///< Of those, not explained by the mode of their visit.
-  int duplicate_observations = 0;  ///< One signature at two places in one scan: left out.
-  int near_observations = 0;       ///< Too near to tell a bearing: left out.
-  double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
-  Se2 T_map_start;    ///< Pose at the first odometry sample.
-  OdometryCalibration odometry;
-  SensorBias sensor_bias = SensorBias::Zero();
-  std::vector<StampedPose> trajectory;  ///< At the key frames.
 };
 
 struct MapperResult {
@@ -74,16 +53,14 @@ using MapperMonitor = std::function<bool(const MapperProgress&)>;
 
 /// Builds a map of one area from runs of any vehicles and days, IJRR 3-7 as a graph:
 ///
-/// 1. Each run by itself: odometry calibration from pairs of sightings, a trajectory by EKF-SLAM,
-/// one
-///    robust position per landmark, then selection and graph in turn.
-/// 2. Runs are placed in one frame by the largest set of signatures that agree, which works when
-/// most
-///    landmarks have moved in between.
-/// 3. All runs in one graph, where positions of one landmark that differ are its modes: selection
-/// by
-///    Viterbi over visits, mode creation and merging, continuous solve, until nothing changes.
-/// 4. Noise, field of view and detection rate are estimated; joint covariance, mode probabilities.
+/// - Landmarks without signature get the names of tracks, if the options say so.
+/// - Each run by itself: odometry calibration from pairs of sightings, a trajectory by EKF-SLAM,
+///   one robust position per landmark, then selection and graph in turn.
+/// - Runs are placed in one frame by the largest set of signatures that agree, which works when
+///   most landmarks have moved in between.
+/// - All runs in one graph, where positions of one landmark that differ are its modes: selection by
+///   Viterbi over visits, mode creation and merging, continuous solve, until nothing changes.
+/// - Noise, field of view and detection rate are estimated; joint covariance, mode probabilities.
 ///
 /// Without a prior the map frame is the start pose of the earliest run, and covariances are
 /// relative to the landmarks as a whole (inner constraints), not to that pose. With a prior the map

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include "localizer/models/motion_model.h"
@@ -48,8 +47,11 @@ bool SeenTogether(const Track& a, const Track& b) {
 
 class Tracker {
  public:
-  Tracker(const Calibration& calibration, const AssociationOptions& options)
+  Tracker(const Calibration& calibration,
+          const AssociationOptions& options,
+          const FrontEndOptions& front_end)
       : options_(options),
+        front_end_(front_end),
         gate_(ChiSquareQuantile(options.compatibility.gate_probability, 2)),
         isolation_gate_(ChiSquareQuantile(options.isolation_probability, 2)),
         state_(calibration) {}
@@ -59,15 +61,15 @@ class Tracker {
   void Predict(const MotionIncrement& motion) { state_.Predict(motion); }
 
   void Take(const Scan& scan, int index) {
-    std::vector<int> free;  // Observations without signature and track.
+    const UsableSightings usable = FindUsableSightings(scan, front_end_);
+    std::vector<int> free = usable.anonymous;  // Observations without signature and track.
     double range_m = 0.0;
-    for (std::size_t i = 0; i < scan.observations.size(); ++i) {
-      range_m = std::max(range_m, scan.observations[i].PositionInVehicle().norm());
-      if (scan.observations[i].signature.anonymous()) free.push_back(static_cast<int>(i));
+    for (const Observation& observation : scan.observations) {
+      range_m = std::max(range_m, observation.PositionInVehicle().norm());
     }
     const double slack_m = PlaceSlack(range_m);
     state_.Focus(range_m + slack_m);
-    TakeNamed(scan);
+    TakeNamed(scan, usable.named);
     out_.observations += static_cast<int>(free.size());
     for (const bool confirmed : {true, false}) {
       AssociateWith(confirmed, scan, index, slack_m, &free);
@@ -119,17 +121,13 @@ class Tracker {
     return kReachSd * (std::sqrt(P(0, 0) + P(1, 1)) + std::sqrt(P(2, 2)) * range_m) + 5.0;
   }
 
-  // A signature that is there twice says nothing.
-  void TakeNamed(const Scan& scan) {
-    std::map<Signature, std::vector<const Observation*>> named;
-    for (const Observation& observation : scan.observations) {
-      if (!observation.signature.anonymous()) named[observation.signature].push_back(&observation);
-    }
-    for (const auto& [signature, observations] : named) {
-      if (observations.size() > 1) continue;
+  void TakeNamed(const Scan& scan, const std::vector<int>& named) {
+    for (const int index : named) {
+      const Observation& observation = scan.observations[static_cast<std::size_t>(index)];
       const auto number =
-          numbers_.try_emplace(signature, static_cast<int>(numbers_.size())).first->second;
-      named_.Observe(number, *observations.front(), &state_);
+          numbers_.try_emplace(observation.signature, static_cast<int>(numbers_.size()))
+              .first->second;
+      named_.Observe(number, observation, &state_);
     }
   }
 
@@ -212,42 +210,58 @@ class Tracker {
     }
   }
 
-  // The older of two tracks of one landmark gets what the other one saw.
+  // Until no two tracks are of one landmark: what is fused moves, and may be another one's twin.
   void FuseTwins() {
-    while (const std::optional<std::pair<int, int>> twins = FindTwins()) {
-      state_.Fuse(twins->first, twins->second);
-      Track& kept = tracks_.at(twins->first);
-      const Track gone = std::move(tracks_.at(twins->second));
-      tracks_.erase(twins->second);
-      kept.seen.insert(kept.seen.end(), gone.seen.begin(), gone.seen.end());
-      std::stable_sort(kept.seen.begin(), kept.seen.end(), [](const Sighted& a, const Sighted& b) {
-        return a.scan < b.scan;
-      });
-      ++out_.fused_tracks;
+    std::vector<int> landmarks;
+    for (const int landmark : state_.active()) {
+      const auto track = tracks_.find(landmark);
+      if (track != tracks_.end() && track->second.confirmed) landmarks.push_back(landmark);
+    }
+    std::sort(landmarks.begin(), landmarks.end());
+    while (FuseOnce(&landmarks)) {
     }
   }
 
-  std::optional<std::pair<int, int>> FindTwins() const {
-    std::vector<int> candidates;
-    for (const int landmark : state_.active()) {
-      const auto track = tracks_.find(landmark);
-      if (track != tracks_.end() && track->second.confirmed) candidates.push_back(landmark);
-    }
-    std::sort(candidates.begin(), candidates.end());
-    for (std::size_t a = 0; a < candidates.size(); ++a) {
-      for (std::size_t b = a + 1; b < candidates.size(); ++b) {
-        const int i = candidates[a];
-        const int j = candidates[b];
-        const Eigen::Vector2d difference = state_.Position(i) - state_.Position(j);
-        if (difference.norm() > options_.twin_distance_m) continue;
-        if (SquaredMahalanobis(difference, state_.DifferenceCovariance(i, j)) > gate_) continue;
-        if (!SeenTogether(tracks_.at(i), tracks_.at(j))) return std::pair(i, j);
+  // Takes out of `landmarks` what is the twin of one before it. True if there was any.
+  bool FuseOnce(std::vector<int>* landmarks) {
+    const std::size_t before = landmarks->size();
+    for (std::size_t i = 0; i < landmarks->size(); ++i) {
+      for (std::size_t j = i + 1; j < landmarks->size();) {
+        if (!AreTwins((*landmarks)[i], (*landmarks)[j])) {
+          ++j;
+          continue;
+        }
+        Fuse((*landmarks)[i], (*landmarks)[j]);
+        landmarks->erase(landmarks->begin() + static_cast<std::ptrdiff_t>(j));
       }
     }
-    return std::nullopt;
+    return landmarks->size() < before;
+  }
+
+  bool AreTwins(int i, int j) const {
+    const Eigen::Vector2d difference = state_.Position(i) - state_.Position(j);
+    return difference.norm() <= options_.twin_distance_m &&
+           SquaredMahalanobis(difference, state_.DifferenceCovariance(i, j)) <= gate_ &&
+           !SeenTogether(tracks_.at(i), tracks_.at(j));
+  }
+
+  // The older of two tracks of one landmark gets what the other one saw.
+  void Fuse(int older, int newer) {
+    state_.Fuse(older, newer);
+    Track& kept = tracks_.at(older);
+    const Track gone = std::move(tracks_.at(newer));
+    tracks_.erase(newer);
+    const auto middle = static_cast<std::ptrdiff_t>(kept.seen.size());
+    kept.seen.insert(kept.seen.end(), gone.seen.begin(), gone.seen.end());
+    std::inplace_merge(kept.seen.begin(),
+                       kept.seen.begin() + middle,
+                       kept.seen.end(),
+                       [](const Sighted& a, const Sighted& b) { return a.scan < b.scan; });
+    ++out_.fused_tracks;
   }
 
   AssociationOptions options_;
+  FrontEndOptions front_end_;
   double gate_;
   double isolation_gate_;
   SlamState state_;
@@ -278,11 +292,14 @@ Status AssociationOptions::Validate() const {
 
 AnonymousAssociation AssociateAnonymous(const Run& run,
                                         const Calibration& calibration,
-                                        const AssociationOptions& options) {
-  Tracker tracker(calibration, options);
+                                        const AssociationOptions& options,
+                                        const FrontEndOptions& front_end,
+                                        const std::function<bool()>& go_on) {
+  Tracker tracker(calibration, options, front_end);
   std::vector<StampedPose> trajectory;
   std::size_t hint = 0;
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
+    if (go_on && i % kTwinPeriod == 0 && !go_on()) break;
     const Scan& scan = run.scans[i];
     if (i > 0) {
       tracker.Predict(IntegrateMotion(

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <vector>
 
 #include "mapper/association/joint_compatibility.h"
+#include "mapper/frontend/usable_sightings.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
 #include "mapstore/run/trajectory.h"
@@ -70,10 +72,13 @@ struct AnonymousAssociation {
 ///
 /// Per scan: prediction, observations with signatures, joint association of the others with the
 /// confirmed tracks near by, then of what is left with tentative ones; what is far from all of them
-/// begins a track.
+/// begins a track. Sightings that FindUsableSightings() leaves out are not used.
+/// @param go_on  Asked now and then; false ends with what is found by then.
 /// Precondition: the run and the options are valid. Determinism: same input, same output.
 AnonymousAssociation AssociateAnonymous(const Run& run,
                                         const Calibration& calibration,
-                                        const AssociationOptions& options);
+                                        const AssociationOptions& options,
+                                        const FrontEndOptions& front_end = {},
+                                        const std::function<bool()>& go_on = {});
 
 }  // namespace shiftmap

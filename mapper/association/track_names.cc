@@ -17,6 +17,8 @@ bool IsTrackSignature(const Signature& signature) { return signature.text().star
 Status NameTracks(int number,
                   const Calibration& calibration,
                   const AssociationOptions& options,
+                  const FrontEndOptions& front_end,
+                  const std::function<bool()>& go_on,
                   Run* run) {
   for (const Scan& scan : run->scans) {
     for (const Observation& observation : scan.observations) {
@@ -26,7 +28,8 @@ Status NameTracks(int number,
                              kPrefix);
     }
   }
-  const AnonymousAssociation found = AssociateAnonymous(*run, calibration, options);
+  const AnonymousAssociation found =
+      AssociateAnonymous(*run, calibration, options, front_end, go_on);
   for (std::size_t i = 0; i < run->scans.size(); ++i) {
     for (std::size_t j = 0; j < run->scans[i].observations.size(); ++j) {
       const int track = found.track_of[i][j];

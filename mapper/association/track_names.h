@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
+
 #include "mapper/association/anonymous_tracks.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map/calibration.h"
@@ -19,10 +21,13 @@ bool IsTrackSignature(const Signature& signature);
 /// Gives each anonymous observation that AssociateAnonymous() finds a track for the name of that
 /// track; others stay anonymous. From there on the run is like one with signatures.
 /// @param number  Of the run in the build.
+/// @param go_on  As AssociateAnonymous(); may be empty.
 /// Errors: kInvalidArgument if the run has a signature that begins like a track's name.
 Status NameTracks(int number,
                   const Calibration& calibration,
                   const AssociationOptions& options,
+                  const FrontEndOptions& front_end,
+                  const std::function<bool()>& go_on,
                   Run* run);
 
 }  // namespace shiftmap

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <set>
 
 #include "proto/core/check.h"
@@ -11,46 +10,14 @@
 namespace shiftmap {
 namespace {
 
-// The sightings of a scan that can be used: identified, not too near, and each signature at one
-// place only.
-std::vector<Observation> UsableObservations(const Scan& scan,
-                                            const FrontEndOptions& options,
-                                            MappingRun* out) {
-  std::map<Signature, std::vector<const Observation*>> by_signature;
-  for (const Observation& observation : scan.observations) {
-    if (observation.signature.anonymous()) {
-      ++out->anonymous_observations;
-    } else if (observation.kind == Observation::Kind::kRangeBearing &&
-               observation.z.x() < options.min_range_m) {
-      ++out->near_observations;
-    } else {
-      by_signature[observation.signature].push_back(&observation);
-    }
-  }
-  std::vector<Observation> usable;
-  for (const auto& [signature, observations] : by_signature) {
-    const Eigen::Vector2d first = observations.front()->PositionInVehicle();
-    const bool one_place =
-        std::all_of(observations.begin(), observations.end(), [&](const Observation* other) {
-          return (other->PositionInVehicle() - first).norm() <= options.duplicate_distance_m;
-        });
-    if (one_place) {
-      usable.push_back(*observations.front());
-    } else {
-      out->duplicate_observations += static_cast<int>(observations.size());
-    }
-  }
-  return usable;
-}
-
-void AddFrame(Stamp stamp, std::vector<Observation> observations, MappingRun* out) {
+void AddFrame(const Scan& scan, const std::vector<int>& sighted, MappingRun* out) {
   // Scans with one stamp are one key frame: there is no motion between them.
-  if (out->frames.empty() || out->frames.back().stamp != stamp) {
-    out->frames.push_back({stamp, static_cast<int>(out->sightings.size()), 0});
+  if (out->frames.empty() || out->frames.back().stamp != scan.stamp) {
+    out->frames.push_back({scan.stamp, static_cast<int>(out->sightings.size()), 0});
   }
   const int frame = static_cast<int>(out->frames.size()) - 1;
-  for (Observation& observation : observations) {
-    out->sightings.push_back({frame, 0, std::move(observation)});
+  for (const int index : sighted) {
+    out->sightings.push_back({frame, 0, scan.observations[static_cast<std::size_t>(index)]});
     ++out->frames.back().sighting_count;
   }
 }
@@ -105,8 +72,11 @@ MappingRun MakeMappingRun(const Run& run,
   out.odometry = run.odometry;
   for (const Scan& scan : run.scans) {
     out.scan_stamps.push_back(scan.stamp);
-    std::vector<Observation> usable = UsableObservations(scan, options, &out);
-    if (!usable.empty()) AddFrame(scan.stamp, std::move(usable), &out);
+    const UsableSightings usable = FindUsableSightings(scan, options);
+    out.anonymous_observations += static_cast<int>(usable.anonymous.size());
+    out.duplicate_observations += usable.duplicate;
+    out.near_observations += usable.near;
+    if (!usable.named.empty()) AddFrame(scan, usable.named, &out);
   }
   FindVisits(signatures, options.visit_gap_s, &out);
   double squared_ranges = 0.0;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/frontend/usable_sightings.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
@@ -52,19 +53,6 @@ struct MappingRun {
 
   Stamp begin() const { return odometry.front().stamp; }
   Stamp end() const { return odometry.back().stamp; }
-};
-
-struct FrontEndOptions {
-  /// A group unseen for longer than this starts another visit. [s]. Raising it makes fewer, longer
-  /// visits, in which the landmark is then assumed not to move.
-  double visit_gap_s = 10.0;
-
-  /// Two sightings of one signature in one scan further apart than this are two landmarks. [m]
-  double duplicate_distance_m = 0.5;
-
-  /// A range and bearing nearer than this is left out: centimetres turn such a bearing by tenths of
-  /// a radian, which no step of a solver foresees. [m]
-  double min_range_m = 0.2;
 };
 
 /// All signatures seen in `runs` and those in `known`, ascending, each once.

@@ -146,7 +146,7 @@ TEST(TrackNames, AreToldFromSignatures) {
   observation.signature = Signature("anon:1");
   observation.z = {2.0, 0.0};
   run.scans.push_back({{}, {observation}});
-  const Status status = NameTracks(0, {}, {}, &run);
+  const Status status = NameTracks(0, {}, {}, {}, {}, &run);
   EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
   EXPECT_NE(Message(status).find("anon:1"), std::string::npos);
 }

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/mapped_run.h"
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapper/problem/sightings.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+
+Se2 StartPose(const BuildRun& run) {
+  const Stamp begin = run.data->begin();
+  const Stamp first = run.data->frames.front().stamp;
+  if (first <= begin) return run.poses.front();
+  std::size_t hint = 0;
+  const MotionIncrement motion =
+      IntegrateMotion(run.data->odometry, begin, first, run.odometry, &hint);
+  return run.poses.front() * motion.T_begin_end.Inverse();
+}
+
+MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
+  const BuildRun& run = problem.runs[index];
+  MappedRun mapped;
+  mapped.name = run.data->name;
+  mapped.sha256 = run.data->sha256;
+  mapped.vehicle = run.data->info.vehicle;
+  mapped.begin = run.data->begin();
+  mapped.end = run.data->end();
+  mapped.poses = static_cast<int>(run.poses.size());
+  mapped.observations = static_cast<int>(run.data->sightings.size());
+  mapped.duplicate_observations = run.data->duplicate_observations;
+  mapped.near_observations = run.data->near_observations;
+  mapped.odometry = run.odometry;
+  mapped.sensor_bias = run.sensor_bias;
+  for (std::size_t f = 0; f < run.poses.size(); ++f) {
+    mapped.trajectory.push_back({run.data->frames[f].stamp, run.poses[f]});
+  }
+  for (const Sighting& sighting : run.data->sightings) {
+    if (!IsInlier(problem, run, sighting)) {
+      ++mapped.outliers;
+      continue;
+    }
+    const Innovation innovation =
+        SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
+    mapped.chi2 +=
+        SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor));
+  }
+  mapped.T_map_start = StartPose(run);
+  return mapped;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "mapper/problem/map_problem.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/map/calibration.h"
+#include "mapstore/run/trajectory.h"
+
+namespace shiftmap {
+
+/// What became of one run.
+struct MappedRun {
+  std::string name;
+  std::string sha256;
+  std::string vehicle;
+  Stamp begin;
+  Stamp end;
+  int poses = 0;
+  int observations = 0;            ///< Of identified landmarks, used or not.
+  int outliers = 0;                ///< Of those, not explained by the mode of their visit.
+  int duplicate_observations = 0;  ///< One signature at two places in one scan: left out.
+  int near_observations = 0;       ///< Too near to tell a bearing: left out.
+  double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
+  Se2 T_map_start;    ///< Pose at the first odometry sample.
+  OdometryCalibration odometry;
+  SensorBias sensor_bias = SensorBias::Zero();
+  std::vector<StampedPose> trajectory;  ///< At the key frames.
+};
+
+/// T_map_vehicle of a run at its first odometry sample: from its first key frame, back along the
+/// odometry.
+Se2 StartPose(const BuildRun& run);
+
+/// What became of run `index` of a solved problem.
+MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);
+
+}  // namespace shiftmap
