@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mapper/association/track_names.h"
-#include "mapper/calibration/fleet_calibration.h"
+#include "mapper/calibration/detection.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/calibration/vehicle_update.h"
 #include "mapper/covariance/map_prior.h"

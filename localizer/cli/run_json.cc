@@ -3,22 +3,17 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "localizer/cli/hypothesis_json.h"
+#include "mapstore/core/quantile.h"
 
 namespace shiftmap {
 namespace {
 
-// The smallest value that `share` of all values do not exceed; 0 for none.
-double Quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto index = std::min(values.size() - 1,
-                              static_cast<std::size_t>(share * static_cast<double>(values.size())));
-  std::nth_element(
-      values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
-  return values[index];
+// 0 for none.
+double LatencyMs(const RunSummary& summary, double share) {
+  return summary.latencies_ms.empty() ? 0.0 : Quantile(summary.latencies_ms, share);
 }
 
 Json StatesJson(const LocalizerStatistics& statistics) {
@@ -120,9 +115,9 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["decisions"] = DecisionsJson(localizer);
   document["mode_probabilities"] = ProbabilitiesJson(localizer);
   document["sightings"] = SightingsJson(localizer);
-  document["latency_ms"] = {{"p50", Quantile(summary.latencies_ms, 0.5)},
-                            {"p99", Quantile(summary.latencies_ms, 0.99)},
-                            {"max", Quantile(summary.latencies_ms, 1.0)}};
+  document["latency_ms"] = {{"p50", LatencyMs(summary, 0.5)},
+                            {"p99", LatencyMs(summary, 0.99)},
+                            {"max", LatencyMs(summary, 1.0)}};
   document["nis"] = {{"mean", MeanNis(statistics)}, {"dof", 2}, {"count", statistics.updates}};
   document["leaves_max"] = statistics.leaves_max;
   document["dropped_mass_max"] = statistics.dropped_mass_max;
@@ -164,7 +159,7 @@ std::string RunText(const Localizer& localizer, const RunSummary& summary) {
   }
   text += fmt::format("NIS {:.2f} (2 expected), latency p99 {:.2f} ms, at most {} leaves\n",
                       MeanNis(statistics),
-                      Quantile(summary.latencies_ms, 0.99),
+                      LatencyMs(summary, 0.99),
                       statistics.leaves_max);
   return text;
 }

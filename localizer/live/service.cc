@@ -22,7 +22,7 @@ namespace {
 constexpr const char* kJournal = "shift.journal";
 constexpr const char* kSavedPose = "pose";
 
-Status MakeFolder(const std::string& path) {
+Status MakeStateFolder(const std::string& path) {
   constexpr mode_t kAccess = 0750;
   if (mkdir(path.c_str(), kAccess) == 0 || errno == EEXIST) return OkStatus();
   return Unavailable("state folder '{}': cannot make it: {}", path, std::strerror(errno));
@@ -67,7 +67,7 @@ StatusOr<Service> Service::Open(ServiceOptions options) {
   Service service(std::move(options));
   const ServiceOptions& set = service.options_;
   SHIFTMAP_RETURN_IF_ERROR(set.localizer.Validate());
-  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(set.state_dir));
+  SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(set.state_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(service.lock_, Lock(set.state_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(service.map_, LoadLiveMap(set.map_path, set.area));
   SHIFTMAP_RETURN_IF_ERROR(CheckHash(*service.map_, set.content_hash));

@@ -6,24 +6,16 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
-#include "mapper/problem/mode_grid.h"
 #include "mapper/problem/sightings.h"
+#include "mapstore/core/quantile.h"
 
 namespace shiftmap {
 namespace {
-
-constexpr double kFieldOfViewQuantile = 0.99;
 
 // How much the systematic errors of a sensor that no run has calibrated yet differ from the
 // fleet's.
 constexpr double kRangeSpread = 0.03;     // [m]
 constexpr double kBearingSpread = 0.015;  // [rad]
-
-double Quantile(std::vector<double> values, double quantile) {
-  const auto at = static_cast<std::ptrdiff_t>(quantile * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
-}
 
 // Spread of innovations about zero, from the median of their squares, which a few outliers do not
 // move.
@@ -31,31 +23,6 @@ double RobustSd(const std::vector<double>& squares) {
   constexpr double kSdOverMedianDeviation = 1.4826;
   return kSdOverMedianDeviation * std::sqrt(Quantile(squares, 0.5));
 }
-
-// The mode of every group at a key frame of a run: that of the visit going on, or of the one
-// before, or of the first to come.
-class ActiveModes {
- public:
-  ActiveModes(const MapProblem& problem, const BuildRun& run)
-      : run_(run), visits_(problem.modes.size()) {
-    for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
-      visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
-    }
-  }
-
-  int At(std::size_t group, Stamp stamp) const {
-    int mode = kUnassigned;
-    for (const std::size_t visit : visits_[group]) {
-      if (mode != kUnassigned && run_.data->visits[visit].begin > stamp) break;
-      if (run_.assignment[visit] != kUnassigned) mode = run_.assignment[visit];
-    }
-    return mode;
-  }
-
- private:
-  const BuildRun& run_;
-  std::vector<std::vector<std::size_t>> visits_;
-};
 
 // Random walk of a run's odometry over spans of this length: its errors are correlated over
 // seconds, and from one key frame to the next they look smaller than what a gap between landmarks
@@ -138,64 +105,6 @@ NoiseEstimate RobustNoise(const std::vector<double>& squares) {
 }
 
 }  // namespace
-
-SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
-  SensorCalibration sensor = problem.sensor;
-  std::vector<double> ranges;
-  std::vector<double> bearings;
-  int outliers = 0;
-  for (const BuildRun& run : problem.runs) {
-    for (const Sighting& sighting : run.data->sightings) {
-      if (!IsInlier(problem, run, sighting)) {
-        ++outliers;
-        continue;
-      }
-      const Eigen::Vector2d q = sighting.observation.PositionInVehicle();
-      ranges.push_back(q.norm());
-      bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
-    }
-  }
-  if (static_cast<int>(ranges.size()) < options.min_sightings) return sensor;
-  sensor.max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
-  sensor.max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
-
-  double expected = 0.0;
-  double detected = 0.0;
-  double frames = 0.0;
-  const ModeGrid grid(problem, sensor.max_range_m);
-  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
-  int frame_number = 0;
-  for (const BuildRun& run : problem.runs) {
-    const ActiveModes active(problem, run);
-    frames += static_cast<double>(run.data->frames.size());
-    for (std::size_t f = 0; f < run.data->frames.size(); ++f, ++frame_number) {
-      const KeyFrame& frame = run.data->frames[f];
-      const Se2 T_vehicle_map = run.poses[f].Inverse();
-      for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-        const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
-        if (!IsInlier(problem, run, sighting)) continue;
-        seen_at[static_cast<std::size_t>(
-            run.data->visits[static_cast<std::size_t>(sighting.visit)].group)] = frame_number;
-      }
-      grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
-        const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
-        if (q.norm() > sensor.max_range_m ||
-            std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) {
-          return;
-        }
-        const auto group = static_cast<std::size_t>(entry.group);
-        if (active.At(group, frame.stamp) != entry.mode) return;
-        expected += 1.0;
-        detected += seen_at[group] == frame_number ? 1.0 : 0.0;
-      });
-    }
-  }
-  // Beta(1, 1) prior, and never so certain that one scan decides.
-  sensor.detection_probability = std::clamp((detected + 1.0) / (expected + 2.0), 0.05, 0.95);
-  const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
-  sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
-  return sensor;
-}
 
 SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale) {
   SensorCalibration sensor = problem.sensor;

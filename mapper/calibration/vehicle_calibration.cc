@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "mapper/calibration/detection.h"
 #include "mapper/calibration/fleet_calibration.h"
 #include "mapper/graph/elimination.h"
 #include "mapper/problem/mode_grid.h"
@@ -100,54 +101,6 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
   return result;
 }
 
-struct DetectionCount {
-  double expected = 0.0;
-  double detected = 0.0;
-};
-
-// What stood in the field of view of a run's key frames. A landmark stands where the visit going on
-// has it, or the last one.
-void CountDetections(const MapProblem& problem,
-                     const ModeGrid& grid,
-                     const BuildRun& run,
-                     DetectionCount* count) {
-  const SensorCalibration& sensor = problem.sensor;
-  std::vector<int> mode_of(problem.modes.size(), kUnassigned);
-  std::size_t next_visit = 0;
-  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
-  for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
-    const KeyFrame& frame = run.data->frames[f];
-    for (;
-         next_visit < run.data->visits.size() && run.data->visits[next_visit].begin <= frame.stamp;
-         ++next_visit) {
-      if (run.assignment[next_visit] == kUnassigned) continue;
-      mode_of[static_cast<std::size_t>(run.data->visits[next_visit].group)] =
-          run.assignment[next_visit];
-    }
-    const auto now = static_cast<int>(f);
-    int all_seen = 0;
-    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
-      const auto visit = static_cast<std::size_t>(sighting.visit);
-      if (!IsInlier(problem, run, sighting)) continue;
-      int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
-      all_seen += at != now ? 1 : 0;
-      at = now;
-    }
-    const Se2 T_vehicle_map = run.poses[f].Inverse();
-    grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
-      const auto group = static_cast<std::size_t>(entry.group);
-      const int seen = seen_at[group] == now ? 1 : 0;
-      if (mode_of[group] != entry.mode || all_seen - seen == 0) return;
-      const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
-      if (q.squaredNorm() > sensor.max_range_m * sensor.max_range_m) return;
-      if (std::abs(std::atan2(q.y(), q.x())) > sensor.max_bearing_rad) return;
-      count->expected += 1.0;
-      count->detected += seen;
-    });
-  }
-}
-
 // Noise of a vehicle's runs: their residuals together, each under its own run's noise.
 VehicleNoise ScatterOf(const MapProblem& problem,
                        const std::vector<std::size_t>& runs,
@@ -182,7 +135,9 @@ ShareEstimate DetectionOf(const MapProblem& problem,
                           const ModeGrid& grid,
                           const std::vector<std::size_t>& runs) {
   DetectionCount count;
-  for (const std::size_t r : runs) CountDetections(problem, grid, problem.runs[r], &count);
+  for (const std::size_t r : runs) {
+    CountDetections(problem, problem.sensor, grid, problem.runs[r], &count);
+  }
   if (count.expected == 0.0) return {};
   return {count.detected / count.expected, count.expected};
 }

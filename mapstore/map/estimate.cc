@@ -7,14 +7,8 @@
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
-namespace {
-
-constexpr double kNormal = 1.959964;  // The 97.5 % quantile.
-
-}  // namespace
-
 Interval IntervalOf(const Estimate& estimate) {
-  const double half = kNormal * estimate.sd;
+  const double half = kSigmas95 * estimate.sd;
   return {estimate.value, estimate.value - half, estimate.value + half};
 }
 
@@ -26,13 +20,13 @@ Interval IntervalOf(const NoiseEstimate& noise) {
           noise.sd * std::sqrt(dof / ChiSquareQuantile(0.025, dof))};
 }
 
-Interval IntervalOf(const ShareEstimate& share) {
+Interval IntervalOf(const ShareEstimate& share, double sigmas) {
   const double p = share.share;
   const double n = share.trials;
   if (n <= 0.0) return {p, 0.0, 1.0};
-  const double z2 = kNormal * kNormal;
+  const double z2 = sigmas * sigmas;
   const double centre = (p + 0.5 * z2 / n) / (1.0 + z2 / n);
-  const double half = kNormal / (1.0 + z2 / n) * std::sqrt(p * (1.0 - p) / n + 0.25 * z2 / (n * n));
+  const double half = sigmas / (1.0 + z2 / n) * std::sqrt(p * (1.0 - p) / n + 0.25 * z2 / (n * n));
   return {p, centre - half, centre + half};
 }
 

@@ -3,7 +3,10 @@
 
 namespace shiftmap {
 
-/// A value, and bounds that hold the truth with 95 %.
+/// Bounds of 95 % in standard deviations of a normal error: its 97.5 % quantile.
+inline constexpr double kSigmas95 = 1.959964;
+
+/// A value, and bounds that hold the truth with 95 % if not said otherwise.
 struct Interval {
   double value = 0.0;
   double low = 0.0;
@@ -36,8 +39,8 @@ Interval IntervalOf(const Estimate& estimate);
 /// χ² quantiles; (0, 0, infinity) of one that is not known.
 Interval IntervalOf(const NoiseEstimate& noise);
 
-/// Wilson (1927); [0, 1] without a trial.
-Interval IntervalOf(const ShareEstimate& share);
+/// Wilson (1927), `sigmas` of the normal distribution to either side; [0, 1] without a trial.
+Interval IntervalOf(const ShareEstimate& share, double sigmas = kSigmas95);
 
 /// The exponential of the values and their bounds.
 Interval Exponential(const Interval& log);

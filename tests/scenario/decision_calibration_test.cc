@@ -41,7 +41,7 @@ TEST_P(DecisionCalibration, WrongDecisionsAreAsRareAsPromised) {
   RecordProperty("wald_bound", std::to_string(tally.WaldDelay()));
 
   ASSERT_GT(tally.decided, point.visits);
-  const ShareInterval interval = WilsonInterval(tally.wrong, tally.decided, kSigmas);
+  const Interval interval = IntervalOf(tally.Wrong(), kSigmas);
   EXPECT_LE(interval.low, point.alpha) << tally.wrong << " of " << tally.decided;
   EXPECT_GE(interval.high, point.alpha / 5.0) << tally.wrong << " of " << tally.decided;
   EXPECT_GE(tally.MeanDelay(), tally.WaldDelay());

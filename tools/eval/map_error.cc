@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "mapstore/core/quantile.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/eval/trajectory_error.h"
 
@@ -142,12 +143,11 @@ StatusOr<MapError> EvaluateMap(std::span<const LandmarkGroup> groups,
     result.matches.push_back({signatures[i], nearest.mode->number, nearest.distance_m});
     distances.push_back(nearest.distance_m);
   }
-  std::sort(distances.begin(), distances.end());
   const double sum2 =
       std::inner_product(distances.begin(), distances.end(), distances.begin(), 0.0);
   result.rmse_m = std::sqrt(sum2 / static_cast<double>(distances.size()));
   result.median_m = Quantile(distances, 0.5);
-  result.max_m = distances.back();
+  result.max_m = Quantile(distances, 1.0);
   return result;
 }
 

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <vector>
 
+#include "mapstore/core/quantile.h"
 #include "mapstore/geometry/angle.h"
-#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -18,14 +18,6 @@ struct MatchedPose {
 };
 
 }  // namespace
-
-double Quantile(std::span<const double> sorted, double share) {
-  SHIFTMAP_CHECK(!sorted.empty() && share >= 0.0 && share <= 1.0, "share {}", share);
-  const double position = share * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(position);
-  const std::size_t above = std::min(below + 1, sorted.size() - 1);
-  return std::lerp(sorted[below], sorted[above], position - static_cast<double>(below));
-}
 
 StatusOr<TrajectoryError> EvaluateTrajectory(std::span<const StampedPose> estimate,
                                              std::span<const StampedPose> truth,
@@ -63,7 +55,6 @@ StatusOr<TrajectoryError> EvaluateTrajectory(std::span<const StampedPose> estima
     const double yaw = WrapAngle(moved.yaw() - match.truth.yaw());
     sum_yaw2 += yaw * yaw;
   }
-  std::sort(distances.begin(), distances.end());
   const auto n = static_cast<double>(distances.size());
   const double sum2 =
       std::inner_product(distances.begin(), distances.end(), distances.begin(), 0.0);
@@ -71,7 +62,7 @@ StatusOr<TrajectoryError> EvaluateTrajectory(std::span<const StampedPose> estima
   result.position_mean_m = std::accumulate(distances.begin(), distances.end(), 0.0) / n;
   result.position_median_m = Quantile(distances, 0.5);
   result.position_p95_m = Quantile(distances, 0.95);
-  result.position_max_m = distances.back();
+  result.position_max_m = Quantile(distances, 1.0);
   result.yaw_rmse_rad = std::sqrt(sum_yaw2 / n);
   return result;
 }

@@ -36,8 +36,4 @@ StatusOr<TrajectoryError> EvaluateTrajectory(std::span<const StampedPose> estima
                                              std::span<const StampedPose> truth,
                                              const TrajectoryErrorOptions& options);
 
-/// The value that a share of the sorted, non-empty values stays at or below, by linear
-/// interpolation between order statistics.
-double Quantile(std::span<const double> sorted, double share);
-
 }  // namespace shiftmap

@@ -6,11 +6,12 @@
 #include <memory>
 #include <random>
 
+#include "mapper/parallel.h"
 #include "mapper/selection/sequence_builders.h"
 #include "mapper/selection/viterbi.h"
 #include "mapstore/geometry/covariance.h"
 #include "tools/experiment/ijrr_slam.h"
-#include "tools/experiment/monte_carlo.h"
+#include "tools/experiment/processor_time.h"
 
 namespace shiftmap {
 namespace {
@@ -195,8 +196,8 @@ StatusOr<std::vector<IjrrSelectorsRow>> RunIjrrSelectors(
   for (std::size_t n = 0; n < options.noises_m2.size(); ++n) {
     const double noise = options.noises_m2[n];
     std::vector<std::vector<Sample>> samples(static_cast<std::size_t>(options.runs));
-    ForEachRealization(options.runs, options.threads, [&](int run) {
-      samples[static_cast<std::size_t>(run)] = RunOnce(options, noise, selectors, run);
+    ForEachIndex(samples.size(), options.threads, [&](std::size_t run) {
+      samples[run] = RunOnce(options, noise, selectors, static_cast<int>(run));
     });
     for (std::size_t i = 0; i < selectors.size(); ++i) {
       rows.push_back(Summarize(noise, selectors[i].name, i, samples));

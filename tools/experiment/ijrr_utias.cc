@@ -10,7 +10,7 @@
 #include "mapper/mapper.h"
 #include "tools/experiment/ijrr_utias_selectors.h"
 #include "tools/experiment/ijrr_utias_static.h"
-#include "tools/experiment/monte_carlo.h"
+#include "tools/experiment/processor_time.h"
 
 namespace shiftmap {
 namespace {

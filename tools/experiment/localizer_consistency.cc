@@ -9,9 +9,9 @@
 #include "localizer/filter/known_map_filter.h"
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/parallel.h"
 #include "mapstore/geometry/covariance.h"
 #include "tools/experiment/dice.h"
-#include "tools/experiment/monte_carlo.h"
 
 namespace shiftmap {
 namespace {
@@ -157,9 +157,8 @@ ConsistencyResult MeasureConsistency(const ConsistencyScene& scene,
                                      int runs,
                                      int threads) {
   std::vector<RunErrors> errors(static_cast<std::size_t>(runs));
-  ForEachRealization(runs, threads, [&](int run) {
-    errors[static_cast<std::size_t>(run)] =
-        Drive(scene, first_seed + static_cast<std::uint64_t>(run));
+  ForEachIndex(errors.size(), threads, [&](std::size_t run) {
+    errors[run] = Drive(scene, first_seed + run);
   });
   ConsistencyResult result;
   for (const RunErrors& run : errors) {

@@ -8,8 +8,8 @@
 
 #include "localizer/hypothesis/sequential_test.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/parallel.h"
 #include "mapstore/geometry/covariance.h"
-#include "tools/experiment/monte_carlo.h"
 
 namespace shiftmap {
 namespace {
@@ -57,6 +57,8 @@ DecisionTally TallyVisit(const SimulatedVisit& visit, const HypothesisOptions& o
 double DecisionTally::WrongShare() const {
   return Ratio(static_cast<double>(wrong), static_cast<double>(decided));
 }
+
+ShareEstimate DecisionTally::Wrong() const { return {WrongShare(), static_cast<double>(decided)}; }
 
 double DecisionTally::UndecidedShare() const {
   return Ratio(static_cast<double>(groups - decided), static_cast<double>(groups));
@@ -135,27 +137,16 @@ DecisionTally TallyDecisions(const VisitScene& scene,
                              int threads) {
   const int batches = (visits + kVisitsPerBatch - 1) / kVisitsPerBatch;
   std::vector<DecisionTally> tallies(static_cast<std::size_t>(batches));
-  ForEachRealization(batches, threads, [&](int batch) {
-    const int begin = batch * kVisitsPerBatch;
+  ForEachIndex(tallies.size(), threads, [&](std::size_t batch) {
+    const int begin = static_cast<int>(batch) * kVisitsPerBatch;
     for (int i = begin; i < std::min(visits, begin + kVisitsPerBatch); ++i) {
       const SimulatedVisit visit = SimulateVisit(scene, first_seed + static_cast<std::uint64_t>(i));
-      tallies[static_cast<std::size_t>(batch)].Add(TallyVisit(visit, options));
+      tallies[batch].Add(TallyVisit(visit, options));
     }
   });
   DecisionTally total;
   for (const DecisionTally& tally : tallies) total.Add(tally);
   return total;
-}
-
-ShareInterval WilsonInterval(std::int64_t count, std::int64_t total, double sigmas) {
-  if (total == 0) return {};
-  const auto n = static_cast<double>(total);
-  const double share = static_cast<double>(count) / n;
-  const double z2 = sigmas * sigmas;
-  const double middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n);
-  const double half =
-      sigmas / (1.0 + z2 / n) * std::sqrt(share * (1.0 - share) / n + 0.25 * z2 / (n * n));
-  return {middle - half, middle + half};
 }
 
 }  // namespace shiftmap

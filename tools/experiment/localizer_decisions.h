@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/hypothesis_bank.h"
+#include "mapstore/map/estimate.h"
 #include "tools/experiment/simulated_visit.h"
 
 namespace shiftmap {
@@ -22,6 +23,7 @@ struct DecisionTally {
   double wald_observations = 0.0;
 
   double WrongShare() const;
+  ShareEstimate Wrong() const;  ///< For its interval.
   double UndecidedShare() const;
   double MeanDelay() const;
   double WaldDelay() const;
@@ -52,13 +54,5 @@ DecisionTally TallyDecisions(const VisitScene& scene,
                              std::uint64_t first_seed,
                              int visits,
                              int threads);
-
-/// Wilson's interval of a share of which `count` of `total` were counted, `sigmas` of the normal
-/// distribution to either side.
-struct ShareInterval {
-  double low = 0.0;
-  double high = 1.0;
-};
-ShareInterval WilsonInterval(std::int64_t count, std::int64_t total, double sigmas);
 
 }  // namespace shiftmap

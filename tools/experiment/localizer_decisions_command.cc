@@ -75,7 +75,7 @@ ResultTable MakeTable(const std::vector<Row>& rows) {
                      "mean_delay",
                      "wald_bound"});
   for (const Row& row : rows) {
-    const ShareInterval interval = WilsonInterval(row.tally.wrong, row.tally.decided, 1.96);
+    const Interval wrong = IntervalOf(row.tally.Wrong());
     table.AddRow({row.alpha,
                   row.scene.sd_pose_m,
                   static_cast<double>(row.scene.modes),
@@ -83,8 +83,8 @@ ResultTable MakeTable(const std::vector<Row>& rows) {
                   static_cast<double>(row.tally.decided),
                   static_cast<double>(row.tally.wrong),
                   row.tally.WrongShare(),
-                  interval.low,
-                  interval.high,
+                  wrong.low,
+                  wrong.high,
                   row.tally.UndecidedShare(),
                   row.tally.MeanDelay(),
                   row.tally.WaldDelay()});

@@ -4,9 +4,9 @@
 #include <variant>
 
 #include "localizer/localizer.h"
+#include "mapper/parallel.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
-#include "tools/experiment/monte_carlo.h"
 
 namespace shiftmap {
 namespace {
@@ -93,9 +93,8 @@ CauseTally TallyCause(ShiftCause cause,
                       int threads,
                       const LocalizerOptions& options) {
   std::vector<ReportedShift> all(static_cast<std::size_t>(shifts));
-  ForEachRealization(shifts, threads, [&](int i) {
-    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
-    all[static_cast<std::size_t>(i)] = LocalizeShift(DrawShift(cause, seed), options);
+  ForEachIndex(all.size(), threads, [&](std::size_t i) {
+    all[i] = LocalizeShift(DrawShift(cause, first_seed + i), options);
   });
   CauseTally tally;
   tally.cause = cause;

@@ -18,6 +18,7 @@
 #include "mapstore/core/median.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/run/trajectory.h"
+#include "tools/experiment/processor_time.h"
 #include "tools/sim/open_world.h"
 
 namespace shiftmap {
@@ -32,13 +33,6 @@ double PeakMib() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) * 1024.0 / kMib;
-}
-
-// Of all threads.
-double ProcessorSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 double ResidentMib() {

@@ -8,6 +8,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapstore/core/median.h"
+#include "tools/experiment/processor_time.h"
 
 namespace shiftmap {
 namespace {
@@ -17,8 +18,6 @@ constexpr double kMediansThatCount = 4.0;
 
 // Between poses the truck keeps its curvature well enough for as long.
 constexpr double kMaxGapSeconds = 2.5;
-
-double ProcessorSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 }  // namespace
 

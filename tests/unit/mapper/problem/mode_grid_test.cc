@@ -32,6 +32,8 @@ TEST(ModeGrid, VisitsWhatIsNearAndNothingTwice) {
     std::set<std::pair<int, int>> visited;
     grid.VisitNear(point, [&](const ModeGrid::Entry& entry) {
       EXPECT_TRUE(visited.emplace(entry.group, entry.mode).second);
+      // In the cells around it, of a radius each.
+      EXPECT_LT((entry.p_map_landmark - point).cwiseAbs().maxCoeff(), 2.0 * kRadius);
       EXPECT_EQ(
           entry.p_map_landmark,
           problem.modes[static_cast<std::size_t>(entry.group)][static_cast<std::size_t>(entry.mode)]

@@ -74,13 +74,5 @@ TEST(TrajectoryError, CountsWhatTheTruthDoesNotCover) {
               StatusIs(StatusCode::kInvalidArgument, "no pose matches"));
 }
 
-TEST(Quantile, InterpolatesBetweenOrderStatistics) {
-  const std::vector<double> values = {1.0, 2.0, 4.0, 8.0};
-  EXPECT_EQ(Quantile(values, 0.0), 1.0);
-  EXPECT_EQ(Quantile(values, 0.5), 3.0);
-  EXPECT_EQ(Quantile(values, 1.0), 8.0);
-  EXPECT_EQ(Quantile(std::vector<double>{5.0}, 0.95), 5.0);
-}
-
 }  // namespace
 }  // namespace shiftmap

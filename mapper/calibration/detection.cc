@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/calibration/detection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "mapper/problem/sightings.h"
+#include "mapstore/core/quantile.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kFieldOfViewQuantile = 0.99;
+
+// Where a run's groups stand, asked in the order of time.
+class StandingModes {
+ public:
+  StandingModes(const MapProblem& problem, const BuildRun& run)
+      : run_(run), mode_of_(problem.modes.size(), kUnassigned) {}
+
+  void GoTo(Stamp stamp) {
+    const std::vector<MappingVisit>& visits = run_.data->visits;
+    for (; next_ < visits.size() && visits[next_].begin <= stamp; ++next_) {
+      if (run_.assignment[next_] == kUnassigned) continue;
+      mode_of_[static_cast<std::size_t>(visits[next_].group)] = run_.assignment[next_];
+    }
+  }
+
+  bool Stands(const ModeGrid::Entry& entry) const {
+    return mode_of_[static_cast<std::size_t>(entry.group)] == entry.mode;
+  }
+
+ private:
+  const BuildRun& run_;
+  std::vector<int> mode_of_;
+  std::size_t next_ = 0;
+};
+
+bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_vehicle_landmark) {
+  const Eigen::Vector2d& q = p_vehicle_landmark;
+  return q.squaredNorm() <= sensor.max_range_m * sensor.max_range_m &&
+         std::abs(std::atan2(q.y(), q.x())) <= sensor.max_bearing_rad;
+}
+
+}  // namespace
+
+void CountDetections(const MapProblem& problem,
+                     const SensorCalibration& sensor,
+                     const ModeGrid& grid,
+                     const BuildRun& run,
+                     DetectionCount* count) {
+  StandingModes standing(problem, run);
+  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
+  for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
+    const KeyFrame& frame = run.data->frames[f];
+    standing.GoTo(frame.stamp);
+    const auto now = static_cast<int>(f);
+    int all_seen = 0;
+    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
+      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+      const auto visit = static_cast<std::size_t>(sighting.visit);
+      if (!IsInlier(problem, run, sighting)) continue;
+      int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
+      all_seen += at != now ? 1 : 0;
+      at = now;
+    }
+    const Se2 T_vehicle_map = run.poses[f].Inverse();
+    grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+      const int seen = seen_at[static_cast<std::size_t>(entry.group)] == now ? 1 : 0;
+      if (all_seen - seen == 0 || !standing.Stands(entry)) return;
+      if (!InFieldOfView(sensor, T_vehicle_map * entry.p_map_landmark)) return;
+      count->expected += 1.0;
+      count->detected += seen;
+    });
+  }
+}
+
+SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
+  SensorCalibration sensor = problem.sensor;
+  std::vector<double> ranges;
+  std::vector<double> bearings;
+  int outliers = 0;
+  for (const BuildRun& run : problem.runs) {
+    for (const Sighting& sighting : run.data->sightings) {
+      if (!IsInlier(problem, run, sighting)) {
+        ++outliers;
+        continue;
+      }
+      const Eigen::Vector2d q = sighting.observation.PositionInVehicle();
+      ranges.push_back(q.norm());
+      bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
+    }
+  }
+  if (static_cast<int>(ranges.size()) < options.min_sightings) return sensor;
+  sensor.max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
+  sensor.max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+
+  DetectionCount count;
+  double frames = 0.0;
+  const ModeGrid grid(problem, sensor.max_range_m);
+  for (const BuildRun& run : problem.runs) {
+    CountDetections(problem, sensor, grid, run, &count);
+    frames += static_cast<double>(run.data->frames.size());
+  }
+  // Beta(1, 1) prior, and never so certain that one scan decides.
+  sensor.detection_probability =
+      std::clamp((count.detected + 1.0) / (count.expected + 2.0), 0.05, 0.95);
+  const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
+  sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
+  return sensor;
+}
+
+}  // namespace shiftmap
