@@ -358,47 +358,6 @@ Status Conclude(const std::vector<Signature>& signatures,
 
 }  // namespace
 
-Status MapperOptions::Validate() const {
-  const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
-  if (!positive(front_end.visit_gap_s))
-    return InvalidArgument("visit_gap_s: {}, expected > 0", front_end.visit_gap_s);
-  if (alignment.min_signatures < 2) {
-    return InvalidArgument("min_signatures: {}, expected 2 or more", alignment.min_signatures);
-  }
-  if (modes.min_sightings < 1)
-    return InvalidArgument("min_sightings: {}, expected 1 or more", modes.min_sightings);
-  if (!positive(modes.position_floor_m) || !positive(modes.cluster_radius_m)) {
-    return InvalidArgument("position_floor_m and cluster_radius_m: expected > 0");
-  }
-  if (!(modes.merge_probability > 0.0 && modes.merge_probability < 1.0)) {
-    return InvalidArgument("merge_probability: {}, expected between 0 and 1",
-                           modes.merge_probability);
-  }
-  const auto not_negative = [](double value) { return std::isfinite(value) && value >= 0.0; };
-  if (!not_negative(modes.leave_rate_per_s)) {
-    return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", modes.leave_rate_per_s);
-  }
-  if (!not_negative(modes.score_position_sd_m)) {
-    return InvalidArgument("score_position_sd_m: {}, expected 0 or more",
-                           modes.score_position_sd_m);
-  }
-  if (!not_negative(sd_range_scale) || !not_negative(sd_run_range_scale)) {
-    return InvalidArgument("sd_range_scale and sd_run_range_scale: {} and {}, expected 0 or more",
-                           sd_range_scale,
-                           sd_run_range_scale);
-  }
-  SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());
-  SHIFTMAP_RETURN_IF_ERROR(association.Validate());
-  if (max_memory_bytes < 0) {
-    return InvalidArgument("max_memory_bytes: {}, expected 0 or more", max_memory_bytes);
-  }
-  if (threads < 1) return InvalidArgument("threads: {}, expected 1 or more", threads);
-  if (max_outer_iterations < 1 || solver.max_iterations < 1 || max_integrations < 1) {
-    return InvalidArgument("iterations: expected 1 or more");
-  }
-  return OkStatus();
-}
-
 StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const std::optional<MapContent>& prior,
                                 const MapperOptions& options,

@@ -11,10 +11,9 @@ namespace shiftmap {
 /// Takes what a build found of its vehicles into what the map before it knew; vehicles that the
 /// build did not see stay as they were, bit for bit.
 ///
-/// - Systematic errors: of N(ĉ, C) found under the fleet's prior N(c₀, P₀), the R runs by
-/// themselves
-///   say L = C⁻¹ - P₀⁻¹, h = C⁻¹ ĉ - P₀⁻¹ c₀. Each run differs from its vehicle by T = kRunSpread²,
-///   so that of the vehicle they say less. With N(c_p, P_p) known, or the fleet's prior,
+/// - Systematic errors: of N(ĉ, C) found under the fleet's prior N(c₀, P₀), the R runs alone say
+///   L = C⁻¹ - P₀⁻¹, h = C⁻¹ ĉ - P₀⁻¹ c₀. Each run differs from its vehicle by T = kRunSpread², so
+///   that of the vehicle they say less. With N(c_p, P_p) known, or the fleet's prior,
 ///
 ///     L' = (I + L T/R)⁻¹ L,  h' = (I + L T/R)⁻¹ h,  Λ = P_p⁻¹ + L',  c = Λ⁻¹ (P_p⁻¹ c_p + h')
 ///

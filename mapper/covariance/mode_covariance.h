@@ -63,8 +63,7 @@ struct ScaleUncertainty {
   double sd_common = 0.0;   ///< Of what all sensors get wrong together. [-]
   double sd_vehicle = 0.0;  ///< Of what each vehicle's gets wrong beside it. [-]
 
-  /// Indices of each vehicle's runs, where they do not tell their own scale (Graph: it is held at
-  /// 0).
+  /// Indices of each vehicle's runs, where they do not tell their own scale: it is held at 0.
   std::vector<std::vector<std::size_t>> runs_of_vehicles = {};
 };
 
@@ -73,13 +72,14 @@ struct ScaleUncertainty {
 /// computer has. Precondition: every mode is observed or in the prior.
 std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph);
 
-/// Covariance of a graph's modes as a map has it: referred to the positions as a whole
-/// (ReferToPositions) and with what no run tells of the scale: the common scale
-/// (AddScaleUncertainty) and that of each vehicle, a column S = d modes / d log scale, by P' = P +
-/// sd² S Sᵀ. A covariance without these would be that of runs that agree about lengths. Order of
-/// Graph::modes. Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between
-/// tiles it is zero, and positive definite all the same, as any block-diagonal part of a covariance
-/// is. [m²]
+/// Covariance of a graph's modes as a map has it, in the order of Graph::modes. [m²]
+///
+/// It is referred to the positions as a whole (ReferToPositions), and has what no run tells of the
+/// scale: that of all sensors (AddScaleUncertainty), and that of each vehicle by P' = P + sd² S Sᵀ,
+/// S = d modes / d log scale. Without these it would be that of runs that agree about lengths.
+///
+/// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
+/// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
 /// @param elimination  LinearizeForMap() of the graph.
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphElimination& elimination,

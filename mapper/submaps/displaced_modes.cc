@@ -25,8 +25,8 @@ constexpr double kPositionFloor = 0.03;
 // more likely.
 constexpr double kSurelyDisplaced = 3.0;
 
-// A submap whose worst mode is known to this, relative to the others, is rigid. [m]
-constexpr double kRigidSd = 0.15;
+// A submap whose worst mode is known to this, relative to the others, is decided on as it is. [m]
+constexpr double kStiffSd = 0.15;
 
 // A run that is bent by this a metre from where it turns is off the tangent by half its square. [m]
 constexpr double kLinear = 0.25;
@@ -198,13 +198,6 @@ std::vector<std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
   return places;
 }
 
-// What a run hardly knows against the rest of itself.
-bool IsFlexible(const Submap& submap) {
-  return std::any_of(submap.points.begin(), submap.points.end(), [](const AlignmentPoint& point) {
-    return 0.5 * point.cov.trace() > kRigidSd * kRigidSd;
-  });
-}
-
 }  // namespace
 
 std::vector<bool> FindDisplacedModes(const MapperOptions& options,
@@ -215,7 +208,7 @@ std::vector<bool> FindDisplacedModes(const MapperOptions& options,
                                      std::vector<Encounter>* encounters) {
   std::vector<bool> displaced;
   std::vector<int> known;  // Of what the submap is to be bent onto.
-  if (IsFlexible(*submap)) {
+  if (WorstSd(*submap) > kStiffSd) {
     known = FitBentSubmap(options, map, Places(alignment, submap->problem), submap);
   } else {
     displaced = Decide(options,

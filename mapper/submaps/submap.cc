@@ -1,12 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/submaps/submap.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "mapper/covariance/datum.h"
 #include "mapper/graph/graph.h"
 
 namespace shiftmap {
+
+double WorstSd(const Submap& submap) {
+  double worst = 0.0;
+  for (const AlignmentPoint& point : submap.points) {
+    worst = std::max(worst, std::sqrt(0.5 * point.cov.trace()));
+  }
+  return worst;
+}
 
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);

@@ -18,6 +18,10 @@ struct Submap {
   Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
 };
 
+/// Standard deviation per axis of the mode that a submap knows worst against the others; 0 if it
+/// has none. [m]
+double WorstSd(const Submap& submap);
+
 /// The covariance of a submap's modes, as Submap::covariance, at their present values. Nothing if
 /// these have gone astray so far that there is none.
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem);

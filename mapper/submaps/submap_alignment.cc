@@ -10,17 +10,14 @@
 namespace shiftmap {
 namespace {
 
-// A submap whose worst mode is known to this, relative to the others, is rigid. [m]
-constexpr double kRigidSd = 0.5;
+// A submap whose worst mode is not known to this, relative to the others, is bent. [m]
+constexpr double kBentSd = 0.5;
 
 // Modes of a part: a vehicle sees as many within a minute or two.
 constexpr int kPartModes = 24;
 
 bool IsBent(const Submap& submap) {
-  if (submap.points.size() <= static_cast<std::size_t>(kPartModes)) return false;
-  return std::any_of(submap.points.begin(), submap.points.end(), [](const AlignmentPoint& point) {
-    return 0.5 * point.cov.trace() > kRigidSd * kRigidSd;
-  });
+  return submap.points.size() > static_cast<std::size_t>(kPartModes) && WorstSd(submap) > kBentSd;
 }
 
 // The modes of a part, with covariances relative to them as a whole.

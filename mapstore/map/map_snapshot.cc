@@ -97,6 +97,18 @@ Status ValidateCovariance(const MapContent& content) {
   return OkStatus();
 }
 
+Status ValidateVehicles(const std::vector<VehicleCalibration>& vehicles) {
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    SHIFTMAP_RETURN_IF_ERROR(ValidateVehicleCalibration(vehicles[i]));
+    if (i > 0 && vehicles[i - 1].vehicle >= vehicles[i].vehicle) {
+      return InvalidArgument("vehicle '{}': names do not ascend", vehicles[i].vehicle);
+    }
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
 Status ValidateCalibration(const Calibration& calibration) {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
   const auto probability = [](double value) { return value > 0.0 && value < 1.0; };
@@ -120,18 +132,6 @@ Status ValidateCalibration(const Calibration& calibration) {
   }
   return OkStatus();
 }
-
-Status ValidateVehicles(const std::vector<VehicleCalibration>& vehicles) {
-  for (std::size_t i = 0; i < vehicles.size(); ++i) {
-    SHIFTMAP_RETURN_IF_ERROR(ValidateVehicleCalibration(vehicles[i]));
-    if (i > 0 && vehicles[i - 1].vehicle >= vehicles[i].vehicle) {
-      return InvalidArgument("vehicle '{}': names do not ascend", vehicles[i].vehicle);
-    }
-  }
-  return OkStatus();
-}
-
-}  // namespace
 
 Status ValidateMapContent(const MapContent& content) {
   for (std::size_t i = 0; i < content.groups.size(); ++i) {

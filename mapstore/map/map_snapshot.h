@@ -35,6 +35,9 @@ struct MapContent {
   Stamp stamp;
 };
 
+/// Errors: kInvalidArgument if a value is out of range.
+Status ValidateCalibration(const Calibration& calibration);
+
 /// Checks everything that readers rely on: order and uniqueness of groups and modes, sizes, finite
 /// numbers, positive definite covariances, probabilities that sum to 1, calibration in range.
 /// Errors: kInvalidArgument, naming the first group and mode that is wrong.

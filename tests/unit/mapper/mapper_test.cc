@@ -199,8 +199,22 @@ TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
   expect_named("score_position_sd_m", [](auto* o) { o->modes.score_position_sd_m = kNan; });
   expect_named("sd_range_scale", [](auto* o) { o->sd_range_scale = -0.01; });
   expect_named("sd_run_range_scale", [](auto* o) { o->sd_run_range_scale = kNan; });
-  expect_named("iterations", [](auto* o) { o->max_outer_iterations = 0; });
-  expect_named("iterations", [](auto* o) { o->max_integrations = 0; });
+  expect_named("max_outer_iterations", [](auto* o) { o->max_outer_iterations = 0; });
+  expect_named("max_integrations", [](auto* o) { o->max_integrations = 0; });
+  expect_named("max_iterations", [](auto* o) { o->solver.max_iterations = 0; });
+  expect_named("cost_tolerance", [](auto* o) { o->solver.cost_tolerance = 0.0; });
+  expect_named("duplicate_distance_m", [](auto* o) { o->front_end.duplicate_distance_m = kNan; });
+  expect_named("min_range_m", [](auto* o) { o->front_end.min_range_m = -0.1; });
+  expect_named("alignment position_floor_m", [](auto* o) { o->alignment.position_floor_m = 0.0; });
+  expect_named("gate_probability", [](auto* o) { o->alignment.gate_probability = 1.0; });
+  expect_named("max_scale_error", [](auto* o) { o->alignment.max_scale_error = -0.1; });
+  expect_named("max_pairs", [](auto* o) { o->alignment.max_pairs = 0; });
+  expect_named("others_anywhere", [](auto* o) { o->displacement.prior.others_anywhere = 0.0; });
+  expect_named("sd_displacement_m", [](auto* o) { o->displacement.sd_displacement_m[1] = 0.0; });
+  expect_named("run_variance", [](auto* o) { o->displacement.run_variance_factors[0] = kNan; });
+  expect_named("sensor calibration", [](auto* o) { o->calibration.sensor.sd_range_m = 0.0; });
+  expect_named("odometry calibration", [](auto* o) { o->calibration.odometry.noise_v = kNan; });
+  expect_named("prior of 0 jumps", [](auto* o) { o->chains.learning.prior_jumps = 0.0; });
   expect_named("threads", [](auto* o) { o->threads = 0; });
   expect_named("max_memory_bytes", [](auto* o) { o->max_memory_bytes = -1; });
 }

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/mapper_options.h"
+
+#include <cmath>
+
+#include "mapstore/map/map_snapshot.h"
+
+namespace shiftmap {
+namespace {
+
+enum class Range { kPositive, kNotNegative, kProbability, kOneOrMore };
+
+struct Member {
+  const char* name = nullptr;
+  double value = 0.0;
+  Range range = Range::kPositive;
+};
+
+bool IsIn(Range range, double value) {
+  if (!std::isfinite(value)) return false;
+  switch (range) {
+    case Range::kPositive:
+      return value > 0.0;
+    case Range::kNotNegative:
+      return value >= 0.0;
+    case Range::kProbability:
+      return value > 0.0 && value < 1.0;
+    case Range::kOneOrMore:
+      return value >= 1.0;
+  }
+  return false;
+}
+
+const char* ToString(Range range) {
+  switch (range) {
+    case Range::kPositive:
+      return "> 0";
+    case Range::kNotNegative:
+      return "0 or more";
+    case Range::kProbability:
+      return "between 0 and 1";
+    case Range::kOneOrMore:
+      return "1 or more";
+  }
+  return "";
+}
+
+}  // namespace
+
+Status MapperOptions::Validate() const {
+  const Member members[] = {
+      {"visit_gap_s", front_end.visit_gap_s, Range::kPositive},
+      {"duplicate_distance_m", front_end.duplicate_distance_m, Range::kNotNegative},
+      {"min_range_m", front_end.min_range_m, Range::kNotNegative},
+      {"alignment position_floor_m", alignment.position_floor_m, Range::kPositive},
+      {"max_scale_error", alignment.max_scale_error, Range::kNotNegative},
+      {"gate_probability", alignment.gate_probability, Range::kProbability},
+      {"max_pairs", static_cast<double>(alignment.max_pairs), Range::kOneOrMore},
+      {"probability_displaced", displacement.prior.probability_displaced, Range::kProbability},
+      {"probability_with_neighbour",
+       displacement.prior.probability_with_neighbour,
+       Range::kProbability},
+      {"others_anywhere", displacement.prior.others_anywhere, Range::kPositive},
+      {"neighbourhood", displacement.prior.neighbourhood, Range::kPositive},
+      {"map_variance_dof", displacement.map_variance_dof, Range::kPositive},
+      {"min_sightings", static_cast<double>(modes.min_sightings), Range::kOneOrMore},
+      {"cluster_radius_m", modes.cluster_radius_m, Range::kPositive},
+      {"position_floor_m", modes.position_floor_m, Range::kPositive},
+      {"merge_probability", modes.merge_probability, Range::kProbability},
+      {"leave_rate_per_s", modes.leave_rate_per_s, Range::kNotNegative},
+      {"score_position_sd_m", modes.score_position_sd_m, Range::kNotNegative},
+      {"sd_range_scale", sd_range_scale, Range::kNotNegative},
+      {"sd_run_range_scale", sd_run_range_scale, Range::kNotNegative},
+      {"max_outer_iterations", static_cast<double>(max_outer_iterations), Range::kOneOrMore},
+      {"max_iterations", static_cast<double>(solver.max_iterations), Range::kOneOrMore},
+      {"cost_tolerance", solver.cost_tolerance, Range::kPositive},
+      {"max_integrations", static_cast<double>(max_integrations), Range::kOneOrMore},
+      {"threads", static_cast<double>(threads), Range::kOneOrMore},
+      {"max_memory_bytes", static_cast<double>(max_memory_bytes), Range::kNotNegative},
+  };
+  for (const Member& member : members) {
+    if (IsIn(member.range, member.value)) continue;
+    return InvalidArgument(
+        "{}: {}, expected {}", member.name, member.value, ToString(member.range));
+  }
+  if (alignment.min_signatures < 2) {
+    return InvalidArgument("min_signatures: {}, expected 2 or more", alignment.min_signatures);
+  }
+  for (const double sd : displacement.sd_displacement_m) {
+    if (!IsIn(Range::kPositive, sd)) {
+      return InvalidArgument("sd_displacement_m: {}, expected > 0", sd);
+    }
+  }
+  for (const double factor : displacement.run_variance_factors) {
+    if (!IsIn(Range::kPositive, factor)) {
+      return InvalidArgument("run_variance_factors: {}, expected > 0", factor);
+    }
+  }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateCalibration(calibration));
+  SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());
+  SHIFTMAP_RETURN_IF_ERROR(chains.learning.Validate());
+  return association.Validate();
+}
+
+}  // namespace shiftmap
