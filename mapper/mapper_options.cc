@@ -55,6 +55,7 @@ Status MapperOptions::Validate() const {
       {"alignment position_floor_m", alignment.position_floor_m, Range::kPositive},
       {"max_scale_error", alignment.max_scale_error, Range::kNotNegative},
       {"gate_probability", alignment.gate_probability, Range::kProbability},
+      {"max_sd_rotation_rad", alignment.max_sd_rotation_rad, Range::kPositive},
       {"max_pairs", static_cast<double>(alignment.max_pairs), Range::kOneOrMore},
       {"probability_displaced", displacement.prior.probability_displaced, Range::kProbability},
       {"probability_with_neighbour",

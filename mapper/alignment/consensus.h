@@ -30,6 +30,10 @@ struct AlignmentOptions {
   /// Chi-square probability at which two positions agree.
   double gate_probability = 0.999;
 
+  /// What agrees must tell the rotation to this, any one of it left out: three signs on one post
+  /// tell none, and with another landmark that agrees by accident a wrong one. [rad]
+  double max_sd_rotation_rad = 0.1;
+
   /// Pairs of correspondences tried at most. Of more than 5000, pairs are drawn (seeded), until a
   /// transform with half the supporters of the best would not have been missed.
   int max_pairs = 200000;
@@ -60,7 +64,8 @@ struct Alignment {
 /// landmark that stands anywhere in the area A. One more supporter is therefore not worth any price
 /// in the fit of the others.
 ///
-/// Nothing is returned if fewer than min_signatures agree. Deterministic.
+/// Nothing is returned if fewer than min_signatures agree, or none of those that do tell the
+/// rotation. Deterministic.
 std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
                                           const std::vector<AlignmentPoint>& other,
                                           const AlignmentOptions& options);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "mapstore/geometry/angle.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 
@@ -53,6 +54,32 @@ class Consensus : public ::testing::Test {
   std::mt19937_64 random_{testing::TestSeed(41)};
   std::normal_distribution<double> normal_;
 };
+
+// What stayed are three signs on one post: where they are is known, but not which way is up.
+TEST_F(Consensus, SignsOnOnePostTellNoRotation) {
+  const Se2 truth(3.0, -7.0, 2.1);
+  for (const double post_m : {0.0, 0.03, 0.1}) {
+    for (int trial = 0; trial < 20; ++trial) {
+      Points reference = RandomLayout(10);
+      reference[1].position = reference[0].position + Eigen::Vector2d(post_m, 0.0);
+      reference[2].position = reference[0].position + Eigen::Vector2d(0.0, post_m);
+      EXPECT_FALSE(AlignByConsensus(reference, Other(reference, truth, 3), {})) << post_m;
+    }
+  }
+}
+
+// Others that stayed with them do, whatever the signs are worth.
+TEST_F(Consensus, APostAmongOthersDoesNoHarm) {
+  const Se2 truth(3.0, -7.0, 2.1);
+  for (int trial = 0; trial < 20; ++trial) {
+    Points reference = RandomLayout(12);
+    reference[1].position = reference[0].position;
+    reference[2].position = reference[0].position;
+    const auto alignment = AlignByConsensus(reference, Other(reference, truth, 6), {});
+    ASSERT_TRUE(alignment);
+    EXPECT_NEAR(WrapAngle(alignment->T_reference_other.yaw() - truth.yaw()), 0.0, 0.05);
+  }
+}
 
 TEST_F(Consensus, RecoversAKnownTransform) {
   const Se2 truth(3.0, -7.0, 2.1);
