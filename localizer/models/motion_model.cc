@@ -81,8 +81,16 @@ class MotionSum {
   double turn_y_ = 0.0;
 };
 
+void AppendSilence(Duration silence, MotionSum* sum) {
+  if (silence > Duration::zero()) sum->Append(0.0, 0.0, std::min(ToSeconds(silence), kMaxSilence));
+}
+
+// At a time that is the sample's to tell of.
 Eigen::Vector3d ScaledVelocity(const OdometrySample& sample,
+                               Stamp stamp,
                                const OdometryCalibration& calibration) {
+  const Duration hold = FromSeconds(kOdometryHold);
+  if (stamp < sample.stamp - hold || stamp > sample.stamp + hold) return Eigen::Vector3d::Zero();
   return {calibration.scale_v * sample.v_mps, 0.0, calibration.scale_omega * sample.omega_radps};
 }
 
@@ -131,23 +139,28 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
                                    std::size_t* hint) {
   SHIFTMAP_CHECK(!odometry.empty() && begin <= end, "{} samples", odometry.size());
   const Duration lag = FromSeconds(calibration.lag_s);
+  const Duration hold = FromSeconds(kOdometryHold);
   const Stamp last = end - lag;
   Stamp now = begin - lag;
 
   std::size_t i = std::min(*hint, odometry.size() - 1);
   while (i > 0 && odometry[i].stamp > now) --i;
   while (i + 1 < odometry.size() && odometry[i + 1].stamp <= now) ++i;
-  const Eigen::Vector3d begin_velocity = ScaledVelocity(odometry[i], calibration);
+  const Eigen::Vector3d begin_velocity = ScaledVelocity(odometry[i], now, calibration);
 
   MotionSum sum;
   while (now < last) {
     const bool final_sample = i + 1 == odometry.size();
     const Stamp next = final_sample ? last : std::min(last, odometry[i + 1].stamp);
     const auto [stamp, v_mps, omega_radps] = odometry[i];
-    const double dt = ToSeconds(next - now);
+    const Stamp from = std::clamp(stamp - hold, now, next);  // Later than `now` at the first only.
+    const Stamp to = std::clamp(stamp + hold, from, next);
+    const double dt = ToSeconds(to - from);
+    AppendSilence(from - now, &sum);
     sum.Append(calibration.scale_v * v_mps * dt,
                calibration.scale_omega * omega_radps * dt,
                dt * VarianceShare(v_mps, omega_radps));
+    AppendSilence(next - to, &sum);
     now = next;
     if (!final_sample && odometry[i + 1].stamp <= now) ++i;
   }
@@ -155,7 +168,7 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
 
   // T(lag) = D(begin - lag)⁻¹ D(end - lag) for the dead-reckoned path D.
   IntegratedMotion motion = sum.Result();
-  const Eigen::Vector3d end_velocity = ScaledVelocity(odometry[i], calibration);
+  const Eigen::Vector3d end_velocity = ScaledVelocity(odometry[i], last, calibration);
   motion.J_calibration.col(2) = motion.T_begin_end.InverseAdjoint() * begin_velocity - end_velocity;
   return motion;
 }

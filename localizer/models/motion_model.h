@@ -53,14 +53,22 @@ struct IntegratedMotion {
   MotionIncrement WithNoise(double noise_v, double noise_omega) const;
 };
 
-/// Integrates odometry from `begin` to `end` >= begin, as many calls of AppendMotion() would, in a
-/// fraction of the time: see the source. The velocity that holds at time t is that of
+/// A recorded sample of odometry holds for as long at most. [s]
+inline constexpr double kOdometryHold = 2.0;
+
+/// What a vehicle does while its log is silent, it does within as long. [s]
+inline constexpr double kMaxSilence = 600.0;
+
+/// Integrates recorded odometry from `begin` to `end` >= begin, as many calls of AppendMotion()
+/// would, in a fraction of the time: see the source. The velocity that holds at time t is that of
 /// the newest sample at or before t - lag (the first sample, before it).
+///
+/// Beyond kOdometryHold the vehicle is taken to stand, with the noise of one that moves for up to
+/// kMaxSilence: it was parked, or its clock jumped, by years where a battery was empty.
 /// @param odometry  By non-decreasing stamp, not empty.
 /// @param hint      In: where to start looking for `begin`, 0 if unknown. Out: where `end` was
-/// found, the
-///                  hint for an interval that starts there; a sequence of intervals is then linear
-///                  in time.
+///                  found, the hint for an interval that starts there; a sequence of intervals is
+///                  then linear in time.
 IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
                                    Stamp begin,
                                    Stamp end,

@@ -178,10 +178,13 @@ void UpdateVehicles(const std::vector<VehicleEstimate>& found,
         known->begin(), known->end(), estimate.vehicle, [](const auto& vehicle, const auto& name) {
           return vehicle.vehicle < name;
         });
-    if (place == known->end() || place->vehicle != estimate.vehicle) {
-      known->insert(place, Updated(nullptr, estimate));
+    const bool is_known = place != known->end() && place->vehicle == estimate.vehicle;
+    VehicleCalibration updated = Updated(is_known ? &*place : nullptr, estimate);
+    if (!ValidateVehicleCalibration(updated).ok()) continue;
+    if (is_known) {
+      *place = std::move(updated);
     } else {
-      *place = Updated(&*place, estimate);
+      known->insert(place, std::move(updated));
     }
   }
 }

@@ -24,7 +24,8 @@ namespace shiftmap {
 /// - A vehicle that contradicts what is known of it (probability below 1e-6) has another sensor or
 ///   other wheels: what was known is dropped.
 ///
-/// Vehicles without a name are left out: nobody can ask for them.
+/// Vehicles without a name are left out: nobody can ask for them. So is what is found in no numbers
+/// that a calibration may have, as of a run that makes no sense; what was known then stays.
 /// @param known  By name; in and out.
 void UpdateVehicles(const std::vector<VehicleEstimate>& found,
                     std::vector<VehicleCalibration>* known);

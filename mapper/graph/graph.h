@@ -94,6 +94,7 @@ struct Graph {
 };
 
 struct GraphSummary {
+  /// Infinite of a graph that is in no finite numbers, which is then left as it was.
   double initial_cost = 0.0;
   double final_cost = 0.0;
   int iterations = 0;

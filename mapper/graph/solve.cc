@@ -2,6 +2,7 @@
 #include <ceres/solver.h>
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -216,13 +217,14 @@ class GaussNewton {
   double length_ = 1.0;
 };
 
+constexpr double kFirstDamping = 1e-3;
+
 // Levenberg and Marquardt, from where steps of Gauss-Newton do not go down: until the cost stays.
 // Where no step goes down however short, that is a minimum up to rounding.
 void DampedGaussNewton(const SolverLimits& limits,
                        GraphElimination* elimination,
                        Graph* graph,
                        GraphSummary* summary) {
-  constexpr double kFirstDamping = 1e-3;
   constexpr double kMaxDamping = 1e6;
   constexpr double kFactor = 10.0;
   double damping = kFirstDamping;
@@ -266,7 +268,14 @@ GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   GraphSummary summary;
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
   GaussNewton gauss_newton(limits, &near_minimum_, &elimination, graph, &summary);
-  if (!gauss_newton.Start()) return SolveGraphByTrustRegion(limits, graph);
+  if (!gauss_newton.Start()) {
+    // What damping does not determine is in no finite numbers, of which Ceres would write pages.
+    if (!elimination.LinearizeSegments(kFirstDamping)) {
+      summary.initial_cost = summary.final_cost = std::numeric_limits<double>::infinity();
+      return summary;
+    }
+    return SolveGraphByTrustRegion(limits, graph);
+  }
   if (!gauss_newton.Run()) DampedGaussNewton(limits, &elimination, graph, &summary);
   if (graph->priors.empty()) HoldFrame(T_map_anchor, graph);
   rest_ = elimination.TakeRest();

@@ -181,6 +181,31 @@ TEST(BuildMap, ALargeRunOfAnotherPlaceDoesNotTakeThePlaceOfTheOthers) {
   EXPECT_EQ(result.rejected[0].name, "stranger");
 }
 
+// An empty battery, and the clock is set while the vehicle drives.
+TEST(BuildMap, AClockThatJumpsCostsNoRun) {
+  OpenWorldOptions options = SmallWorld(4);
+  options.runs = 3;
+  const SimulatedWorld world = Simulate(options);
+  for (const double jump_s : {60.0, 86400.0, 2.4e7, 3e8}) {
+    std::vector<MapperInput> inputs = testing::Inputs(world);
+    shiftmap::Run& run = inputs[1].run;
+    const Stamp middle = run.odometry[run.odometry.size() / 2].stamp;
+    for (OdometrySample& sample : run.odometry) {
+      if (sample.stamp > middle) sample.stamp += FromSeconds(jump_s);
+    }
+    for (Scan& scan : run.scans) {
+      if (scan.stamp > middle) scan.stamp += FromSeconds(jump_s);
+    }
+    const MapperResult result = Build(inputs);
+    EXPECT_TRUE(result.rejected.empty()) << jump_s;
+    EXPECT_EQ(result.runs.size(), 3u) << jump_s;
+    double squared = 0.0;
+    const std::vector<testing::MatchedMode> modes = MatchModes(result.content, world);
+    for (const testing::MatchedMode& mode : modes) squared += mode.error.squaredNorm();
+    EXPECT_LT(std::sqrt(squared / static_cast<double>(modes.size())), 0.1) << jump_s;
+  }
+}
+
 TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const auto expect_named = [](const char* name, const auto& change) {

@@ -102,7 +102,7 @@ TEST(MotionModel, IntegratingIsAppendingArcByArc) {
     odometry.push_back({StampFromSeconds(seconds),
                         stands ? 0.0 : 1.5 - 0.02 * (i % 90),
                         stands ? 0.0 : 0.9 * std::sin(0.05 * i) - 0.004 * (i % 100)});
-    seconds += i == 200 ? 3.0 : 0.04;
+    seconds += i == 200 ? 1.5 : 0.04;
   }
   OdometryCalibration calibration;
   calibration.scale_v = 1.07;
@@ -127,6 +127,32 @@ TEST(MotionModel, IntegratingIsAppendingArcByArc) {
   EXPECT_TRUE(
       motion.J_calibration.leftCols<2>().isApprox(expected.J_calibration.leftCols<2>(), 1e-11));
   EXPECT_EQ(hint, odometry.size() - 1);
+}
+
+// A parked vehicle, or a clock that jumps while it drives.
+TEST(MotionModel, WhereALogIsSilentTheVehicleStands) {
+  constexpr double kSpeed = 1.5;
+  OdometryCalibration calibration;
+  calibration.noise_v = 0.02;
+  calibration.noise_omega = 0.01;
+  for (const double silence_s : {10.0, 1e5, 3e8}) {
+    const std::vector<OdometrySample> odometry = {{StampFromSeconds(100.0), kSpeed, 0.0},
+                                                  {StampFromSeconds(100.0 + silence_s), 0.0, 0.0}};
+    std::size_t hint = 0;
+    const MotionIncrement motion =
+        IntegrateMotion(odometry, odometry[0].stamp, odometry[1].stamp, calibration, &hint);
+    EXPECT_NEAR(motion.T_begin_end.x(), kSpeed * kOdometryHold, 1e-9);
+    // Noise of the way held, and of the silence that counts.
+    const double seconds = kOdometryHold + std::min(silence_s - kOdometryHold, kMaxSilence);
+    EXPECT_NEAR(motion.cov(0, 0), 4e-4 * seconds, 1e-9);
+    EXPECT_NEAR(motion.cov(2, 2), 1e-4 * seconds, 1e-9);
+    // Before the first sample as well, of which it holds as long.
+    hint = 0;
+    const MotionIncrement before = IntegrateMotion(
+        odometry, odometry[0].stamp - FromSeconds(50.0), odometry[0].stamp, calibration, &hint);
+    EXPECT_NEAR(before.T_begin_end.x(), kSpeed * kOdometryHold, 1e-9);
+    EXPECT_NEAR(before.cov(0, 0), 4e-4 * 50.0, 1e-9);
+  }
 }
 
 }  // namespace
