@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
 #include "mapper/frontend/gated_landmarks.h"
 #include "mapper/frontend/slam_state.h"
 #include "mapstore/geometry/covariance.h"
@@ -54,13 +55,18 @@ class Tracker {
         front_end_(front_end),
         gate_(ChiSquareQuantile(options.compatibility.gate_probability, 2)),
         isolation_gate_(ChiSquareQuantile(options.isolation_probability, 2)),
+        sensor_(calibration.sensor),
         state_(calibration) {}
 
   const Se2& pose() const { return state_.pose(); }
   OdometryCalibration Odometry() const { return state_.Odometry(); }
   void Predict(const MotionIncrement& motion) { state_.Predict(motion); }
 
-  void Take(const Scan& scan, int index) {
+  // A scan of which what the sensor gets wrong is known.
+  void Take(Scan scan, int index) {
+    for (Observation& observation : scan.observations) {
+      observation = Corrected(observation, sensor_);
+    }
     const UsableSightings usable = FindUsableSightings(scan, front_end_);
     std::vector<int> free = usable.anonymous;  // Observations without signature and track.
     double range_m = 0.0;
@@ -264,6 +270,7 @@ class Tracker {
   FrontEndOptions front_end_;
   double gate_;
   double isolation_gate_;
+  SensorCalibration sensor_;
   SlamState state_;
   GatedLandmarks named_;
   std::map<Signature, int> numbers_;

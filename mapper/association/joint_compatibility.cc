@@ -48,17 +48,16 @@ class BranchAndBound {
  public:
   BranchAndBound(const CompatibilityProblem& problem, const CompatibilityOptions& options)
       : problem_(problem), max_nodes_(options.max_nodes) {
-    for (int pairings = 1; pairings <= problem.observations; ++pairings) {
-      gates_.push_back(ChiSquareQuantile(options.gate_probability, 2 * pairings));
-    }
-    if (problem.observations == 0) return;
-    choices_ = CompatibleByObservation(problem, gates_.front());
+    choices_ = CompatibleByObservation(problem, ChiSquareQuantile(options.gate_probability, 2));
     // Observations from here on that can be paired at all.
     possible_.assign(choices_.size() + 1, 0);
     for (std::size_t i = choices_.size(); i-- > 0;) {
       possible_[i] = possible_[i + 1] + (choices_[i].empty() ? 0 : 1);
     }
-    const Eigen::Index rows = Eigen::Index{2} * problem.observations;
+    for (int pairings = 1; pairings <= possible_.front(); ++pairings) {
+      gates_.push_back(ChiSquareQuantile(options.gate_probability, 2 * pairings));
+    }
+    const Eigen::Index rows = Eigen::Index{2} * possible_.front();
     factor_ = Eigen::MatrixXd::Zero(rows, rows);
     whitened_ = Eigen::VectorXd::Zero(rows);
     present_.assign(choices_.size(), -1);

@@ -75,6 +75,7 @@ StatusOr<DailyRhythm> LearnDailyRhythm(const ChainHistory& history,
                            options.weight,
                            options.held_out);
   }
+  SHIFTMAP_RETURN_IF_ERROR(CheckHistory(history));
   const auto count = history.visits.size();
   const auto first =
       static_cast<std::size_t>(static_cast<double>(count) * (1.0 - options.held_out));

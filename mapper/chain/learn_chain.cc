@@ -52,6 +52,28 @@ struct Choice {
   std::optional<Eigen::VectorXd> general;
 };
 
+// Chains of few states, whose rates cost nothing to fit.
+constexpr int kFewStates = 4;
+
+// The time of a general fit goes with about the fifth power of the states.
+constexpr int kMaxGeneralStates = 10;
+
+// Jumps that a fit takes the steps to have.
+double ExpectedJumps(const ChainSteps& steps, const RateFit& uniform) {
+  Duration time(0);
+  for (const int gap : steps.gap_of_step) {
+    if (gap >= 0) time += steps.gaps[static_cast<std::size_t>(gap)].length;
+  }
+  return uniform.chain.leave_rate_per_s() * ToSeconds(time);
+}
+
+// A rate for each pair of states is not to be told from fewer jumps than there are pairs.
+bool MayTellPairs(const ChainSteps& steps, const RateFit& uniform) {
+  if (steps.states <= kFewStates) return true;
+  return steps.states <= kMaxGeneralStates &&
+         ExpectedJumps(steps, uniform) >= steps.states * (steps.states - 1);
+}
+
 Choice Fit(const ChainSteps& steps,
            const Gamma& prior,
            const ChainLearningOptions& options,
@@ -63,8 +85,12 @@ Choice Fit(const ChainSteps& steps,
     return choice;
   }
   RateFit uniform = FitRates(steps, ChainStructure::kUniform, prior, options.fit, before.uniform);
-  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit, before.general);
   choice.uniform = uniform.log_rates;
+  if (!MayTellPairs(steps, uniform)) {
+    choice.fit = std::move(uniform);
+    return choice;
+  }
+  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit, before.general);
   choice.general = general.log_rates;
   choice.general_gain = general.log_marginal - uniform.log_marginal;
   choice.fit = choice.general_gain > 0.0 ? std::move(general) : std::move(uniform);

@@ -45,7 +45,7 @@ struct MappingRun {
   std::vector<Sighting> sightings;   ///< By frame.
   std::vector<MappingVisit> visits;  ///< By begin.
 
-  double mean_squared_bearing = 0.0;  ///< Over all sightings. [rad²]
+  double mean_squared_bearing = 0.0;  ///< Over all sightings, weighted with r². [rad²]
 
   int anonymous_observations = 0;  ///< Left out.
   int duplicate_observations = 0;  ///< One signature at two places in one scan: both left out.

@@ -40,8 +40,4 @@ ModePosteriors SmoothModes(const ModeSequenceProblem& problem) {
   return result;
 }
 
-std::vector<int> MarginalModes(const ModeSequenceProblem& problem) {
-  return LargestPerStep(SmoothModes(problem).probabilities);
-}
-
 }  // namespace shiftmap

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "mapper/selection/mode_sequence.h"
 
@@ -19,12 +18,9 @@ struct ModePosteriors {
 ///   log a_t(k) = log p(z_t | k) + log Σ_i exp(log a_{t-1}(i) + log p(k | i)),
 ///   log b_t(i) = log Σ_k exp(log p(k | i) + log p(z_{t+1} | k) + log b_{t+1}(k)).
 ///
-/// IJRR (23) leaves the other observations out; this does not. Precondition: some sequence is
-/// possible.
+/// IJRR (23) leaves the other observations out; this does not. The LargestPerStep() of the
+/// probabilities have the fewest expected wrong steps; unlike MostLikelyModes the sequence as a
+/// whole may be impossible. Precondition: some sequence is possible.
 ModePosteriors SmoothModes(const ModeSequenceProblem& problem);
-
-/// The state of largest posterior at every step. It has the fewest expected wrong steps; unlike
-/// MostLikelyModes the sequence as a whole may be impossible. Of equal ones the smallest state.
-std::vector<int> MarginalModes(const ModeSequenceProblem& problem);
 
 }  // namespace shiftmap

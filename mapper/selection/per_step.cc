@@ -56,10 +56,6 @@ Eigen::MatrixXd ExpectationPosteriors(const ModeSequenceProblem& problem) {
   return posteriors;
 }
 
-std::vector<int> ExpectationModes(const ModeSequenceProblem& problem) {
-  return LargestPerStep(ExpectationPosteriors(problem));
-}
-
 std::vector<int> LargestPerStep(const Eigen::MatrixXd& scores) {
   std::vector<int> states;
   for (Eigen::Index t = 0; t < scores.rows(); ++t) {

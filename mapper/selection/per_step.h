@@ -21,12 +21,10 @@ std::vector<int> NearestNeighborModes(const ModeSequenceProblem& problem, std::u
 /// is seen has no factor, and keeps the state before it. Of equal ones the smallest state.
 std::vector<int> MaxMixtureModes(const ModeSequenceProblem& problem);
 
-/// The posterior of IJRR (23) at every step, T x n: the chain's prior p(δ_t), (5), which knows no
-/// other observation, times p(z_t | δ_t), normalized.
+/// The posterior of IJRR (23) at every step, T x n, of which EM as printed, "winner takes all",
+/// takes the LargestPerStep(): the chain's prior p(δ_t), (5), which knows no other observation,
+/// times p(z_t | δ_t), normalized.
 Eigen::MatrixXd ExpectationPosteriors(const ModeSequenceProblem& problem);
-
-/// EM as printed, "winner takes all": the state of largest (23). Of equal ones the smallest state.
-std::vector<int> ExpectationModes(const ModeSequenceProblem& problem);
 
 /// The column of the largest entry of every row; of equal ones the first.
 std::vector<int> LargestPerStep(const Eigen::MatrixXd& scores);

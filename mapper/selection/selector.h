@@ -18,11 +18,11 @@ namespace shiftmap {
 enum class SelectorKind {
   kViterbi,          ///< `viterbi`: the optimum of IJRR (19), MostLikelyModes().
   kMcts,             ///< `mcts`: a search for it, IJRR (24)-(26), MostVisitedModes().
-  kEm,               ///< `em`: IJRR (23) as printed, ExpectationModes().
+  kEm,               ///< `em`: IJRR (23) as printed, ExpectationPosteriors().
   kNearestNeighbor,  ///< `nn`: IJRR (22), NearestNeighborModes().
   kMaxMixture,       ///< `maxmix`: IJRR (14), MaxMixtureModes(), at every linearization.
   kNoHypotheses,     ///< `nohyp`: one position per landmark, the problem's static state.
-  kMarginal,         ///< `marginal`: largest posterior given all observations, MarginalModes().
+  kMarginal,         ///< `marginal`: largest posterior given all observations, SmoothModes().
 };
 
 struct SelectorOptions {

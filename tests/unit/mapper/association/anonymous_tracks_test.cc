@@ -121,6 +121,25 @@ TEST(AnonymousTracks, SameInputSameTracks) {
   EXPECT_EQ(a.tracks.front().p_start_landmark, b.tracks.front().p_start_landmark);
 }
 
+// A camera that reads the depth, which its calibration says.
+TEST(AnonymousTracks, WhatTheSensorGetsWrongIsTakenOff) {
+  const OpenWorldOptions options = Park(2);
+  const SimulatedWorld world = testing::Simulate(options);
+  testing::AnonymousRun run = testing::Anonymize(world.runs[0].run, {}, 0.0, 2);
+  Calibration calibration = CalibrationOf(options);
+  calibration.sensor.range_curvature_per_rad2 = -0.5;
+  calibration.sensor.mean_squared_bearing_rad2 = 0.25;
+  for (Scan& scan : run.run.scans) {
+    for (Observation& observation : scan.observations) {
+      observation.z.x() *= 1.0 - 0.5 * (observation.z.y() * observation.z.y() - 0.25);
+    }
+  }
+  const testing::AssociationScore score =
+      testing::Score(run, AssociateAnonymous(run.run, calibration, {}), {});
+  EXPECT_GT(score.recall, 0.95);
+  EXPECT_NEAR(score.tracks, score.landmarks, 2);
+}
+
 TEST(AnonymousTracks, NoScansNoTracks) {
   shiftmap::Run run;
   run.odometry.push_back({});

@@ -103,6 +103,18 @@ TEST(DailyRhythmTest, WithoutVisitsInAPhaseItKeepsTheRatesOfTheDay) {
   }
 }
 
+TEST(DailyRhythmTest, RefusesABadVisitAmongThoseHeldOut) {
+  std::mt19937_64 random(TestSeed(43));
+  std::vector<Stamp> stamps;
+  for (int i = 0; i < 40; ++i) stamps.push_back(StampFromSeconds(7200.0 * i));
+  const ModeChain chain = ModeChain::Uniform(1, 1e-4);
+  ChainHistory history = ObservePath(
+      SimulateChain(chain, 1, stamps.front(), stamps.back(), random), 2, stamps, 0.05, random);
+  EXPECT_TRUE(LearnDailyRhythm(history, {}, {}).ok());
+  history.visits[38].log_likelihoods.resize(0);
+  EXPECT_EQ(LearnDailyRhythm(history, {}, {}).status().code(), StatusCode::kInvalidArgument);
+}
+
 TEST(DailyRhythmTest, RefusesTooFewVisits) {
   EXPECT_THAT(Message(LearnDailyRhythm({Signature("7"), 2, {}}, {}, {}).status()),
               HasSubstr("0 visits are too few"));

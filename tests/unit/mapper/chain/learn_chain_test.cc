@@ -181,6 +181,22 @@ TEST(LearnChainTest, TakesTheStructureThatGeneratedTheHistory) {
   }
 }
 
+// Modes are never deleted: an old landmark has many. 870 rates would take minutes, and 300 visits
+// do not tell them.
+TEST(LearnChainTest, ManyStatesAreFittedByOneRate) {
+  std::mt19937_64 random(TestSeed(44));
+  const std::vector<Stamp> stamps = Every(0.25 * kDay, 75.0 * kDay);
+  const ModeChain truth = ModeChain::Uniform(29, 0.5 / kDay);
+  const ChainPath path = SimulateChain(truth, 1, stamps.front(), stamps.back(), random);
+  const StatusOr<LearnedChain> learned =
+      LearnChain(ObservePath(path, 30, stamps, 1e-3, random), {});
+  ASSERT_TRUE(learned.ok());
+  EXPECT_TRUE(learned->chain().uniform());
+  EXPECT_EQ(learned->general_gain, 0.0);
+  EXPECT_LT(learned->leave.low_per_s, 0.5 / kDay);
+  EXPECT_GT(learned->leave.high_per_s, 0.5 / kDay);
+}
+
 TEST(LearnChainTest, GroupsHardlySeenGetTheRatesOfTheOthers) {
   std::mt19937_64 random(TestSeed(44));
   const Gamma truth{2.0, 2.0 * 10.0 * kDay};  // A jump in ten days, a factor of two either way.

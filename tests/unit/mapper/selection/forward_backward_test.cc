@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "mapper/selection/per_step.h"
 #include "mapper/selection/viterbi.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
@@ -57,7 +58,7 @@ TEST(SmoothModes, WithoutATransitionToSpeakOfEveryStepStandsAlone) {
   EXPECT_THAT(SmoothModes(problem).probabilities, IsNearMatrix(expected, 1e-12));
 }
 
-TEST(MarginalModes, HaveTheMostExpectedRightSteps) {
+TEST(SmoothModes, TheLargestPerStepHaveTheMostExpectedRightSteps) {
   std::mt19937_64 random(testing::TestSeed(24));
   for (int trial = 0; trial < 20; ++trial) {
     const ModeSequenceProblem problem = RandomSequence(random, 3, 5, 1.0);
@@ -69,7 +70,7 @@ TEST(MarginalModes, HaveTheMostExpectedRightSteps) {
       }
       return sum;
     };
-    const double best = expected_right(MarginalModes(problem));
+    const double best = expected_right(LargestPerStep(SmoothModes(problem).probabilities));
     ForEachSequence(3, 5, [&](const std::vector<int>& states) {
       EXPECT_LE(expected_right(states), best + 1e-12);
     });

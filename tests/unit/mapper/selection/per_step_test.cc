@@ -75,7 +75,7 @@ TEST(ExpectationPosteriors, AreTheChainsPriorTimesTheLikelihood) {
   expected << 0.45 / 0.475, 0.025 / 0.475, 0.076 / 0.148, 0.072 / 0.148;
   const ModeSequenceProblem problem = TwoStates(log_likelihood);
   EXPECT_THAT(ExpectationPosteriors(problem), IsNearMatrix(expected, 1e-12));
-  EXPECT_EQ(ExpectationModes(problem), (std::vector<int>{0, 0}));
+  EXPECT_EQ(LargestPerStep(ExpectationPosteriors(problem)), (std::vector<int>{0, 0}));
 }
 
 TEST(ExpectationPosteriors, DoNotKnowTheOtherObservations) {
@@ -90,12 +90,12 @@ TEST(ExpectationPosteriors, DoNotKnowTheOtherObservations) {
 }
 
 // With a uniform start and a symmetric chain (23) is the normalized likelihood.
-TEST(ExpectationModes, AreNearestNeighborsWhereTheChainSaysNothing) {
+TEST(ExpectationPosteriors, AreNearestNeighborsWhereTheChainSaysNothing) {
   std::mt19937_64 random(testing::TestSeed(32));
   for (int trial = 0; trial < 20; ++trial) {
     const ModeSequenceProblem problem =
         testing::StickySequence(random, {0, 0, 1, 1, 2, 2}, 3, 1e-4, 1.0);
-    EXPECT_EQ(ExpectationModes(problem), NearestNeighborModes(problem, 1));
+    EXPECT_EQ(LargestPerStep(ExpectationPosteriors(problem)), NearestNeighborModes(problem, 1));
   }
 }
 
