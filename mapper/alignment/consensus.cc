@@ -247,19 +247,24 @@ class Consensus {
     if (candidate.score > best_.score && TellsRotation(candidate)) best_ = std::move(candidate);
   }
 
-  // Whether the rotation is told without any one of those that agree, which may by accident.
+  // Whether the rotation is told, and roughly without any one of those that agree, which may by
+  // accident.
   bool TellsRotation(const Candidate& candidate) const {
+    constexpr double kWithoutOne = 3.0;
     const Similarity fit = Fit(candidate.support);
     const double weights = 1.0 / fit.variance;
-    double spread = fit.spread;
+    double without_one = fit.spread;
     for (const int support : candidate.support) {
       if (support == kNone) continue;
       const Correspondence& match = At(support);
       const double weight = 1.0 / match.variance;
       const double squared = (match.other - fit.centroid_other).squaredNorm();
-      spread = std::min(spread, fit.spread - squared * weight * weights / (weights - weight));
+      without_one =
+          std::min(without_one, fit.spread - squared * weight * weights / (weights - weight));
     }
-    return spread * options_.max_sd_rotation_rad * options_.max_sd_rotation_rad >= 1.0;
+    const double variance = options_.max_sd_rotation_rad * options_.max_sd_rotation_rad;
+    return fit.spread * variance >= 1.0 &&
+           without_one * kWithoutOne * kWithoutOne * variance >= 1.0;
   }
 
   Alignment Describe() const {

@@ -30,8 +30,8 @@ struct AlignmentOptions {
   /// Chi-square probability at which two positions agree.
   double gate_probability = 0.999;
 
-  /// What agrees must tell the rotation to this, any one of it left out: three signs on one post
-  /// tell none, and with another landmark that agrees by accident a wrong one. [rad]
+  /// What agrees must tell the rotation to this, and to three times of it with any one left out:
+  /// three signs on one post tell none, and with one that agrees by accident a wrong one. [rad]
   double max_sd_rotation_rad = 0.1;
 
   /// Pairs of correspondences tried at most. Of more than 5000, pairs are drawn (seeded), until a
