@@ -170,7 +170,7 @@ StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
     if (made[i]) {
       submaps.push_back(*std::move(made[i]));
     } else {
-      rejected->push_back({runs[i].name, "its sightings do not determine its landmarks"});
+      rejected->push_back({runs[i].name, kUndeterminedReason});
     }
   }
   return submaps;
@@ -188,8 +188,7 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
 
 Status RequireTiedRuns(const MapProblem& problem) {
   if (!problem.runs.empty()) return OkStatus();
-  return InvalidArgument(
-      "no run can be used; first: run '{}': {}", problem.loose.front()->name, kLooseReason);
+  return RequireRuns(false, problem.left_out);
 }
 
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
@@ -325,15 +324,34 @@ ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem
   return scale;
 }
 
+// The solved problem as *graph, and that about its solution, for as long as *graph stays where it
+// is. A log of values beyond all bounds costs its run, not the others' night.
+StatusOr<std::unique_ptr<GraphElimination>> Linearize(const MapperOptions& options,
+                                                      MapProblem* problem,
+                                                      Graph* graph) {
+  *graph = MakeGraph(options, problem);
+  std::unique_ptr<GraphElimination> elimination = LinearizeForMap(*graph);
+  if (!elimination && TakeOutUndeterminedRuns(options, problem) > 0) {
+    TakeOutLooseRuns(problem);
+    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+    SolveContinuous(options, problem);
+    if (problem->priors.empty()) AnchorFrame(problem);
+    *graph = MakeGraph(options, problem);
+    elimination = LinearizeForMap(*graph);
+  }
+  if (!elimination) return InvalidArgument("the runs do not determine where their landmarks are");
+  return elimination;
+}
+
 // What is told of a solved problem.
 Status Conclude(const std::vector<Signature>& signatures,
                 const std::optional<MapContent>& prior,
                 const MapperOptions& options,
                 MapProblem* problem,
                 MapperResult* result) {
-  const Graph graph = MakeGraph(options, problem);
-  const std::unique_ptr<GraphElimination> elimination = LinearizeForMap(graph);
-  if (!elimination) return InvalidArgument("the runs do not determine where their landmarks are");
+  Graph graph;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphElimination> elimination,
+                            Linearize(options, problem, &graph));
   const JointCovariance covariance = MapCovariance(graph, *elimination, ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
                             MakeMapContent(*problem, signatures, prior, covariance, options));
@@ -381,11 +399,11 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
 
   SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
-  for (const MappingRun* run : problem.loose) result.rejected.push_back({run->name, kLooseReason});
   if (!prior) AnchorFrame(&problem);
   watch.Report("covariance", 0.9, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   SHIFTMAP_RETURN_IF_ERROR(Conclude(signatures, prior, options, &problem, &result));
+  result.rejected.insert(result.rejected.end(), problem.left_out.begin(), problem.left_out.end());
   watch.Report("done", 1.0, problem);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "localizer/models/observation_model.h"
+#include "mapper/frontend/frame_motions.h"
 #include "mapstore/core/median.h"
 #include "mapstore/geometry/angle.h"
 
@@ -198,7 +199,7 @@ OdometryCalibration FitOdometry(const std::vector<SightingPair>& pairs,
     const double lag_s = kMinLag + kLagStep * static_cast<double>(i);
     const ScaleFit fit = FitScales(coarse, TwistsOf(coarse, path, lag_s), start, fallback);
     start = fit.log_scale;
-    cost[i] = fit.cost;
+    cost[i] = fit.cost + 0.5 * std::pow((lag_s - fallback.lag_s) / kLagSd, 2);
   }
   const auto best =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());

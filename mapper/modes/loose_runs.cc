@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapper/covariance/mode_covariance.h"
 #include "mapper/modes/mode_merging.h"
 
 namespace shiftmap {
@@ -81,6 +82,20 @@ std::vector<bool> MostTied(const MapProblem& problem) {
   return most;
 }
 
+// Leaves the others out for `reason`, and the modes that only they have.
+void KeepRuns(const std::vector<bool>& keep, const char* reason, MapProblem* problem) {
+  std::vector<BuildRun> kept;
+  for (std::size_t r = 0; r < keep.size(); ++r) {
+    if (keep[r]) {
+      kept.push_back(std::move(problem->runs[r]));
+    } else {
+      problem->left_out.push_back({problem->runs[r].data->name, reason});
+    }
+  }
+  problem->runs = std::move(kept);
+  DropUnusedModes(problem);
+}
+
 }  // namespace
 
 int TakeOutLooseRuns(MapProblem* problem) {
@@ -88,17 +103,20 @@ int TakeOutLooseRuns(MapProblem* problem) {
   const std::vector<bool> tied = MostTied(*problem);
   const auto loose = static_cast<int>(std::count(tied.begin(), tied.end(), false));
   if (loose == 0) return 0;
-  std::vector<BuildRun> runs;
-  for (std::size_t r = 0; r < tied.size(); ++r) {
-    if (tied[r]) {
-      runs.push_back(std::move(problem->runs[r]));
-    } else {
-      problem->loose.push_back(problem->runs[r].data);
-    }
-  }
-  problem->runs = std::move(runs);
-  DropUnusedModes(problem);
+  KeepRuns(tied, kLooseReason, problem);
   return loose;
+}
+
+int TakeOutUndeterminedRuns(const MapperOptions& options, MapProblem* problem) {
+  std::vector<bool> determined;
+  for (const BuildRun& run : problem->runs) {
+    MapProblem alone = *problem;
+    alone.runs = {run};
+    DropUnusedModes(&alone);
+    determined.push_back(LinearizeForMap(MakeGraph(options, &alone)) != nullptr);
+  }
+  KeepRuns(determined, kUndeterminedReason, problem);
+  return static_cast<int>(std::count(determined.begin(), determined.end(), false));
 }
 
 }  // namespace shiftmap

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
 
 namespace shiftmap {
@@ -15,7 +16,15 @@ inline constexpr char kLooseReason[] = "too few landmarks stand where the map ha
 /// where the map has them, and a graph with them is not determined. A run is tied by kMinTyingModes
 /// that the prior map or runs tied before have; without a prior map the most runs that are tied to
 /// each other stay. Modes that no other run has go with them. What is taken out is added to
-/// MapProblem::loose. Returns how many runs that are.
+/// MapProblem::left_out. Returns how many runs that are.
 int TakeOutLooseRuns(MapProblem* problem);
+
+/// Why a run that would not be a map by itself is rejected.
+inline constexpr char kUndeterminedReason[] = "its sightings do not determine its landmarks";
+
+/// Takes out runs that by themselves do not determine where their landmarks are (LinearizeForMap),
+/// as where the values of a log are beyond what a computer can solve for: for a problem of which
+/// that is true as a whole. Otherwise as TakeOutLooseRuns().
+int TakeOutUndeterminedRuns(const MapperOptions& options, MapProblem* problem);
 
 }  // namespace shiftmap

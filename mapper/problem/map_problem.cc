@@ -9,10 +9,6 @@
 namespace shiftmap {
 namespace {
 
-// Prior knowledge of a run's odometry relative to where it is linearized. The lag's is wide: logs
-// differ in what they call now.
-constexpr double kLagSd = 0.2;  // [s]
-
 // What sensors read too much, before their runs tell. [m], [rad]
 constexpr double kBearingOffsetSd = 0.05;  // [rad]
 constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]

@@ -13,6 +13,7 @@
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
+#include "mapper/problem/rejected_run.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/map_snapshot.h"
@@ -66,7 +67,7 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 struct MapProblem {
   std::vector<BuildRun> runs;                 ///< By begin.
   std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
-  std::vector<const MappingRun*> loose;       ///< Runs that came loose (loose_runs.h).
+  std::vector<RejectedRun> left_out;          ///< Runs taken out again, and why (loose_runs.h).
   SensorCalibration sensor;
 
   /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.

@@ -194,7 +194,7 @@ void PlaceMost(const MapperOptions& options,
     PlaceWaiting(options, std::nullopt, waiting, &part, rejected, go_on);
     if (part.runs.size() > problem->runs.size()) std::swap(part, *problem);
     for (const BuildRun& run : part.runs) rejected->push_back(NotAligned(*run.data));
-    for (const MappingRun* run : part.loose) rejected->push_back(NotAligned(*run));
+    rejected->insert(rejected->end(), part.left_out.begin(), part.left_out.end());
     if (go_on && !go_on(*problem)) return;
   } while (waiting->Remaining().size() > problem->runs.size());
 }

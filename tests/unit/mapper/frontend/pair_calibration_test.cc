@@ -76,6 +76,25 @@ TEST(CalibrateFromPairs, ReadingsThatRepeatAreNotTakenForExact) {
               0.4 * options.sensor.sd_bearing_rad);
 }
 
+// A vehicle that stands says nothing of its odometry: what is known of the fleet stays.
+TEST(CalibrateFromPairs, WhatMotionDoesNotTellIsTheFallback) {
+  OpenWorldOptions options = testing::SmallWorld(2);
+  options.runs = 1;
+  const SimulatedWorld world = testing::Simulate(options);
+  shiftmap::Run run = world.runs[0].run;
+  for (OdometrySample& sample : run.odometry) sample.v_mps = sample.omega_radps = 0.0;
+  for (Scan& scan : run.scans) scan.observations = run.scans.front().observations;
+  ASSERT_FALSE(run.scans.front().observations.empty());
+  Calibration fallback;
+  fallback.odometry.lag_s = 0.1;
+  fallback.odometry.scale_v = 1.1;
+  const OdometryCalibration found =
+      CalibrateFromPairs(testing::Arrange(world, run), fallback).odometry;
+  EXPECT_NEAR(found.lag_s, 0.1, 1e-9);
+  EXPECT_NEAR(found.scale_v, 1.1, 1e-9);
+  EXPECT_NEAR(found.scale_omega, 1.0, 1e-9);
+}
+
 TEST(CalibrateFromPairs, TooFewPairsLeaveTheFallback) {
   OpenWorldOptions options = testing::SmallWorld(1);
   options.runs = 1;

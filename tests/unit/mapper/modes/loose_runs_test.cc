@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/modes/loose_runs.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "mapper/covariance/mode_covariance.h"
+#include "mapper/submaps/place_submaps.h"
+#include "mapper/submaps/single_run.h"
+#include "mapper/submaps/submap.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -53,9 +60,10 @@ TEST_F(LooseRuns, AreThoseOfFewerThanTwoModesOfOthers) {
   Add("apart", {5, 6});
   EXPECT_EQ(TakeOutLooseRuns(&problem_), 2);
   EXPECT_EQ(Left(), (Names{"a", "b", "by-two-runs"}));
-  ASSERT_EQ(problem_.loose.size(), 2u);
-  EXPECT_EQ(problem_.loose[0]->name, "by-one");
-  EXPECT_EQ(problem_.loose[1]->name, "apart");
+  ASSERT_EQ(problem_.left_out.size(), 2u);
+  EXPECT_EQ(problem_.left_out[0].name, "by-one");
+  EXPECT_EQ(problem_.left_out[1].name, "apart");
+  EXPECT_EQ(problem_.left_out[1].reason, kLooseReason);
   for (const std::size_t group : {5u, 6u, 7u, 8u}) EXPECT_TRUE(problem_.modes[group].empty());
   for (const std::size_t group : {0u, 1u, 2u, 3u, 9u}) {
     EXPECT_EQ(problem_.modes[group].size(), 1u);
@@ -98,6 +106,37 @@ TEST_F(LooseRuns, WithAPriorMapItIsThatWhichTies) {
   Add("e", {7, 8});
   EXPECT_EQ(TakeOutLooseRuns(&problem_), 1);
   EXPECT_TRUE(problem_.runs.empty());
+}
+
+TEST(UndeterminedRuns, AreThoseWhoseValuesAreBeyondAllBounds) {
+  const MapperOptions options;
+  OpenWorldOptions small = testing::SmallWorld(3);
+  small.runs = 3;
+  const SimulatedWorld world = testing::Simulate(small);
+  std::deque<MappingRun> runs;
+  std::vector<Submap> submaps;
+  for (const SimulatedRun& run : world.runs) {
+    runs.push_back(testing::Arrange(world, run.run));
+    runs.back().name = fmt::format("run-{}", runs.size());
+    submaps.push_back(
+        MakeSubmap(options, MapSingleRun(runs.back(), world.groups.size(), options)).value());
+  }
+  MapProblem problem = StartProblem(world.groups.size(), options.calibration.sensor);
+  std::vector<RejectedRun> rejected;
+  PlaceSubmaps(options, std::nullopt, std::move(submaps), &problem, &rejected);
+  ASSERT_EQ(problem.runs.size(), 3u);
+
+  EXPECT_EQ(TakeOutUndeterminedRuns(options, &problem), 0);
+  EXPECT_EQ(problem.runs.size(), 3u);
+  const std::string odd = problem.runs[1].data->name;
+  for (Se2& pose : problem.runs[1].poses) pose = Se2(1e300, -1e300, 0.5) * pose;
+  ASSERT_EQ(LinearizeForMap(MakeGraph(options, &problem)), nullptr);
+  EXPECT_EQ(TakeOutUndeterminedRuns(options, &problem), 1);
+  EXPECT_EQ(problem.runs.size(), 2u);
+  ASSERT_EQ(problem.left_out.size(), 1u);
+  EXPECT_EQ(problem.left_out[0].name, odd);
+  EXPECT_EQ(problem.left_out[0].reason, kUndeterminedReason);
+  EXPECT_NE(LinearizeForMap(MakeGraph(options, &problem)), nullptr);
 }
 
 }  // namespace
