@@ -86,7 +86,7 @@ class MapStore {
   /// Adds a version and, if asked, publishes it; creates the area if it is new.
   /// Errors also: kInvalidArgument if ValidateMapContent fails, or the content's stamp is before
   /// its parent's; kAborted if `options.publish` and the published version is not `options.parent`
-  /// (nothing is written then). A version without a parent may replace any published one.
+  /// (nothing is written then). CommitOptions::replace: of a version without a parent.
   StatusOr<CommitResult> Commit(const std::string& area,
                                 const MapContent& content,
                                 const Provenance& provenance,

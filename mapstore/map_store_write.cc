@@ -103,13 +103,14 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
           ToSecondsSinceEpoch(content.stamp),
           ToSecondsSinceEpoch(parent.stamp));
     }
-    if (options.publish && area_row.published != options.parent) {
-      return MakeStatus(StatusCode::kAborted,
-                        "{}: {} is published, expected {}",
-                        state_->AreaName(area),
-                        DescribeVersion(area_row.published),
-                        DescribeVersion(options.parent));
-    }
+  }
+  const bool compare = options.parent || !options.replace;
+  if (options.publish && compare && area_row.published != options.parent) {
+    return MakeStatus(StatusCode::kAborted,
+                      "{}: {} is published, expected {}",
+                      state_->AreaName(area),
+                      DescribeVersion(area_row.published),
+                      DescribeVersion(options.parent));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(version.ledger_position, ReadLedgerPosition(database));
   if (options.ledger_position) {

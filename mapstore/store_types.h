@@ -44,6 +44,9 @@ struct CommitOptions {
   /// MapSnapshot::ledger_position of the prior: the reports that the content's probabilities
   /// account for up to its stamp. Nothing: all that the store holds when it commits.
   std::optional<LedgerPosition> ledger_position = std::nullopt;
+
+  /// Whether a version without a parent is published whatever is; otherwise only if none is.
+  bool replace = true;
 };
 
 struct CommitResult {

@@ -252,6 +252,7 @@ MapperMonitor MakeMonitor(Progress* progress) {
 
 // What cannot be written is better known before the work than after it.
 Status CheckOutputs(const BuildOptions& options) {
+  if (options.area.empty()) return InvalidArgument("--area '': expected a name");
   if (options.trajectories) SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
   return MapStore::CheckWritable(options.store);
 }
@@ -286,6 +287,7 @@ Status Build(const BuildOptions& options, Context& context) {
     CommitOptions commit_options;
     commit_options.parent = prior.version;
     commit_options.publish = !options.no_publish;
+    commit_options.replace = options.prior == "none";
     commit_options.ledger_position = prior.ledger_position;
     SHIFTMAP_ASSIGN_OR_RETURN(
         commit,

@@ -2,6 +2,7 @@
 #include "mapstore/cli/application.h"
 
 #include <algorithm>
+#include <csignal>
 #include <iostream>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -237,6 +238,8 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
 }
 
 int Application::Main(int argc, const char* const* argv) {
+  // A file that may not grow is a full disk, not a reason to die in the middle of a write.
+  std::signal(SIGXFSZ, SIG_IGN);
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   return static_cast<int>(Run(arguments, &std::cout, &std::cerr));
 }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/cli/command.h"
 
+#include <fmt/format.h>
+
+#include <cmath>
 #include <utility>
 
 #include "mapstore/cli/internal/command_state.h"
@@ -21,6 +24,18 @@ CLI::Option* AddOption(CLI::App* parser,
   return parser->add_option(name, *value, help);
 }
 
+// What is no number is left to the parser's own message.
+std::string RefuseNonFinite(const std::string& text) {
+  double value = 0.0;
+  if (!CLI::detail::lexical_cast(text, value) || std::isfinite(value)) return "";
+  return fmt::format("Value {} is not finite", text);
+}
+
+// The parser would take -1 for the largest number there is.
+std::string RefuseNegative(const std::string& text) {
+  return text.starts_with('-') ? fmt::format("Value {} is negative", text) : "";
+}
+
 }  // namespace
 
 Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -33,7 +48,7 @@ Command& Command::Option(const std::string& name, std::string* value, const std:
 }
 
 Command& Command::Option(const std::string& name, double* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNonFinite);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
@@ -51,7 +66,7 @@ Command& Command::Option(const std::string& name, std::int64_t* value, const std
 }
 
 Command& Command::Option(const std::string& name, std::uint64_t* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNegative);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
@@ -66,7 +81,7 @@ Command& Command::Option(const std::string& name,
 Command& Command::Option(const std::string& name,
                          std::optional<double>* value,
                          const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNonFinite);
   return *this;
 }
 

@@ -2,11 +2,13 @@
 #include "mapstore/core/folder.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 namespace shiftmap {
 namespace {
@@ -44,6 +46,29 @@ Status MakeFolder(const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(path, error);
   return error ? CannotBeMade(path, error) : CheckAccess(path, path);
+}
+
+StatusOr<FolderLock> FolderLock::Take(const std::string& path) {
+  FolderLock lock(open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  int failed = lock.fd_ < 0 ? -1 : 0;
+  if (failed == 0) {
+    do {
+      failed = flock(lock.fd_, LOCK_EX);
+    } while (failed != 0 && errno == EINTR);
+  }
+  if (failed == 0) return lock;
+  const std::error_code error(errno, std::generic_category());
+  return MakeStatus(error == std::errc::no_such_file_or_directory ? StatusCode::kNotFound
+                                                                  : StatusCode::kUnavailable,
+                    "folder '{}': cannot be locked: {}",
+                    path,
+                    error.message());
+}
+
+FolderLock::FolderLock(FolderLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+FolderLock::~FolderLock() {
+  if (fd_ >= 0) close(fd_);
 }
 
 }  // namespace shiftmap

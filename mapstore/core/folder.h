@@ -18,4 +18,21 @@ Status MakeFolder(const std::string& path);
 /// what works long before it writes. Makes nothing. Errors as MakeFolder().
 Status CheckFolder(const std::string& path);
 
+/// Holds a folder against other FolderLocks of it, in this process and in others, while it lives.
+class FolderLock {
+ public:
+  /// Waits for whoever holds it. Errors: kNotFound if there is no such folder; kUnavailable if it
+  /// cannot be read or locked.
+  static StatusOr<FolderLock> Take(const std::string& path);
+
+  FolderLock(FolderLock&& other) noexcept;
+  FolderLock& operator=(FolderLock&& other) = delete;
+  ~FolderLock();
+
+ private:
+  explicit FolderLock(int fd) : fd_(fd) {}
+
+  int fd_;  // -1: moved from.
+};
+
 }  // namespace shiftmap

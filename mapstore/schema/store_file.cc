@@ -2,8 +2,12 @@
 #include "mapstore/schema/store_file.h"
 
 #include <cstdint>
+#include <filesystem>
 
+#include "mapstore/core/folder.h"
 #include "mapstore/schema/schema.h"
+#include "mapstore/sqlite/place_database.h"
+#include "mapstore/sqlite/temporary_file.h"
 #include "mapstore/sqlite/transaction.h"
 
 namespace shiftmap {
@@ -27,11 +31,36 @@ Status MakeSchema(Database& database) {
   return transaction.Commit();
 }
 
+// Makes a store under another name and renames it to `path`: what a full disk or a power cut leaves
+// is never a file that is no store.
+Status MakeStoreFile(const std::string& path, const Database::Options& options) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  SHIFTMAP_ASSIGN_OR_RETURN(const FolderLock lock,
+                            FolderLock::Take(folder.empty() ? "." : folder.string()));
+  std::error_code error;
+  if (std::filesystem::exists(path, error)) return OkStatus();  // Another process was faster.
+  const TemporaryFile temporary(path);
+  {
+    SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(temporary.path(), options));
+    SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));
+  }
+  return PlaceDatabase(temporary.path(), path);
+}
+
 }  // namespace
 
 StatusOr<Database> OpenStoreFile(const std::string& path, const Database::Options& options) {
+  const bool creates = options.mode == Database::Mode::kReadWriteCreate;
+  std::error_code error;
+  const auto type = std::filesystem::symlink_status(path, error).type();
+  if (creates && type == std::filesystem::file_type::not_found) {
+    SHIFTMAP_RETURN_IF_ERROR(Database::CheckWritable(path));
+    if (const Status made = MakeStoreFile(path, options); !made.ok()) {
+      return MakeStatus(made.code(), "map store '{}': cannot be made: {}", path, Message(made));
+    }
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(path, options));
-  if (options.mode == Database::Mode::kReadWriteCreate) {
+  if (creates) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool empty, IsEmpty(database));
     if (empty) SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));
   }

@@ -27,7 +27,8 @@ namespace {
 std::string NameOf(const std::string& path) { return fmt::format("map store '{}'", path); }
 
 std::string UriOf(const std::string& path, const char* parameters) {
-  std::string uri = "file:";
+  // With a folder, ":memory:" is a file like others.
+  std::string uri = path.starts_with('/') ? "file:" : "file:./";
   for (const char c : path) {
     const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
                        c == '/' || c == '.' || c == '_' || c == '-' || c == '~';
@@ -43,6 +44,7 @@ std::string UriOf(const std::string& path, const char* parameters) {
 // The file as SQLite may not say it: SQLite reports a missing file, a missing folder and a folder
 // all as "unable to open".
 Status CheckFile(const std::string& path, Database::Mode mode) {
+  if (path.empty()) return InvalidArgument("{}: expected the path of a file", NameOf(path));
   struct stat info {};
   if (stat(path.c_str(), &info) == 0) {
     if (S_ISREG(info.st_mode)) return OkStatus();

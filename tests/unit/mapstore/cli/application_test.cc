@@ -42,6 +42,8 @@ struct Program {
         .Required()
         .Option("--max-range-m", &max_range_m, "A number")
         .InRange(0.0, 100.0)
+        .Option("--max-height-m", &max_height_m, "An optional number")
+        .Option("--seed", &seed, "A number from 0 on")
         .Option("--count", &count, "An optional integer")
         .Option("--tag", &tags, "A list")
         .Option("--kind", &kind, "A choice")
@@ -72,6 +74,8 @@ struct Program {
   bool dry_run = false;
   std::string file;
   double max_range_m = 10.0;
+  std::optional<double> max_height_m;
+  std::uint64_t seed = 0;
   std::optional<std::int64_t> count;
   std::vector<std::string> tags;
   std::string kind = "small";
@@ -144,6 +148,9 @@ TEST(Application, UsageErrorsAreOneLineWithAHint) {
       {{"measure", "a", "--nonsense"}, "--nonsense"},
       {{"measure", "a", "--max-range-m", "far"}, "--max-range-m"},
       {{"measure", "a", "--max-range-m", "101"}, "--max-range-m"},
+      {{"measure", "a", "--max-range-m", "nan"}, "--max-range-m: Value nan is not finite"},
+      {{"measure", "a", "--max-height-m", "inf"}, "--max-height-m: Value inf is not finite"},
+      {{"measure", "a", "--seed", "-1"}, "--seed: Value -1 is negative"},
       {{"measure", "a", "--kind", "huge"}, "--kind"},
       {{"measure", "a", "--kind", "large", "--deep"}, "--deep is for --kind small"},
       {{"measure", "a", "--log-level", "loud"}, "--log-level"},

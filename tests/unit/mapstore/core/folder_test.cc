@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
 #include <filesystem>
+#include <thread>
+#include <vector>
 
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -45,6 +49,33 @@ TEST(MakeFolderTest, AFolderThatCannotBeWrittenToMayBecomeWritable) {
     EXPECT_THAT(CheckFolder(dir.path()), StatusIs(StatusCode::kUnavailable, "cannot be written"));
   }
   std::filesystem::permissions(dir.path(), std::filesystem::perms::owner_all);
+}
+
+TEST(FolderLock, KeepsOthersWaiting) {
+  const TempDir folder;
+  std::atomic<int> inside = 0;
+  std::atomic<int> most = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 50; ++k) {
+        const StatusOr<FolderLock> lock = FolderLock::Take(folder.path());
+        ASSERT_TRUE(lock.ok()) << Message(lock.status());
+        most = std::max(most.load(), ++inside);
+        std::this_thread::yield();
+        --inside;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(most, 1);
+}
+
+TEST(FolderLock, NeedsAFolder) {
+  const TempDir folder;
+  EXPECT_THAT(FolderLock::Take(folder.File("no")), StatusIs(StatusCode::kNotFound, "folder '"));
+  WriteFile(folder.File("file"), "");
+  EXPECT_THAT(FolderLock::Take(folder.File("file")), StatusIs(StatusCode::kUnavailable, "locked"));
 }
 
 }  // namespace

@@ -134,6 +134,20 @@ TEST_F(MapStoreTest, CommitOnAMovedParentAbortsAndWritesNothing) {
   EXPECT_EQ(*store_.PublishedVersion("level 1"), replacing.version);
 }
 
+// Two first builds at the same time: neither knew of the other.
+TEST_F(MapStoreTest, AFirstVersionMayBeToldNotToReplace) {
+  const MapContent content = TwoStateContent(1e-5, 0.5, At(0.0));
+  CommitOptions first;
+  first.replace = false;
+  const CommitResult published = MustCommit(content, first);
+  EXPECT_THAT(store_.Commit("level 1", content, {}, first),
+              StatusIs(StatusCode::kAborted, "version 1 is published, expected no version"));
+  EXPECT_EQ(*store_.PublishedVersion("level 1"), published.version);
+  EXPECT_THAT(*store_.Versions("level 1"), SizeIs(1));
+  first.publish = false;
+  MustCommit(content, first);
+}
+
 TEST_F(MapStoreTest, UnknownParentIsNotFound) {
   EXPECT_THAT(store_.Commit("level 1", MapContent{}, {}, {VersionNumber(4), true}),
               StatusIs(StatusCode::kNotFound, "no version 4"));

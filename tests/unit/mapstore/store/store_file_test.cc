@@ -4,10 +4,13 @@
 #include "mapstore/schema/store_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <csignal>
 #include <filesystem>
 #include <thread>
+#include <vector>
 
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/transaction.h"
@@ -52,6 +55,53 @@ TEST_F(StoreFileTest, MissingFileIsNotFoundUnlessCreated) {
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly), IsOk());
   EXPECT_THAT(MapStore::Open(dir_.File("no/a.db"), Access::kReadWriteCreate),
               StatusIs(StatusCode::kNotFound, "folder"));
+}
+
+// To SQLite these are databases of no file, gone once they are closed.
+TEST_F(StoreFileTest, AStoreIsAlwaysAFile) {
+  EXPECT_THAT(MapStore::Open("", Access::kReadWriteCreate),
+              StatusIs(StatusCode::kInvalidArgument, "expected the path of a file"));
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(dir_.path());
+  EXPECT_THAT(MapStore::Open(":memory:", Access::kReadWriteCreate), IsOk());
+  EXPECT_THAT(MapStore::Open(":memory:", Access::kReadOnly), IsOk());
+  std::filesystem::current_path(before);
+  EXPECT_TRUE(std::filesystem::exists(dir_.File(":memory:")));
+}
+
+// A disk that is full, at any size of the file.
+TEST_F(StoreFileTest, AStoreIsMadeAsAWholeOrNotAtAll) {
+  const auto former = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit full{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &full), 0);
+  int failed = 0;
+  for (rlim_t size = 0; !std::filesystem::exists(path_); size += 30'000) {
+    ASSERT_LT(size, 1'000'000u);
+    const rlimit limit{size, full.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    const Status made = MapStore::Open(path_, Access::kReadWriteCreate).status();
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &full), 0);
+    if (made.ok()) break;
+    ++failed;
+    EXPECT_THAT(made,
+                StatusIs(StatusCode::kUnavailable, "map store '" + path_ + "': cannot be made: "));
+    EXPECT_TRUE(std::filesystem::is_empty(dir_.path())) << size;
+  }
+  std::signal(SIGXFSZ, former);
+  EXPECT_GT(failed, 2);
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly), IsOk());
+}
+
+TEST_F(StoreFileTest, ManyMayMakeItAtOnce) {
+  std::vector<Status> made(8);
+  std::vector<std::thread> threads;
+  for (Status& status : made) {
+    threads.emplace_back(
+        [&] { status = MapStore::Open(path_, Access::kReadWriteCreate).status(); });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const Status& status : made) EXPECT_THAT(status, IsOk());
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly), IsOk());
 }
 
 // What a power cut in the middle of a write leaves: the file half changed, and its journal.
