@@ -8,7 +8,9 @@
 namespace shiftmap {
 namespace {
 
-enum class Range { kPositive, kNotNegative, kProbability, kOneOrMore };
+constexpr double kMaxDurationS = 1e9;  // Decades; stamps hold 292 years.
+
+enum class Range { kPositive, kNotNegative, kProbability, kOneOrMore, kDuration };
 
 struct Member {
   const char* name = nullptr;
@@ -27,6 +29,8 @@ bool IsIn(Range range, double value) {
       return value > 0.0 && value < 1.0;
     case Range::kOneOrMore:
       return value >= 1.0;
+    case Range::kDuration:
+      return value > 0.0 && value <= kMaxDurationS;
   }
   return false;
 }
@@ -41,6 +45,8 @@ const char* ToString(Range range) {
       return "between 0 and 1";
     case Range::kOneOrMore:
       return "1 or more";
+    case Range::kDuration:
+      return "> 0 s and at most 1e9 s";
   }
   return "";
 }
@@ -49,7 +55,7 @@ const char* ToString(Range range) {
 
 Status MapperOptions::Validate() const {
   const Member members[] = {
-      {"visit_gap_s", front_end.visit_gap_s, Range::kPositive},
+      {"visit_gap_s", front_end.visit_gap_s, Range::kDuration},
       {"duplicate_distance_m", front_end.duplicate_distance_m, Range::kNotNegative},
       {"min_range_m", front_end.min_range_m, Range::kNotNegative},
       {"alignment position_floor_m", alignment.position_floor_m, Range::kPositive},

@@ -169,9 +169,9 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   constexpr int kMaxRounds = 20;
   constexpr double kSettled = 1e-2;
   const std::size_t step = options.share_prior ? steps.size() / kPriorGroups + 1 : 1;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  for (int round = 0;; ++round) {
     FitEvery(step, steps, result.prior, options, &choices);
-    if (!options.share_prior) break;
+    if (!options.share_prior || round == kMaxRounds) break;
     const Gamma next = SharedPrior(choices, options);
     const double change = std::max(std::abs(std::log(next.shape / result.prior.shape)),
                                    std::abs(std::log(next.mean() / result.prior.mean())));

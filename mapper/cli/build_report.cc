@@ -36,6 +36,7 @@ Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
                 {"learned", group.learned}};
   if (group.learned) {
     chain["interval_per_s"] = {group.chain.leave.low_per_s, group.chain.leave.high_per_s};
+    chain["converged"] = group.chain.fit.converged;
   }
   return chain;
 }

@@ -172,7 +172,4 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      int samples,
                                                      std::uint64_t seed);
 
-/// Squared standardized residual of one observation at the graph's present values.
-double SquaredResidual(const Graph& graph, const GraphObservation& observation);
-
 }  // namespace shiftmap

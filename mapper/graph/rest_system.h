@@ -45,7 +45,7 @@ class RestSystem {
   /// H⁻¹ b without Factorize(), to a millionth, with a border of very many blocks to a hundredth:
   /// by conjugate gradients on the factor of an earlier, similar H if there is one of the same
   /// shape, with a factor of its own where these are slow. Nothing if the system is not positive
-  /// definite.
+  /// definite. Precondition: no Factorize() since the blocks were added, it may take them.
   std::optional<Eigen::VectorXd> SolveSimilar();
 
   /// True if there is no factor but one, of an earlier, similar H, without the border: DrawTail()

@@ -303,15 +303,4 @@ GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph) {
           summary.termination_type == ceres::CONVERGENCE};
 }
 
-double SquaredResidual(const Graph& graph, const GraphObservation& observation) {
-  const GraphRun& run = graph.runs[static_cast<std::size_t>(observation.run)];
-  const Innovation innovation =
-      LinearizeBiased(observation.observation,
-                      run.poses[static_cast<std::size_t>(observation.frame)],
-                      graph.modes[static_cast<std::size_t>(observation.mode)],
-                      run.sensor_bias,
-                      observation.mean_squared_bearing);
-  return SquaredMahalanobis(innovation.nu, observation.cov_z);
-}
-
 }  // namespace shiftmap

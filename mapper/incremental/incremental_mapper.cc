@@ -311,6 +311,10 @@ StatusOr<IncrementalStep> IncrementalMapper::AddFrame(const IncrementalFrame& fr
   int created = 0;
   std::vector<int> groups;
   for (const GroupObservation& seen : frame.observations) {
+    SHIFTMAP_CHECK(seen.group >= 0 && seen.group < std::ssize(groups_),
+                   "group {} of {}",
+                   seen.group,
+                   groups_.size());
     const Eigen::Matrix2d cov_z = ObservationNoise(seen.observation, options_.sensor);
     const int mode = Associate(seen, cov_z);
     GraphObservation factor;

@@ -1,12 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/incremental/incremental_options.h"
 
+#include <cmath>
+
 namespace shiftmap {
+namespace {
+
+constexpr double kMaxWindowS = 1e9;  // Decades; stamps hold 292 years.
+
+}  // namespace
 
 Status IncrementalOptions::Validate() const {
   const auto within = [](double value) { return value > 0.0 && value < 1.0; };
   SHIFTMAP_RETURN_IF_ERROR(selector.Validate());
-  if (!(window_s > 0.0)) return InvalidArgument("window_s: {}, expected > 0", window_s);
+  if (!(window_s > 0.0) || (window_s > kMaxWindowS && std::isfinite(window_s))) {
+    return InvalidArgument("window_s: {}, expected > 0 and at most 1e9, or infinite", window_s);
+  }
   if (!within(gate_probability)) {
     return InvalidArgument("gate_probability: {}, expected in (0, 1)", gate_probability);
   }

@@ -13,7 +13,8 @@ namespace shiftmap {
 struct IncrementalOptions {
   SelectorOptions selector;
 
-  /// Poses and choices older than this are no longer changed. Raising it makes steps costlier. [s]
+  /// Poses and choices older than this are no longer changed. Raising it makes steps costlier. At
+  /// most 1e9, or infinite. [s]
   double window_s = std::numeric_limits<double>::infinity();
 
   /// An observation belongs to a mode if its innovation is within this quantile. Lowering it makes

@@ -215,6 +215,7 @@ TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
     EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, name));
   };
   expect_named("visit_gap_s", [](auto* o) { o->front_end.visit_gap_s = 0.0; });
+  expect_named("visit_gap_s", [](auto* o) { o->front_end.visit_gap_s = 1e10; });
   expect_named("min_signatures", [](auto* o) { o->alignment.min_signatures = 1; });
   expect_named("min_sightings", [](auto* o) { o->modes.min_sightings = 0; });
   expect_named("position_floor_m", [](auto* o) { o->modes.position_floor_m = 0.0; });

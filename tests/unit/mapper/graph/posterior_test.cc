@@ -299,6 +299,15 @@ TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
   EXPECT_NEAR(ratio(ResidualStatistics::kRange), 1.0, 0.3);
 }
 
+// Squared standardized residual of one observation at the graph's present values.
+double SquaredResidual(const Graph& graph, const GraphObservation& observation) {
+  const GraphRun& run = graph.runs[static_cast<std::size_t>(observation.run)];
+  const Innovation innovation = Linearize(observation.observation,
+                                          run.poses[static_cast<std::size_t>(observation.frame)],
+                                          graph.modes[static_cast<std::size_t>(observation.mode)]);
+  return SquaredMahalanobis(innovation.nu, observation.cov_z);
+}
+
 TEST_F(Posterior, AMisreadSignatureDoesNotBendTheSolution) {
   Graph graph = RandomGraph({.poses = 30, .modes = 4}, random_);
   graph.loss_scale = Graph().loss_scale;
