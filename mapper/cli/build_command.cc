@@ -23,6 +23,7 @@
 #include "mapper/mapper.h"
 #include "mapper/memory_estimate.h"
 #include "mapper/selection/selector.h"
+#include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
@@ -135,7 +136,8 @@ std::int64_t MaxMemory(const BuildOptions& options) {
   return std::int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE);
 }
 
-// Reads the logs, and no further once they are too much for the bound.
+// Reads the logs, and no further once they are too much for the bound. One that is damaged is left
+// out by name: the others must not wait for it.
 StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
                               const PriorMap& prior,
                               const Context& context) {
@@ -144,13 +146,21 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
   if (prior.content) size.prior_modes = prior.content->covariance.size();
   std::set<std::string> seen = prior.run_hashes;
   std::map<std::string, std::string> paths;  // Of the runs, by name.
+  Status damaged;                            // What is wrong with the first such log.
   for (const std::string& path : options.logs) {
     SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
-    SHIFTMAP_ASSIGN_OR_RETURN(RunLog log, ReadRunLog(path));
+    const std::string name = std::filesystem::path(path).stem().string();
+    StatusOr<RunLog> read = ReadRunLog(path);
+    if (!read.ok()) {
+      if (ExitCodeFor(read.status()) != ExitCode::kBadInput) return read.status();
+      runs.rejected.push_back({name, Message(read.status())});
+      if (damaged.ok()) damaged = read.status();
+      continue;
+    }
+    RunLog& log = *read;
     if (!log.truncation.empty()) {
       context.Warn(fmt::format("run log '{}': {}", path, log.truncation));
     }
-    const std::string name = std::filesystem::path(path).stem().string();
     if (!seen.insert(log.sha256).second) {
       runs.rejected.push_back({name, "already in the map"});
       continue;
@@ -165,6 +175,7 @@ StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
     runs.inputs.push_back({name, log.sha256, std::move(log.run)});
   }
   if (runs.inputs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(damaged);
     return MakeStatus(
         StatusCode::kAlreadyExists, "area '{}': every run is already in the map", options.area);
   }

@@ -18,7 +18,8 @@ struct FrameMotions {
   std::vector<IntegratedMotion> between_frames;  ///< One fewer than frames.
 };
 
-/// Standard deviation of a run's lag about that of the fleet: logs differ in what they call now. [s]
+/// Standard deviation of a run's lag about that of the fleet: logs differ in what they call now.
+/// [s]
 inline constexpr double kLagSd = 0.2;
 
 /// Motions are linear in the calibration as far as this from where they were integrated. [-], [s]

@@ -228,6 +228,26 @@ TEST_F(BadInputTest, CutOffRunLogIsUsed) {
   EXPECT_EQ(RunCommand("shiftmap-localizer", quiet).err, "");
 }
 
+// Not a whole night for one log.
+TEST_F(BadInputTest, ADamagedLogAmongOthersIsLeftOutByName) {
+  WriteFile(bad_, "");
+  const CommandResult built =
+      RunCommand("shiftmap-mapper",
+                 {"build", "--store", store_, "--area", "floor", bad_, world_->Log(1), "--json"});
+  EXPECT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_EQ(CountLines(built.err), 1) << built.err;
+  const Json document = Json::parse(built.out);
+  EXPECT_EQ(document["runs"].size(), 1u);
+  ASSERT_EQ(document["rejected"].size(), 1u);
+  const std::string reason = document["rejected"][0]["reason"];
+  EXPECT_NE(reason.find("run log '" + bad_ + "': not an mcap file"), std::string::npos) << reason;
+
+  ExpectError("shiftmap-mapper",
+              {"build", "--store", store_, "--area", "floor", bad_, world_->Log(1)},
+              kBadInput,
+              "run log '" + bad_ + "'");
+}
+
 TEST_F(BadInputTest, MissingStore) { ExpectBadStore(kNotFound, "does not exist"); }
 
 TEST_F(BadInputTest, TextAsStore) {
