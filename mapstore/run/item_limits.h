@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "mapstore/map/calibration.h"
+#include "mapstore/run/run.h"
+
+namespace shiftmap {
+
+/// What a vehicle and its sensor can physically do. A value beyond it is an error of the device, as
+/// where a driver writes its largest number for "no reading"; it carries no information and is
+/// dropped. ValidateEvent() is wider: it rejects what no log may hold.
+struct ItemLimits {
+  /// Of a landmark from the vehicle, > 0. [m]
+  double max_range_m = 1000.0;
+
+  /// Of the vehicle, forwards or backwards, > 0. [m/s]
+  double max_speed_mps = 100.0;
+
+  /// Of the vehicle, > 0. [rad/s]
+  double max_yaw_rate_radps = 50.0;
+
+  /// The defaults, with a longer range where the sensor sees as far: ten times its field of view.
+  static ItemLimits For(const SensorCalibration& sensor);
+};
+
+/// Items that were dropped because they are beyond the limits.
+struct ImplausibleItems {
+  std::int64_t odometry = 0;
+  std::int64_t observations = 0;
+
+  bool any() const { return odometry > 0 || observations > 0; }
+};
+
+bool IsPlausible(const OdometrySample& sample, const ItemLimits& limits);
+bool IsPlausible(const Observation& observation, const ItemLimits& limits);
+
+/// Drops what is implausible from a run. A scan stays, also if it then says that it saw nothing.
+ImplausibleItems DropImplausible(const ItemLimits& limits, Run* run);
+
+}  // namespace shiftmap
