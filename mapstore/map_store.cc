@@ -62,12 +62,14 @@ StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
 
 StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
                                             std::optional<VersionNumber> version,
-                                            std::optional<Stamp> at) {
+                                            std::optional<Stamp> at,
+                                            const std::set<std::string>& without_runs) {
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, SelectRow(area, area_row, version));
   SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
                             ReadContent(database, row, VersionName(area, row.number)));
-  SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, at, &content));
+  SHIFTMAP_RETURN_IF_ERROR(
+      ApplyLedger(database, area_row.area_id, row, at, without_runs, &content));
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
   return MapSnapshot(area, row.number, row.content_hash, std::move(content), position);
 }
@@ -175,6 +177,13 @@ StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,
                                        std::optional<Stamp> at) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   return state_->Load(area, version, at);
+}
+
+StatusOr<MapSnapshot> MapStore::LoadPrior(const std::string& area,
+                                          VersionNumber version,
+                                          const std::set<std::string>& without_runs) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  return state_->Load(area, version, std::nullopt, without_runs);
 }
 
 StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNumber version) {

@@ -123,6 +123,13 @@ class MapStore {
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);
 
+  /// A version as the prior of a build from logs: as LoadAt without a time, as if no report about
+  /// these logs had come. The build sees the visits of its logs itself; none may count twice.
+  /// @param without_runs  SHA-256 of logs.
+  StatusOr<MapSnapshot> LoadPrior(const std::string& area,
+                                  VersionNumber version,
+                                  const std::set<std::string>& without_runs);
+
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
   /// RunRecord::sha256 of all runs that a version and its ancestors were built from.

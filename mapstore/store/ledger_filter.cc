@@ -7,6 +7,7 @@
 
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/store/blob.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -58,6 +59,12 @@ Status LedgerFilter::StartFromVersion() {
   states_.groups.assign(content_->groups.size(), std::nullopt);
   states_.newest_end.reset();
   return bounds.first_late_visit ? AddLate(*bounds.first_late_visit) : OkStatus();
+}
+
+Status LedgerFilter::StartWithout(const std::set<std::string>& runs) {
+  SHIFTMAP_RETURN_IF_ERROR(ReadView());
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool any, view_->SetRunsAside(runs));
+  return any ? StartFromVersion() : Start(std::nullopt);
 }
 
 Status LedgerFilter::AddLate(Stamp first) {
@@ -130,9 +137,12 @@ Status ApplyLedger(Database& database,
                    std::int64_t area_id,
                    const VersionRow& version,
                    std::optional<Stamp> at,
+                   const std::set<std::string>& without_runs,
                    MapContent* content) {
+  SHIFTMAP_CHECK(!at || without_runs.empty(), "{} runs at a time", without_runs.size());
   LedgerFilter filter(database, area_id, version, *content);
-  SHIFTMAP_RETURN_IF_ERROR(filter.Start(at));
+  SHIFTMAP_RETURN_IF_ERROR(without_runs.empty() ? filter.Start(at)
+                                                : filter.StartWithout(without_runs));
   SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(at ? After(*at) : Stamp::max()).status());
   const LedgerStates& states = filter.states();
   const Stamp own = content->stamp;

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
+#include <string>
 #include <string_view>
 #include <unordered_map>
 #include <vector>
@@ -36,6 +38,10 @@ class LedgerFilter {
   /// Begins at the version's own probabilities, as if there were no checkpoints.
   Status StartFromVersion();
 
+  /// As Start() without a time, as if no report about these logs had come.
+  /// @param runs  SHA-256 of logs.
+  Status StartWithout(const std::set<std::string>& runs);
+
   /// Takes the visits that count and begin before `before`, from where it stands. Returns how many
   /// rows it read.
   StatusOr<std::int64_t> AdvanceTo(Stamp before);
@@ -67,10 +73,12 @@ class LedgerFilter {
 
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at
 /// which they hold: `at`, or else the newest end of the visits that count.
+/// @param without_runs  SHA-256 of logs; reports about them do not count. With `at` there are none.
 Status ApplyLedger(Database& database,
                    std::int64_t area_id,
                    const VersionRow& version,
                    std::optional<Stamp> at,
+                   const std::set<std::string>& without_runs,
                    MapContent* content);
 
 }  // namespace shiftmap

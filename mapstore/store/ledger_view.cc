@@ -41,6 +41,22 @@ Status LedgerView::ReadSetAsideReports() {
   }
 }
 
+StatusOr<bool> LedgerView::SetRunsAside(const std::set<std::string>& runs) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement query,
+                            database_->Prepare("SELECT report_id FROM shift_report "
+                                               "WHERE run_hash = ?1 AND run_hash <> ''"));
+  bool any = false;
+  for (const std::string& run : runs) {
+    query.Bind(run);
+    for (;;) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+      if (!row) break;
+      any = set_aside_.emplace(query.Int64(0), SetAside::kRunInMap).second || any;
+    }
+  }
+  return any;
+}
+
 // Reports against the version or a descendant came after it was made.
 StatusOr<LedgerView::Bounds> LedgerView::FindBounds() {
   SHIFTMAP_ASSIGN_OR_RETURN(

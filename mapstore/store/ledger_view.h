@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -30,6 +32,10 @@ namespace shiftmap {
 class LedgerView {
  public:
   static StatusOr<LedgerView> Make(Database& database, const VersionRow& version);
+
+  /// Sets the reports about these logs aside, as kRunInMap. Returns whether one of them counted.
+  /// @param runs  SHA-256 of logs.
+  StatusOr<bool> SetRunsAside(const std::set<std::string>& runs);
 
   enum class Standing { kCounts, kLate, kSetAside };
   struct Verdict {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "mapstore/map/map_snapshot.h"
@@ -35,10 +36,11 @@ struct MapStore::State {
                                  const AreaRow& area_row,
                                  std::optional<VersionNumber> version);
 
-  /// LoadAt inside a transaction.
+  /// LoadAt, or LoadPrior, inside a transaction.
   StatusOr<MapSnapshot> Load(const std::string& area,
                              std::optional<VersionNumber> version,
-                             std::optional<Stamp> at);
+                             std::optional<Stamp> at,
+                             const std::set<std::string>& without_runs = {});
 
   /// The mode numbers of a version that is committed.
   StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);

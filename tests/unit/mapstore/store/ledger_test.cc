@@ -122,6 +122,29 @@ TEST_F(LedgerTest, ArrivalOrderDoesNotMatter) {
   }
 }
 
+// The oracle is a store to which the report never came.
+TEST_F(LedgerTest, APriorIsAsIfNoReportAboutTheLogsOfTheBuildHadCome) {
+  const std::string mapped(64, 'a');
+  const std::string other(64, 'b');
+  MapStore without = OpenStore(dir_.File("without.db"));
+  ASSERT_THAT(without.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+  for (int i = 0; i < 6; ++i) {
+    ShiftReport report = EmptyReport(version_, "a", i);
+    report.run_hash = i == 2 || i == 5 ? mapped : std::string(64, static_cast<char>('c' + i));
+    report.evidence = {TwoStateEvidence(At(100.0 * i), At(100.0 * i + 50.0), -1.0 * i, 0.5)};
+    MustReturn(report);
+    if (report.run_hash == mapped) continue;
+    ASSERT_THAT(without.Return(report), IsOk());
+  }
+  const auto prior = store_.LoadPrior("a", version_.version, {mapped, other});
+  ASSERT_THAT(prior, IsOk());
+  EXPECT_EQ(ContentHash(prior->content()), ContentHash(without.LoadAt("a")->content()));
+  EXPECT_NE(ContentHash(prior->content()), ContentHash(store_.LoadAt("a")->content()));
+  const auto all = store_.LoadPrior("a", version_.version, {other});
+  ASSERT_THAT(all, IsOk());
+  EXPECT_EQ(ContentHash(all->content()), ContentHash(store_.LoadAt("a")->content()));
+}
+
 TEST_F(LedgerTest, ReportCountsOnce) {
   ShiftReport report = EmptyReport(version_, "a", 1);
   report.uuid = "0000000a-0000-4000-8000-000000000001";
