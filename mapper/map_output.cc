@@ -7,6 +7,7 @@
 #include "mapper/association/anonymous_landmarks.h"
 #include "mapper/association/track_names.h"
 #include "mapper/calibration/fleet_calibration.h"
+#include "mapper/modes/missed_visits.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapstore/map/mode_filter.h"
 
@@ -66,8 +67,9 @@ Stamp LastSeen(const MapProblem& problem,
 }
 
 // What the prior map knew of a group when it was made: its distribution over the states of the
-// problem, and the time at which that holds. Without a prior, all states alike at the begin of the
-// first run.
+// problem, and the time at which that holds. A landmark at no known position may have stood at a
+// mode that is new, so these share the probability of `absent`. Without a prior, all states alike
+// at the begin of the first run.
 struct GroupStart {
   Eigen::VectorXd probabilities;
   Stamp stamp;
@@ -81,25 +83,56 @@ GroupStart StartOf(const MapProblem& problem,
   GroupStart start{Eigen::VectorXd::Ones(states), problem.runs.front().data->begin()};
   if (known != nullptr) {
     start.stamp = prior->stamp;
-    start.probabilities.setConstant(kMinProbability);
-    start.probabilities[0] = std::max(known->probabilities[0], kMinProbability);
+    const auto unknown = 1 + std::count_if(modes.begin(), modes.end(), [&](const BuildMode& mode) {
+                           return known->StateOf(mode.number) <= 0;
+                         });
+    start.probabilities.setConstant(known->probabilities[0] / static_cast<double>(unknown));
     for (std::size_t k = 0; k < modes.size(); ++k) {
       const int state = known->StateOf(modes[k].number);
       if (state <= 0) continue;
-      start.probabilities[static_cast<Eigen::Index>(k) + 1] =
-          std::max(known->probabilities[state], kMinProbability);
+      start.probabilities[static_cast<Eigen::Index>(k) + 1] = known->probabilities[state];
     }
+    start.probabilities = start.probabilities.cwiseMax(kMinProbability);
   }
   start.probabilities /= start.probabilities.sum();
   return start;
 }
 
+// The evidence of one visit of this build, with sightings or without.
+struct BuildVisit {
+  int run = 0;  // Index in MapProblem::runs.
+  Stamp begin;
+  Stamp end;
+  Eigen::VectorXd log_likelihoods;  // Per state, `absent` first, in the order of the map's modes.
+};
+
 // A group of the map and where it comes from.
 struct GroupSource {
-  std::size_t group = 0;           // In the problem.
-  std::vector<std::size_t> order;  // The problem's modes in the order of the map's.
-  std::vector<VisitRef> visits;    // In the order of time.
+  std::size_t group = 0;             // In the problem.
+  std::vector<std::size_t> order;    // The problem's modes in the order of the map's.
+  std::vector<VisitRef> visits;      // In the order of time.
+  std::vector<BuildVisit> evidence;  // In the order of time, those without sightings included.
 };
+
+std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
+                                   const GroupSource& source,
+                                   const std::vector<MissedVisit>& missed,
+                                   const ModeOptions& options) {
+  const std::vector<Eigen::Index> states = StatesInOrder(source.order);
+  std::vector<BuildVisit> evidence;
+  for (const VisitRef& ref : source.visits) {
+    const MappingVisit& visit = VisitOf(problem, ref);
+    evidence.push_back(
+        {ref.run, visit.begin, visit.end, VisitLogLikelihood(problem, ref, options)(states)});
+  }
+  for (const MissedVisit& visit : missed) {
+    evidence.push_back({visit.run, visit.begin, visit.end, visit.log_likelihoods(states)});
+  }
+  std::stable_sort(evidence.begin(), evidence.end(), [](const auto& a, const auto& b) {
+    return a.begin < b.begin;
+  });
+  return evidence;
+}
 
 // A group of the map without probabilities, its chain as the prior map has it.
 LandmarkGroup MakeGroup(const MapProblem& problem,
@@ -134,20 +167,19 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
   return group;
 }
 
-// What this build's own visits say of a group, as rows of the ledger would.
-void AddOwnEvidence(const MapProblem& problem,
-                    const GroupSource& source,
-                    const LandmarkGroup& group,
-                    const ModeOptions& options,
-                    std::vector<EvidenceRow>* rows) {
-  for (const VisitRef& ref : source.visits) {
-    const MappingRun& run = *problem.runs[static_cast<std::size_t>(ref.run)].data;
-    const MappingVisit& visit = VisitOf(problem, ref);
-    const Eigen::VectorXd values = VisitLogLikelihood(problem, ref, options);
-    EvidenceRow row{run.sha256, {group.signature, visit.begin, visit.end, {{kAbsent, values[0]}}}};
-    for (std::size_t i = 0; i < source.order.size(); ++i) {
+// This build's evidence of a group as rows of the ledger.
+void AddRows(const MapProblem& problem,
+             const GroupSource& source,
+             const LandmarkGroup& group,
+             std::vector<EvidenceRow>* rows) {
+  for (const BuildVisit& visit : source.evidence) {
+    const MappingRun& run = *problem.runs[static_cast<std::size_t>(visit.run)].data;
+    EvidenceRow row{
+        run.sha256,
+        {group.signature, visit.begin, visit.end, {{kAbsent, visit.log_likelihoods[0]}}}};
+    for (std::size_t i = 0; i < group.modes.size(); ++i) {
       row.evidence.modes.push_back(
-          {group.modes[i].number, values[static_cast<Eigen::Index>(source.order[i]) + 1]});
+          {group.modes[i].number, visit.log_likelihoods[static_cast<Eigen::Index>(i) + 1]});
     }
     rows->push_back(std::move(row));
   }
@@ -162,7 +194,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> evidence = options.chains.ledger;
   for (std::size_t i = 0; i < sources.size(); ++i) {
-    AddOwnEvidence(problem, sources[i], (*groups)[i], options.modes, &evidence);
+    AddRows(problem, sources[i], (*groups)[i], &evidence);
   }
   GroupChainOptions learning = options.chains.learning;
   learning.leave_rate_per_s = options.modes.leave_rate_per_s;
@@ -183,29 +215,25 @@ void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
                       const std::optional<MapContent>& prior,
                       Stamp end,
-                      const ModeOptions& options,
                       LandmarkGroup* group) {
   const LandmarkGroup* known = FindGroup(prior, group->signature);
   const GroupStart start = StartOf(problem, problem.modes[source.group], known, prior);
-  // The chain's states are in the order of the map's modes, the visits' in that of the problem's.
-  const std::vector<Eigen::Index> states = StatesInOrder(source.order);
-  group->probabilities = start.probabilities(states);
+  group->probabilities = start.probabilities(StatesInOrder(source.order));
   ModeState late = StationaryStart(*group, start.stamp);
   ModeState now = StartModes(*group, start.stamp);
   const auto filter = [&](auto first, auto last, ModeState* state) {
-    for (auto ref = first; ref != last; ++ref) {
-      const MappingVisit& visit = VisitOf(problem, *ref);
-      const Eigen::VectorXd log_likelihoods = VisitLogLikelihood(problem, *ref, options)(states);
-      AddVisit(*group, visit.begin, visit.end, log_likelihoods, state);
+    for (auto visit = first; visit != last; ++visit) {
+      AddVisit(*group, visit->begin, visit->end, visit->log_likelihoods, state);
     }
   };
-  const auto first = source.visits.begin();
-  const auto newer = std::partition_point(first, source.visits.end(), [&](const VisitRef& ref) {
-    return VisitOf(problem, ref).begin < start.stamp;
-  });
+  const auto first = source.evidence.begin();
+  const auto newer =
+      std::partition_point(first, source.evidence.end(), [&](const BuildVisit& visit) {
+        return visit.begin < start.stamp;
+      });
   filter(first, newer, &late);
   if (newer != first) AddLateVisits(*group, late, &now);
-  filter(newer, source.visits.end(), &now);
+  filter(newer, source.evidence.end(), &now);
   group->probabilities = ProbabilitiesAt(*group, now, end).cwiseMax(kMinProbability);
   group->probabilities /= group->probabilities.sum();
 }
@@ -297,12 +325,16 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
     AddTracks(
         problem, signatures, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
   }
+  const std::vector<std::vector<MissedVisit>> missed =
+      FindMissedVisits(problem, options.front_end.visit_gap_s, options.missed);
   std::vector<GroupSource> sources;
   std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
   int modes = 0;
   for (std::size_t g = 0; g < problem.modes.size(); ++g) {
     if (problem.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
-    sources.push_back({g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g])});
+    sources.push_back(
+        {g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g]), {}});
+    sources.back().evidence = EvidenceOf(problem, sources.back(), missed[g], options.modes);
     content.groups.push_back(MakeGroup(problem, signatures, sources.back(), prior, options.modes));
     for (const std::size_t k : sources.back().order) {
       place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
@@ -315,7 +347,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                               LearnChainsOf(problem, sources, prior, options, &content.groups));
   }
   for (std::size_t i = 0; i < sources.size(); ++i) {
-    SetProbabilities(problem, sources[i], prior, content.stamp, options.modes, &content.groups[i]);
+    SetProbabilities(problem, sources[i], prior, content.stamp, &content.groups[i]);
   }
   SetCovariance(mode_covariance, place, modes, &content);
   return output;

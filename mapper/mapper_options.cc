@@ -76,6 +76,8 @@ Status MapperOptions::Validate() const {
       {"merge_probability", modes.merge_probability, Range::kProbability},
       {"leave_rate_per_s", modes.leave_rate_per_s, Range::kNotNegative},
       {"score_position_sd_m", modes.score_position_sd_m, Range::kNotNegative},
+      {"one_sided_probability", missed.one_sided_probability, Range::kProbability},
+      {"detection_concentration", missed.detection_concentration, Range::kPositive},
       {"sd_range_scale", sd_range_scale, Range::kNotNegative},
       {"sd_run_range_scale", sd_run_range_scale, Range::kNotNegative},
       {"max_outer_iterations", static_cast<double>(max_outer_iterations), Range::kOneOrMore},

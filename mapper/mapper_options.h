@@ -10,6 +10,7 @@
 #include "mapper/chain/group_chains.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/solver_limits.h"
+#include "mapper/modes/missed_detection_model.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/mode_filter.h"
@@ -62,6 +63,7 @@ struct MapperOptions {
   AlignmentOptions alignment;
   DisplacementOptions displacement;
   ModeOptions modes;
+  MissedDetectionOptions missed;
   ChainOptions chains;
 
   /// Where calibration starts, and what is used as it is when `calibrate` is off.

@@ -30,6 +30,14 @@ double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
   return in_range * std::clamp(in_sector, 0.0, 1.0);
 }
 
+bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor) {
+  // Shares of the range and of the bearing.
+  constexpr double kMinRange = 0.1;
+  constexpr double kInside = 0.8;
+  return q.norm() > kMinRange * sensor.max_range_m && q.norm() < kInside * sensor.max_range_m &&
+         std::abs(std::atan2(q.y(), q.x())) < kInside * sensor.max_bearing_rad;
+}
+
 double LogMissedRun(double log_missed, double occluded) {
   return std::log((1.0 - occluded) * std::exp(log_missed) + occluded);
 }

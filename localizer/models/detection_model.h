@@ -15,6 +15,11 @@ double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
                          const Eigen::Matrix2d& cov,
                          const SensorCalibration& sensor);
 
+/// True if a point is in the field of view whatever the uncertainty of the pose: clear of its
+/// limits, and not too near.
+/// @param q  Vehicle frame. [m]
+bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor);
+
 /// The log-likelihood of missing a landmark in every scan of a run of scans, when with probability
 /// ε it is occluded for the whole run: log((1 - ε) Π(1 - P_D) + ε) >= log ε.
 ///

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "localizer/models/detection_model.h"
+
 namespace shiftmap {
 namespace {
 
@@ -20,20 +22,10 @@ constexpr int kMaxGap = 3;
 // Out of view for so long ends a pass. [s]
 constexpr double kPassGapS = 5.0;
 
-// Share of the sensor's range and bearing that is well inside of its field of view; nearer than the
-// least share of the range, a landmark may be too near.
-constexpr double kMinRange = 0.1;
-constexpr double kInside = 0.8;
-
 // A mode that is less likely need not have been missed.
 constexpr double kUnlikely = 0.05;
 
 }  // namespace
-
-bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor) {
-  return q.norm() > kMinRange * sensor.max_range_m && q.norm() < kInside * sensor.max_range_m &&
-         std::abs(std::atan2(q.y(), q.x())) < kInside * sensor.max_bearing_rad;
-}
 
 MissedPasses::MissedPasses(const MapSnapshot& snapshot) {
   std::size_t modes = 0;

@@ -8,9 +8,6 @@
 
 namespace shiftmap {
 
-/// True if a sensor cannot but have a point q of the vehicle frame in view: clear of its limits.
-bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor);
-
 /// Finds landmarks that stand nowhere: missed in several passes and from all around.
 ///
 /// A pass by a mode that is well inside the field of view and not seen is bounded evidence: with

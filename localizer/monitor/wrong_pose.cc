@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "localizer/monitor/missed_passes.h"
+#include "localizer/models/detection_model.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/missed_visits.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <map>
+#include <tuple>
+
+#include "localizer/models/detection_model.h"
+#include "mapper/problem/mode_grid.h"
+#include "mapper/problem/sightings.h"
+
+namespace shiftmap {
+namespace {
+
+// Scans without a detection of one mode in one gap between visits of its group.
+struct MissedMode {
+  std::vector<DirectionCounts> passes;
+  Stamp begin;
+  Stamp end;
+};
+
+// A gap is named by the number of visits of the group before it.
+struct GapRef {
+  int group = 0;
+  int run = 0;
+  std::size_t gap = 0;
+
+  auto operator<=>(const GapRef&) const = default;
+};
+
+// The visits of each group in one run, by begin, asked in the order of time.
+class RunTimeline {
+ public:
+  RunTimeline(const MapProblem& problem, const BuildRun& run)
+      : run_(run), visits_(problem.modes.size()), begun_(problem.modes.size(), 0) {
+    for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
+      visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
+    }
+  }
+
+  void GoTo(Stamp stamp) {
+    const std::vector<MappingVisit>& visits = run_.data->visits;
+    for (; next_ < visits.size() && visits[next_].begin <= stamp; ++next_) {
+      ++begun_[static_cast<std::size_t>(visits[next_].group)];
+    }
+  }
+
+  // How many visits of a group have begun.
+  std::size_t Gap(int group) const { return begun_[static_cast<std::size_t>(group)]; }
+
+  bool InVisit(int group, Stamp stamp) const {
+    const std::size_t gap = Gap(group);
+    return gap > 0 && stamp <= run_.data->visits[VisitAt(group, gap - 1)].end;
+  }
+
+  // The mode at which the group was last seen, or will be seen next; kUnassigned if at none.
+  int Before(int group) const {
+    const std::size_t gap = Gap(group);
+    return gap > 0 ? run_.assignment[VisitAt(group, gap - 1)] : kUnassigned;
+  }
+  int After(int group) const {
+    const std::size_t gap = Gap(group);
+    const bool any = gap < visits_[static_cast<std::size_t>(group)].size();
+    return any ? run_.assignment[VisitAt(group, gap)] : kUnassigned;
+  }
+
+ private:
+  std::size_t VisitAt(int group, std::size_t i) const {
+    return visits_[static_cast<std::size_t>(group)][i];
+  }
+
+  const BuildRun& run_;
+  std::vector<std::vector<std::size_t>> visits_;
+  std::vector<std::size_t> begun_;
+  std::size_t next_ = 0;
+};
+
+// Goes through the key frames of all runs and sorts what was in view by what it tells.
+class MissCollector {
+ public:
+  MissCollector(const MapProblem& problem, double pass_gap_s)
+      : problem_(problem),
+        pass_gap_(FromSeconds(pass_gap_s)),
+        flat_(problem),
+        grid_(problem, problem.sensor.max_range_m),
+        visibility_(static_cast<std::size_t>(flat_.count)) {}
+
+  void AddRun(int run_index) {
+    const BuildRun& run = problem_.runs[static_cast<std::size_t>(run_index)];
+    RunTimeline timeline(problem_, run);
+    open_.assign(static_cast<std::size_t>(flat_.count), {});
+    std::vector<int> seen_at(problem_.modes.size(), -1);  // The last frame of each group.
+    for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
+      timeline.GoTo(run.data->frames[f].stamp);
+      const auto frame = static_cast<int>(f);
+      if (MarkSeen(run, frame, &seen_at) > 0) AddFrame(run_index, frame, timeline, seen_at);
+    }
+  }
+
+  const Visibility& visibility(int group, int mode) const {
+    return visibility_[static_cast<std::size_t>(flat_.Index(group, mode))];
+  }
+  const std::map<GapRef, std::map<int, MissedMode>>& gaps() const { return gaps_; }
+
+ private:
+  // Marks the groups that a frame saw where the map has them; returns their number.
+  int MarkSeen(const BuildRun& run, int frame, std::vector<int>* seen_at) const {
+    const KeyFrame& key = run.data->frames[static_cast<std::size_t>(frame)];
+    int seen = 0;
+    for (int s = key.first_sighting; s < key.first_sighting + key.sighting_count; ++s) {
+      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+      if (!IsInlier(problem_, run, sighting)) continue;
+      const auto visit = static_cast<std::size_t>(sighting.visit);
+      int& at = (*seen_at)[static_cast<std::size_t>(run.data->visits[visit].group)];
+      seen += at != frame ? 1 : 0;
+      at = frame;
+    }
+    return seen;
+  }
+
+  void AddFrame(int run_index,
+                int frame,
+                const RunTimeline& timeline,
+                const std::vector<int>& seen_at) {
+    const BuildRun& run = problem_.runs[static_cast<std::size_t>(run_index)];
+    const Stamp stamp = run.data->frames[static_cast<std::size_t>(frame)].stamp;
+    const Se2& T_map_vehicle = run.poses[static_cast<std::size_t>(frame)];
+    const Se2 T_vehicle_map = T_map_vehicle.Inverse();
+    grid_.VisitNear(T_map_vehicle.translation(), [&](const ModeGrid::Entry& entry) {
+      if (!WellInView(T_vehicle_map * entry.p_map_landmark, problem_.sensor)) return;
+      const std::size_t direction = DirectionOf(T_map_vehicle.translation() - entry.p_map_landmark);
+      const int before = timeline.Before(entry.group);
+      const bool in_visit = timeline.InVisit(entry.group, stamp);
+      // Seen before and after, it did not leave in between.
+      const bool stood =
+          before != kUnassigned && (in_visit || before == timeline.After(entry.group));
+      const auto flat = static_cast<std::size_t>(flat_.Index(entry.group, entry.mode));
+      if (stood && before == entry.mode) {
+        Visibility& visibility = visibility_[flat];
+        const bool seen = seen_at[static_cast<std::size_t>(entry.group)] == frame;
+        ++(seen ? visibility.seen : visibility.missed)[direction];
+      }
+      if (stood || in_visit) return;
+      const GapRef gap{entry.group, run_index, timeline.Gap(entry.group)};
+      OpenGap& open = open_[flat];
+      if (open.missed == nullptr || open.gap != gap.gap) {
+        open = {gap.gap, &gaps_[gap][entry.mode]};
+      }
+      AddMiss(stamp, direction, open.missed);
+    });
+  }
+
+  void AddMiss(Stamp stamp, std::size_t direction, MissedMode* missed) const {
+    if (missed->passes.empty()) missed->begin = stamp;
+    if (missed->passes.empty() || stamp - missed->end > pass_gap_) missed->passes.push_back({});
+    missed->end = stamp;
+    ++missed->passes.back()[direction];
+  }
+
+  // The gap that a run is in, so that most scans look nothing up.
+  struct OpenGap {
+    std::size_t gap = 0;
+    MissedMode* missed = nullptr;
+  };
+
+  const MapProblem& problem_;
+  Duration pass_gap_;
+  FlatModes flat_;
+  ModeGrid grid_;
+  std::vector<Visibility> visibility_;  // Of the modes in flat order.
+  std::vector<OpenGap> open_;           // The same, of the present run.
+  std::map<GapRef, std::map<int, MissedMode>> gaps_;
+};
+
+}  // namespace
+
+std::vector<std::vector<MissedVisit>> FindMissedVisits(const MapProblem& problem,
+                                                       double pass_gap_s,
+                                                       const MissedDetectionOptions& options) {
+  std::vector<std::vector<MissedVisit>> by_group(problem.modes.size());
+  MissCollector collector(problem, pass_gap_s);
+  for (std::size_t run = 0; run < problem.runs.size(); ++run) {
+    collector.AddRun(static_cast<int>(run));
+  }
+  for (const auto& [gap, modes] : collector.gaps()) {
+    const auto group = static_cast<std::size_t>(gap.group);
+    MissedVisit visit;
+    visit.run = gap.run;
+    visit.begin = modes.begin()->second.begin;
+    visit.end = modes.begin()->second.end;
+    visit.log_likelihoods =
+        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.modes[group].size()) + 1);
+    for (const auto& [mode, missed] : modes) {
+      visit.begin = std::min(visit.begin, missed.begin);
+      visit.end = std::max(visit.end, missed.end);
+      visit.log_likelihoods[mode + 1] = LogMissedPasses(
+          missed.passes, collector.visibility(gap.group, mode), problem.sensor, options);
+    }
+    by_group[group].push_back(std::move(visit));
+  }
+  for (std::vector<MissedVisit>& visits : by_group) {
+    std::stable_sort(visits.begin(), visits.end(), [](const auto& a, const auto& b) {
+      return std::tie(a.begin, a.end) < std::tie(b.begin, b.end);
+    });
+  }
+  return by_group;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "mapper/modes/missed_detection_model.h"
+#include "mapper/problem/map_problem.h"
+#include "mapstore/core/stamp.h"
+
+namespace shiftmap {
+
+/// A stretch of a run, between two visits of a group, in which modes of it were in view and no
+/// sighting was made.
+struct MissedVisit {
+  int run = 0;  ///< Index in MapProblem::runs.
+  Stamp begin;  ///< First and last scan with a mode in view.
+  Stamp end;
+  Eigen::VectorXd
+      log_likelihoods;  ///< Per state of the group, `absent` first, as for visits. [nat]
+};
+
+/// The missed visits of every group over all runs, in the order of time. A landmark that a run saw
+/// at the same mode before and after did stand there: that stretch tells how visible it is, and is
+/// no missed visit.
+///
+/// A scan counts if it saw another landmark where the map has it: a sensor may log nothing where it
+/// sees nothing, and a scan with a wrong pose sees nothing where it is expected.
+///
+/// Cost: one look at the modes around the vehicle per key frame.
+std::vector<std::vector<MissedVisit>> FindMissedVisits(const MapProblem& problem,
+                                                       double pass_gap_s,
+                                                       const MissedDetectionOptions& options);
+
+}  // namespace shiftmap
