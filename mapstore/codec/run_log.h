@@ -30,8 +30,8 @@ StatusOr<RunLog> ReadRunLog(const std::string& path);
 
 struct RunLogWriterOptions {
   bool compress = true;  ///< zstd chunks; off makes larger files that any tool can read.
-  std::int64_t chunk_bytes =
-      1 << 20;  ///< Uncompressed size at which a chunk is closed; what a crash can lose.
+  /// Uncompressed size at which a chunk is closed, if it does not hold a second of the run before.
+  std::int64_t chunk_bytes = 256 << 10;
 };
 
 /// Writes a run log: to a temporary file beside `path`, fsync, rename. The same run gives the same

@@ -80,14 +80,13 @@ Status Writer::Write(std::uint16_t channel_id, std::uint64_t time_ns, std::strin
   if (record_bytes > kMaxChunkBytes) {
     return InvalidArgument("message of {} bytes, expected at most {}", data.size(), kMaxChunkBytes);
   }
-  if (chunk_.size() > 0 && chunk_.size() + record_bytes > options_.chunk_bytes) FlushChunk();
+  if (chunk_.size() > 0 && IsFull(record_bytes, time_ns)) FlushChunk();
 
   if (options_.chunk_bytes == 0) {
     ByteWriter record;
     record.Record(Opcode::kMessage, content.bytes());
     Emit(record.bytes());
   } else {
-    channel->second.index.push_back({time_ns, chunk_.size()});
     chunk_start_ns_ = chunk_.size() == 0 ? time_ns : std::min(chunk_start_ns_, time_ns);
     chunk_end_ns_ = chunk_.size() == 0 ? time_ns : std::max(chunk_end_ns_, time_ns);
     chunk_.Record(Opcode::kMessage, content.bytes());
@@ -100,45 +99,25 @@ Status Writer::Write(std::uint16_t channel_id, std::uint64_t time_ns, std::strin
   return status_;
 }
 
+bool Writer::IsFull(std::uint64_t record_bytes, std::uint64_t time_ns) const {
+  if (chunk_.size() + record_bytes > options_.chunk_bytes) return true;
+  if (options_.chunk_duration_ns == 0) return false;
+  const std::uint64_t begin_ns = std::min(chunk_start_ns_, time_ns);
+  const std::uint64_t end_ns = std::max(chunk_end_ns_, time_ns);
+  return end_ns - begin_ns >= options_.chunk_duration_ns;
+}
+
 void Writer::FlushChunk() {
   const std::string records = Compress(options_.compression, chunk_.bytes());
-  const std::string_view compression = CompressionName(options_.compression);
-  const std::uint64_t size = chunk_.size();
   ByteWriter content;
-  content.Write(chunk_start_ns_).Write(chunk_end_ns_).Write(size);
-  content.Write(Crc32::Of(chunk_.bytes())).String(compression);
+  content.Write(chunk_start_ns_).Write(chunk_end_ns_).Write(chunk_.size());
+  content.Write(Crc32::Of(chunk_.bytes())).String(CompressionName(options_.compression));
   content.Write(static_cast<std::uint64_t>(records.size())).Bytes(records);
   ByteWriter chunk;
   chunk.Record(Opcode::kChunk, content.bytes());
-  const std::uint64_t chunk_begin = position_;
   Emit(chunk.bytes());
-
-  ByteWriter offsets;
-  const ByteWriter indexes = MessageIndexes(&offsets);
-  Emit(indexes.bytes());
-
-  ByteWriter entry;
-  entry.Write(chunk_start_ns_).Write(chunk_end_ns_).Write(chunk_begin).Write(chunk.size());
-  entry.String(offsets.bytes()).Write(indexes.size()).String(compression);
-  entry.Write(static_cast<std::uint64_t>(records.size())).Write(size);
-  chunk_indexes_.Record(Opcode::kChunkIndex, entry.bytes());
   ++chunk_count_;
   chunk_.Clear();
-}
-
-ByteWriter Writer::MessageIndexes(ByteWriter* offsets) {
-  ByteWriter indexes;
-  for (auto& [id, channel] : channel_states_) {
-    if (channel.index.empty()) continue;
-    offsets->Write(id).Write(position_ + indexes.size());
-    ByteWriter entries;
-    for (const IndexEntry& entry : channel.index) entries.Write(entry.time_ns).Write(entry.offset);
-    channel.index.clear();
-    ByteWriter content;
-    content.Write(id).String(entries.bytes());
-    indexes.Record(Opcode::kMessageIndex, content.bytes());
-  }
-  return indexes;
 }
 
 ByteWriter Writer::Statistics() const {
@@ -170,11 +149,10 @@ Status Writer::Finish() {
   const ByteWriter statistics = Statistics();
   ByteWriter summary;
   ByteWriter offsets;
-  for (const SummaryGroup& group : std::array<SummaryGroup, 4>{{
+  for (const SummaryGroup& group : std::array<SummaryGroup, 3>{{
            {Opcode::kSchema, &schemas_},
            {Opcode::kChannel, &channels_},
            {Opcode::kStatistics, &statistics},
-           {Opcode::kChunkIndex, &chunk_indexes_},
        }}) {
     if (group.records->size() == 0) continue;
     ByteWriter content;

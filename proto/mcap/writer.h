@@ -6,7 +6,6 @@
 #include <map>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "proto/core/status.h"
 #include "proto/mcap/byte_writer.h"
@@ -20,12 +19,17 @@ struct WriterOptions {
 
   /// Size of a chunk before compression at which it is closed; 0 writes messages without chunks.
   /// A larger chunk compresses better, and a crash loses more. At most kMaxChunkBytes. [byte]
-  std::uint64_t chunk_bytes = std::uint64_t{1} << 20;
+  std::uint64_t chunk_bytes = std::uint64_t{256} << 10;
+
+  /// Log time at which a chunk is closed; 0: none. [ns]
+  std::uint64_t chunk_duration_ns = 1'000'000'000;
 };
 
-/// Writes an MCAP file front to back: chunks with CRC and message index, then the data CRC, the
-/// summary (definitions, statistics, chunk index) with its offsets and CRC. Schemas and channels
-/// stand outside the chunks.
+/// Writes an MCAP file front to back: chunks with CRC, then the data CRC, the summary (definitions,
+/// statistics) with its offsets and CRC. Schemas and channels stand outside the chunks. Each chunk
+/// goes to the sink when it is closed, so that a crash loses the open one only.
+///
+/// There is no index: readers that seek in a file without a chunk index read it front to back.
 ///
 /// Errors: those of the sink, from every later call too; kInvalidArgument for a message too large
 /// for a chunk.
@@ -54,20 +58,16 @@ class Writer {
   Status Finish();
 
  private:
-  struct IndexEntry {
-    std::uint64_t time_ns;
-    std::uint64_t offset;
-  };
   struct ChannelState {
     std::uint32_t sequence = 0;
     std::uint64_t messages = 0;
-    std::vector<IndexEntry> index;  // Of the open chunk.
   };
 
   void Emit(std::string_view bytes);
   void EmitDefinition(Opcode opcode, std::string_view content, ByteWriter* summary);
+  // Whether the open chunk has no room for a record.
+  bool IsFull(std::uint64_t record_bytes, std::uint64_t time_ns) const;
   void FlushChunk();
-  ByteWriter MessageIndexes(ByteWriter* offsets);
   ByteWriter Statistics() const;
 
   Sink sink_;
@@ -78,7 +78,6 @@ class Writer {
 
   ByteWriter schemas_;  // Whole records, for the summary.
   ByteWriter channels_;
-  ByteWriter chunk_indexes_;
   std::uint16_t schema_count_ = 0;
   std::uint32_t chunk_count_ = 0;
   std::map<std::uint16_t, ChannelState> channel_states_;  // By channel id, from 1.

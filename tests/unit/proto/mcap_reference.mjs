@@ -3,7 +3,7 @@
 // The reference's side of the test against MCAP's reference implementation (mcap_reference_test.sh):
 //   print IN              prints a run log as mcap_reference_tool does, read with the schemas that
 //                         the file itself carries, once front to back and once through its index
-//   summary IN            prints what the file says about itself, as JSON
+//   summary IN            prints what one of our files says about itself, as JSON
 //   rewrite IN OUT zstd|none|unchunked   writes the same messages with the reference's writer
 // SHIFTMAP_NODE_MODULES names the node_modules folder that holds the packages of package.json.
 import { createRequire } from "node:module";
@@ -100,6 +100,8 @@ async function print(bytes) {
 
 async function summary(bytes) {
   const reader = await openIndexed(bytes);
+  // Then tools read it front to back; with one, they would miss the message indexes.
+  if (reader.chunkIndexes.length > 0) throw new Error("there is a chunk index");
   const channels = [...reader.channelsById.values()];
   console.log(
     JSON.stringify({

@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 #
-# Both ways against MCAP's reference implementation: it reads our files, front to back and through
-# the index, and we read its files. Every number must come out bit by bit.
+# Both ways against MCAP's reference implementation: it reads our files, and we read its files, which
+# have an index. Every number must come out bit by bit.
 # Usage: mcap_reference_test.sh TOOL NODE_MODULES; exits 77, skipped, where node or a package is
 # absent.
 set -eu
