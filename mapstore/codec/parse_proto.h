@@ -12,13 +12,19 @@ namespace shiftmap {
 
 /// Errors: kInvalidArgument if the bytes are not such a message.
 template <typename Proto>
+Status ParseProto(std::string_view bytes, Proto* message) {
+  if (bytes.size() <= INT_MAX &&
+      message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    return OkStatus();
+  }
+  return InvalidArgument(
+      "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
+}
+
+template <typename Proto>
 StatusOr<Proto> ParseProto(std::string_view bytes) {
   Proto message;
-  if (bytes.size() > INT_MAX ||
-      !message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return InvalidArgument(
-        "{} bytes that are not a {} message", bytes.size(), Proto::descriptor()->full_name());
-  }
+  SHIFTMAP_RETURN_IF_ERROR(ParseProto(bytes, &message));
   return message;
 }
 

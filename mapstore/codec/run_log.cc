@@ -10,6 +10,7 @@
 #include "mapstore/codec/run_log_messages.h"
 #include "mapstore/codec/utf8.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/memory_bound.h"
 #include "mapstore/map/sha256.h"
 #include "proto/mcap/reader.h"
 #include "proto/mcap/writer.h"
@@ -17,8 +18,13 @@
 namespace shiftmap {
 namespace {
 
-// Far below what a reader accepts, so that one large scan still fits behind it.
-constexpr std::int64_t kMaxWriterChunkBytes = std::int64_t{64} << 20;
+constexpr std::int64_t kMib = std::int64_t{1} << 20;
+
+// Far below what a reader accepts.
+constexpr std::int64_t kMaxWriterChunkBytes = 16 * kMib;
+
+// What of MemoryBound() a run takes by default while it is read.
+constexpr std::int64_t kReaderShare = 4;
 
 constexpr std::string_view kEncoding = "protobuf";
 
@@ -60,6 +66,74 @@ Status CheckText(const Run& run) {
   return OkStatus();
 }
 
+// Puts items into a run as long as it stays within a bound on its memory.
+class Collector {
+ public:
+  // @param run  Borrowed; empty.
+  Collector(std::int64_t max_bytes, Run* run) : max_bytes_(max_bytes), run_(run) {}
+
+  Status Add(RunEvent event) {
+    if (const auto* sample = std::get_if<OdometrySample>(&event)) {
+      SHIFTMAP_RETURN_IF_ERROR(MakeRoom(&run_->odometry));
+      run_->odometry.push_back(*sample);
+      return OkStatus();
+    }
+    Scan& scan = std::get<Scan>(event);
+    SHIFTMAP_RETURN_IF_ERROR(MakeRoom(&run_->scans));
+    bytes_ += HeapBytes(scan);
+    run_->scans.push_back(std::move(scan));
+    return CheckBound(0);
+  }
+
+ private:
+  static std::int64_t HeapBytes(const Scan& scan) {
+    constexpr std::size_t kInPlace = std::string().capacity();
+    std::size_t bytes = scan.observations.capacity() * sizeof(Observation);
+    for (const Observation& observation : scan.observations) {
+      const std::size_t text = observation.signature.text().capacity();
+      if (text > kInPlace) bytes += text;
+    }
+    return static_cast<std::int64_t>(bytes);
+  }
+
+  // Room for one item more, in a vector that doubles when it is full.
+  template <typename Item>
+  Status MakeRoom(std::vector<Item>* items) {
+    constexpr std::size_t kFirst = 64;
+    const std::size_t before = items->capacity();
+    if (items->size() < before) return OkStatus();
+    const std::size_t after = std::max(kFirst, 2 * before);
+    const auto size_of = [](std::size_t count) {
+      return static_cast<std::int64_t>(count * sizeof(Item));
+    };
+    SHIFTMAP_RETURN_IF_ERROR(CheckBound(size_of(after)));
+    items->reserve(after);
+    bytes_ += size_of(after) - size_of(before);
+    return OkStatus();
+  }
+
+  Status CheckBound(std::int64_t more_bytes) const {
+    if (bytes_ + more_bytes <= max_bytes_) return OkStatus();
+    return InvalidArgument("after {} odometry samples and {} scans: takes more than {} MiB",
+                           run_->odometry.size(),
+                           run_->scans.size(),
+                           max_bytes_ / kMib);
+  }
+
+  std::int64_t max_bytes_;
+  std::int64_t bytes_ = 0;
+  Run* run_;
+};
+
+Status CheckSize(const Scan& scan, const std::string& message) {
+  if (message.size() <= kMaxItemBytes) return OkStatus();
+  return InvalidArgument("scan at {:.6f} s: {} observations take {} bytes, expected at most {}",
+                         ToSecondsSinceEpoch(scan.stamp),
+                         scan.observations.size(),
+                         message.size(),
+                         kMaxItemBytes);
+}
+
 Status WriteMessages(const Run& run, mcap::Writer* writer) {
   const std::string schema = RunLogSchema();
   const auto add_channel = [&](const RunLogTopic& topic) {
@@ -75,10 +149,14 @@ Status WriteMessages(const Run& run, mcap::Writer* writer) {
       writer->Write(info, LogTime(StampOf(events.front())), EncodeRunInfo(run.info)));
   for (const RunEvent& event : events) {
     const std::uint64_t time_ns = LogTime(StampOf(event));
-    const auto* sample = std::get_if<OdometrySample>(&event);
-    SHIFTMAP_RETURN_IF_ERROR(
-        sample != nullptr ? writer->Write(odometry, time_ns, EncodeOdometry(*sample))
-                          : writer->Write(landmarks, time_ns, EncodeScan(std::get<Scan>(event))));
+    if (const auto* sample = std::get_if<OdometrySample>(&event)) {
+      SHIFTMAP_RETURN_IF_ERROR(writer->Write(odometry, time_ns, EncodeOdometry(*sample)));
+      continue;
+    }
+    const Scan& scan = std::get<Scan>(event);
+    const std::string message = EncodeScan(scan);
+    SHIFTMAP_RETURN_IF_ERROR(CheckSize(scan, message));
+    SHIFTMAP_RETURN_IF_ERROR(writer->Write(landmarks, time_ns, message));
   }
   return writer->Finish();
 }
@@ -174,17 +252,14 @@ const RunInfo& RunLogStream::info() const { return state_->info; }
 
 const std::string& RunLogStream::truncation() const { return state_->reader->truncation(); }
 
-StatusOr<RunLog> ReadRunLog(const std::string& path) {
+StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& options) {
   SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
   RunLog log;
+  Collector collector(options.max_memory_bytes.value_or(MemoryBound() / kReaderShare), &log.run);
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(std::optional<RunEvent> event, stream.Next());
     if (!event) break;
-    if (const auto* sample = std::get_if<OdometrySample>(&*event)) {
-      log.run.odometry.push_back(*sample);
-    } else {
-      log.run.scans.push_back(std::get<Scan>(*std::move(event)));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(About(path, collector.Add(*std::move(event))));
   }
   log.run.info = stream.info();
   log.truncation = stream.truncation();

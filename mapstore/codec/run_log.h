@@ -21,12 +21,18 @@ struct RunLog {
   std::string truncation;
 };
 
+struct RunLogReaderOptions {
+  /// What the run may take while it is read. Vectors that grow are there twice. By default a
+  /// quarter of MemoryBound(), as a caller copies the run. [bytes]
+  std::optional<std::int64_t> max_memory_bytes;
+};
+
 /// Reads a run log (MCAP with shiftmap messages; see proto/README.md) whole and checks it with
 /// ValidateRun. Messages on other topics are skipped.
-/// Errors: kNotFound; kInvalidArgument if it is not an MCAP file, has no odometry, or goes
-/// backwards in time; kDataLoss if a checksum is wrong. Every message starts with `run log
-/// '<path>': `.
-StatusOr<RunLog> ReadRunLog(const std::string& path);
+/// Errors: kNotFound; kInvalidArgument if it is not an MCAP file, has no odometry, goes backwards
+/// in time, or takes more memory than the options allow; kDataLoss if a checksum is wrong. Every
+/// message starts with `run log '<path>': `.
+StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& options = {});
 
 struct RunLogWriterOptions {
   bool compress = true;  ///< zstd chunks; off makes larger files that any tool can read.
@@ -41,7 +47,8 @@ Status WriteRunLog(const Run& run,
                    const RunLogWriterOptions& options = {});
 
 /// Reads a run log item by item, from a file or a pipe, in constant memory, in the order of the
-/// file. Items are checked by ValidateEvent; order is the consumer's business.
+/// file: that of one chunk, of 64 MiB at most. Items are checked by ValidateEvent; order is the
+/// consumer's business.
 class RunLogStream {
  public:
   /// @param path  A file, or "-" for standard input.

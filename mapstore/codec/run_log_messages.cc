@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/codec/run_log_messages.h"
 
+#include <google/protobuf/arena.h>
 #include <google/protobuf/descriptor.pb.h>
 
 #include "mapstore/codec/parse_proto.h"
@@ -8,6 +9,17 @@
 
 namespace shiftmap {
 namespace {
+
+template <typename Proto>
+Status ParseItem(std::string_view bytes, Proto* message) {
+  if (bytes.size() > kMaxItemBytes) {
+    return InvalidArgument("{} message of {} bytes, expected at most {}",
+                           Proto::descriptor()->full_name(),
+                           bytes.size(),
+                           kMaxItemBytes);
+  }
+  return ParseProto(bytes, message);
+}
 
 void ToProto(const Observation& observation, proto::LandmarkObservation* out) {
   out->set_signature(observation.signature.text());
@@ -120,18 +132,23 @@ StatusOr<Scan> FromProto(const proto::LandmarkScan& in) {
 }
 
 StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::RunInfo>(bytes));
+  proto::RunInfo message;
+  SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, &message));
   return RunInfo{message.vehicle(), message.source()};
 }
 
 StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::Odometry>(bytes));
+  proto::Odometry message;
+  SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, &message));
   return FromProto(message);
 }
 
+// In an arena, as a scan of many observations would be as many allocations.
 StatusOr<Scan> DecodeScan(std::string_view bytes) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::LandmarkScan>(bytes));
-  return FromProto(message);
+  google::protobuf::Arena arena;
+  auto* message = google::protobuf::Arena::CreateMessage<proto::LandmarkScan>(&arena);
+  SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, message));
+  return FromProto(*message);
 }
 
 }  // namespace shiftmap

@@ -3,6 +3,7 @@
 // The messages of a run log, to and from bytes. Inside codec/ only.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -28,7 +29,12 @@ std::string EncodeRunInfo(const RunInfo& info);
 std::string EncodeOdometry(const OdometrySample& sample);
 std::string EncodeScan(const Scan& scan);
 
-/// Errors: kInvalidArgument if the bytes are not such a message or fail ValidateEvent.
+/// Size of a message up to which it is an item of a run: a scan of ten thousand observations.
+/// [byte]
+inline constexpr std::size_t kMaxItemBytes = std::size_t{1} << 20;
+
+/// Errors: kInvalidArgument if the bytes are not such a message, are more than kMaxItemBytes, or
+/// fail ValidateEvent.
 StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes);
 StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes);
 StatusOr<Scan> DecodeScan(std::string_view bytes);

@@ -6,13 +6,15 @@
 #include <algorithm>
 #include <memory>
 
-#include "proto/core/check.h"
+#include "proto/mcap/format.h"
 
 namespace shiftmap::mcap {
 namespace {
 
 constexpr int kZstdLevel = 3;
 constexpr std::size_t kStepBytes = std::size_t{1} << 18;
+constexpr int kMaxWindowLog = 26;
+static_assert(std::uint64_t{1} << kMaxWindowLog == kMaxChunkBytes);
 
 struct FreeStream {
   void operator()(ZSTD_DStream* stream) const { ZSTD_freeDStream(stream); }
@@ -20,7 +22,9 @@ struct FreeStream {
 
 StatusOr<std::string> DecompressZstd(std::string_view bytes, std::uint64_t size) {
   const std::unique_ptr<ZSTD_DStream, FreeStream> stream(ZSTD_createDStream());
-  SHIFTMAP_CHECK(stream != nullptr, "zstd: out of memory");
+  if (stream == nullptr) return MakeStatus(StatusCode::kResourceExhausted, "zstd: out of memory");
+  // A frame may ask for a buffer of any size; a chunk needs none that is larger than itself.
+  ZSTD_DCtx_setParameter(stream.get(), ZSTD_d_windowLogMax, kMaxWindowLog);
   std::string out;
   ZSTD_inBuffer in{bytes.data(), bytes.size(), 0};
   std::size_t hint = 1;  // 0 once a frame is complete.
@@ -53,12 +57,14 @@ std::string_view CompressionName(Compression compression) {
   return compression == Compression::kZstd ? "zstd" : "";
 }
 
-std::string Compress(Compression compression, std::string_view bytes) {
+StatusOr<std::string> Compress(Compression compression, std::string_view bytes) {
   if (compression == Compression::kNone) return std::string(bytes);
   std::string out(ZSTD_compressBound(bytes.size()), '\0');
   const std::size_t size =
       ZSTD_compress(out.data(), out.size(), bytes.data(), bytes.size(), kZstdLevel);
-  SHIFTMAP_CHECK(ZSTD_isError(size) == 0U, "zstd: {}", ZSTD_getErrorName(size));
+  if (ZSTD_isError(size) != 0U) {
+    return MakeStatus(StatusCode::kResourceExhausted, "zstd: {}", ZSTD_getErrorName(size));
+  }
   out.resize(size);
   return out;
 }

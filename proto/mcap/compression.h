@@ -16,13 +16,15 @@ enum class Compression { kNone, kZstd };
 std::string_view CompressionName(Compression compression);
 
 /// Compresses a chunk's records. Deterministic for one version of the zstd library.
-std::string Compress(Compression compression, std::string_view bytes);
+/// Errors: kResourceExhausted if zstd gets no memory.
+StatusOr<std::string> Compress(Compression compression, std::string_view bytes);
 
 /// Undoes a chunk's compression, by the name that the chunk states. Memory grows with what really
 /// comes out of `bytes`, never with `size` alone.
 /// @param size  Bytes that must come out.
 /// Errors: kInvalidArgument for a compression that is not "", "none" or "zstd"; kDataLoss if
-/// `bytes` are not what that compression makes or another number of bytes comes out.
+/// `bytes` are not what that compression makes or another number of bytes comes out;
+/// kResourceExhausted if zstd gets no memory.
 StatusOr<std::string> Decompress(std::string_view name, std::string_view bytes, std::uint64_t size);
 
 }  // namespace shiftmap::mcap

@@ -42,11 +42,17 @@ inline constexpr std::uint64_t kRecordHeadBytes = 1 + 8;
 /// Content of the footer: summary start, summary offset start, summary CRC.
 inline constexpr std::uint64_t kFooterBytes = 8 + 8 + 4;
 
-/// What a reader accepts, so that a hostile file cannot exhaust memory. The writer stays within.
-inline constexpr std::uint64_t kMaxChunkBytes = std::uint64_t{256} << 20;  ///< Uncompressed.
+/// What a reader accepts, so that a hostile file cannot exhaust memory or time. The writer stays
+/// within.
+inline constexpr std::uint64_t kMaxChunkBytes = std::uint64_t{64} << 20;  ///< Uncompressed.
 inline constexpr std::uint64_t kMaxRecordBytes =
     kMaxChunkBytes + (1 << 16);  ///< Content of any record that is not skipped.
 inline constexpr std::uint64_t kMaxDefinitionBytes =
-    std::uint64_t{64} << 20;  ///< Names of all schemas and channels together.
+    std::uint64_t{8} << 20;  ///< Names of all schemas and channels together.
+
+/// What all chunks may hold together before compression: the first, and the second for each byte of
+/// the file up to there. Chunks of one-second logs of a parked vehicle hold 4 bytes per byte.
+inline constexpr std::uint64_t kFreeExpansionBytes = std::uint64_t{64} << 20;
+inline constexpr std::uint64_t kMaxExpansion = 100;
 
 }  // namespace shiftmap::mcap

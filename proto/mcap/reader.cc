@@ -42,9 +42,10 @@ class Reader::State {
   ByteSource source_;
   Definitions definitions_;
   std::uint64_t record_begin_ = 0;
-  std::string content_;          // Of the record at hand.
-  std::string chunk_;            // Records of the open chunk,
-  std::string_view chunk_rest_;  // and those not read yet.
+  std::string content_;               // Of the record at hand.
+  std::string chunk_;                 // Records of the open chunk,
+  std::string_view chunk_rest_;       // and those not read yet.
+  std::uint64_t expanded_bytes_ = 0;  // Of all chunks so far.
   std::optional<LogMessage> message_;
   std::uint64_t summary_begin_ = 0;
   bool data_ended_ = false;
@@ -144,6 +145,14 @@ Status Reader::State::OpenChunk(std::string_view content) {
   if (!reader.ok()) return DataLoss("chunk: fields beyond its {} bytes", content.size());
   if (size > kMaxChunkBytes) {
     return DataLoss("chunk of {} bytes, expected at most {}", size, kMaxChunkBytes);
+  }
+  expanded_bytes_ += size;
+  const std::uint64_t allowed = kFreeExpansionBytes + kMaxExpansion * source_.position();
+  if (expanded_bytes_ > allowed) {
+    return DataLoss("the chunks up to here hold {} bytes, expected at most {} in a file of {}",
+                    expanded_bytes_,
+                    allowed,
+                    source_.position());
   }
   auto bytes = Decompress(compression, records, size);
   if (!bytes.ok()) {

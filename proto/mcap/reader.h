@@ -30,8 +30,9 @@ struct LogMessage {
 };
 
 /// Reads the messages of an MCAP file front to back, in the order of the file, without seeking: a
-/// pipe will do. Needs memory for one chunk, of at most kMaxChunkBytes. The input is not trusted:
-/// no length in it is believed before the bytes are there, and every CRC it states is checked.
+/// pipe will do. Needs memory for one chunk, of at most kMaxChunkBytes, and time in proportion to
+/// the file (kMaxExpansion). The input is not trusted: no length in it is believed before the bytes
+/// are there, and every CRC it states is checked.
 ///
 /// A file that ends early, as after a power failure, gives everything up to its last whole chunk
 /// (or its last whole message outside chunks), and truncation() then says so.

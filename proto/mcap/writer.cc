@@ -108,11 +108,15 @@ bool Writer::IsFull(std::uint64_t record_bytes, std::uint64_t time_ns) const {
 }
 
 void Writer::FlushChunk() {
-  const std::string records = Compress(options_.compression, chunk_.bytes());
+  const StatusOr<std::string> records = Compress(options_.compression, chunk_.bytes());
+  if (!records.ok()) {
+    if (status_.ok()) status_ = records.status();
+    return;
+  }
   ByteWriter content;
   content.Write(chunk_start_ns_).Write(chunk_end_ns_).Write(chunk_.size());
   content.Write(Crc32::Of(chunk_.bytes())).String(CompressionName(options_.compression));
-  content.Write(static_cast<std::uint64_t>(records.size())).Bytes(records);
+  content.Write(static_cast<std::uint64_t>(records->size())).Bytes(*records);
   ByteWriter chunk;
   chunk.Record(Opcode::kChunk, content.bytes());
   Emit(chunk.bytes());

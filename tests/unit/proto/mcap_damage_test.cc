@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "proto/mcap/byte_writer.h"
+#include "proto/mcap/compression.h"
 #include "proto/mcap/crc32.h"
 #include "proto/mcap/format.h"
 #include "tests/unit/proto/mcap_test_util.h"
@@ -158,6 +159,24 @@ TEST(McapHostile, LengthsInsideAChunkStayInside) {
             StatusCode::kDataLoss);
   EXPECT_EQ(ReadAll(Begin() + ChunkRecord("", kMaxChunkBytes, 0, "zstd")).status.code(),
             StatusCode::kDataLoss);
+}
+
+// Time and memory are in proportion to the file, also for what is skipped.
+TEST(McapHostile, ChunksExpandInProportionToTheFile) {
+  ByteWriter skipped;
+  skipped.Record(static_cast<Opcode>(0x7f), "");
+  std::string records;
+  while (records.size() < std::size_t{32} << 20) records += skipped.bytes();
+  const std::string stored = *Compress(Compression::kZstd, records);
+  ASSERT_LT(stored.size(), 10'000U);
+  const std::string chunk = ChunkRecord(stored, records.size(), 0, "zstd");
+  EXPECT_TRUE(ReadAll(Begin() + chunk).status.ok());
+  const Status status = ReadAll(Begin() + chunk + chunk + chunk).status;
+  EXPECT_EQ(status.code(), StatusCode::kDataLoss);
+  EXPECT_NE(Message(status).find("the chunks up to here hold"), std::string::npos);
+  // Other bytes of the file count: it is as long to read.
+  const std::string other = RecordHead(Opcode::kAttachment, 1 << 20) + std::string(1 << 20, 'x');
+  EXPECT_TRUE(ReadAll(Begin() + other + chunk + chunk + chunk).status.ok());
 }
 
 TEST(McapHostile, AChunkInAChunkIsAnError) {

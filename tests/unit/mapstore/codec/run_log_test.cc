@@ -98,11 +98,12 @@ class RunLogTest : public testing::Test {
   }
   void Put(const std::string& bytes) const { std::ofstream(path_, std::ios::binary) << bytes; }
 
-  // A file with one message on a topic.
+  // A file with one message on a topic, `count` times.
   void PutMessage(std::string_view topic,
                   std::string_view schema,
                   std::string_view encoding,
-                  const std::string& data) const {
+                  const std::string& data,
+                  int count = 1) const {
     std::string bytes;
     mcap::Writer writer(
         [&bytes](std::string_view more) {
@@ -112,7 +113,7 @@ class RunLogTest : public testing::Test {
         {});
     const std::uint16_t schema_id = writer.AddSchema(schema, "protobuf", "");
     const std::uint16_t channel = writer.AddChannel(schema_id, topic, encoding);
-    ASSERT_TRUE(writer.Write(channel, 1, data).ok());
+    for (int i = 0; i < count; ++i) ASSERT_TRUE(writer.Write(channel, 1, data).ok());
     ASSERT_TRUE(writer.Finish().ok());
     Put(bytes);
   }
@@ -160,6 +161,20 @@ TEST_F(RunLogTest, KeepsStampsBeforeTheEpochAndNegativeZero) {
   EXPECT_EQ(ToNanoseconds(log->run.odometry[0].stamp), -5);
   EXPECT_TRUE(std::signbit(log->run.odometry[0].v_mps));
   EXPECT_EQ(log->run.odometry[0].omega_radps, 1e-310);
+}
+
+// A power cut loses less than a second of a log with the default options.
+TEST_F(RunLogTest, ACutLosesTheLastSecond) {
+  const shiftmap::Run run = MakeRun(3000);  // 30 s.
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const std::string bytes = Bytes(path_);
+  Put(bytes.substr(0, bytes.size() * 2 / 3));
+  const auto log = ReadRunLog(path_);
+  ASSERT_TRUE(log.ok()) << Message(log.status());
+  ExpectPrefix(log->run, run);
+  EXPECT_NE(log->truncation, "");
+  // Bytes are alike over time, to a second.
+  EXPECT_GT(log->run.odometry.back().stamp, run.odometry.front().stamp + std::chrono::seconds(18));
 }
 
 TEST_F(RunLogTest, StreamsInTheOrderOfTime) {
@@ -248,6 +263,48 @@ TEST_F(RunLogTest, NamesWhatIsWrongWithAMessage) {
   ExpectError(StatusCode::kInvalidArgument, "neither range_bearing nor position_in_vehicle");
 }
 
+TEST_F(RunLogTest, AMessageBeyondTheSizeOfAnItemIsNone) {
+  // An observation of a position (field 3) that is all zeros takes four bytes, and much more here.
+  std::string scan;
+  while (scan.size() <= kMaxItemBytes) scan.append("\x12\x02\x1a\x00", 4);
+  PutMessage("/landmarks", "shiftmap.proto.LandmarkScan", "protobuf", scan);
+  ExpectError(StatusCode::kInvalidArgument, "bytes, expected at most 1048576");
+  // A field (15) that no reader knows.
+  const std::string odometry = "\x7a\xff\xff\xff\x01" + std::string((1 << 22) - 1, 'x');
+  PutMessage("/odometry", "shiftmap.proto.Odometry", "protobuf", odometry);
+  ExpectError(StatusCode::kInvalidArgument, "bytes, expected at most 1048576");
+  PutMessage("/camera", "foxglove.CompressedImage", "protobuf", odometry);
+  ExpectError(StatusCode::kInvalidArgument, "no odometry");
+}
+
+// Neither many samples, scans nor observations, nor long names.
+TEST_F(RunLogTest, ReadsNoFurtherThanItsBoundOnMemory) {
+  constexpr std::int64_t kMib = std::int64_t{1} << 20;
+  const std::string odometry = EncodeOdometry({StampFromNanoseconds(1), 0.0, 0.0});
+  const std::string empty = EncodeScan({StampFromNanoseconds(1), {}});
+  Observation seen;
+  seen.z = {1.0, 0.0};
+  const std::string full = EncodeScan({StampFromNanoseconds(1), std::vector(2000, seen)});
+  seen.signature = Signature(std::string(200'000, 'x'));
+  const std::string named = EncodeScan({StampFromNanoseconds(1), {seen}});
+  const auto expect_bound =
+      [&](const char* topic, const char* schema, const std::string& data, int count) {
+        PutMessage(topic, schema, "protobuf", data, count);
+        const Status status = ReadRunLog(path_, {.max_memory_bytes = 2 * kMib}).status();
+        EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+        EXPECT_NE(Message(status).find("takes more than 2 MiB"), std::string::npos)
+            << Message(status);
+        EXPECT_TRUE(Message(status).starts_with("run log '" + path_ + "': ")) << Message(status);
+        EXPECT_EQ(
+            Message(ReadRunLog(path_, {.max_memory_bytes = 64 * kMib}).status()).find("takes more"),
+            std::string::npos);
+      };
+  expect_bound("/odometry", "shiftmap.proto.Odometry", odometry, 100'000);
+  expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", empty, 100'000);
+  expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", full, 20);
+  expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", named, 20);
+}
+
 TEST_F(RunLogTest, SkipsOtherTopics) {
   PutMessage("/camera", "foxglove.CompressedImage", "protobuf", "whatever");
   ExpectError(StatusCode::kInvalidArgument, "no odometry");
@@ -266,6 +323,11 @@ TEST_F(RunLogTest, DoesNotWriteWhatItWouldNotRead) {
     EXPECT_TRUE(Message(status).starts_with("run log '" + path_ + "': ")) << Message(status);
   }
   EXPECT_EQ(WriteRunLog(MakeRun(5), path_, {true, 0}).code(), StatusCode::kInvalidArgument);
+  shiftmap::Run too_large = MakeRun(5);
+  Observation seen;
+  seen.z = {1.0, 0.0};
+  too_large.scans[0].observations.assign(100'000, seen);
+  EXPECT_EQ(WriteRunLog(too_large, path_).code(), StatusCode::kInvalidArgument);
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
   EXPECT_EQ(WriteRunLog(MakeRun(5), (folder_ / "none" / "run.mcap").string()).code(),
             StatusCode::kNotFound);
