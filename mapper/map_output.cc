@@ -238,6 +238,16 @@ void SetProbabilities(const MapProblem& problem,
   group->probabilities /= group->probabilities.sum();
 }
 
+// The end of the newest run, but not ahead of the clock, and not before the prior map.
+Stamp NewStamp(const MapProblem& problem,
+               const std::optional<MapContent>& prior,
+               const MapperOptions& options) {
+  Stamp end = problem.runs.front().data->end();
+  for (const BuildRun& run : problem.runs) end = std::max(end, run.data->end());
+  if (options.now) end = std::min(end, *options.now);
+  return prior ? std::max(end, prior->stamp) : end;
+}
+
 // Joint and marginal covariances of the map's modes.
 // @param place  Of every mode of the problem, flat, its index in the map, or kNoPlace.
 // @param modes  Of the map.
@@ -310,8 +320,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                    const MapperOptions& options) {
   MapOutput output;
   MapContent& content = output.content;
-  content.stamp = prior ? prior->stamp : Stamp();
-  for (const BuildRun& run : problem.runs) content.stamp = std::max(content.stamp, run.data->end());
+  content.stamp = NewStamp(problem, prior, options);
   content.calibration = {FleetOdometry(problem.runs, options.calibration.odometry), problem.sensor};
   if (options.calibrate) {
     content.calibration.sensor = FleetSensor(problem, options.sd_range_scale);

@@ -21,7 +21,7 @@ struct MapOutput {
 };
 
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
-/// end of the newest run.
+/// end of the newest run, or at MapperOptions::now if that is earlier.
 /// @param signatures  Of the problem's groups.
 /// @param mode_covariance  Flat order of the problem. [m²]
 /// Errors: kInvalidArgument, as LearnGroupChains.

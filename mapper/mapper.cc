@@ -343,6 +343,44 @@ StatusOr<std::unique_ptr<GraphElimination>> Linearize(const MapperOptions& optio
   return elimination;
 }
 
+// What was to be expected before the runs were placed may be less than the modes that they brought:
+// the runs that brought most are left out until the others fit.
+Status FitModes(const MapperOptions& options, BuildSize* size, MapProblem* problem) {
+  for (;;) {
+    size->modes = FlatModes(*problem).count;
+    const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
+    if (fits.ok() || !TakeOutRunWithMostModes(problem)) return fits;
+    TakeOutLooseRuns(problem);
+    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+    if (problem->priors.empty()) AnchorFrame(problem);
+  }
+}
+
+bool IsAheadOfClock(const MapContent& prior, const MapperOptions& options) {
+  return options.now &&
+         !CheckNotInFuture("prior", prior.stamp, *options.now, options.clock_tolerance_s).ok();
+}
+
+// A map as it was when the earliest run began.
+MapContent AsOfRuns(MapContent map,
+                    const std::vector<MapperInput>& inputs,
+                    const MapperOptions& options) {
+  map.stamp = *options.now;
+  for (const MapperInput& input : inputs) {
+    map.stamp = std::min(map.stamp, input.run.odometry.front().stamp);
+  }
+  for (LandmarkGroup& group : map.groups) {
+    for (Mode& mode : group.modes) mode.last_seen = std::min(mode.last_seen, map.stamp);
+  }
+  for (Mode& mode : map.anonymous_landmarks) {
+    mode.last_seen = std::min(mode.last_seen, map.stamp);
+  }
+  for (VehicleCalibration& vehicle : map.vehicles) {
+    vehicle.stamp = std::min(vehicle.stamp, map.stamp);
+  }
+  return map;
+}
+
 // What is told of a solved problem.
 Status Conclude(const std::vector<Signature>& signatures,
                 const std::optional<MapContent>& prior,
@@ -381,6 +419,10 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                                 const MapperOptions& options,
                                 const MapperMonitor& monitor) {
   SHIFTMAP_RETURN_IF_ERROR(CheckInputs(inputs, prior, options));
+  if (prior && IsAheadOfClock(*prior, options)) {
+    const MapContent known = AsOfRuns(*prior, inputs, options);
+    return BuildMap(std::move(inputs), known, options, monitor);
+  }
   BuildSize size = SizeOf(inputs, prior, options);
   SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
   MapperResult result;
@@ -394,9 +436,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
 
   SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
-  // What was to be expected before the runs were placed may be less than what they brought.
-  size.modes = FlatModes(problem).count;
-  SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, options.max_memory_bytes));
+  SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &problem));
 
   SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
   if (!prior) AnchorFrame(&problem);

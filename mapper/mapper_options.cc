@@ -85,6 +85,7 @@ Status MapperOptions::Validate() const {
       {"cost_tolerance", solver.cost_tolerance, Range::kPositive},
       {"max_integrations", static_cast<double>(max_integrations), Range::kOneOrMore},
       {"threads", static_cast<double>(threads), Range::kOneOrMore},
+      {"clock_tolerance_s", clock_tolerance_s, Range::kNotNegative},
       {"max_memory_bytes", static_cast<double>(max_memory_bytes), Range::kNotNegative},
   };
   for (const Member& member : members) {

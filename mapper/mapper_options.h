@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
@@ -12,6 +13,7 @@
 #include "mapper/graph/solver_limits.h"
 #include "mapper/modes/missed_detection_model.h"
 #include "mapper/selection/selector.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/mode_filter.h"
 #include "proto/core/status.h"
@@ -92,6 +94,11 @@ struct MapperOptions {
 
   /// A build that would take more than this is refused before it does. 0: no bound. [bytes]
   std::int64_t max_memory_bytes = 0;
+
+  /// This host's clock, if the map's stamp may not be ahead of it. A prior map that is ahead by
+  /// more than the tolerance counts as of the begin of the earliest run: its stamp says nothing.
+  std::optional<Stamp> now;
+  double clock_tolerance_s = kDefaultClockToleranceS;
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/memory_estimate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <vector>
 
@@ -84,6 +87,19 @@ void AddRun(const Run& run, BuildSize* size) {
   size->landmark_pairs += landmarks * landmarks;
 }
 
+void AddSize(const BuildSize& runs, BuildSize* size) {
+  size->odometry_samples += runs.odometry_samples;
+  size->scans += runs.scans;
+  size->observations += runs.observations;
+  size->key_frames += runs.key_frames;
+  size->segment_boundary += runs.segment_boundary;
+  size->segment_pairs += runs.segment_pairs;
+  size->runs += runs.runs;
+  size->landmarks = std::max(size->landmarks, runs.landmarks);
+  size->all_landmarks += runs.all_landmarks;
+  size->landmark_pairs += runs.landmark_pairs;
+}
+
 std::int64_t ExpectedModes(const BuildSize& size) {
   const std::int64_t first = size.prior_modes > 0 ? 0 : size.landmarks;
   return size.prior_modes + first + (size.all_landmarks - first) / kLandmarksPerNewMode + size.runs;
@@ -126,6 +142,37 @@ Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {
       size.modes.value_or(ExpectedModes(size)),
       needed / kMib + 1,
       max_memory_bytes / kMib);
+}
+
+BuildSize RunChoice::Total() const {
+  BuildSize total;
+  total.prior_modes = prior_modes_;
+  for (const auto& [key, size] : kept_) AddSize(size, &total);
+  total.runs_at_once = std::min<std::int64_t>(threads_, std::ssize(kept_));
+  return total;
+}
+
+// Of the runs in the order of their size, those up to the first that does not fit are never left
+// out: a set in which such a run is the largest fits. What is left are no others, since all from
+// the smallest one that was left out on are.
+std::vector<RunChoice::LeftOut> RunChoice::Add(const std::string& id, const BuildSize& size) {
+  BuildSize alone = size;
+  alone.prior_modes = prior_modes_;
+  kept_.emplace(Key(EstimateBuildMemory(alone), id), size);
+  std::vector<LeftOut> left_out;
+  while (!kept_.empty()) {
+    const auto largest = std::prev(kept_.end());
+    const bool beyond = first_left_out_ && largest->first > *first_left_out_;
+    if (!beyond && CheckBuildMemory(Total(), max_memory_bytes_).ok()) break;
+    left_out.push_back(
+        {largest->first.second,
+         fmt::format("a build takes about {} MiB with it alone, allowed are {} with all runs",
+                     largest->first.first / kMib + 1,
+                     max_memory_bytes_ / kMib)});
+    if (!beyond) first_left_out_ = largest->first;
+    kept_.erase(largest);
+  }
+  return left_out;
 }
 
 }  // namespace shiftmap

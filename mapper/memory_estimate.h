@@ -2,7 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"
@@ -33,6 +37,9 @@ struct BuildSize {
 /// Counts one run more. The result does not depend on the order.
 void AddRun(const Run& run, BuildSize* size);
 
+/// The same for runs that were counted.
+void AddSize(const BuildSize& runs, BuildSize* size);
+
 /// Modes that are to be expected before any run is placed: without a prior map the landmarks of the
 /// run that sees most, and one for every fourth landmark of the others: most stand where they
 /// stood.
@@ -45,5 +52,36 @@ std::int64_t EstimateBuildMemory(const BuildSize& size);
 /// Errors: kInvalidArgument with both figures if a build of this size takes more than
 /// `max_memory_bytes`; 0 allows any.
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes);
+
+/// Which runs of a build stay within a bound on its memory: as many as do, from the smallest on, by
+/// what each would take alone. The result does not depend on the order in which they are added.
+class RunChoice {
+ public:
+  struct LeftOut {
+    std::string id;
+    std::string reason;
+  };
+
+  /// @param max_memory_bytes  At least 1. [bytes]
+  /// @param threads           On which runs are mapped by themselves.
+  RunChoice(std::int64_t max_memory_bytes, std::int64_t prior_modes, int threads)
+      : max_memory_bytes_(max_memory_bytes), prior_modes_(prior_modes), threads_(threads) {}
+
+  /// Adds a run and returns the runs that are too much, itself maybe among them.
+  /// @param id    Of the run, unique; orders runs of one size.
+  /// @param size  Of it alone.
+  std::vector<LeftOut> Add(const std::string& id, const BuildSize& size);
+
+ private:
+  using Key = std::pair<std::int64_t, std::string>;  // What it takes alone, and its id.
+
+  BuildSize Total() const;
+
+  std::int64_t max_memory_bytes_;
+  std::int64_t prior_modes_;
+  int threads_;
+  std::map<Key, BuildSize> kept_;
+  std::optional<Key> first_left_out_;  // Everything from there on is left out.
+};
 
 }  // namespace shiftmap

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
-#include <unistd.h>
-#include <algorithm>
 
 #include <charconv>
 #include <chrono>
@@ -19,15 +17,16 @@
 
 #include "mapper/cli/build_report.h"
 #include "mapper/cli/commands.h"
+#include "mapper/cli/run_loader.h"
 #include "mapper/cli/stop_signals.h"
 #include "mapper/mapper.h"
-#include "mapper/memory_estimate.h"
 #include "mapper/selection/selector.h"
-#include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
-#include "mapstore/codec/run_log.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/core/folder.h"
+#include "mapstore/core/magnitude.h"
+#include "mapstore/core/memory_bound.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -35,6 +34,9 @@ namespace {
 
 // Poses of a run that the store keeps for pictures.
 constexpr std::size_t kStoredPoses = 2000;
+
+// Of what a vehicle can do, in the unit of each limit.
+constexpr double kMinLimit = 1e-3;
 
 struct BuildOptions {
   std::string store;
@@ -47,6 +49,10 @@ struct BuildOptions {
   bool no_calibration = false;
   bool no_learned_rates = false;
   std::optional<std::int64_t> max_memory_mib;
+  std::optional<double> max_range_m;
+  std::optional<double> max_speed_mps;
+  std::optional<double> max_yaw_rate_radps;
+  double clock_tolerance_s = kDefaultClockToleranceS;
   std::optional<std::string> trajectories;
   std::uint64_t seed = MapperOptions().seed;
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -112,11 +118,6 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   return prior;
 }
 
-struct LoadedRuns {
-  std::vector<MapperInput> inputs;
-  std::vector<RejectedRun> rejected;
-};
-
 // Nothing was written so far, and nothing will be.
 Status StoppedStatus(const BuildOptions& options) {
   return MakeStatus(StatusCode::kCancelled,
@@ -129,57 +130,32 @@ Status CheckStopped(const BuildOptions& options) {
   return StopSignals::Received().empty() ? OkStatus() : StoppedStatus(options);
 }
 
-// The bound on a build's memory: what was asked for, or what the machine has. [bytes]
+// The bound on a build's memory: what was asked for, or what the process can have. [bytes]
 std::int64_t MaxMemory(const BuildOptions& options) {
   constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
-  if (options.max_memory_mib) return *options.max_memory_mib * kMib;
-  return std::int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE);
+  return options.max_memory_mib ? *options.max_memory_mib * kMib : MemoryBound();
 }
 
-// Reads the logs, and no further once they are too much for the bound. One that is damaged is left
-// out by name: the others must not wait for it.
-StatusOr<LoadedRuns> LoadRuns(const BuildOptions& options,
-                              const PriorMap& prior,
-                              const Context& context) {
-  LoadedRuns runs;
-  BuildSize size;
-  if (prior.content) size.prior_modes = prior.content->covariance.size();
-  std::set<std::string> seen = prior.run_hashes;
-  std::map<std::string, std::string> paths;  // Of the runs, by name.
-  Status damaged;                            // What is wrong with the first such log.
-  for (const std::string& path : options.logs) {
-    SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
-    const std::string name = std::filesystem::path(path).stem().string();
-    StatusOr<RunLog> read = ReadRunLog(path);
-    if (!read.ok()) {
-      if (ExitCodeFor(read.status()) != ExitCode::kBadInput) return read.status();
-      runs.rejected.push_back({name, Message(read.status())});
-      if (damaged.ok()) damaged = read.status();
-      continue;
-    }
-    RunLog& log = *read;
-    if (!log.truncation.empty()) {
-      context.Warn(fmt::format("run log '{}': {}", path, log.truncation));
-    }
-    if (!seen.insert(log.sha256).second) {
-      runs.rejected.push_back({name, "already in the map"});
-      continue;
-    }
-    const auto [named, added] = paths.try_emplace(name, path);
-    if (options.trajectories && !added) {
-      return InvalidArgument(
-          "run logs '{}' and '{}': their trajectories would be one file", named->second, path);
-    }
-    AddRun(log.run, &size);
-    SHIFTMAP_RETURN_IF_ERROR(CheckBuildMemory(size, MaxMemory(options)));
-    runs.inputs.push_back({name, log.sha256, std::move(log.run)});
+RunLoaderOptions LoaderOptions(const BuildOptions& options, const PriorMap& prior, Stamp now) {
+  RunLoaderOptions loader;
+  loader.area = options.area;
+  loader.logs = options.logs;
+  loader.known_hashes = prior.run_hashes;
+  loader.max_memory_bytes = MaxMemory(options);
+  loader.threads = options.threads;
+  if (prior.content) {
+    loader.prior_modes = prior.content->covariance.size();
+    loader.limits = ItemLimits::For(prior.content->calibration.sensor);
   }
-  if (runs.inputs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(damaged);
-    return MakeStatus(
-        StatusCode::kAlreadyExists, "area '{}': every run is already in the map", options.area);
-  }
-  return runs;
+  loader.limits.max_range_m = options.max_range_m.value_or(loader.limits.max_range_m);
+  loader.limits.max_speed_mps = options.max_speed_mps.value_or(loader.limits.max_speed_mps);
+  loader.limits.max_yaw_rate_radps =
+      options.max_yaw_rate_radps.value_or(loader.limits.max_yaw_rate_radps);
+  loader.now = now;
+  loader.clock_tolerance_s = options.clock_tolerance_s;
+  loader.unique_names = options.trajectories.has_value();
+  loader.go_on = [&options] { return CheckStopped(options); };
+  return loader;
 }
 
 std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
@@ -221,8 +197,11 @@ Status WriteTrajectories(const std::string& folder, const MapperResult& result) 
 StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
                                           const PriorMap& prior,
                                           const std::vector<MapperInput>& inputs,
+                                          Stamp now,
                                           const Context& context) {
   MapperOptions mapper_options;
+  mapper_options.now = now;
+  mapper_options.clock_tolerance_s = options.clock_tolerance_s;
   mapper_options.seed = options.seed;
   mapper_options.threads = options.threads;
   mapper_options.max_memory_bytes = MaxMemory(options);
@@ -270,12 +249,13 @@ Status CheckOutputs(const BuildOptions& options) {
 
 Status Build(const BuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
+  const Stamp now = SystemNow();
   const StopSignals signals;
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(options, prior, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
-                            MakeMapperOptions(options, prior, runs.inputs, context));
+                            MakeMapperOptions(options, prior, runs.inputs, now, context));
   std::unique_ptr<Progress> progress = context.MakeProgress();
   StatusOr<MapperResult> result =
       BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
@@ -305,7 +285,7 @@ Status Build(const BuildOptions& options, Context& context) {
         store.Commit(
             options.area, result->content, MakeProvenance(options, *result), commit_options));
   }
-  Json document = BuildJson(options.area, *result, commit);
+  Json document = BuildJson(options.area, *result, runs.dropped, commit);
   document["selector"] = options.selector;
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -354,8 +334,24 @@ void AddBuildCommand(Application* application) {
       .InRange(0.0, 1e3)
       .Option("--max-memory-mib",
               &options->max_memory_mib,
-              "Refuse a build that would take more; by default, than the machine has")
+              "Leave out the largest logs of a build that would take more; by default, than this "
+              "process can have")
       .InRange(1.0, 1e9)
+      .Option("--max-range-m",
+              &options->max_range_m,
+              "Drop what is seen farther away; default: 1000, or ten times the sensor's range")
+      .InRange(kMinLimit, kMaxMagnitude)
+      .Option(
+          "--max-speed-mps", &options->max_speed_mps, "Drop odometry that is faster; default: 100")
+      .InRange(kMinLimit, kMaxMagnitude)
+      .Option("--max-yaw-rate-radps",
+              &options->max_yaw_rate_radps,
+              "Drop odometry that turns faster; default: 50")
+      .InRange(kMinLimit, kMaxMagnitude)
+      .Option("--clock-tolerance-s",
+              &options->clock_tolerance_s,
+              "Leave out logs that end later than this host's clock and this [s]")
+      .InRange(0.0, kMaxMagnitude)
       .Option("RUN.mcap", &options->logs, "Run logs of the area, of any days and vehicles")
       .Required()
       .Check([options] {

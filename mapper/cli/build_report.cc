@@ -8,13 +8,15 @@
 namespace shiftmap {
 namespace {
 
-Json RunJson(const MappedRun& run) {
+Json RunJson(const MappedRun& run, const ImplausibleItems& dropped) {
   return {{"run", run.name},
           {"poses", run.poses},
           {"observations", run.observations},
           {"outliers", run.outliers},
           {"duplicate_observations", run.duplicate_observations},
           {"near_observations", run.near_observations},
+          {"implausible_observations", dropped.observations},
+          {"implausible_odometry", dropped.odometry},
           {"chi2", run.chi2},
           {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
           {"odometry",
@@ -70,6 +72,7 @@ Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
 
 Json BuildJson(const std::string& area,
                const MapperResult& result,
+               const std::map<std::string, ImplausibleItems>& dropped,
                const std::optional<CommitResult>& commit) {
   Json document = {{"area", area}};
   if (commit) {
@@ -79,7 +82,11 @@ Json BuildJson(const std::string& area,
     document["content_hash"] = ContentHash(result.content);
   }
   document["runs"] = Json::array();
-  for (const MappedRun& run : result.runs) document["runs"].push_back(RunJson(run));
+  for (const MappedRun& run : result.runs) {
+    const auto of_run = dropped.find(run.sha256);
+    document["runs"].push_back(
+        RunJson(run, of_run == dropped.end() ? ImplausibleItems() : of_run->second));
+  }
   document["rejected"] = Json::array();
   for (const RejectedRun& run : result.rejected) {
     document["rejected"].push_back({{"run", run.name}, {"reason", run.reason}});

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "mapper/mapper.h"
 #include "mapstore/cli/context.h"
 #include "mapstore/map_store.h"
+#include "mapstore/run/item_limits.h"
 
 namespace shiftmap {
 
@@ -15,9 +17,11 @@ namespace shiftmap {
 Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles);
 
 /// What `shiftmap-mapper build --json` says of a build.
+/// @param dropped  By the log's SHA-256.
 /// @param commit  Nothing if no version was made.
 Json BuildJson(const std::string& area,
                const MapperResult& result,
+               const std::map<std::string, ImplausibleItems>& dropped,
                const std::optional<CommitResult>& commit);
 
 /// The same for people.

@@ -28,6 +28,15 @@ class Ties {
     }
   }
 
+  // Per run, how many modes no other run has.
+  std::vector<int> OwnModes() const {
+    std::vector<int> own(modes_.size());
+    for (const std::vector<std::size_t>& runs : runs_) {
+      if (runs.size() == 1) ++own[runs.front()];
+    }
+    return own;
+  }
+
   // Runs that are tied to the prior map, or to one of them where there is none.
   std::vector<bool> TiedTo(std::size_t first) const {
     std::vector<bool> tied(modes_.size());
@@ -105,6 +114,15 @@ int TakeOutLooseRuns(MapProblem* problem) {
   if (loose == 0) return 0;
   KeepRuns(tied, kLooseReason, problem);
   return loose;
+}
+
+bool TakeOutRunWithMostModes(MapProblem* problem) {
+  if (problem->runs.size() < 2) return false;
+  const std::vector<int> own = Ties(*problem).OwnModes();
+  std::vector<bool> keep(problem->runs.size(), true);
+  keep[static_cast<std::size_t>(std::max_element(own.begin(), own.end()) - own.begin())] = false;
+  KeepRuns(keep, kTooLargeReason, problem);
+  return true;
 }
 
 int TakeOutUndeterminedRuns(const MapperOptions& options, MapProblem* problem) {

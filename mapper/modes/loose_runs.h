@@ -19,6 +19,13 @@ inline constexpr char kLooseReason[] = "too few landmarks stand where the map ha
 /// MapProblem::left_out. Returns how many runs that are.
 int TakeOutLooseRuns(MapProblem* problem);
 
+/// Why a run whose modes take too much memory is left out.
+inline constexpr char kTooLargeReason[] = "its landmarks take too much memory";
+
+/// Takes out the run with the most modes that no other run has, and those modes. Returns false for
+/// a problem of one run, which stays.
+bool TakeOutRunWithMostModes(MapProblem* problem);
+
 /// Why a run that would not be a map by itself is rejected.
 inline constexpr char kUndeterminedReason[] = "its sightings do not determine its landmarks";
 

@@ -51,7 +51,7 @@ inline constexpr std::uint64_t kMaxDefinitionBytes =
     std::uint64_t{8} << 20;  ///< Names of all schemas and channels together.
 
 /// What all chunks may hold together before compression: the first, and the second for each byte of
-/// the file up to there. Chunks of one-second logs of a parked vehicle hold 4 bytes per byte.
+/// the file up to there. A log of a parked vehicle in chunks of a second holds 3 bytes per byte.
 inline constexpr std::uint64_t kFreeExpansionBytes = std::uint64_t{64} << 20;
 inline constexpr std::uint64_t kMaxExpansion = 100;
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -491,6 +492,48 @@ TEST(BuildMap, RefusesWhatItsMemoryDoesNotHold) {
 
 // Some stand up to eight metres from where they stood the night before. That most had moved the
 // other way, and the frame with them, must not be the better explanation.
+TEST(BuildMap, TheStampIsNotAheadOfTheClock) {
+  OpenWorldOptions options = SmallWorld(21);
+  options.runs = 1;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  const MapContent unbounded = Build(inputs).content;
+  MapperOptions by_clock;
+  by_clock.now = unbounded.stamp - std::chrono::seconds(5);
+  auto result = BuildMap(inputs, std::nullopt, by_clock);
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(result->content.stamp, *by_clock.now);
+  by_clock.now = unbounded.stamp + std::chrono::seconds(5);
+  result = BuildMap(inputs, std::nullopt, by_clock);
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(result->content.stamp, unbounded.stamp);
+}
+
+// The oracle is the same map stamped at the time that it then counts as of.
+TEST(BuildMap, APriorThatIsAheadOfTheClockDoesNotFreezeTheMap) {
+  OpenWorldOptions options = SmallWorld(22);
+  options.runs = 2;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  const MapContent first = Build({inputs[0]}).content;
+  MapContent held = first;
+  held.stamp = inputs[1].run.odometry.front().stamp;
+  MapContent ahead = first;
+  ahead.stamp += std::chrono::hours(24 * 3652);
+  MapperOptions by_clock;
+  const Stamp end = std::max(inputs[1].run.odometry.back().stamp, inputs[1].run.scans.back().stamp);
+  by_clock.now = end + std::chrono::hours(1);
+  const auto expected = BuildMap({inputs[1]}, held, by_clock);
+  ASSERT_THAT(expected, IsOk());
+  const auto result = BuildMap({inputs[1]}, ahead, by_clock);
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(result->content.stamp, end);
+  EXPECT_EQ(ContentHash(result->content), ContentHash(expected->content));
+  // Within the tolerance it is kept: a version is not older than its parent.
+  ahead.stamp = *by_clock.now + std::chrono::seconds(60);
+  const auto near = BuildMap({inputs[1]}, ahead, by_clock);
+  ASSERT_THAT(near, IsOk());
+  EXPECT_EQ(near->content.stamp, ahead.stamp);
+}
+
 TEST(BuildMap, LandmarksThatMovedFarDoNotMoveTheOthers) {
   OpenWorldOptions options = SmallWorld(2);
   options.runs = 8;

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/memory_estimate.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "tests/support/status_matchers.h"
@@ -77,6 +82,54 @@ TEST(BuildMemory, TooMuchIsRefusedWithBothFigures) {
   EXPECT_THAT(CheckBuildMemory(size, needed), testing::IsOk());
   EXPECT_THAT(CheckBuildMemory(size, 2 * kMib),
               StatusIs(StatusCode::kInvalidArgument, "MiB, allowed are 2;"));
+}
+
+// A run of so many landmarks, seen from as many places.
+BuildSize SizeOfRun(std::int64_t landmarks) {
+  BuildSize size;
+  size.runs = 1;
+  size.scans = size.key_frames = landmarks;
+  size.observations = 4 * landmarks;
+  size.landmarks = size.all_landmarks = landmarks;
+  size.landmark_pairs = landmarks * landmarks;
+  return size;
+}
+
+// The smallest that fit, in any order: all orders against a search over the sorted runs.
+TEST(RunChoice, LeavesOutTheLargestInAnyOrder) {
+  const std::map<std::string, std::int64_t> landmarks = {
+      {"a", 300}, {"b", 20}, {"c", 900}, {"d", 300}, {"e", 500}};
+  const std::vector<std::string> by_size = {"b", "a", "d", "e", "c"};
+  for (const std::int64_t max_mib : {1, 25, 40, 70, 150, 300, 5000}) {
+    BuildSize total;
+    std::set<std::string> expected;
+    for (const std::string& id : by_size) {
+      AddSize(SizeOfRun(landmarks.at(id)), &total);
+      total.runs_at_once = std::min<std::int64_t>(2, total.runs);
+      if (!CheckBuildMemory(total, max_mib * kMib).ok()) break;
+      expected.insert(id);
+    }
+    std::vector<std::string> order = {"a", "b", "c", "d", "e"};
+    do {
+      RunChoice choice(max_mib * kMib, 0, 2);
+      std::set<std::string> kept;
+      for (const std::string& id : order) {
+        kept.insert(id);
+        for (const RunChoice::LeftOut& out : choice.Add(id, SizeOfRun(landmarks.at(id)))) {
+          EXPECT_EQ(kept.erase(out.id), 1u);
+          EXPECT_NE(out.reason.find(fmt::format("allowed are {} ", max_mib)), std::string::npos);
+        }
+      }
+      ASSERT_EQ(kept, expected) << max_mib << " MiB";
+    } while (std::next_permutation(order.begin(), order.end()));
+  }
+}
+
+TEST(RunChoice, CountsThePriorMap) {
+  RunChoice alone(40 * kMib, 0, 1);
+  EXPECT_TRUE(alone.Add("a", SizeOfRun(20)).empty());
+  RunChoice of_large_map(40 * kMib, 2000, 1);
+  EXPECT_EQ(of_large_map.Add("a", SizeOfRun(20)).size(), 1u);
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ TEST(ItemLimits, AreOfTheRangeWhateverTheMeasurementIs) {
 }
 
 TEST(DropImplausible, CountsWhatItDropsAndKeepsEmptyScans) {
-  Run run;
+  shiftmap::Run run;
   run.odometry = {{StampFromSeconds(1.0), 1.0, 0.0}, {StampFromSeconds(2.0), 1e8, 0.0}};
   Scan scan;
   scan.observations = {Seen(Observation::Kind::kRangeBearing, 1e9, 0.0)};

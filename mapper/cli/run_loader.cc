@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/cli/run_loader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "mapper/memory_estimate.h"
+#include "mapstore/cli/exit_codes.h"
+#include "mapstore/codec/run_log.h"
+
+namespace shiftmap {
+namespace {
+
+// What of the bound one log may take while it is read. Those that were read take as much at most: a
+// build needs them twice (memory_estimate.cc).
+constexpr std::int64_t kReaderShare = 2;
+
+// No vehicle recorded before; a clock that was never set starts in 1970.
+constexpr Stamp kFirstPlausibleStamp = std::chrono::sys_days(std::chrono::year(1980) / 1 / 1);
+
+std::string LogName(const std::string& path) { return fmt::format("run log '{}'", path); }
+
+Stamp EndOf(const Run& run) {
+  const Stamp odometry = run.odometry.back().stamp;
+  return run.scans.empty() ? odometry : std::max(odometry, run.scans.back().stamp);
+}
+
+Stamp BeginOf(const Run& run) {
+  const Stamp odometry = run.odometry.front().stamp;
+  return run.scans.empty() ? odometry : std::min(odometry, run.scans.front().stamp);
+}
+
+class Loader {
+ public:
+  Loader(const RunLoaderOptions& options, const Context& context)
+      : options_(options),
+        context_(context),
+        seen_(options.known_hashes),
+        choice_(options.max_memory_bytes, options.prior_modes, options.threads) {}
+
+  Status Load(const std::string& path);
+  StatusOr<LoadedRuns> Finish();
+
+ private:
+  struct Loaded {
+    std::string path;
+    MapperInput input;
+  };
+
+  void Reject(const std::string& path, const Status& status) {
+    rejected_.push_back({std::filesystem::path(path).stem().string(), status});
+  }
+  // Drops what no vehicle or sensor does.
+  Status DropImplausibleItems(const std::string& path, RunLog* log);
+  Status CheckName(const std::string& path, const std::string& name);
+
+  struct Rejection {
+    std::string name;
+    Status status;
+  };
+
+  const RunLoaderOptions& options_;
+  const Context& context_;
+  std::set<std::string> seen_;                // Hashes.
+  std::map<std::string, std::string> paths_;  // By name.
+  RunChoice choice_;
+  std::map<std::string, Loaded> loaded_;  // By hash.
+  std::vector<Rejection> rejected_;
+  std::map<std::string, ImplausibleItems> dropped_;
+};
+
+Status Loader::DropImplausibleItems(const std::string& path, RunLog* log) {
+  const ImplausibleItems dropped = DropImplausible(options_.limits, &log->run);
+  if (!dropped.any()) return OkStatus();
+  context_.Warn(
+      fmt::format("{}: {} odometry samples and {} observations are beyond the limits and "
+                  "dropped",
+                  LogName(path),
+                  dropped.odometry,
+                  dropped.observations));
+  dropped_[log->sha256] = dropped;
+  if (!log->run.odometry.empty()) return OkStatus();
+  return InvalidArgument("{}: no odometry within the limits", LogName(path));
+}
+
+Status Loader::CheckName(const std::string& path, const std::string& name) {
+  const auto [named, added] = paths_.try_emplace(name, path);
+  if (added || !options_.unique_names) return OkStatus();
+  return InvalidArgument(
+      "run logs '{}' and '{}': their trajectories would be one file", named->second, path);
+}
+
+Status Loader::Load(const std::string& path) {
+  StatusOr<RunLog> log =
+      ReadRunLog(path, {.max_memory_bytes = options_.max_memory_bytes / kReaderShare});
+  if (!log.ok()) {
+    if (ExitCodeFor(log.status()) != ExitCode::kBadInput) return log.status();
+    Reject(path, log.status());
+    return OkStatus();
+  }
+  if (!log->truncation.empty()) {
+    context_.Warn(fmt::format("{}: {}", LogName(path), log->truncation));
+  }
+  if (!seen_.insert(log->sha256).second) {
+    Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));
+    return OkStatus();
+  }
+  Status usable =
+      CheckNotInFuture(LogName(path), EndOf(log->run), options_.now, options_.clock_tolerance_s);
+  if (usable.ok()) usable = DropImplausibleItems(path, &*log);
+  if (!usable.ok()) {
+    Reject(path, usable);
+    return OkStatus();
+  }
+  if (BeginOf(log->run) < kFirstPlausibleStamp) {
+    context_.Warn(
+        fmt::format("{}: begins at {} UTC, as if the vehicle's clock was not set: its "
+                    "visits count as older than all others",
+                    LogName(path),
+                    FormatUtc(BeginOf(log->run))));
+  }
+  const std::string name = std::filesystem::path(path).stem().string();
+  SHIFTMAP_RETURN_IF_ERROR(CheckName(path, name));
+
+  BuildSize size;
+  AddRun(log->run, &size);
+  loaded_[log->sha256] = {path, {name, log->sha256, std::move(log->run)}};
+  for (const RunChoice::LeftOut& out : choice_.Add(log->sha256, size)) {
+    Reject(loaded_.at(out.id).path,
+           InvalidArgument("{}: {}", LogName(loaded_.at(out.id).path), out.reason));
+    loaded_.erase(out.id);
+  }
+  return OkStatus();
+}
+
+StatusOr<LoadedRuns> Loader::Finish() {
+  std::sort(rejected_.begin(), rejected_.end(), [](const Rejection& a, const Rejection& b) {
+    return std::forward_as_tuple(a.name, Message(a.status)) <
+           std::forward_as_tuple(b.name, Message(b.status));
+  });
+  LoadedRuns runs;
+  runs.dropped = std::move(dropped_);
+  Status first;  // That is not in the map.
+  for (const Rejection& rejection : rejected_) {
+    runs.rejected.push_back({rejection.name, Message(rejection.status)});
+    const bool known = rejection.status.code() == StatusCode::kAlreadyExists;
+    if (first.ok() && !known) first = rejection.status;
+  }
+  for (auto& [hash, loaded] : loaded_) runs.inputs.push_back(std::move(loaded.input));
+  if (!runs.inputs.empty()) return runs;
+  SHIFTMAP_RETURN_IF_ERROR(first);
+  return MakeStatus(
+      StatusCode::kAlreadyExists, "area '{}': every run is already in the map", options_.area);
+}
+
+}  // namespace
+
+StatusOr<LoadedRuns> LoadRuns(const RunLoaderOptions& options, const Context& context) {
+  Loader loader(options, context);
+  for (const std::string& path : options.logs) {
+    SHIFTMAP_RETURN_IF_ERROR(options.go_on());
+    SHIFTMAP_RETURN_IF_ERROR(loader.Load(path));
+  }
+  return loader.Finish();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "mapper/mapper.h"
+#include "mapstore/cli/context.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/run/item_limits.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+struct RunLoaderOptions {
+  std::string area;                    ///< For messages.
+  std::vector<std::string> logs;       ///< Paths.
+  std::set<std::string> known_hashes;  ///< Of the logs that are in the map already.
+
+  /// Bound on the build's memory, and what it grows with beside the logs. [bytes]
+  std::int64_t max_memory_bytes = 0;
+  std::int64_t prior_modes = 0;
+  int threads = 1;
+
+  ItemLimits limits;
+  Stamp now = SystemNow();
+  double clock_tolerance_s = kDefaultClockToleranceS;  ///< As CheckNotInFuture. [s]
+  bool unique_names = false;                           ///< Two logs of one name are an error.
+  std::function<Status()> go_on;                       ///< Asked before each log; an error ends it.
+};
+
+struct LoadedRuns {
+  std::vector<MapperInput> inputs;
+  std::vector<RejectedRun> rejected;                ///< By name.
+  std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
+};
+
+/// Reads the logs of a build. A log that is damaged, ends in the future, or takes too much memory
+/// is left out by name, so that the others need not wait for it. Of logs that are too much together
+/// the largest are left out, whatever their order. Warns of logs that are cut off, hold implausible
+/// items, or were recorded without a clock.
+///
+/// Memory: never more than `max_memory_bytes`, and one chunk of a log.
+/// Errors: those of the first log by name that is left out if none is left, kAlreadyExists if all
+/// are in the map; kNotFound and kUnavailable for a log that cannot be opened; that of `go_on`.
+StatusOr<LoadedRuns> LoadRuns(const RunLoaderOptions& options, const Context& context);
+
+}  // namespace shiftmap

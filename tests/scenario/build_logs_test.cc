@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A log that is made to harm, comes from a clock that was wrong, or holds what no device measures,
+// among good ones: it is named and left out, or its items are, and the others are built.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "mapstore/codec/run_log.h"
+#include "mapstore/codec/run_log_messages.h"
+#include "mapstore/core/clock.h"
+#include "proto/mcap/format.h"
+#include "proto/mcap/writer.h"
+#include "tests/scenario/background_command.h"
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::seconds;
+
+constexpr int kBadInput = 3;
+constexpr auto kYear = hours(24 * 365);
+constexpr std::size_t kMib = std::size_t{1} << 20;
+
+// The bytes of a log with one message, `count` times, in chunks that are as large as a reader
+// takes.
+std::string Repeated(const RunLogTopic& topic, const std::string& data, int count) {
+  std::string bytes;
+  mcap::Writer writer(
+      [&bytes](std::string_view more) {
+        bytes.append(more);
+        return OkStatus();
+      },
+      {.chunk_bytes = mcap::kMaxChunkBytes, .chunk_duration_ns = 0});
+  const std::uint16_t schema = writer.AddSchema(topic.schema_name, "protobuf", RunLogSchema());
+  const std::uint16_t channel = writer.AddChannel(schema, topic.topic, "protobuf");
+  for (int i = 0; i < count; ++i) EXPECT_TRUE(writer.Write(channel, 0, data).ok());
+  EXPECT_TRUE(writer.Finish().ok());
+  return bytes;
+}
+
+void Shift(Duration by, shiftmap::Run* run) {
+  for (OdometrySample& sample : run->odometry) sample.stamp += by;
+  for (Scan& scan : run->scans) scan.stamp += by;
+}
+
+class BuildLogs : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    world_ = new World({"--shifts", "3", "--duration-s", "60", "--groups", "10", "--size-m", "20"});
+  }
+  static void TearDownTestSuite() {
+    delete world_;
+    world_ = nullptr;
+  }
+
+  static shiftmap::Run ReadShift(int shift) {
+    StatusOr<RunLog> log = ReadRunLog(world_->Log(shift));
+    EXPECT_TRUE(log.ok()) << Message(log.status());
+    return log.ok() ? std::move(log->run) : shiftmap::Run();
+  }
+
+  std::string Log(const std::string& name, const shiftmap::Run& run) const {
+    const std::string path = folder_.File(name);
+    const Status written = WriteRunLog(run, path);
+    EXPECT_TRUE(written.ok()) << Message(written);
+    return path;
+  }
+
+  Arguments Build(const Arguments& rest) const {
+    Arguments words = {"build", "--store", folder_.File("maps.db"), "--area", "floor"};
+    words.insert(words.end(), rest.begin(), rest.end());
+    return words;
+  }
+
+  // Among two good logs it is left out by name for this reason, soon and in bounded memory; alone
+  // it is what is wrong.
+  void ExpectLeftOut(const std::string& bad, const std::string& reason) const {
+    const auto begin = std::chrono::steady_clock::now();
+    BackgroundCommand build("shiftmap-mapper",
+                            Build({"--prior",
+                                   "none",
+                                   "--json",
+                                   "--max-memory-mib",
+                                   "500",
+                                   world_->Log(0),
+                                   bad,
+                                   world_->Log(1)}));
+    ASSERT_EQ(build.End(0), 0) << build.Errors();
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, seconds(30));
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    EXPECT_LT(build.PeakMib(), 500.0);
+#endif
+    const std::string errors = build.Errors();
+    EXPECT_EQ(CountLines(errors), 1) << errors;
+    EXPECT_NE(errors.find("is left out: run log '" + bad + "': "), std::string::npos) << errors;
+    EXPECT_NE(errors.find(reason), std::string::npos) << errors;
+    const Json document = Json::parse(build.Output());
+    EXPECT_TRUE(document.contains("version"));
+    EXPECT_EQ(document["runs"].size(), 2u);
+    EXPECT_EQ(document["rejected"].size(), 1u);
+    ExpectError("shiftmap-mapper",
+                Build({"--prior", "none", "--max-memory-mib", "500", bad}),
+                kBadInput,
+                "run log '" + bad + "': ");
+  }
+
+  void ExpectLeftOut(const std::string& name,
+                     const std::string& bytes,
+                     const std::string& reason) const {
+    const std::string path = folder_.File(name);
+    WriteFile(path, bytes);
+    ExpectLeftOut(path, reason);
+  }
+
+  static World* world_;
+  TempDir folder_;
+};
+
+World* BuildLogs::world_ = nullptr;
+
+TEST_F(BuildLogs, MillionsOfSamplesInAFewBytes) {
+  const std::string sample = EncodeOdometry({StampFromNanoseconds(0), 0.0, 0.0});
+  const int per_chunk = static_cast<int>(mcap::kMaxChunkBytes / (9 + 22 + sample.size()));
+  const std::string bytes = Repeated(kOdometryTopic, sample, 3 * per_chunk);
+  EXPECT_LT(bytes.size(), kMib);
+  ExpectLeftOut("samples.mcap", bytes, "the chunks up to here hold");
+}
+
+TEST_F(BuildLogs, MoreSamplesThanTheBoundOnMemory) {
+  const std::string sample = EncodeOdometry({StampFromNanoseconds(0), 0.0, 0.0});
+  const std::string path = folder_.File("many.mcap");
+  WriteFile(path, Repeated(kOdometryTopic, sample, 2'000'000));
+  ExpectError("shiftmap-mapper",
+              Build({"--max-memory-mib", "100", path}),
+              kBadInput,
+              "takes more than 50 MiB");
+}
+
+TEST_F(BuildLogs, AScanOfAMillionObservations) {
+  std::string scan;
+  while (scan.size() < 16 * kMib) scan.append("\x12\x02\x1a\x00", 4);
+  const std::string bytes = Repeated(kLandmarksTopic, scan, 1);
+  EXPECT_LT(bytes.size(), 20'000u);
+  ExpectLeftOut("scan.mcap", bytes, "bytes, expected at most 1048576");
+}
+
+TEST_F(BuildLogs, NothingButRecordsToSkip) {
+  const std::string bytes = Repeated({"/camera", "foxglove.CompressedImage"}, "", 6'500'000);
+  EXPECT_LT(bytes.size(), kMib);
+  ExpectLeftOut("skipped.mcap", bytes, "the chunks up to here hold");
+}
+
+TEST_F(BuildLogs, MoreLandmarksThanTheBoundOnMemory) {
+  shiftmap::Run run;
+  for (int i = 0; i < 40; ++i) {
+    const Stamp stamp = StampFromSeconds(1e9 + i);
+    run.odometry.push_back({stamp, 1.0, 0.0});
+    Scan scan{stamp, {}};
+    for (int k = 0; k < 3000; ++k) {
+      Observation observation;
+      observation.signature = Signature(std::to_string(k));
+      observation.z = {1.0 + k % 7, 0.001 * k};
+      scan.observations.push_back(observation);
+    }
+    run.scans.push_back(std::move(scan));
+  }
+  ExpectLeftOut(Log("landmarks.mcap", run), "allowed are 500 with all runs");
+}
+
+TEST_F(BuildLogs, TheOrderOfLogsDoesNotDecideWhichAreLeftOut) {
+  shiftmap::Run long_run = ReadShift(2);
+  const shiftmap::Run again = long_run;
+  for (int i = 1; i < 40; ++i) {
+    shiftmap::Run more = again;
+    Shift(i * (again.odometry.back().stamp - again.odometry.front().stamp + seconds(1)), &more);
+    long_run.odometry.insert(long_run.odometry.end(), more.odometry.begin(), more.odometry.end());
+    long_run.scans.insert(long_run.scans.end(), more.scans.begin(), more.scans.end());
+  }
+  Arguments logs = {Log("long.mcap", long_run), world_->Log(0), world_->Log(1)};
+  std::sort(logs.begin(), logs.end());
+  std::set<std::string> outcomes;
+  do {
+    Arguments words = {"--dry-run", "--json", "--max-memory-mib", "24"};
+    words.insert(words.end(), logs.begin(), logs.end());
+    const CommandResult built = RunCommand("shiftmap-mapper", Build(words));
+    ASSERT_EQ(built.exit_code, 0) << built.err;
+    const Json document = Json::parse(built.out);
+    EXPECT_EQ(document["runs"].size(), 2u);
+    outcomes.insert(built.err + document["content_hash"].dump() + document["rejected"].dump());
+  } while (std::next_permutation(logs.begin(), logs.end()));
+  EXPECT_EQ(outcomes.size(), 1u) << *outcomes.begin() << *outcomes.rbegin();
+  EXPECT_NE(outcomes.begin()->find("run 'long' is left out"), std::string::npos);
+}
+
+TEST_F(BuildLogs, ALogFromTheFuture) {
+  shiftmap::Run run = ReadShift(2);
+  Shift(SystemNow() + hours(24) - run.odometry.front().stamp, &run);
+  const std::string ahead = Log("ahead.mcap", run);
+  ExpectLeftOut(ahead, "s ahead, expected at most 600");
+  EXPECT_EQ(RunCommand("shiftmap-mapper",
+                       Build({"--prior", "none", "--clock-tolerance-s", "100000", ahead}))
+                .exit_code,
+            0);
+}
+
+// A receiver that rolls over, or a clock that loses its battery.
+TEST_F(BuildLogs, ALogWhoseLastSecondsJumpTenYears) {
+  shiftmap::Run run = ReadShift(2);
+  const Stamp from = run.odometry.back().stamp - seconds(10);
+  const Duration jump = SystemNow() + 10 * kYear - from;
+  for (OdometrySample& sample : run.odometry) {
+    if (sample.stamp >= from) sample.stamp += jump;
+  }
+  for (Scan& scan : run.scans) {
+    if (scan.stamp >= from) scan.stamp += jump;
+  }
+  ExpectLeftOut(Log("jump.mcap", run), "s ahead, expected at most 600");
+}
+
+TEST_F(BuildLogs, ALogWithoutAClockIsNamedAndUsed) {
+  shiftmap::Run run = ReadShift(2);
+  Shift(Stamp() - run.odometry.front().stamp, &run);
+  const CommandResult built =
+      RunCommand("shiftmap-mapper", Build({"--json", world_->Log(0), Log("unset.mcap", run)}));
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_EQ(CountLines(built.err), 1) << built.err;
+  EXPECT_NE(built.err.find("begins at 1970-01-01 00:00:00 UTC"), std::string::npos) << built.err;
+  EXPECT_EQ(Json::parse(built.out)["runs"].size(), 2u);
+}
+
+// What a driver writes for `no reading` is as if it were not there.
+TEST_F(BuildLogs, ItemsBeyondTheLimitsAreDroppedAndCounted) {
+  const Json good = RunForJson("shiftmap-mapper", Build({"--dry-run", world_->Log(0)}));
+  shiftmap::Run run = ReadShift(0);
+  run.odometry.insert(run.odometry.begin() + 50, {run.odometry[50].stamp, 1e8, -1e8});
+  for (std::size_t i = 0; i < 5; ++i) {
+    Observation error;
+    error.signature = Signature("ERROR");
+    error.z = {1e9, 0.1};
+    run.scans[10 * i].observations.push_back(error);
+  }
+  const CommandResult built =
+      RunCommand("shiftmap-mapper", Build({"--dry-run", "--json", Log("errors.mcap", run)}));
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_EQ(CountLines(built.err), 1) << built.err;
+  EXPECT_NE(built.err.find("1 odometry samples and 5 observations"), std::string::npos)
+      << built.err;
+  const Json document = Json::parse(built.out);
+  EXPECT_EQ(document["content_hash"], good["content_hash"]);
+  EXPECT_EQ(document["runs"][0]["implausible_odometry"], 1);
+  EXPECT_EQ(document["runs"][0]["implausible_observations"], 5);
+  ExpectError("shiftmap-mapper",
+              Build({"--max-speed-mps", "0.001", "--max-yaw-rate-radps", "0.001", world_->Log(0)}),
+              kBadInput,
+              "no odometry within the limits");
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
