@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/cli/survey_file.h"
 
+#include <fmt/ranges.h>
+
 #include <charconv>
-#include <filesystem>
-#include <fstream>
 #include <map>
+#include <span>
 #include <string_view>
 #include <vector>
+
+#include "mapstore/core/csv.h"
+#include "mapstore/core/input_file.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr std::string_view kHeader = "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability";
+const std::vector<std::string> kHeader = {
+    "signature", "mode", "x_m", "y_m", "sd_x_m", "sd_y_m", "probability"};
 constexpr double kProbabilitySlack = 1e-9;
 
 struct SurveyRow {
@@ -23,27 +28,18 @@ struct SurveyRow {
 // Modes by number with their probabilities; mode 0 is `absent`.
 using SurveyGroup = std::map<ModeNumber, SurveyRow>;
 
-std::vector<std::string_view> Split(std::string_view line) {
-  std::vector<std::string_view> fields;
-  while (true) {
-    const std::size_t comma = line.find(',');
-    fields.push_back(line.substr(0, comma));
-    if (comma == std::string_view::npos) return fields;
-    line.remove_prefix(comma + 1);
-  }
-}
-
 template <typename Number>
 bool Parse(std::string_view field, Number* value) {
   const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), *value);
   return error == std::errc() && end == field.data() + field.size();
 }
 
-StatusOr<SurveyRow> ParseRow(std::string_view line) {
-  const std::vector<std::string_view> fields = Split(line);
-  if (fields.size() != 7) return InvalidArgument("{} fields, expected 7", fields.size());
+StatusOr<SurveyRow> ParseRow(const std::vector<std::string>& fields) {
+  if (fields.size() != kHeader.size()) {
+    return InvalidArgument("{} fields, expected {}", fields.size(), kHeader.size());
+  }
   SurveyRow row;
-  row.signature = Signature(std::string(fields[0]));
+  row.signature = Signature(TextOfCsv(fields[0]));
   if (row.signature.anonymous()) return InvalidArgument("empty signature");
   ModeNumber::Value number = 0;
   if (!Parse(fields[1], &number) || number < 0)
@@ -96,39 +92,49 @@ StatusOr<LandmarkGroup> MakeGroup(const Signature& signature,
   return group;
 }
 
-}  // namespace
-
-StatusOr<MapContent> ReadSurvey(const std::string& path, Stamp stamp, double leave_rate_per_s) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) return NotFound("survey '{}': does not exist", path);
-  std::ifstream file(path);
+// The rows of each landmark.
+StatusOr<std::map<Signature, SurveyGroup>> ParseGroups(const std::string& path,
+                                                       std::string_view text) {
+  const StatusOr<std::vector<CsvRecord>> records = ParseCsv(text);
+  if (!records.ok()) return InvalidArgument("survey '{}': {}", path, Message(records.status()));
+  if (records->empty() || records->front().cells != kHeader) {
+    return InvalidArgument("{}:1: expected the header '{}'", path, fmt::join(kHeader, ","));
+  }
   std::map<Signature, SurveyGroup> groups;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (number == 1) {
-      if (line != kHeader) return InvalidArgument("{}:1: expected the header '{}'", path, kHeader);
-      continue;
-    }
-    if (line.empty() || line.front() == '#') continue;
-    StatusOr<SurveyRow> row = ParseRow(line);
-    if (!row.ok()) return InvalidArgument("{}:{}: {}", path, number, Message(row.status()));
-    const bool added = groups[row->signature].emplace(row->mode.number, *row).second;
-    if (!added) {
+  for (const CsvRecord& record : std::span(*records).subspan(1)) {
+    StatusOr<SurveyRow> row = ParseRow(record.cells);
+    if (!row.ok()) return InvalidArgument("{}:{}: {}", path, record.line, Message(row.status()));
+    SurveyGroup& group = groups[row->signature];
+    if (!group.emplace(row->mode.number, *row).second) {
       return InvalidArgument("{}:{}: landmark '{}': mode {} is given twice",
                              path,
-                             number,
+                             record.line,
                              row->signature.text(),
                              row->mode.number.value());
     }
+    if (group.size() - group.count(kAbsent) > kMaxSurveyModes) {
+      return InvalidArgument("{}:{}: landmark '{}': more than {} modes",
+                             path,
+                             record.line,
+                             row->signature.text(),
+                             kMaxSurveyModes);
+    }
   }
-  if (!file.eof()) return Unavailable("survey '{}': cannot be read", path);
-  if (groups.empty()) return InvalidArgument("survey '{}': no landmarks", path);
+  return groups;
+}
+
+}  // namespace
+
+StatusOr<MapContent> ReadSurvey(const std::string& path, Stamp stamp, double leave_rate_per_s) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("survey", path));
+  const StatusOr<std::map<Signature, SurveyGroup>> groups = ParseGroups(path, text);
+  SHIFTMAP_RETURN_IF_ERROR(groups.status());
+  if (groups->empty()) return InvalidArgument("survey '{}': no landmarks", path);
 
   MapContent content;
   content.stamp = stamp;
   std::vector<Eigen::Matrix2d> diagonal;
-  for (const auto& [signature, rows] : groups) {
+  for (const auto& [signature, rows] : *groups) {
     StatusOr<LandmarkGroup> group = MakeGroup(signature, rows, leave_rate_per_s);
     if (!group.ok()) return InvalidArgument("survey '{}': {}", path, Message(group.status()));
     for (const Mode& mode : group->modes) diagonal.push_back(mode.cov_p_map_landmark);

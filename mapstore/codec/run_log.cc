@@ -6,11 +6,11 @@
 #include <iostream>
 #include <utility>
 
-#include "mapstore/codec/input_file.h"
 #include "mapstore/codec/run_log_messages.h"
-#include "mapstore/codec/utf8.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/input_file.h"
 #include "mapstore/core/memory_bound.h"
+#include "mapstore/core/utf8.h"
 #include "mapstore/map/sha256.h"
 #include "proto/mcap/reader.h"
 #include "proto/mcap/writer.h"

@@ -6,9 +6,9 @@
 #include <array>
 #include <utility>
 
-#include "mapstore/codec/input_file.h"
 #include "mapstore/codec/shift_report_check.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/input_file.h"
 #include "proto/mcap/byte_source.h"
 #include "proto/shift_report.pb.h"
 

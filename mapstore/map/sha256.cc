@@ -4,9 +4,9 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <filesystem>
 #include <fstream>
 
+#include "mapstore/core/input_file.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -39,9 +39,11 @@ std::string Sha256::HexDigest() {
 }
 
 StatusOr<std::string> HashFile(const std::string& path) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) return NotFound("file '{}': does not exist", path);
-  std::ifstream file(path, std::ios::binary);
+  StatusOr<std::ifstream> opened = OpenInputFile(path);
+  if (!opened.ok()) {
+    return MakeStatus(opened.status().code(), "file '{}': {}", path, Message(opened.status()));
+  }
+  std::ifstream& file = *opened;
   std::array<char, 1 << 16> buffer{};
   Sha256 hash;
   while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0) {

@@ -5,10 +5,10 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <string_view>
 
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/input_file.h"
 
 namespace shiftmap {
 namespace {
@@ -86,11 +86,11 @@ Status WriteLines(std::span<const StampedPose> trajectory, const std::string& pa
 }  // namespace
 
 StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return NotFound("trajectory '{}': cannot be opened", path);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("trajectory", path));
   std::vector<StampedPose> trajectory;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
+  std::string_view rest = text;
+  std::string_view line;
+  for (int number = 1; TakeLine(&rest, &line); ++number) {
     if (IsComment(line)) continue;
     StatusOr<StampedPose> pose = ParsePose(line);
     if (!pose.ok()) {
@@ -101,7 +101,6 @@ StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path) {
     }
     trajectory.push_back(*pose);
   }
-  if (file.bad()) return Unavailable("trajectory '{}': cannot be read", path);
   return trajectory;
 }
 

@@ -2,8 +2,8 @@
 #include "tools/convert/text_table.h"
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
+
+#include "mapstore/core/input_file.h"
 
 namespace shiftmap {
 namespace {
@@ -25,17 +25,12 @@ Status ForEachRow(const std::string& path,
                   std::size_t columns,
                   const std::function<Status(const TextRow&)>& take,
                   std::string_view separators) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) return NotFound("file '{}': does not exist", path);
-  if (!std::filesystem::is_regular_file(path, error)) {
-    return InvalidArgument("file '{}': not a regular file", path);
-  }
-  std::ifstream file(path);
-  if (!file) return Unavailable("file '{}': cannot be opened for reading", path);
-  std::string line;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("file", path));
+  std::string_view rest = text;
+  std::string_view line;
   TextRow row;
   const std::string between = std::string(kBlanks) + std::string(separators);
-  for (std::size_t number = 1; std::getline(file, line); ++number) {
+  for (std::size_t number = 1; TakeLine(&rest, &line); ++number) {
     Split(line, between, &row);
     if (row.empty() || row.front().starts_with('#')) continue;
     if (row.size() != columns) {
@@ -45,7 +40,6 @@ Status ForEachRow(const std::string& path,
       return MakeStatus(status.code(), "{}:{}: {}", path, number, Message(status));
     }
   }
-  if (file.bad()) return Unavailable("file '{}': cannot be read", path);
   return OkStatus();
 }
 

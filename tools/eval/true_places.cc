@@ -2,25 +2,15 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
+#include <span>
 #include <string_view>
 
+#include "mapstore/core/csv.h"
+#include "mapstore/core/input_file.h"
 #include "tools/eval/map_error.h"
 
 namespace shiftmap {
 namespace {
-
-std::vector<std::string> SplitCells(const std::string& line) {
-  std::vector<std::string> cells(1);
-  for (const char c : line) {
-    if (c == ',') {
-      cells.emplace_back();
-    } else if (c != '\r') {
-      cells.back() += c;
-    }
-  }
-  return cells;
-}
 
 bool ParseNumber(const std::string& text, double* value) {
   const char* end = text.data() + text.size();
@@ -31,11 +21,11 @@ bool ParseNumber(const std::string& text, double* value) {
 }  // namespace
 
 StatusOr<std::vector<TruePlace>> ReadTruePlaces(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return NotFound("truth '{}': cannot be opened", path);
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> header = SplitCells(line);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("truth", path));
+  const StatusOr<std::vector<CsvRecord>> records = ParseCsv(text);
+  if (!records.ok()) return InvalidArgument("truth '{}': {}", path, Message(records.status()));
+  const std::vector<std::string> header =
+      records->empty() ? std::vector<std::string>() : records->front().cells;
   const auto column = [&](std::string_view name) {
     return static_cast<std::size_t>(std::find(header.begin(), header.end(), name) - header.begin());
   };
@@ -46,16 +36,14 @@ StatusOr<std::vector<TruePlace>> ReadTruePlaces(const std::string& path) {
     return InvalidArgument("truth '{}:1': expected columns signature, x_m and y_m", path);
   }
   std::vector<TruePlace> places;
-  for (int number = 2; std::getline(file, line); ++number) {
-    if (line.empty() || line == "\r") continue;
-    const std::vector<std::string> cells = SplitCells(line);
+  for (const auto& [line, cells] : std::span(*records).subspan(1)) {
     TruePlace place;
     if (cells.size() != header.size() || !ParseNumber(cells[x], &place.p_truth.x()) ||
         !ParseNumber(cells[y], &place.p_truth.y())) {
       return InvalidArgument(
-          "truth '{}:{}': expected {} cells with numbers x_m and y_m", path, number, header.size());
+          "truth '{}:{}': expected {} cells with numbers x_m and y_m", path, line, header.size());
     }
-    place.signature = Signature(cells[signature]);
+    place.signature = Signature(TextOfCsv(cells[signature]));
     places.push_back(std::move(place));
   }
   return places;

@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <random>
 #include <string_view>
 #include <system_error>
+
+#include "mapstore/core/input_file.h"
 
 namespace shiftmap {
 namespace {
@@ -16,10 +17,10 @@ namespace {
 constexpr double kWrong = 1e-9;
 
 StatusOr<std::vector<std::string>> ReadLines(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return NotFound("record '{}': cannot be read", path);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("record", path));
   std::vector<std::string> lines;
-  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  std::string_view rest = text;
+  for (std::string_view line; TakeLine(&rest, &line);) lines.emplace_back(line);
   return lines;
 }
 

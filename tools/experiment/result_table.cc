@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/csv.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -18,21 +19,12 @@ std::string CellText(const ResultTable::Cell& cell) {
   return std::isfinite(number) ? fmt::format("{:.6g}", number) : std::string();
 }
 
-std::string CsvField(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"') quoted += '"';
-    quoted += c;
-  }
-  return quoted + '"';
-}
-
-std::string CsvLine(const std::vector<std::string>& fields) {
+std::string CsvLine(const std::vector<ResultTable::Cell>& cells) {
   std::string line;
-  for (std::size_t i = 0; i < fields.size(); ++i) {
-    if (i > 0) line += ',';
-    line += CsvField(fields[i]);
+  for (const ResultTable::Cell& cell : cells) {
+    if (&cell != &cells.front()) line += ',';
+    const bool is_text = std::holds_alternative<std::string>(cell);
+    line += is_text ? CsvText(std::get<std::string>(cell)) : CellText(cell);
   }
   return line + '\n';
 }
@@ -54,8 +46,8 @@ void ResultTable::AddRow(std::vector<Cell> cells) {
 }
 
 std::string ResultTable::ToCsv() const {
-  std::string csv = CsvLine(columns_);
-  for (const std::vector<Cell>& row : rows_) csv += CsvLine(RowText(row));
+  std::string csv = CsvLine({columns_.begin(), columns_.end()});
+  for (const std::vector<Cell>& row : rows_) csv += CsvLine(row);
   return csv;
 }
 

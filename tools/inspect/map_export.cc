@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/csv.h"
 #include "tools/inspect/vehicle_table.h"
 
 namespace shiftmap {
@@ -21,14 +22,6 @@ Json PointJson(const Mode& mode, Json properties) {
   return {{"type", "Feature"},
           {"geometry", {{"type", "Point"}, {"coordinates", Json::array({p.x(), p.y()})}}},
           {"properties", std::move(properties)}};
-}
-
-// Quoted only where the text would break a row.
-std::string CsvCell(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + '"';
 }
 
 // Visits each mode with its group and probability.
@@ -94,7 +87,7 @@ std::string MapCsv(const MapSnapshot& snapshot) {
   std::string text = "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\n";
   ForEachMode(snapshot, [&](const LandmarkGroup& group, const Mode& mode, double probability) {
     text += fmt::format("{},{},{},{},{},{},{}\n",
-                        CsvCell(group.signature.text()),
+                        CsvText(group.signature.text()),
                         mode.number.value(),
                         mode.p_map_landmark.x(),
                         mode.p_map_landmark.y(),

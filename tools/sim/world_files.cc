@@ -3,6 +3,7 @@
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/csv.h"
 #include "mapstore/core/folder.h"
 
 namespace shiftmap {
@@ -12,7 +13,7 @@ constexpr const char* kPlacesHeader = "signature,mode,x_m,y_m\n";
 
 std::string PlaceRow(const SimulatedGroup& group, ModeNumber mode) {
   const Eigen::Vector2d& p = group.modes[static_cast<std::size_t>(mode.value() - 1)];
-  return fmt::format("{},{},{},{}\n", group.signature.text(), mode.value(), p.x(), p.y());
+  return fmt::format("{},{},{},{}\n", CsvText(group.signature.text()), mode.value(), p.x(), p.y());
 }
 
 }  // namespace
@@ -34,7 +35,8 @@ StatusOr<std::vector<std::string>> WriteWorld(const SimulatedWorld& world,
     std::string places = kPlacesHeader;
     for (std::size_t g = 0; g < world.groups.size(); ++g) {
       const ModeNumber mode = world.runs[r].active_mode[g];
-      modes += fmt::format("{},{},{}\n", stem, world.groups[g].signature.text(), mode.value());
+      modes +=
+          fmt::format("{},{},{}\n", stem, CsvText(world.groups[g].signature.text()), mode.value());
       if (mode != kAbsent) places += PlaceRow(world.groups[g], mode);
     }
     SHIFTMAP_RETURN_IF_ERROR(

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "mapstore/codec/utf8.h"
+#include "mapstore/core/utf8.h"
 #include "proto/run_log.pb.h"
 
 namespace shiftmap {

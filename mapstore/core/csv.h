@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// A record of a CSV text.
+struct CsvRecord {
+  int line = 0;  ///< On which it begins, from 1.
+  std::vector<std::string> cells;
+};
+
+/// Splits a text into records (RFC 4180): cells between commas, a quoted cell with `""` for a
+/// quote, line ends of either kind. Empty lines and lines that begin with `#` outside of quotes are
+/// skipped, and so is a byte order mark. Cells of text that came from CsvText() are as they were
+/// before with TextOfCsv().
+/// Errors: kInvalidArgument with `line <n>`, for a quote that is not closed, that stands inside a
+/// cell without quotes, or behind which more follows.
+StatusOr<std::vector<CsvRecord>> ParseCsv(std::string_view text);
+
+/// A cell of text, quoted where it must be. A spreadsheet computes a cell that begins with one of
+/// `=+-@`, tab or carriage return: an apostrophe goes before it, and before such a text that begins
+/// with apostrophes already, so that TextOfCsv() restores every text.
+std::string CsvText(std::string_view text);
+
+/// A parsed cell of a text column without the apostrophe that CsvText() may have put before it.
+std::string TextOfCsv(std::string_view cell);
+
+}  // namespace shiftmap
