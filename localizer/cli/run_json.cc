@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "localizer/cli/hypothesis_json.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/core/quantile.h"
 
 namespace shiftmap {
@@ -144,9 +145,9 @@ std::string RunText(const Localizer& localizer, const RunSummary& summary) {
       "area '{}' version {}, vehicle '{}' with the calibration of the {}: {} scans, {} decisions, "
       "{} "
       "sightings\n",
-      localizer.snapshot().area(),
+      InertLine(localizer.snapshot().area()),
       localizer.snapshot().version().value(),
-      summary.vehicle,
+      InertLine(summary.vehicle),
       CalibrationOwner(localizer),
       statistics.scans,
       localizer.decisions().size(),

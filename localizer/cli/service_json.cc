@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/inert_text.h"
+
 namespace shiftmap {
 namespace {
 
@@ -70,7 +72,7 @@ Json ServiceJson(const live::ServiceState& state) {
 
 std::string ServiceText(const live::ServiceState& state) {
   std::string text = fmt::format("area '{}' version {}: {}{}\n",
-                                 state.area,
+                                 InertLine(state.area),
                                  state.version.value(),
                                  state.running ? "running" : "stopped",
                                  state.resumed ? ", resumed" : "");
@@ -85,9 +87,9 @@ std::string ServiceText(const live::ServiceState& state) {
     const Se2& T = state.pose->T_map_vehicle;
     text += fmt::format("pose {:.3f} {:.3f} {:.4f}\n", T.x(), T.y(), T.yaw());
   }
-  if (!state.report_path.empty()) text += fmt::format("report {}\n", state.report_path);
+  if (!state.report_path.empty()) text += fmt::format("report {}\n", InertLine(state.report_path));
   for (const DroppedCount& entry : state.dropped) {
-    text += fmt::format("dropped: {} {}\n", entry.count, entry.reason);
+    text += fmt::format("dropped: {} {}\n", entry.count, InertLine(entry.reason));
   }
   return text;
 }
@@ -96,6 +98,8 @@ Json EventJson(const live::Event& event) {
   return std::visit([](const auto& item) { return Describe(item); }, event);
 }
 
-std::string EventText(const live::Event& event) { return EventJson(event).dump() + "\n"; }
+std::string EventText(const live::Event& event) {
+  return InertLine(EventJson(event).dump()) + "\n";
+}
 
 }  // namespace shiftmap

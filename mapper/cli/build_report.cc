@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/inert_text.h"
+
 namespace shiftmap {
 namespace {
 
@@ -137,7 +139,7 @@ std::string BuildText(const MapperResult& result, const std::optional<CommitResu
                       result.modes_created);
   for (const MappedRun& run : result.runs) {
     text += fmt::format("run {}: {} poses, {} observations, {} outliers\n",
-                        run.name,
+                        InertLine(run.name),
                         run.poses,
                         run.observations,
                         run.outliers);
@@ -146,7 +148,7 @@ std::string BuildText(const MapperResult& result, const std::optional<CommitResu
     text += fmt::format(
         "vehicle {}: scale {:.4f} ({:.4f} to {:.4f}), turn scale {:.4f} ({:.4f} to {:.4f}), lag "
         "{:.3f} s ({:.3f} to {:.3f})\n",
-        vehicle.vehicle.empty() ? "without a name" : vehicle.vehicle,
+        vehicle.vehicle.empty() ? "without a name" : InertLine(vehicle.vehicle),
         vehicle.scale_v.value,
         vehicle.scale_v.low,
         vehicle.scale_v.high,

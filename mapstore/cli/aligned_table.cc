@@ -5,6 +5,7 @@
 #include <charconv>
 #include <utility>
 
+#include "mapstore/core/inert_text.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -33,6 +34,7 @@ void AlignedTable::AddRow(std::vector<std::string> cells) {
                  "{} cells, {} columns",
                  cells.size(),
                  rows_.front().size());
+  for (std::string& cell : cells) cell = InertLine(cell);
   rows_.push_back(std::move(cells));
 }
 

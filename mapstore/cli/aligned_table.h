@@ -7,7 +7,8 @@
 namespace shiftmap {
 
 /// A table for people: columns as wide as their widest cell, two blanks between them. Columns of
-/// numbers are aligned to the right.
+/// numbers are aligned to the right. Cells are shown as InertLine() of them, so that a row is a
+/// line.
 class AlignedTable {
  public:
   explicit AlignedTable(std::vector<std::string> header);

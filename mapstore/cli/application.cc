@@ -14,6 +14,7 @@
 #include "mapstore/cli/internal/command_state.h"
 #include "mapstore/cli/internal/logging.h"
 #include "mapstore/cli/version.h"
+#include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
 namespace {
@@ -23,10 +24,8 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-std::string OneLine(std::string text) {
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
+std::string OneLine(std::string_view text) {
+  return InertLine(text.substr(0, text.find_last_not_of('\n') + 1));
 }
 
 std::string ErrorJson(const std::string& message, ExitCode code) {
@@ -142,6 +141,7 @@ void Application::State::Parse(std::vector<std::string> arguments, const Command
     arguments.insert(
         name == arguments.end() ? arguments.begin() : std::next(name), added.begin(), added.end());
   }
+  if (command != nullptr) command->LetListsTakeSeveral();
   std::reverse(arguments.begin(), arguments.end());  // The order that the parser pops them in.
   parser.parse(std::move(arguments));
 }
@@ -172,18 +172,24 @@ ExitCode Application::State::Execute(const Command& command, std::ostream* out, 
   } catch (const std::exception& error) {
     status = Internal("unexpected error: {}", error.what());
   }
-  const ExitCode code = ExitCodeFor(status);
+  ExitCode code = ExitCodeFor(status);
   if (!status.ok()) *err << program << ": " << OneLine(Message(status)) << '\n';
+  if (code == ExitCode::kDone && context.needs_attention()) code = ExitCode::kAttention;
   if (context.reported()) {
     *out << context.output();
   } else if (common.json) {
     *out << (status.ok() ? JsonText(Json::object()) : ErrorJson(Message(status), code));
   }
-  if (!out->flush()) {
+  if (out->flush() || !status.ok()) return code;
+  const bool wrote = command.state_->writes && !context.dry_run();
+  if (!wrote) {
     *err << program << ": standard output: cannot be written\n";
     return ExitCode::kTemporary;
   }
-  return code;
+  // Done: to try again would do it twice.
+  *err << fmt::format(
+      "{}: standard output: cannot be written, but it is done: {}\n", program, context.summary());
+  return ExitCode::kAttention;
 }
 
 Application::Application(std::string program, std::string description)

@@ -96,8 +96,10 @@ Command& Command::Option(const std::string& name,
                          std::vector<std::string>* values,
                          const std::string& help) {
   state_->last = state_->parser->add_option(name, *values, help);
+  if (IsPositional(name)) return *this;
   // One value per occurrence: an option must not swallow the positional arguments behind it.
-  if (!IsPositional(name)) state_->last->expected(1)->allow_extra_args(false)->take_all();
+  state_->last->expected(1)->allow_extra_args(false)->take_all();
+  state_->lists.push_back(state_->last);
   return *this;
 }
 
@@ -129,7 +131,17 @@ Command& Command::Check(std::function<std::string()> check) {
   return *this;
 }
 
+void Command::LetListsTakeSeveral() const {
+  for (const CLI::Option* option : state_->parser->get_options()) {
+    if (option->get_positional()) return;
+  }
+  for (CLI::Option* list : state_->lists) {
+    list->expected(1, CLI::detail::expected_max_vector_size)->allow_extra_args(true);
+  }
+}
+
 Command& Command::Writes() {
+  state_->writes = true;
   state_->parser->add_flag(
       "--dry-run", state_->common->dry_run, "Check and say what would be done; write nothing");
   return *this;

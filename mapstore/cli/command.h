@@ -39,7 +39,8 @@ class Command {
                   std::optional<std::int64_t>* value,
                   const std::string& help);
 
-  /// An option given several times, or a positional argument that takes all that are left.
+  /// An option given several times, or a positional argument that takes all that are left. In a
+  /// command without positional arguments one occurrence takes several values.
   Command& Option(const std::string& name,
                   std::vector<std::string>* values,
                   const std::string& help);
@@ -63,6 +64,10 @@ class Command {
   friend class Application;
   struct State;
   explicit Command(std::unique_ptr<State> state);
+
+  /// To be called once all options are added.
+  void LetListsTakeSeveral() const;
+
   std::unique_ptr<State> state_;
 };
 

@@ -4,11 +4,15 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
+
+#include "mapstore/core/input_file.h"
 
 namespace shiftmap {
 namespace {
+
+// Options take some kilobytes.
+constexpr std::size_t kMaxConfigBytes = std::size_t{1} << 20;
 
 std::optional<std::string> ScalarText(const toml::node& node) {
   if (const auto text = node.value_exact<std::string>()) return *text;
@@ -50,11 +54,10 @@ Status AppendEntry(const std::string& path,
 }  // namespace
 
 StatusOr<std::vector<ConfigEntry>> ReadConfigFile(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return NotFound("config '{}': cannot be opened", path);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("config", path, kMaxConfigBytes));
   toml::table root;
   try {
-    root = toml::parse(file, path);
+    root = toml::parse(text, path);
   } catch (const toml::parse_error& error) {
     return InvalidArgument(
         "config '{}:{}': {}", path, error.source().begin.line, std::string(error.description()));

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/inert_text.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -15,10 +16,16 @@ Context::Context(const CommonOptions& options, std::ostream* err) : options_(opt
 void Context::Report(const Json& document, const std::string& text) {
   SHIFTMAP_CHECK(!reported_, "a command reports once");
   reported_ = true;
-  output_ = json() ? JsonText(document) : text;
+  output_ = json() ? JsonText(document) : InertText(text);
+  summary_ = InertLine(text.substr(0, text.find('\n')));
 }
 
-void Context::Warn(const std::string& message) const { spdlog::warn("{}", message); }
+void Context::Warn(const std::string& message) const { spdlog::warn("{}", InertLine(message)); }
+
+void Context::Attend(const std::string& message) {
+  needs_attention_ = true;
+  Warn(message);
+}
 
 std::unique_ptr<Progress> Context::MakeProgress() const {
   const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();
@@ -27,7 +34,7 @@ std::unique_ptr<Progress> Context::MakeProgress() const {
 
 std::string JsonText(const Json& document) {
   // Names come from logs and may be any bytes; a document is UTF-8.
-  return document.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+  return InertText(document.dump(2, ' ', false, Json::error_handler_t::replace)) + '\n';
 }
 
 }  // namespace shiftmap

@@ -35,12 +35,16 @@ class Context {
   bool dry_run() const { return options_.dry_run; }
 
   /// The result of the command, once per run: the document goes to standard output with --json,
-  /// the text without.
+  /// InertText() of the text without.
   void Report(const Json& document, const std::string& text);
 
   /// One line on standard error, `<program>: warning: <message>`, unless --quiet or --log-level
   /// says otherwise.
   void Warn(const std::string& message) const;
+
+  /// As Warn(), for what a person should see though the command is done: its exit code is then
+  /// ExitCode::kAttention.
+  void Attend(const std::string& message);
 
   /// A progress line on standard error, silent with --quiet or if that is no terminal.
   std::unique_ptr<Progress> MakeProgress() const;
@@ -49,11 +53,19 @@ class Context {
   bool reported() const { return reported_; }
   const std::string& output() const { return output_; }
 
+  /// The first line of the text of the report.
+  const std::string& summary() const { return summary_; }
+
+  /// True once Attend() was called.
+  bool needs_attention() const { return needs_attention_; }
+
  private:
   CommonOptions options_;
   std::ostream* err_;
   bool reported_ = false;
   std::string output_;
+  std::string summary_;
+  bool needs_attention_ = false;
 };
 
 /// The document as text: indented, UTF-8, numbers that survive a round trip, a newline at the end.

@@ -13,6 +13,7 @@ enum class ExitCode : int {
   kConflict = 4,     ///< The published version moved in between: plan again.
   kNothingToDo = 5,  ///< What was asked for is there already.
   kNotFound = 6,     ///< No such file, area, version.
+  kAttention = 8,    ///< Done, with something left that a person should see.
   kInternal = 70,    ///< A bug of ours.
   kTemporary = 75,   ///< Busy or full now: retry.
   kStopped = 130,    ///< SIGINT or SIGTERM stopped it before it wrote anything.

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mapstore/core/inert_text.h"
+
 namespace shiftmap {
 namespace {
 
@@ -27,7 +29,7 @@ void Progress::Update(const std::string& phase, double done) {
                                  std::string(static_cast<std::size_t>(filled), '#'),
                                  kBarWidth,
                                  100.0 * share,
-                                 phase);
+                                 InertLine(phase));
   // A terminal is slower than most loops: write only what changes.
   if (line == shown_) return;
   *stream_ << kClearLine << line << std::flush;

@@ -14,6 +14,8 @@ struct Command::State {
   CLI::App* parser = nullptr;
   CLI::Option* last = nullptr;
   CommonOptions* common = nullptr;
+  bool writes = false;
+  std::vector<CLI::Option*> lists;  // Options that are given several times.
   Body body;
   std::vector<std::function<std::string()>> checks;
 };

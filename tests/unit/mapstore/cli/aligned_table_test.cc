@@ -27,5 +27,13 @@ TEST(AlignedTable, CountsCharactersNotBytes) {
 
 TEST(AlignedTable, AHeaderAlone) { EXPECT_EQ(AlignedTable({"a", "b"}).ToString(), "a  b\n"); }
 
+TEST(AlignedTable, ARowIsALineWhateverItsCellsHold) {
+  AlignedTable table({"vehicle", "rows"});
+  table.AddRow({"\x1b[1A\x1b[2K\n2026-01-09 honest\r", "7"});
+  EXPECT_EQ(table.ToString(),
+            "vehicle                              rows\n"
+            "\\x1b[1A\\x1b[2K\\n2026-01-09 honest\\r     7\n");
+}
+
 }  // namespace
 }  // namespace shiftmap

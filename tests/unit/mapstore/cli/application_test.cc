@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <limits>
 #include <new>
@@ -55,6 +56,7 @@ struct Program {
                     "Write something",
                     [this](Context& context) {
                       dry_run = context.dry_run();
+                      if (!stored.empty()) context.Report({}, stored);
                       return OkStatus();
                     })
         .Writes();
@@ -72,6 +74,7 @@ struct Program {
   int calls = 0;
   bool quiet = false;
   bool dry_run = false;
+  std::string stored;
   std::string file;
   double max_range_m = 10.0;
   std::optional<double> max_height_m;
@@ -175,7 +178,7 @@ TEST(Application, AnErrorIsOneLineAndItsExitCode) {
   const Outcome outcome = program.Run({"measure", "a"});
   EXPECT_EQ(outcome.code, 6);
   EXPECT_EQ(outcome.out, "");
-  EXPECT_EQ(outcome.err, "shiftmap-test: map store 'a.db': no such file\n");
+  EXPECT_EQ(outcome.err, "shiftmap-test: map store 'a.db': no\\nsuch file\n");
 }
 
 TEST(Application, AnErrorWithJsonIsADocument) {
@@ -236,6 +239,108 @@ TEST(Application, AFullStandardOutputIsAnError) {
   EXPECT_EQ(program.application.Run({"measure", "a"}, &out, &err), ExitCode::kTemporary);
 }
 
+TEST(Application, AWriteWhoseOutputIsLostIsDoneAndSaysSo) {
+  Program program;
+  program.stored = "version 3, content abc\nmore\n";
+  std::ostringstream out;
+  out.setstate(std::ios::badbit);
+  for (const bool json : {false, true}) {
+    std::ostringstream err;
+    std::vector<std::string> words = {"store"};
+    if (json) words.emplace_back("--json");
+    Program run;
+    run.stored = program.stored;
+    EXPECT_EQ(run.application.Run(words, &out, &err), ExitCode::kAttention);
+    EXPECT_EQ(err.str(),
+              "shiftmap-test: standard output: cannot be written, but it is done: version 3, "
+              "content abc\n");
+  }
+  std::ostringstream err;
+  EXPECT_EQ(program.application.Run({"store", "--dry-run"}, &out, &err), ExitCode::kTemporary);
+}
+
+TEST(Application, ALostOutputDoesNotHideAnError) {
+  Program program;
+  program.body = [](Context&) { return NotFound("no such thing"); };
+  std::ostringstream out;
+  out.setstate(std::ios::badbit);
+  std::ostringstream err;
+  EXPECT_EQ(program.application.Run({"measure", "a", "--json"}, &out, &err), ExitCode::kNotFound);
+  EXPECT_EQ(err.str(), "shiftmap-test: no such thing\n");
+}
+
+TEST(Application, WhatAPersonShouldSeeHasItsExitCode) {
+  Program program;
+  program.body = [](Context& context) {
+    context.Attend("one log is left out");
+    return OkStatus();
+  };
+  const Outcome outcome = program.Run({"measure", "a"});
+  EXPECT_EQ(outcome.code, 8);
+  EXPECT_EQ(outcome.err, "shiftmap-test: warning: one log is left out\n");
+}
+
+// Nothing that a name holds moves the cursor or begins a line.
+TEST(Application, WhatIsPrintedIsInert) {
+  const std::string hostile =
+      "a\x1b[1A\x1b[2K\x07\r\n\tb\xc2\x9b"
+      "c\xe2\x80\xae"
+      "d\x7f\xff";
+  const std::string line = "a\\x1b[1A\\x1b[2K\\x07\\r\\n\\tb\\u009bc\\u202ed\\u007f\\xff";
+  Program error;
+  error.body = [&](Context& context) {
+    context.Warn(hostile);
+    return InvalidArgument("vehicle '{}'", hostile);
+  };
+  EXPECT_EQ(error.Run({"measure", "a"}).err,
+            "shiftmap-test: warning: " + line + "\nshiftmap-test: vehicle '" + line + "'\n");
+  Program usage;
+  ExpectUsageError(usage.Run({"measure", "a", "--kind", hostile}), line);
+  Program report;
+  report.body = [&](Context& context) {
+    context.Report({{"name", hostile}}, "name " + hostile + "\n");
+    return OkStatus();
+  };
+  EXPECT_EQ(report.Run({"measure", "a"}).out,
+            "name a\\x1b[1A\\x1b[2K\\x07\\r\n\\tb\\u009bc\\u202ed\\u007f\\xff\n");
+}
+
+TEST(Application, JsonIsInertAndKeepsTheValues) {
+  Program program;
+  const std::string name = "a\x1b[2K\x7f\xc2\x9b\xe2\x80\xae\nü";
+  program.body = [&](Context& context) {
+    context.Report({{"name", name}}, "");
+    return OkStatus();
+  };
+  const Outcome outcome = program.Run({"measure", "a", "--json"});
+  EXPECT_EQ(Json::parse(outcome.out)["name"], name);
+  EXPECT_THAT(outcome.out, HasSubstr("ü"));
+  for (const char* active : {"\x1b", "\x7f", "\xc2\x9b", "\xe2\x80\xae"}) {
+    EXPECT_THAT(outcome.out, Not(HasSubstr(active)));
+  }
+}
+
+TEST(Application, AListTakesSeveralValuesWhereNoPositionalArgumentFollows) {
+  Application application("shiftmap-lists", "");
+  std::vector<std::string> methods;
+  std::vector<std::string> sets;
+  bool quick = false;
+  application.AddCommand("run", "", [](Context&) { return OkStatus(); })
+      .Option("--methods", &methods, "A list")
+      .Option("--sets", &sets, "Another")
+      .Flag("--quick", &quick, "A flag");
+  std::ostringstream out;
+  std::ostringstream err;
+  EXPECT_EQ(
+      application.Run(
+          {"run", "--methods", "a", "b", "--quick", "--sets", "1", "--sets", "2"}, &out, &err),
+      ExitCode::kDone)
+      << err.str();
+  EXPECT_THAT(methods, ::testing::ElementsAre("a", "b"));
+  EXPECT_THAT(sets, ::testing::ElementsAre("1", "2"));
+  EXPECT_TRUE(quick);
+}
+
 TEST(Application, AProgramMayDoOneThing) {
   Application application("shiftmap-one", "One thing");
   std::string store;
@@ -288,6 +393,20 @@ TEST_F(ApplicationConfig, AnUnknownKeyIsAUsageErrorThatNamesIt) {
   ExpectUsageError(Run(&table, "[other]\ncount = 1\n", {"measure", "x"}), "other.count");
 }
 
+TEST_F(ApplicationConfig, OnlyARegularFileOfSensibleSizeIsRead) {
+  ASSERT_EQ(mkfifo(dir_.File("fifo").c_str(), 0600), 0);
+  testing::WriteFile(dir_.File("large"), std::string((1U << 20) + 1, '\n'));
+  for (const std::string& path : {dir_.path(),
+                                  dir_.File("fifo"),
+                                  dir_.File("large"),
+                                  std::string("/dev/zero"),
+                                  std::string("/proc/self/mem")}) {
+    Program program;
+    ExpectUsageError(program.Run({"measure", "x", "--config", path}), "config '" + path + "': ");
+    EXPECT_EQ(program.calls, 0);
+  }
+}
+
 TEST_F(ApplicationConfig, AFileThatIsNotTomlIsAUsageError) {
   Program broken;
   ExpectUsageError(Run(&broken, "count = = 1\n", {"measure", "x"}), "options.toml:1");
@@ -295,7 +414,7 @@ TEST_F(ApplicationConfig, AFileThatIsNotTomlIsAUsageError) {
   ExpectUsageError(Run(&nested, "[measure]\ncount = {a = 1}\n", {"measure", "x"}), "count");
   Program missing;
   ExpectUsageError(missing.Run({"measure", "x", "--config", dir_.File("none.toml")}),
-                   "cannot be opened");
+                   "does not exist");
 }
 
 TEST(JsonText, NumbersSurviveARoundTrip) {
