@@ -2,10 +2,10 @@
 #include "mapstore/core/atomic_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -43,6 +43,40 @@ Status RenameAndSyncFolder(const std::string& temporary, const std::string& path
   return SyncFolder(path);
 }
 
+// Whether the open file is still the one at the path.
+bool IsAt(int fd, const std::string& path) {
+  struct stat open_file {};
+  struct stat at_path {};
+  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &at_path) == 0 &&
+         open_file.st_dev == at_path.st_dev && open_file.st_ino == at_path.st_ino;
+}
+
+// Makes a file that nobody else has and locks it. Returns -1 with errno.
+int CreateLocked(const std::string& path) {
+  for (;;) {
+    const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd < 0) return fd;
+    // Where there are no locks, nobody takes the file for left behind either.
+    const bool locked = flock(fd, LOCK_EX | LOCK_NB) == 0;
+    if (locked ? IsAt(fd, path) : errno != EWOULDBLOCK) return fd;
+    // Somebody took it for left behind before it was locked.
+    close(fd);
+  }
+}
+
+// Removes what a process left that is no more: nobody holds its lock. False if somebody does.
+bool RemoveAbandoned(const std::string& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0) return errno == ENOENT;
+  struct stat info {};
+  const bool regular = fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
+  const bool abandoned = regular && flock(fd, LOCK_EX | LOCK_NB) == 0;
+  // The name may be another file's by now.
+  const bool removed = abandoned && (!IsAt(fd, path) || unlink(path.c_str()) == 0);
+  close(fd);
+  return removed;
+}
+
 }  // namespace
 
 AtomicFile::AtomicFile(std::string path, std::string temporary, int fd)
@@ -67,8 +101,9 @@ AtomicFile::~AtomicFile() { Discard(); }
 
 void AtomicFile::Discard() {
   if (fd_ < 0) return;
-  close(std::exchange(fd_, -1));
+  // In this order: without the lock, the name may be somebody else's.
   unlink(temporary_.c_str());
+  close(std::exchange(fd_, -1));
 }
 
 StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
@@ -76,13 +111,12 @@ StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
   if (stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     return InvalidArgument("not a regular file");
   }
-  static std::atomic<unsigned> count{0};
-  for (;;) {
-    std::string temporary = fmt::format("{}.tmp-{}-{}", path, getpid(), count++);
-    const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  for (int number = 0;;) {
+    std::string temporary = fmt::format("{}.tmp-{}", path, number);
+    const int fd = CreateLocked(temporary);
     if (fd >= 0) return AtomicFile(path, std::move(temporary), fd);
-    // A process of the same number may have left one behind.
     if (errno != EEXIST) return ErrnoStatus("create a file beside it");
+    if (!RemoveAbandoned(temporary)) ++number;
   }
 }
 

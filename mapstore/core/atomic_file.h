@@ -12,6 +12,9 @@ namespace shiftmap {
 /// folder; Commit() makes them durable and then renames it into place. Without Commit() the
 /// temporary file is removed, and what was at the path stays.
 ///
+/// A file that a killed process left is removed by the next that writes to the path; whoever is
+/// alive holds a lock on its own.
+///
 /// Errors: kNotFound if the folder does not exist; kInvalidArgument if something other than a
 /// regular file is at the path; kUnavailable if the disk does not take it. Messages say what
 /// failed; the caller puts the kind and name of the file before it.

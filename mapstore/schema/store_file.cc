@@ -39,7 +39,7 @@ Status MakeStoreFile(const std::string& path, const Database::Options& options) 
                             FolderLock::Take(folder.empty() ? "." : folder.string()));
   std::error_code error;
   if (std::filesystem::exists(path, error)) return OkStatus();  // Another process was faster.
-  const TemporaryFile temporary(path);
+  const TemporaryFile temporary = TemporaryFile::Exclusive(path);
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(temporary.path(), options));
     SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));

@@ -9,8 +9,15 @@
 namespace shiftmap {
 
 TemporaryFile::TemporaryFile(const std::string& destination)
-    : path_(fmt::format("{}.tmp-{}", destination, getpid())) {
+    : TemporaryFile(destination, fmt::format("{}", getpid())) {}
+
+TemporaryFile::TemporaryFile(const std::string& destination, const std::string& suffix)
+    : path_(fmt::format("{}.tmp-{}", destination, suffix)) {
   Remove();
+}
+
+TemporaryFile TemporaryFile::Exclusive(const std::string& destination) {
+  return {destination, "new"};
 }
 
 TemporaryFile::~TemporaryFile() { Remove(); }

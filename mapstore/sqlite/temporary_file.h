@@ -10,6 +10,11 @@ namespace shiftmap {
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& destination);
+
+  /// With a name that is always the same: what a process that was killed left there is removed. For
+  /// who keeps others out by a lock.
+  static TemporaryFile Exclusive(const std::string& destination);
+
   ~TemporaryFile();
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
@@ -17,6 +22,7 @@ class TemporaryFile {
   const std::string& path() const { return path_; }
 
  private:
+  TemporaryFile(const std::string& destination, const std::string& suffix);
   void Remove();
 
   std::string path_;

@@ -2,11 +2,15 @@
 #include "mapstore/core/atomic_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <thread>
+#include <vector>
 
 namespace shiftmap {
 namespace {
@@ -80,6 +84,53 @@ TEST_F(AtomicFileTest, TwoAtOnceDoNotMeet) {
   EXPECT_EQ(Content(), "second");
   ASSERT_TRUE(first->Commit().ok());
   EXPECT_EQ(Content(), "first");
+}
+
+TEST_F(AtomicFileTest, TheNextOneRemovesWhatAKilledProcessLeft) {
+  const pid_t child = fork();
+  if (child == 0) {
+    auto file = AtomicFile::Create(path_);
+    _exit(file.ok() && file->Append("half").ok() ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+  EXPECT_EQ(FilesInFolder(), 1);
+  ASSERT_TRUE(WriteFileAtomically(path_, "whole").ok());
+  EXPECT_EQ(Content(), "whole");
+  EXPECT_EQ(FilesInFolder(), 1);
+}
+
+TEST_F(AtomicFileTest, WhatALiveOneWritesAndWhatIsNoFileStays) {
+  auto live = AtomicFile::Create(path_);
+  ASSERT_TRUE(live.ok() && live->Append("live").ok());
+  const std::filesystem::path victim = folder_ / "victim";
+  std::ofstream(victim) << "precious";
+  std::filesystem::create_symlink(victim, path_.string() + ".tmp-1");
+  std::filesystem::create_directory(path_.string() + ".tmp-2");
+  ASSERT_TRUE(WriteFileAtomically(path_, "other").ok());
+  EXPECT_TRUE(std::filesystem::is_symlink(path_.string() + ".tmp-1"));
+  ASSERT_TRUE(live->Commit().ok());
+  EXPECT_EQ(Content(), "live");
+  EXPECT_EQ(std::filesystem::file_size(victim), 8U);
+}
+
+TEST_F(AtomicFileTest, ManyWritersAtOnceNeverMeet) {
+  constexpr int kWriters = 8;
+  std::vector<std::thread> writers;
+  for (int i = 0; i < kWriters; ++i) {
+    writers.emplace_back([&, i] {
+      for (int j = 0; j < 25; ++j) {
+        const Status status =
+            WriteFileAtomically(path_, std::string(1000, static_cast<char>('a' + i)));
+        EXPECT_TRUE(status.ok()) << Message(status);
+        const std::string content = Content();
+        EXPECT_EQ(content, std::string(1000, content.front()));
+      }
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  EXPECT_EQ(FilesInFolder(), 1);
 }
 
 TEST_F(AtomicFileTest, RenamesWhatSomebodyElseWrote) {
