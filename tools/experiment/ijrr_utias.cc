@@ -170,14 +170,10 @@ StatusOr<std::vector<UtiasCase>> LoadCases(const IjrrUtiasOptions& options) {
   std::vector<UtiasCase> cases;
   for (const int dataset : options.datasets) {
     for (const int robot : options.robots) {
-      StatusOr<UtiasCase> data = LoadUtiasCase(options.data, dataset, robot, options.protocol);
-      if (data.status().code() == StatusCode::kNotFound) continue;
-      SHIFTMAP_RETURN_IF_ERROR(data.status());
-      cases.push_back(*std::move(data));
+      SHIFTMAP_ASSIGN_OR_RETURN(UtiasCase data,
+                                LoadUtiasCase(options.data, dataset, robot, options.protocol));
+      cases.push_back(std::move(data));
     }
-  }
-  if (cases.empty()) {
-    return NotFound("folder '{}': none of the data sets with any of the robots", options.data);
   }
   return cases;
 }

@@ -161,6 +161,19 @@ TEST(IjrrUtiasTest, RejectsWhatIsOutOfRange) {
   EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "displacements"));
 }
 
+TEST(IjrrUtiasTest, ADataSetThatIsNotThereIsAnError) {
+  IjrrUtiasOptions options;
+  options.data = "/nowhere";
+  options.datasets = {4};
+  EXPECT_THAT(RunIjrrUtias(options, {}).status(),
+              StatusIs(StatusCode::kNotFound, "/nowhere/MRCLAM_Dataset4"));
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
+  options.datasets = {1, 99};
+  EXPECT_THAT(RunIjrrUtias(options, {}).status(),
+              StatusIs(StatusCode::kNotFound, "MRCLAM_Dataset99"));
+}
+
 TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
   IjrrUtiasOptions options;
   options.data = RecordedData();
