@@ -62,14 +62,12 @@ StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
 
 StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
                                             std::optional<VersionNumber> version,
-                                            std::optional<Stamp> at,
-                                            const std::set<std::string>& without_runs) {
+                                            const LedgerQuery& query) {
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, SelectRow(area, area_row, version));
   SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
                             ReadContent(database, row, VersionName(area, row.number)));
-  SHIFTMAP_RETURN_IF_ERROR(
-      ApplyLedger(database, area_row.area_id, row, at, without_runs, &content));
+  SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, query, &content));
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
   return MapSnapshot(area, row.number, row.content_hash, std::move(content), position);
 }
@@ -93,11 +91,15 @@ StatusOr<MapStore> MapStore::Open(const std::string& path, const OpenOptions& op
       break;
   }
   SHIFTMAP_CHECK(options.checkpoint_rows > 0, "checkpoint_rows {}", options.checkpoint_rows);
+  SHIFTMAP_CHECK(options.clock && options.clock_tolerance_s >= 0.0,
+                 "clock tolerance {} s",
+                 options.clock_tolerance_s);
   database_options.busy_timeout = options.lock_timeout;
   database_options.on_wait = options.on_wait;
   database_options.allow_network_file_system = options.allow_network_file_system;
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, database_options));
-  return MapStore(std::make_unique<State>(State{std::move(database), options.checkpoint_rows}));
+  return MapStore(std::make_unique<State>(State{
+      std::move(database), options.checkpoint_rows, options.clock, options.clock_tolerance_s}));
 }
 
 StatusOr<MapStore> MapStore::Open(const std::string& path, Access access) {
@@ -176,14 +178,15 @@ StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,
                                        std::optional<VersionNumber> version,
                                        std::optional<Stamp> at) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  return state_->Load(area, version, at);
+  return state_->Load(area, version, {.at = at, .latest = state_->LatestStamp()});
 }
 
 StatusOr<MapSnapshot> MapStore::LoadPrior(const std::string& area,
                                           VersionNumber version,
                                           const std::set<std::string>& without_runs) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  return state_->Load(area, version, std::nullopt, without_runs);
+  return state_->Load(
+      area, version, {.latest = state_->LatestStamp(), .without_runs = without_runs});
 }
 
 StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNumber version) {

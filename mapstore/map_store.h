@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
@@ -59,6 +60,11 @@ class MapStore {
     /// Evidence rows between two ledger checkpoints, for maps of few groups. Fewer make LoadAt
     /// faster and the file larger.
     std::int64_t checkpoint_rows = 16384;
+
+    /// The time that stamps are compared with. What would be stamped later than this, and the
+    /// tolerance, is not written; what an older build let in later does not count by itself.
+    std::function<Stamp()> clock = SystemNow;
+    double clock_tolerance_s = kDefaultClockToleranceS;  ///< At least 0. [s]
   };
 
   static StatusOr<MapStore> Open(const std::string& path, const OpenOptions& options);
@@ -84,9 +90,11 @@ class MapStore {
   StatusOr<std::optional<VersionNumber>> PublishedVersion(const std::string& area);
 
   /// Adds a version and, if asked, publishes it; creates the area if it is new.
-  /// Errors also: kInvalidArgument if ValidateMapContent fails, or the content's stamp is before
-  /// its parent's; kAborted if `options.publish` and the published version is not `options.parent`
-  /// (nothing is written then). CommitOptions::replace: of a version without a parent.
+  /// Errors also: kInvalidArgument if ValidateMapContent fails, or the content's stamp is ahead of
+  /// the clock, or before its parent's (unless that is ahead of the clock itself); kDataLoss if a
+  /// version of the area has a parent that is not an older version of it; kAborted if
+  /// `options.publish` and the published version is not `options.parent` (nothing is written then).
+  /// CommitOptions::replace: of a version without a parent.
   StatusOr<CommitResult> Commit(const std::string& area,
                                 const MapContent& content,
                                 const Provenance& provenance,
@@ -116,8 +124,9 @@ class MapStore {
   /// mapstore/README.md.
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
-  ///                 there is none. Visits that begin after `at` do not count. Without evidence, a
-  ///                 time before the stamp gives the distribution at the stamp.
+  ///                 there is none; visits that begin after the clock's time with the tolerance do
+  ///                 not count. Visits that begin after `at` do not count. Without evidence, a time
+  ///                 before the stamp gives the distribution at the stamp.
   /// Errors also: kNotFound if the file is a snapshot whose ledger begins after `at`.
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,
@@ -137,8 +146,13 @@ class MapStore {
 
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing.
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if its
-  /// content hash is not that version's.
+  /// content hash is not that version's; as CheckClock.
   StatusOr<ReturnResult> Return(const ShiftReport& report);
+
+  /// Whether the clock lets a report in, for what wants to know before it writes.
+  /// Errors: kInvalidArgument with both times if the report, or a visit in it, ends later than the
+  /// clock's time with the tolerance.
+  Status CheckClock(const ShiftReport& report) const;
 
   /// The area's reports, newest first, and what they mean for a version.
   /// @param version  Nothing: the published one.

@@ -14,8 +14,12 @@ namespace shiftmap {
 namespace {
 
 // Reads a snapshot as a vehicle would, and compares.
-Status VerifySnapshotFile(const std::string& path, const MapSnapshot& expected) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, MapStore::Access::kReadOnly));
+// @param latest  The latest stamp that counted for `expected`.
+Status VerifySnapshotFile(const std::string& path, Stamp latest, const MapSnapshot& expected) {
+  MapStore::OpenOptions options;
+  options.clock = [latest] { return latest; };
+  options.clock_tolerance_s = 0.0;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, options));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot loaded, store.LoadAt(expected.area()));
   const std::string got = ContentHash(loaded.content());
   const std::string want = ContentHash(expected.content());
@@ -36,13 +40,15 @@ StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const st
   const TemporaryFile temporary(path);
   // Keeps writers out until all rows are copied and compared.
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  // One time for all that follows.
+  const Stamp latest = state_->LatestStamp();
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot expected,
-                            state_->Load(area, std::nullopt, std::nullopt));
+                            state_->Load(area, std::nullopt, {.latest = latest}));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, state_->PublishedRow(area, area_row));
-  SHIFTMAP_RETURN_IF_ERROR(
-      WriteSnapshotFile(database, area_row.area_id, version, expected.content(), temporary.path()));
-  SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), expected));
+  SHIFTMAP_RETURN_IF_ERROR(WriteSnapshotFile(
+      database, area_row.area_id, version, expected.content(), latest, temporary.path()));
+  SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), latest, expected));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string sha256, HashFile(temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
   return sha256;

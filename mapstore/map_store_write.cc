@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The writing half of MapStore: each function is one durable transaction.
+#include <algorithm>
 #include <utility>
 
 #include "mapstore/map_store.h"
@@ -31,6 +32,33 @@ StatusOr<VersionNumber> NextVersionNumber(Database& database, std::int64_t area_
   query.Bind(area_id);
   SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
   return VersionNumber(query.Int64(0));
+}
+
+// A store in which a line of versions does not go back in time is damaged: what is added to it
+// would be too.
+Status CheckParents(Database& database, std::int64_t area_id, const std::string& owner) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT v.number FROM version v LEFT JOIN version p "
+                       "ON p.version_id = v.parent_version_id WHERE v.area_id = ?1 "
+                       "AND v.parent_version_id IS NOT NULL "
+                       "AND NOT coalesce(p.area_id = v.area_id AND p.number < v.number, 0) "
+                       "ORDER BY v.number LIMIT 1"));
+  query.Bind(area_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return OkStatus();
+  return DataLoss(
+      "{}: version {}: its parent is not an older version of the area", owner, query.Int64(0));
+}
+
+// The line of versions is in the order of time. A parent later than `latest` bounds nothing: the
+// area would stay locked until then.
+Status CheckOrder(Stamp stamp, Stamp parent, Stamp latest, const std::string& parent_name) {
+  if (stamp >= parent || parent > latest) return OkStatus();
+  return InvalidArgument("{}: the new version's stamp is {:.6f} s, before its parent's {:.6f} s",
+                         parent_name,
+                         ToSecondsSinceEpoch(stamp),
+                         ToSecondsSinceEpoch(parent));
 }
 
 // Adds the rows of a version. Returns its row.
@@ -86,23 +114,25 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   if (area.empty()) return InvalidArgument("{}: area name is empty", database.name());
   const Status valid = ValidateMapContent(content);
   if (!valid.ok()) return InvalidArgument("{}: {}", state_->AreaName(area), Message(valid));
+  SHIFTMAP_RETURN_IF_ERROR(CheckNotInFuture(fmt::format("{}: version", state_->AreaName(area)),
+                                            content.stamp,
+                                            state_->clock(),
+                                            state_->clock_tolerance_s));
   VersionRow version;
   version.content_hash = ContentHash(content);
   version.stamp = content.stamp;
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, FindOrInsertArea(database, area));
+  SHIFTMAP_RETURN_IF_ERROR(CheckParents(database, area_row.area_id, state_->AreaName(area)));
   if (options.parent) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
                               GetVersion(database, area, area_row.area_id, *options.parent));
     version.parent_version_id = parent.version_id;
-    if (content.stamp < parent.stamp) {
-      return InvalidArgument(
-          "{}: the new version's stamp is {:.6f} s, before its parent's {:.6f} s",
-          state_->VersionName(area, parent.number),
-          ToSecondsSinceEpoch(content.stamp),
-          ToSecondsSinceEpoch(parent.stamp));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(CheckOrder(content.stamp,
+                                        parent.stamp,
+                                        state_->LatestStamp(),
+                                        state_->VersionName(area, parent.number)));
   }
   const bool compare = options.parent || !options.replace;
   if (options.publish && compare && area_row.published != options.parent) {
@@ -185,10 +215,20 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   return at.number;
 }
 
+Status MapStore::CheckClock(const ShiftReport& report) const {
+  Stamp end = report.end;
+  for (const VisitEvidence& visit : report.evidence) end = std::max(end, visit.end);
+  return CheckNotInFuture(fmt::format("{}: shift report {}", state_->database.name(), report.uuid),
+                          end,
+                          state_->clock(),
+                          state_->clock_tolerance_s);
+}
+
 StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
   Database& database = state_->database;
   const Status valid = CheckReport(report);
   if (!valid.ok()) return InvalidArgument("{}: {}", database.name(), Message(valid));
+  SHIFTMAP_RETURN_IF_ERROR(CheckClock(report));
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
   ReturnResult result;

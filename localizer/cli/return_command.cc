@@ -9,6 +9,7 @@
 #include "localizer/cli/commands.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -17,6 +18,7 @@ namespace {
 struct ReturnOptions {
   std::string store;
   std::vector<std::string> reports;
+  double clock_tolerance_s = kDefaultClockToleranceS;
 };
 
 Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
@@ -36,7 +38,14 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
   }
   const auto access =
       context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(options.store, access, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, access, context, options.clock_tolerance_s));
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    if (const Status status = store.CheckClock(reports[i]); !status.ok()) {
+      return MakeStatus(
+          status.code(), "shift report '{}': {}", options.reports[i], Message(status));
+    }
+  }
   Json results = Json::array();
   std::string text;
   bool all_known = true;
@@ -49,7 +58,7 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
                        {"evidence_rows", result.evidence_rows},
                        {"set_aside", SetAsideJson(result.set_aside)}});
     text += fmt::format("{}: {}\n",
-                        options.reports[i],
+                        InertLine(options.reports[i]),
                         result.duplicate ? std::string("known already")
                                          : fmt::format("{} evidence rows", result.evidence_rows));
     for (const SetAsideRows& rows : result.set_aside) {
@@ -68,15 +77,14 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
 
 void AddReturnCommand(Application* application) {
   auto options = std::make_shared<ReturnOptions>();
-  application
-      ->AddCommand("return",
-                   "Hand shift reports back to the map store",
-                   [options](Context& context) { return ReturnReports(*options, context); })
-      .Option("--store", &options->store, "Map store to return to")
-      .Required()
-      .Option("REPORT", &options->reports, "Shift reports")
-      .Required()
-      .Writes();
+  Command& command = application->AddCommand(
+      "return", "Hand shift reports back to the map store", [options](Context& context) {
+        return ReturnReports(*options, context);
+      });
+  command.Option("--store", &options->store, "Map store to return to").Required();
+  command.Option("REPORT", &options->reports, "Shift reports").Required();
+  AddClockToleranceOption(&options->clock_tolerance_s, &command);
+  command.Writes();
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -36,6 +37,7 @@ struct RunOptions {
   double alpha = HypothesisOptions().alpha;
   int max_leaves = HypothesisOptions().max_leaves;
   double max_delay_s = 0.0;
+  double clock_tolerance_s = kDefaultClockToleranceS;
   std::string run;
 };
 
@@ -51,24 +53,35 @@ std::string CheckOptions(const RunOptions& options) {
   return "";
 }
 
-StatusOr<MapSnapshot> LoadMap(const RunOptions& options) {
-  const std::string& path = options.store ? *options.store : *options.snapshot;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(path, MapStore::Access::kReadOnly));
-  return store.LoadAt(options.area);
+// The map at the begin of a log: what was learned after it, and of it, is not known to it yet.
+StatusOr<MapSnapshot> LoadMap(const RunOptions& options,
+                              Stamp begin,
+                              MapStore* store,
+                              const Context& context) {
+  StatusOr<MapSnapshot> map = store->LoadAt(options.area, std::nullopt, begin);
+  if (map.ok() || map.status().code() != StatusCode::kNotFound) return map;
+  // A snapshot that was made after the log lacks the past.
+  StatusOr<MapSnapshot> oldest = store->LoadAt(options.area);
+  if (oldest.ok()) context.Warn(Message(map.status()));
+  return oldest;
 }
 
 // One shift: a localizer and what is recorded around it.
 class Shift {
  public:
+  // The map for a log that begins then.
+  using MapAt = std::function<StatusOr<MapSnapshot>(Stamp begin)>;
+
   // @param vehicle  Nothing: as the log names it.
-  Shift(MapSnapshot snapshot, std::optional<std::string> vehicle, const LocalizerOptions& options)
-      : snapshot_(std::move(snapshot)), vehicle_(std::move(vehicle)), options_(options) {}
+  Shift(MapAt map_at, std::optional<std::string> vehicle, const LocalizerOptions& options)
+      : map_at_(std::move(map_at)), vehicle_(std::move(vehicle)), options_(options) {}
 
   // A file is read whole, because the report names its hash.
   Status ProcessFile(const std::string& path) {
     SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path));
-    Begin(log.run.info);
-    for (const RunEvent& event : MergeEvents(log.run)) SHIFTMAP_RETURN_IF_ERROR(Process(event));
+    const std::vector<RunEvent> events = MergeEvents(log.run);
+    SHIFTMAP_RETURN_IF_ERROR(Begin(log.run.info, StampOf(events.front())));
+    for (const RunEvent& event : events) SHIFTMAP_RETURN_IF_ERROR(Process(event));
     run_hash_ = log.sha256;
     summary_.truncation = log.truncation;
     return OkStatus();
@@ -79,7 +92,7 @@ class Shift {
     while (true) {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
       if (!event) break;
-      if (!localizer_) Begin(stream.info());
+      if (!localizer_) SHIFTMAP_RETURN_IF_ERROR(Begin(stream.info(), StampOf(*event)));
       if (const Status status = Process(*event); !status.ok()) {
         return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
       }
@@ -114,9 +127,11 @@ class Shift {
 
  private:
   // The calibration is that of the vehicle, which only the log names.
-  void Begin(const RunInfo& info) {
+  Status Begin(const RunInfo& info, Stamp begin) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, map_at_(begin));
     summary_.vehicle = vehicle_.value_or(info.vehicle);
-    localizer_.emplace(snapshot_.ForVehicle(summary_.vehicle), options_);
+    localizer_.emplace(map.ForVehicle(summary_.vehicle), options_);
+    return OkStatus();
   }
 
   Status Process(const RunEvent& event) {
@@ -145,7 +160,7 @@ class Shift {
     }
   }
 
-  MapSnapshot snapshot_;
+  MapAt map_at_;
   std::optional<std::string> vehicle_;
   LocalizerOptions options_;
   std::optional<Localizer> localizer_;  // From the first item on.
@@ -159,17 +174,20 @@ Status WriteResults(const RunOptions& options,
                     const Shift& shift,
                     const ShiftReport& report,
                     const Context& context) {
+  std::optional<MapStore> store;
+  if (options.return_report) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        store,
+        OpenStore(
+            *options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
+    // What the store refuses is better known before a file is written.
+    SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
+  }
   if (options.trajectory) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift.trajectory(), *options.trajectory));
   }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
-  if (options.return_report) {
-    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                              OpenStore(*options.store, MapStore::Access::kReadWrite, context));
-    const auto result = store.Return(report);
-    if (!result.ok()) return result.status();
-  }
-  return OkStatus();
+  return store ? store->Return(report).status() : OkStatus();
 }
 
 Status RunShift(const RunOptions& options, Context& context) {
@@ -179,9 +197,12 @@ Status RunShift(const RunOptions& options, Context& context) {
   localizer_options.max_delay_s = options.max_delay_s;
   localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
-  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot snapshot, LoadMap(options));
+  const std::string& map_path = options.store ? *options.store : *options.snapshot;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore map_store,
+                            OpenStore(map_path, MapStore::Access::kReadOnly, context));
+  const auto map_at = [&](Stamp begin) { return LoadMap(options, begin, &map_store, context); };
 
-  Shift shift(std::move(snapshot), options.vehicle, localizer_options);
+  Shift shift(map_at, options.vehicle, localizer_options);
   SHIFTMAP_RETURN_IF_ERROR(options.run == "-" ? shift.ProcessStream(options.run)
                                               : shift.ProcessFile(options.run));
   const ShiftReport report = shift.Finish();
@@ -198,11 +219,12 @@ Status RunShift(const RunOptions& options, Context& context) {
 
 void AddRunCommand(Application* application) {
   auto options = std::make_shared<RunOptions>();
-  application
-      ->AddCommand("run",
-                   "Localize a run log on a map and decide which modes hold",
-                   [options](Context& context) { return RunShift(*options, context); })
-      .Option("--store", &options->store, "Map store to take the published version from")
+  Command& command =
+      application->AddCommand("run",
+                              "Localize a run log on a map and decide which modes hold",
+                              [options](Context& context) { return RunShift(*options, context); });
+  AddClockToleranceOption(&options->clock_tolerance_s, &command);
+  command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")
       .Required()

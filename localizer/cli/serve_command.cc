@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <chrono>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "localizer/cli/service_json.h"
 #include "localizer/live/server.h"
 #include "mapstore/cli/version.h"
+#include "mapstore/core/clock.h"
 
 namespace shiftmap {
 namespace {
@@ -59,9 +59,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.localizer.max_delay_s = options.max_delay_s;
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
-  service.clock = [] {
-    return std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
-  };
+  service.clock = SystemNow;
   return service;
 }
 

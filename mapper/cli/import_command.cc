@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,8 @@
 #include "mapper/mapper_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
 
@@ -26,12 +27,14 @@ struct ImportOptions {
   std::optional<double> stamp_s;
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
   bool no_publish = false;
+  double clock_tolerance_s = kDefaultClockToleranceS;
 };
 
 Status Import(const ImportOptions& options, Context& context) {
-  const Stamp stamp =
-      options.stamp_s ? StampFromSeconds(*options.stamp_s)
-                      : std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
+  const Stamp now = SystemNow();
+  const Stamp stamp = options.stamp_s ? StampFromSeconds(*options.stamp_s) : now;
+  SHIFTMAP_RETURN_IF_ERROR(CheckNotInFuture(
+      fmt::format("survey '{}'", options.survey), stamp, now, options.clock_tolerance_s));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content,
                             ReadSurvey(options.survey, stamp, options.leave_rate_per_s));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string survey_hash, HashFile(options.survey));
@@ -56,14 +59,17 @@ Status Import(const ImportOptions& options, Context& context) {
         {"leave_rate_per_s",
          options.leave_rate_per_s}}.dump();
     SHIFTMAP_ASSIGN_OR_RETURN(
-        MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
+        MapStore store,
+        OpenStore(
+            options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
     CommitOptions commit;
     commit.publish = !options.no_publish;
     SHIFTMAP_ASSIGN_OR_RETURN(const CommitResult result,
                               store.Commit(options.area, content, provenance, commit));
     document["version"] = result.version.value();
     document["content_hash"] = result.content_hash;
-    text = fmt::format("version {} of area '{}': {}", result.version.value(), options.area, text);
+    text = fmt::format(
+        "version {} of area '{}': {}", result.version.value(), InertLine(options.area), text);
   }
   document["groups"] = content.groups.size();
   document["modes"] = modes;
@@ -75,24 +81,27 @@ Status Import(const ImportOptions& options, Context& context) {
 
 void AddImportCommand(Application* application) {
   auto options = std::make_shared<ImportOptions>();
-  application
-      ->AddCommand("import",
-                   "Make a map version of surveyed landmarks",
-                   [options](Context& context) { return Import(*options, context); })
-      .Option("--store", &options->store, "Map store; made if there is none")
-      .Required()
-      .Option("--area", &options->area, "Area to make a version of")
-      .Required()
+  Command& command = application->AddCommand(
+      "import", "Make a map version of surveyed landmarks", [options](Context& context) {
+        return Import(*options, context);
+      });
+  AddClockToleranceOption(&options->clock_tolerance_s, &command);
+  command.Option("--store", &options->store, "Map store; made if there is none").Required();
+  command.Option("--area", &options->area, "Area to make a version of").Required();
+  command
       .Option("--stamp-s",
               &options->stamp_s,
               "When the probabilities hold, seconds since the epoch; default now")
+      .InRange(0.0, 9.2e9);
+  command
       .Option(
           "--leave-rate-per-s", &options->leave_rate_per_s, "Rate at which landmarks leave a mode")
-      .InRange(0.0, 1e3)
-      .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
+      .InRange(0.0, 1e3);
+  command.Flag("--no-publish", &options->no_publish, "Add the version, but publish it later");
+  command
       .Option("LANDMARKS.csv", &options->survey, "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability")
-      .Required()
-      .Writes();
+      .Required();
+  command.Writes();
 }
 
 }  // namespace shiftmap

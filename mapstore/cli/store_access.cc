@@ -28,14 +28,24 @@ StatusOr<std::chrono::milliseconds> LockTimeout(std::chrono::milliseconds fallba
 
 StatusOr<MapStore> OpenStore(const std::string& path,
                              MapStore::Access access,
-                             const Context& context) {
+                             const Context& context,
+                             double clock_tolerance_s) {
   MapStore::OpenOptions options;
   options.access = access;
+  options.clock_tolerance_s = clock_tolerance_s;
   SHIFTMAP_ASSIGN_OR_RETURN(options.lock_timeout, LockTimeout(options.lock_timeout));
   options.on_wait = [&context, path] {
     context.Warn(fmt::format("map store '{}': another process holds it, waiting", path));
   };
   return MapStore::Open(path, options);
+}
+
+void AddClockToleranceOption(double* value, Command* command) {
+  command
+      ->Option("--clock-tolerance-s",
+               value,
+               "Refuse what ends later than this host's clock and this [s]")
+      .InRange(0.0, 1e9);
 }
 
 }  // namespace shiftmap

@@ -87,7 +87,8 @@ StatusOr<VerifyResult> VerifyStore(const std::string& path) {
                             Transaction::Begin(database, Transaction::Kind::kRead));
   VerifyResult result;
   DefectList defects(&result);
-  for (const auto part : {VerifyFile, VerifyVersions, VerifyLedger, VerifyCheckpoints}) {
+  for (const auto part :
+       {VerifyFile, VerifyVersions, VerifyLedger, VerifyCheckpoints, FindFutureStamps}) {
     const Status status = part(database, &defects);
     if (status.ok()) continue;
     // Damage that keeps a part from going on is a defect like others; a lost disk is not.

@@ -24,6 +24,9 @@ struct VerifyResult {
   std::int64_t evidence_rows = 0;
   std::int64_t checkpoints = 0;
 
+  /// What is no defect, but a person should know: stamps ahead of this host's clock.
+  std::vector<std::string> findings;
+
   bool clean() const { return defect_count == 0; }
 };
 

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <vector>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/store/blob.h"
 
@@ -112,7 +113,35 @@ Status VerifySightings(Database& database, DefectList* defects) {
   }
 }
 
+// Adds a finding if the query, of (count, newest stamp), counts any.
+Status CountFuture(Database& database, std::string_view sql, Stamp now, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(sql));
+  query.Bind(ToNanoseconds(now + FromSeconds(kDefaultClockToleranceS)));
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  if (query.Int64(0) == 0) return OkStatus();
+  defects->result().findings.push_back(
+      fmt::format("{} {} ahead of this host's clock: newest stamp {} UTC, but it is {} UTC",
+                  query.Int64(0),
+                  query.Text(2),
+                  FormatUtc(StampFromNanoseconds(query.Int64(1))),
+                  FormatUtc(now)));
+  return OkStatus();
+}
+
 }  // namespace
+
+Status FindFutureStamps(Database& database, DefectList* defects) {
+  const Stamp now = SystemNow();
+  SHIFTMAP_RETURN_IF_ERROR(
+      CountFuture(database,
+                  "SELECT count(*), max(stamp_ns), 'versions' FROM version WHERE stamp_ns > ?1",
+                  now,
+                  defects));
+  return CountFuture(database,
+                     "SELECT count(*), max(end_ns), 'visits' FROM visit_evidence WHERE end_ns > ?1",
+                     now,
+                     defects);
+}
 
 Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));

@@ -38,6 +38,9 @@ Status VerifyVersions(Database& database, DefectList* defects);
 /// Reports, evidence, decisions, sightings.
 Status VerifyLedger(Database& database, DefectList* defects);
 
+/// Versions and visits that are stamped ahead of this host's clock; these are findings.
+Status FindFutureStamps(Database& database, DefectList* defects);
+
 /// Checkpoints against the ledger.
 Status VerifyCheckpoints(Database& database, DefectList* defects);
 

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -15,7 +16,7 @@ Status InsertAudit(Database& database,
       Statement row,
       database.Prepare("INSERT INTO audit (written_ns, area_id, action, subject) "
                        "VALUES (?1, ?2, ?3, ?4)"));
-  row.Bind(NowNanoseconds(), area_id, action, subject);
+  row.Bind(ToNanoseconds(SystemNow()), area_id, action, subject);
   return row.Execute();
 }
 

@@ -7,7 +7,6 @@
 
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/store/blob.h"
-#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -41,7 +40,13 @@ Status LedgerFilter::ReadView() {
   return OkStatus();
 }
 
-Status LedgerFilter::Start(std::optional<Stamp> at) {
+Status LedgerFilter::Start(std::optional<Stamp> at, const std::set<std::string>& without_runs) {
+  if (!without_runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(ReadView());
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool any, view_->SetRunsAside(without_runs));
+    // Checkpoints hold what is set aside.
+    if (any) return StartFromVersion();
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(
       std::optional<Checkpoint> checkpoint,
       FindCheckpoint(*database_, area_id_, version_.version_id, at, *content_));
@@ -59,12 +64,6 @@ Status LedgerFilter::StartFromVersion() {
   states_.groups.assign(content_->groups.size(), std::nullopt);
   states_.newest_end.reset();
   return bounds.first_late_visit ? AddLate(*bounds.first_late_visit) : OkStatus();
-}
-
-Status LedgerFilter::StartWithout(const std::set<std::string>& runs) {
-  SHIFTMAP_RETURN_IF_ERROR(ReadView());
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool any, view_->SetRunsAside(runs));
-  return any ? StartFromVersion() : Start(std::nullopt);
 }
 
 Status LedgerFilter::AddLate(Stamp first) {
@@ -136,18 +135,21 @@ int LedgerFilter::GroupOf(std::string_view signature) const {
 Status ApplyLedger(Database& database,
                    std::int64_t area_id,
                    const VersionRow& version,
-                   std::optional<Stamp> at,
-                   const std::set<std::string>& without_runs,
+                   const LedgerQuery& query,
                    MapContent* content) {
-  SHIFTMAP_CHECK(!at || without_runs.empty(), "{} runs at a time", without_runs.size());
   LedgerFilter filter(database, area_id, version, *content);
-  SHIFTMAP_RETURN_IF_ERROR(without_runs.empty() ? filter.Start(at)
-                                                : filter.StartWithout(without_runs));
-  SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(at ? After(*at) : Stamp::max()).status());
+  const Stamp last = query.at.value_or(query.latest);
+  Status started = filter.Start(last, query.without_runs);
+  if (!query.at && started.code() == StatusCode::kNotFound) {
+    // The clock is behind a snapshot's begin: its begin is the nearest there is.
+    started = filter.Start(std::nullopt, query.without_runs);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(started);
+  SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(After(last)).status());
   const LedgerStates& states = filter.states();
   const Stamp own = content->stamp;
-  content->stamp =
-      states.newest_end ? at.value_or(*states.newest_end) : std::max(own, at.value_or(own));
+  content->stamp = states.newest_end ? query.at.value_or(*states.newest_end)
+                                     : std::max(own, query.at.value_or(own));
   for (std::size_t i = 0; i < content->groups.size(); ++i) {
     LandmarkGroup& group = content->groups[i];
     if (states.groups[i]) {

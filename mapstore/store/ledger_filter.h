@@ -33,14 +33,11 @@ class LedgerFilter {
 
   /// Begins at the newest checkpoint that holds no visit after `at`, or at the version's own
   /// probabilities.
-  Status Start(std::optional<Stamp> at);
+  /// @param without_runs  SHA-256 of logs; reports about them do not count.
+  Status Start(std::optional<Stamp> at, const std::set<std::string>& without_runs = {});
 
   /// Begins at the version's own probabilities, as if there were no checkpoints.
   Status StartFromVersion();
-
-  /// As Start() without a time, as if no report about these logs had come.
-  /// @param runs  SHA-256 of logs.
-  Status StartWithout(const std::set<std::string>& runs);
 
   /// Takes the visits that count and begin before `before`, from where it stands. Returns how many
   /// rows it read.
@@ -71,14 +68,24 @@ class LedgerFilter {
   Eigen::VectorXd log_likelihoods_;
 };
 
+/// The evidence that a reader asks for.
+struct LedgerQuery {
+  /// The time of the probabilities; nothing: the newest end of the visits that count.
+  std::optional<Stamp> at = std::nullopt;
+
+  /// Without `at`, visits that begin later do not count.
+  Stamp latest = Stamp::max();
+
+  /// SHA-256 of logs; reports about them do not count.
+  std::set<std::string> without_runs = {};
+};
+
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at
 /// which they hold: `at`, or else the newest end of the visits that count.
-/// @param without_runs  SHA-256 of logs; reports about them do not count. With `at` there are none.
 Status ApplyLedger(Database& database,
                    std::int64_t area_id,
                    const VersionRow& version,
-                   std::optional<Stamp> at,
-                   const std::set<std::string>& without_runs,
+                   const LedgerQuery& query,
                    MapContent* content);
 
 }  // namespace shiftmap

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/store/blob.h"
 
 namespace shiftmap {
@@ -210,7 +211,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
            report.software,
            ToNanoseconds(report.begin),
            ToNanoseconds(report.end),
-           NowNanoseconds(),
+           ToNanoseconds(SystemNow()),
            first_visit_ns,
            inserted.superseded ? 1 : 0);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());

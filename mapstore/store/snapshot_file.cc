@@ -121,16 +121,16 @@ Status CopyRows(Database& source,
                 Database& snapshot,
                 std::int64_t area_id,
                 const VersionRow& version,
-                const MapContent& content) {
+                const MapContent& content,
+                Stamp latest) {
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("PRAGMA defer_foreign_keys=ON"));
   SHIFTMAP_RETURN_IF_ERROR(Run(snapshot,
                                "INSERT INTO main.area (area_id, name, published_version_id) "
                                "SELECT area_id, name, ?2 FROM source.area WHERE area_id = ?1",
                                area_id,
                                version.version_id));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      std::optional<Checkpoint> checkpoint,
-      FindCheckpoint(source, area_id, version.version_id, std::nullopt, content));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Checkpoint> checkpoint,
+                            FindCheckpoint(source, area_id, version.version_id, latest, content));
   if (checkpoint) {
     checkpoint->rows_stored = false;
     SHIFTMAP_RETURN_IF_ERROR(InsertCheckpoint(snapshot, area_id, version.version_id, *checkpoint));
@@ -154,6 +154,7 @@ Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
                          const VersionRow& version,
                          const MapContent& content,
+                         Stamp latest,
                          const std::string& path) {
   Database::Options options;
   options.mode = Database::Mode::kReadWriteCreate;
@@ -164,7 +165,7 @@ Status WriteSnapshotFile(Database& source,
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
                               Transaction::Begin(snapshot, Transaction::Kind::kWrite));
-    SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot, area_id, version, content));
+    SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot, area_id, version, content, latest));
     SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   }
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("DETACH source"));

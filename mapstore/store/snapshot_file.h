@@ -15,10 +15,12 @@ namespace shiftmap {
 /// trajectories, its newest ledger checkpoint and the rows after it that count, and of the versions
 /// that these were reported against the version rows. Published there, compact, not yet durable.
 /// @param source  Inside a read transaction.
+/// @param latest  The checkpoint holds no visit that begins later.
 Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
                          const VersionRow& version,
                          const MapContent& content,
+                         Stamp latest,
                          const std::string& path);
 
 }  // namespace shiftmap

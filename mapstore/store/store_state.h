@@ -2,14 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/sqlite/transaction.h"
+#include "mapstore/store/ledger_filter.h"
 #include "mapstore/store/mode_numbers.h"
 #include "mapstore/store/version_rows.h"
 #include "proto/core/status.h"
@@ -20,7 +21,12 @@ namespace shiftmap {
 struct MapStore::State {
   Database database;
   std::int64_t checkpoint_rows = 0;
+  std::function<Stamp()> clock;
+  double clock_tolerance_s = 0.0;
   std::optional<ModeNumbers> numbers = std::nullopt;  // Of the version asked for last.
+
+  /// The latest time that is not taken for a wrong clock's.
+  Stamp LatestStamp() const { return clock() + FromSeconds(clock_tolerance_s); }
 
   std::string AreaName(const std::string& area) const;
   std::string VersionName(const std::string& area, VersionNumber version) const;
@@ -36,11 +42,10 @@ struct MapStore::State {
                                  const AreaRow& area_row,
                                  std::optional<VersionNumber> version);
 
-  /// LoadAt, or LoadPrior, inside a transaction.
+  /// A version and what a query of the ledger gives for it, inside a transaction.
   StatusOr<MapSnapshot> Load(const std::string& area,
                              std::optional<VersionNumber> version,
-                             std::optional<Stamp> at,
-                             const std::set<std::string>& without_runs = {});
+                             const LedgerQuery& query);
 
   /// The mode numbers of a version that is committed.
   StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/version_rows.h"
 
-#include <chrono>
 #include <tuple>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/store/content_rows.h"
 
 namespace shiftmap {
@@ -41,11 +41,6 @@ Status ReadCalibration(Database& database, std::int64_t version_id, Calibration&
 }
 
 }  // namespace
-
-std::int64_t NowNanoseconds() {
-  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 StatusOr<std::optional<AreaRow>> FindArea(Database& database, const std::string& area) {
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -145,7 +140,7 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
                  content_hash,
                  ToNanoseconds(content.stamp),
                  ledger_position.value(),
-                 NowNanoseconds(),
+                 ToNanoseconds(SystemNow()),
                  provenance.tool,
                  provenance.configuration,
                  provenance.seed,

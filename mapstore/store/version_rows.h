@@ -60,7 +60,4 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
                                      const MapContent& content,
                                      const Provenance& provenance);
 
-/// The clock of this machine. [ns since the epoch]
-std::int64_t NowNanoseconds();
-
 }  // namespace shiftmap

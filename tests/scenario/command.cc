@@ -60,7 +60,7 @@ CommandResult RunCommand(const std::string& program,
                          const Arguments& arguments,
                          const CommandOptions& options) {
   const TempDir folder;
-  const std::string out = folder.File("out");
+  const std::string out = options.output.empty() ? folder.File("out") : options.output;
   const std::string err = folder.File("err");
   std::vector<std::string> words = arguments;
   words.insert(words.begin(), std::string(SHIFTMAP_BINARY_DIR) + "/" + program);
@@ -90,7 +90,7 @@ CommandResult RunCommand(const std::string& program,
 
   CommandResult result;
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  result.out = ReadFile(out);
+  if (options.output.empty()) result.out = ReadFile(out);
   result.err = ReadFile(err);
   return result;
 }

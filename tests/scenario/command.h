@@ -20,6 +20,7 @@ struct CommandResult {
 struct CommandOptions {
   std::string input{};                     ///< What it reads on standard input, through a pipe.
   std::vector<std::string> environment{};  ///< `NAME=value`, beside what this process has.
+  std::string output{};                    ///< Where standard output goes; empty: to `out`.
   bool unprivileged = false;  ///< As a user without rights over others' files, even under root.
 };
 

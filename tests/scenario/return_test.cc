@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/core/clock.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 
@@ -74,7 +76,8 @@ class ReturnTest : public ::testing::Test {
 World* ReturnTest::world_ = nullptr;
 
 TEST_F(ReturnTest, ChangesTheProbabilities) {
-  const Arguments show = {"show", "--store", store_, "--area", "floor"};
+  const std::string at = fmt::format("{}", ToSecondsSinceEpoch(Good().end));
+  const Arguments show = {"show", "--store", store_, "--area", "floor", "--at", at};
   const Json before = RunForJson("shiftmap-inspect", show);
   const Json result = RunForJson("shiftmap-localizer", Return({report_}));
   ASSERT_EQ(result["reports"].size(), 1u);
@@ -114,6 +117,62 @@ TEST_F(ReturnTest, ReturnedByTheRunAndAgainByFile) {
               report,
               world_->Log(1)});
   EXPECT_EQ(RunCommand("shiftmap-localizer", Return({report})).exit_code, kNothingToDo);
+}
+
+TEST_F(ReturnTest, FromTheFutureIsRefusedAndNothingIsWritten) {
+  ShiftReport report = Good();
+  const Duration ahead = SystemNow() - report.end + std::chrono::hours(24);
+  report.end += ahead;
+  for (VisitEvidence& visit : report.evidence) {
+    visit.begin += ahead;
+    visit.end += ahead;
+  }
+  ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
+  ExpectRefused(kBadInput, "shift report '" + bad_ + "'");
+  ExpectRefused(kBadInput, "expected at most 600");
+  // A good one before it is not returned either.
+  const std::string before = ReadFile(store_);
+  ExpectError("shiftmap-localizer", Return({report_, bad_}), kBadInput, bad_);
+  EXPECT_TRUE(ReadFile(store_) == before);
+  Arguments tolerant = Return({bad_});
+  tolerant.insert(tolerant.end(), {"--clock-tolerance-s", "100000"});
+  RunForJson("shiftmap-localizer", tolerant);
+}
+
+TEST_F(ReturnTest, ARunOfALogFromTheFutureWritesNothing) {
+  StatusOr<RunLog> log = ReadRunLog(world_->Log(1));
+  ASSERT_TRUE(log.ok());
+  const Duration ahead = SystemNow() - log->run.odometry.back().stamp + std::chrono::hours(24);
+  for (OdometrySample& sample : log->run.odometry) sample.stamp += ahead;
+  for (Scan& scan : log->run.scans) scan.stamp += ahead;
+  ASSERT_TRUE(WriteRunLog(log->run, folder_.File("future.mcap")).ok());
+  const std::string before = ReadFile(store_);
+  ExpectError("shiftmap-localizer",
+              {"run",
+               "--store",
+               store_,
+               "--area",
+               "floor",
+               "--return",
+               "--report",
+               bad_,
+               "--trajectory",
+               folder_.File("x.tum"),
+               folder_.File("future.mcap")},
+              kBadInput,
+              "expected at most 600");
+  EXPECT_TRUE(ReadFile(store_) == before);
+  EXPECT_FALSE(std::filesystem::exists(bad_));
+  EXPECT_FALSE(std::filesystem::exists(folder_.File("x.tum")));
+}
+
+// A run knows what was known when its log began: returned reports about it do not change it.
+TEST_F(ReturnTest, ARunAgainIsWhatItWas) {
+  const Arguments run = {"run", "--store", store_, "--area", "floor", world_->Log(1)};
+  const Json before = RunForJson("shiftmap-localizer", run);
+  RunForJson("shiftmap-localizer", Return({report_}));
+  EXPECT_EQ(RunForJson("shiftmap-localizer", run)["mode_probabilities"],
+            before["mode_probabilities"]);
 }
 
 TEST_F(ReturnTest, KnownAndUnknownTogetherIsDone) {

@@ -45,7 +45,7 @@ Status RunReports(const StoreArguments& arguments, Context& context) {
                     {"decisions", report.decisions},
                     {"sightings", report.sightings},
                     {"set_aside", SetAsideJson(report.set_aside)}});
-    table.AddRow({FormatUtc(report.end),
+    table.AddRow({TimeText(report.end),
                   report.vehicle,
                   fmt::format("{}", report.version.value()),
                   fmt::format("{}", report.evidence_rows),
@@ -70,7 +70,7 @@ Status RunAudit(const StoreArguments& arguments, Context& context) {
                     {"area", entry.area},
                     {"action", entry.action},
                     {"subject", entry.subject}});
-    table.AddRow({FormatUtc(entry.written), entry.area, entry.action, entry.subject});
+    table.AddRow({TimeText(entry.written), entry.area, entry.action, entry.subject});
   }
   context.Report({{"audit", list}}, table.ToString());
   return OkStatus();

@@ -52,7 +52,7 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
                   VersionText(version.parent),
                   version.published ? "yes" : "",
                   version.content_stored ? "yes" : "no",
-                  FormatUtc(version.created),
+                  TimeText(version.created),
                   version.content_hash.substr(0, kShortHash),
                   version.tool});
   }
@@ -73,11 +73,12 @@ Status RunRuns(const StoreArguments& arguments, Context& context) {
                     {"sha256", run.sha256},
                     {"begin_s", ToSecondsSinceEpoch(run.begin)},
                     {"end_s", ToSecondsSinceEpoch(run.end)}});
-    table.AddRow({run.name,
-                  run.vehicle,
-                  FormatUtc(run.begin),
-                  fmt::format("{:.1f}", ToSeconds(run.end - run.begin)),
-                  run.sha256.substr(0, kShortHash)});
+    table.AddRow(
+        {run.name,
+         run.vehicle,
+         TimeText(run.begin),
+         fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin)),
+         run.sha256.substr(0, kShortHash)});
   }
   const Json document = {{"area", arguments.area},
                          {"version", version.value()},
@@ -106,8 +107,8 @@ Status RunSightings(const StoreArguments& arguments, Context& context) {
                   fmt::format("{:.2f}", sighting.p_map_landmark.x()),
                   fmt::format("{:.2f}", sighting.p_map_landmark.y()),
                   fmt::format("{}", sighting.count),
-                  FormatUtc(sighting.first),
-                  FormatUtc(sighting.last)});
+                  TimeText(sighting.first),
+                  TimeText(sighting.last)});
   }
   context.Report({{"area", arguments.area}, {"sightings", list}}, table.ToString());
   return OkStatus();

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/maintenance/backup.h"
 #include "mapstore/maintenance/compact.h"
 #include "mapstore/maintenance/migrate.h"
@@ -51,7 +52,8 @@ Status RunVerify(const std::string& path, Context& context) {
                          {"evidence_rows", result.evidence_rows},
                          {"checkpoints", result.checkpoints},
                          {"defects", result.defect_count},
-                         {"list", defects}};
+                         {"list", defects},
+                         {"findings", result.findings}};
   const std::string looked_at =
       fmt::format("{} versions, {} reports, {} evidence rows, {} ledger checkpoints",
                   result.versions,
@@ -60,6 +62,9 @@ Status RunVerify(const std::string& path, Context& context) {
                   result.checkpoints);
   context.Report(
       document, result.clean() ? looked_at + ": all sound\n" : table.ToString() + looked_at + "\n");
+  for (const std::string& finding : result.findings) {
+    context.Attend(fmt::format("map store '{}': {}", path, finding));
+  }
   if (result.clean()) return OkStatus();
   return DataLoss("map store '{}': {} defects", path, result.defect_count);
 }
@@ -80,7 +85,7 @@ Status RunBackup(const BackupArguments& arguments, Context& context) {
                   {"digest", result.digest},
                   {"bytes", result.bytes}},
                  fmt::format("{}: {} bytes, sha256 {}\nrows {}\n",
-                             arguments.output,
+                             InertLine(arguments.output),
                              result.bytes,
                              result.sha256,
                              result.digest));
@@ -106,11 +111,13 @@ Status RunRestore(const RestoreArguments& arguments, Context& context) {
   Json document = {{"store", arguments.store},
                    {"backup_sha256", result.restored.sha256},
                    {"digest", result.restored.digest}};
-  std::string text = fmt::format(
-      "{} is as {}: rows {}\n", arguments.store, arguments.backup, result.restored.digest);
+  std::string text = fmt::format("{} is as {}: rows {}\n",
+                                 InertLine(arguments.store),
+                                 InertLine(arguments.backup),
+                                 result.restored.digest);
   if (result.kept) {
     document["kept"] = *result.kept;
-    text += fmt::format("what was there is kept as {}\n", *result.kept);
+    text += fmt::format("what was there is kept as {}\n", InertLine(*result.kept));
   }
   context.Report(document, text);
   return OkStatus();
@@ -120,8 +127,7 @@ Status RunCompact(const CompactArguments& arguments, Context& context) {
   RetentionPolicy policy;
   policy.keep_versions = arguments.keep_versions;
   if (arguments.evidence_days) {
-    const Stamp now = std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
-    policy.evidence_before = now - FromSeconds(86'400.0 * *arguments.evidence_days);
+    policy.evidence_before = SystemNow() - FromSeconds(86'400.0 * *arguments.evidence_days);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const CompactResult result,
                             CompactStore(arguments.store, policy, context.dry_run()));
@@ -150,11 +156,11 @@ Status RunMigrate(const MigrateArguments& arguments, Context& context) {
                   {"to", result.to},
                   {"backup", result.backup}},
                  fmt::format("{}: {}schema {} to {}; as it was: {}\n",
-                             arguments.store,
+                             InertLine(arguments.store),
                              context.dry_run() ? "would go from " : "",
                              result.from,
                              result.to,
-                             result.backup));
+                             InertLine(result.backup)));
   return OkStatus();
 }
 
@@ -163,9 +169,11 @@ Status RunMigrate(const MigrateArguments& arguments, Context& context) {
 void AddMaintenanceCommands(Application* application) {
   auto verify = std::make_shared<std::string>();
   application
-      ->AddCommand("verify",
-                   "Check everything that a store promises; exit code 3 if something is wrong",
-                   [verify](Context& context) { return RunVerify(*verify, context); })
+      ->AddCommand(
+          "verify",
+          "Check everything that a store promises; exit code 3 if something is wrong, 8 if "
+          "stamps are ahead of this host's clock",
+          [verify](Context& context) { return RunVerify(*verify, context); })
       .Option("--store", verify.get(), "Map store, or a snapshot")
       .Required();
 

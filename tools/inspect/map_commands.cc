@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
@@ -12,6 +13,9 @@
 
 namespace shiftmap {
 namespace {
+
+// Beyond this, seconds do not fit into a Duration.
+constexpr double kMaxSpanS = 9.2e9;
 
 struct ModesArguments {
   StoreArguments store;
@@ -55,16 +59,16 @@ std::string MapText(const MapSnapshot& map) {
                     fmt::format("{:.3f}", mode.p_map_landmark.y()),
                     ProbabilityText(group.probabilities(state)),
                     best == state ? "*" : "",
-                    FormatUtc(mode.last_seen)});
+                    TimeText(mode.last_seen)});
     }
   }
   return fmt::format(
       "area {}, version {}, content {}\nprobabilities at {} UTC; {} landmarks, {} "
       "anonymous, {} vehicles\n\n{}",
-      map.area(),
+      InertLine(map.area()),
       map.version().value(),
       map.content_hash(),
-      FormatUtc(map.stamp()),
+      TimeText(map.stamp()),
       map.groups().size(),
       map.anonymous_landmarks().size(),
       map.vehicles().size(),
@@ -125,7 +129,10 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments.store, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built,
                             store.LoadVersion(arguments.store.area, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot newest, LoadMap(arguments.store, &store));
+  std::optional<Stamp> until;
+  if (arguments.store.at_s) until = StampFromSeconds(*arguments.store.at_s);
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot newest,
+                            store.LoadAt(arguments.store.area, version, until));
   const int index = built.GroupIndex(Signature(arguments.signature));
   if (index < 0) return UnknownSignature(built, arguments.signature);
   const LandmarkGroup& landmark = built.groups()[static_cast<std::size_t>(index)];
@@ -135,15 +142,17 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
   }
   AlignedTable table(header);
   Json history = Json::array();
-  const Duration span = std::max(Duration(0), newest.stamp() - built.stamp());
-  const int steps = span == Duration(0) ? 0 : arguments.steps;
+  // In seconds: what a damaged store says may be further apart than nanoseconds count.
+  const double span_s = ToSecondsSinceEpoch(newest.stamp()) - ToSecondsSinceEpoch(built.stamp());
+  const int steps = span_s > 0.0 && span_s < kMaxSpanS ? arguments.steps : 0;
   for (int step = 0; step <= steps; ++step) {
-    const Stamp at = built.stamp() + (steps == 0 ? Duration(0) : span / steps * step);
+    const Stamp at =
+        built.stamp() + (steps == 0 ? Duration(0) : FromSeconds(span_s / steps * step));
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map,
                               store.LoadAt(arguments.store.area, version, at));
     const LandmarkGroup& group = map.groups()[static_cast<std::size_t>(index)];
     Json probabilities = Json::object();
-    std::vector<std::string> row = {FormatUtc(at)};
+    std::vector<std::string> row = {TimeText(at)};
     for (Eigen::Index state = 0; state < group.probabilities.size(); ++state) {
       const std::int64_t number = group.NumberOf(static_cast<int>(state)).value();
       probabilities[fmt::format("{}", number)] = group.probabilities(state);

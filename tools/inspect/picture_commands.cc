@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
@@ -36,7 +37,7 @@ Status Finish(const MapSnapshot& map,
                   {"version", map.version().value()},
                   {"output", path},
                   {"bytes", text.size()}},
-                 path + "\n");
+                 InertLine(path) + "\n");
   return OkStatus();
 }
 
@@ -54,7 +55,7 @@ Status RunExport(const ExportArguments& arguments, Context& context) {
                   {"version", map.version().value()},
                   {"output", arguments.output},
                   {"sha256", sha256}},
-                 arguments.output + "\n");
+                 InertLine(arguments.output) + "\n");
   return OkStatus();
 }
 

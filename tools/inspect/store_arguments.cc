@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/store_arguments.h"
 
-#include <fmt/chrono.h>
-
-#include <chrono>
-
 #include "mapstore/cli/store_access.h"
+#include "mapstore/core/clock.h"
 
 namespace shiftmap {
 
@@ -20,7 +17,7 @@ void AddMapOptions(StoreArguments* arguments, Command* command) {
   command
       ->Option("--at",
                &arguments->at_s,
-               "Time of the probabilities, seconds since the epoch (default: newest evidence)")
+               "Time of the probabilities, seconds since the epoch (default: now)")
       .InRange(0.0, 9.2e9);
 }
 
@@ -41,16 +38,10 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) {
   std::optional<VersionNumber> version;
   if (arguments.version) version = VersionNumber(*arguments.version);
-  std::optional<Stamp> at;
-  if (arguments.at_s) at = StampFromSeconds(*arguments.at_s);
+  const Stamp at = arguments.at_s ? StampFromSeconds(*arguments.at_s) : SystemNow();
   return store->LoadAt(arguments.area, version, at);
 }
 
-std::string FormatUtc(Stamp stamp) {
-  if (stamp == Stamp()) return "-";
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(stamp);
-  return fmt::format("{:%Y-%m-%d %H:%M:%S}",
-                     fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)));
-}
+std::string TimeText(Stamp stamp) { return stamp == Stamp() ? "-" : FormatUtc(stamp); }
 
 }  // namespace shiftmap

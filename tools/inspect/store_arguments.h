@@ -32,10 +32,10 @@ StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& con
 /// Errors: kNotFound if the area has no published version.
 StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store);
 
-/// The map that the arguments name, at the time they name.
+/// The map that the arguments name, at the time they name; without one, by this host's clock.
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
 
-/// A time for people: `2026-01-05 08:00:00` in UTC; a dash for the epoch, which stands for never.
-std::string FormatUtc(Stamp stamp);
+/// FormatUtc(); a dash for the epoch, which stands for never.
+std::string TimeText(Stamp stamp);
 
 }  // namespace shiftmap

@@ -58,7 +58,7 @@ std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles) {
     for (const auto& [name, interval] : IntervalsOf(vehicle)) {
       table.AddRow({vehicle.vehicle,
                     fmt::format("{}", vehicle.runs),
-                    FormatUtc(vehicle.stamp),
+                    TimeText(vehicle.stamp),
                     name,
                     fmt::format("{:.4f}", interval.value),
                     fmt::format("{:.4f}", interval.low),

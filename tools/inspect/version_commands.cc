@@ -5,6 +5,7 @@
 
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/cli/store_access.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/map/map_diff.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
@@ -177,7 +178,7 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
 void ReportPublished(const std::string& area, VersionNumber version, Context& context) {
   context.Report({{"area", area}, {"published", version.value()}},
                  fmt::format("area '{}': version {} {}\n",
-                             area,
+                             InertLine(area),
                              version.value(),
                              context.dry_run() ? "would be published" : "is published"));
 }

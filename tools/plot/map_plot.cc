@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/plot/map_plot.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
@@ -9,6 +8,7 @@
 #include <cmath>
 #include <vector>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/geometry/covariance.h"
 #include "tools/plot/label_placer.h"
 #include "tools/plot/svg.h"
@@ -288,13 +288,12 @@ void MapPlot::DrawScaleBar(Svg* svg) const {
 
 std::string MapPlot::Draw() {
   Svg svg(kMargin + plot_size_.x() + 24.0 + kLegendWidth, kHeader + plot_size_.y() + kMargin);
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(snapshot_.stamp());
   svg.Text({kMargin, 26.0},
            fmt::format("{} · version {}", snapshot_.area(), snapshot_.version().value()),
            {.size = 18.0, .bold = true});
   svg.Text({kMargin + 1.0, 46.0},
-           fmt::format("probabilities at {:%Y-%m-%d %H:%M:%S} UTC · {} landmarks, {} modes",
-                       fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)),
+           fmt::format("probabilities at {} UTC · {} landmarks, {} modes",
+                       FormatUtc(snapshot_.stamp()),
                        snapshot_.groups().size(),
                        snapshot_.covariance().size()),
            {.size = 12.0, .fill = "#555555"});

@@ -10,6 +10,7 @@
 #include <random>
 #include <sstream>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/map_store.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
@@ -94,7 +95,9 @@ TEST_F(InspectCommands, ListsAreasAndVersions) {
 }
 
 TEST_F(InspectCommands, ShowsAMapBitByBit) {
-  const Outcome outcome = Run({"show", "--json"});
+  // At the map's own time, or a little before.
+  const double at_s = std::floor(ToSecondsSinceEpoch(content_.stamp));
+  const Outcome outcome = Run({"show", "--json", "--at", fmt::format("{}", at_s)});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json map = outcome.json();
   EXPECT_EQ(map["area"], "hall");
@@ -150,6 +153,22 @@ TEST_F(InspectCommands, AtATimeTheChainsAreRunToIt) {
   const Eigen::VectorXd expected = group.chain.Propagate(group.probabilities, FromSeconds(1e9));
   for (Eigen::Index i = 0; i < expected.size(); ++i) {
     EXPECT_NEAR(modes[static_cast<std::size_t>(i)]["probability"].get<double>(), expected(i), 1e-9);
+  }
+}
+
+TEST_F(InspectCommands, WithoutATimeTheyAreRunToNow) {
+  const double before_s = ToSecondsSinceEpoch(SystemNow());
+  const Json map = Run({"show", "--json"}).json();
+  EXPECT_GE(map["stamp_s"].get<double>(), before_s - 1e-3);
+  EXPECT_LE(map["stamp_s"].get<double>(), ToSecondsSinceEpoch(SystemNow()) + 1e-3);
+  const LandmarkGroup& group = content_.groups[0];
+  const Eigen::VectorXd expected =
+      group.chain.Propagate(group.probabilities, StampFromSeconds(map["stamp_s"]) - content_.stamp);
+  const Json modes = Run({"modes", group.signature.text(), "--json"}).json()["modes"];
+  for (Eigen::Index i = 0; i < expected.size(); ++i) {
+    const auto state = static_cast<std::size_t>(i);
+    EXPECT_NEAR(map["groups"][0]["modes"][state]["probability"].get<double>(), expected(i), 1e-6);
+    if (i > 0) EXPECT_NEAR(modes[state - 1]["probability"].get<double>(), expected(i), 1e-5);
   }
 }
 
@@ -228,6 +247,92 @@ TEST_F(InspectCommands, EvaluatesAMapAgainstItsOwnExport) {
       {"map", "--store", store_, "--area", "hall", truth, "--no-align", "--json"}, &out, &err);
   ASSERT_EQ(code, ExitCode::kDone) << err.str();
   EXPECT_EQ(Json::parse(out.str())["max_m"].get<double>(), 0.0);
+}
+
+// A store whose names would move a terminal's cursor and forge a row.
+class HostileNames : public InspectCommands {
+ protected:
+  void SetUp() override {
+    auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
+    ASSERT_THAT(store, IsOk());
+    std::mt19937_64 random(testing::TestSeed(12));
+    content_ = testing::RandomContent(random, {.groups = 1, .vehicles = 1});
+    content_.groups[0].signature = Signature(kName);
+    content_.vehicles[0].vehicle = kName;
+    Provenance provenance;
+    provenance.tool = kName;
+    RunRecord run;
+    run.name = kName;
+    run.sha256 = std::string(64, 'a');
+    run.vehicle = kName;
+    run.begin = run.end = content_.stamp;
+    provenance.runs.push_back(run);
+    const auto version = store->Commit(kName, content_, provenance, {});
+    ASSERT_THAT(version, IsOk());
+    const auto second = store->Commit(kName, content_, provenance, {.parent = version->version});
+    ASSERT_THAT(second, IsOk());
+    ShiftReport report;
+    report.uuid = kName;
+    report.vehicle = kName;
+    report.area = kName;
+    report.version = version->version;
+    report.content_hash = version->content_hash;
+    report.begin = report.end = content_.stamp;
+    UnmappedSighting sighting;
+    sighting.signature = Signature(kName);
+    sighting.count = 1;
+    report.sightings.push_back(sighting);
+    ASSERT_THAT(store->Return(report), IsOk());
+  }
+
+  static constexpr const char* kName =
+      "\x1b[1A\x1b[2K\x07\r\n2026-01-09 08:01:00  honest  1  0\xc2\x9b"
+      "K\xe2\x80\xae";
+};
+
+TEST_F(HostileNames, NothingThatIsPrintedIsObeyed) {
+  const std::string picture = dir_.File("a\x1b.svg");
+  const std::vector<std::vector<std::string>> commands = {
+      {"areas"},
+      {"versions", "--area", kName},
+      {"runs", "--area", kName},
+      {"sightings", "--area", kName},
+      {"reports", "--area", kName},
+      {"audit"},
+      {"show", "--area", kName},
+      {"modes", "--area", kName},
+      {"history", "--area", kName, "--", kName},
+      {"vehicles", "--area", kName},
+      {"diff", "1", "2", "--area", kName},
+      {"plot", "--area", kName, "--output", picture},
+      {"rollback", "--area", kName},
+      {"publish", "2", "--area", kName},
+      // Errors.
+      {"show", "--area", std::string(kName) + "x"},
+      {"modes", "--area", kName, "--", std::string(kName) + "x"},
+      {"show", "--area", kName, "--version", "9"},
+      {"show", "--area", kName, std::string("--") + kName},
+  };
+  for (std::vector<std::string> words : commands) {
+    SCOPED_TRACE(words[0]);
+    words.insert(words.begin() + 1, {"--store", store_});
+    for (const bool json : {false, true}) {
+      std::vector<std::string> all = words;
+      if (json) all.insert(all.begin() + 1, "--json");
+      Application application("shiftmap-inspect", "");
+      AddInspectCommands(&application);
+      std::ostringstream out;
+      std::ostringstream err;
+      application.Run(all, &out, &err);
+      for (const std::string& text : {out.str(), err.str()}) {
+        for (const char* active : {"\x1b", "\x07", "\r", "\xc2\x9b", "\xe2\x80\xae"}) {
+          EXPECT_EQ(text.find(active), std::string::npos) << text;
+        }
+        EXPECT_EQ(text.find("\n2026-01-09 08:01:00  honest"), std::string::npos) << text;
+      }
+      EXPECT_FALSE(out.str().empty() && err.str().empty());
+    }
+  }
 }
 
 TEST(MapCsv, QuotesWhatWouldBreakARow) {
