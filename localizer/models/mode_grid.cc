@@ -8,31 +8,31 @@
 
 namespace shiftmap {
 
-ModeGrid::ModeGrid(const MapSnapshot& snapshot, double cell_m) : cell_m_(cell_m) {
+ModeGrid::ModeGrid(double cell_m) : cell_m_(cell_m) {
   SHIFTMAP_CHECK(cell_m > 0.0, "cell {} m", cell_m);
+}
+
+ModeGrid::ModeGrid(const MapSnapshot& snapshot, double cell_m) : ModeGrid(cell_m) {
   for (std::size_t i = 0; i < snapshot.groups().size(); ++i) {
-    for (const Mode& mode : snapshot.groups()[i].modes) {
-      const Eigen::Vector2d& p = mode.p_map_landmark;
-      cells_[Key(CellOf(p.x()), CellOf(p.y()))].push_back({static_cast<int>(i), p});
+    const std::vector<Mode>& modes = snapshot.groups()[i].modes;
+    for (std::size_t k = 0; k < modes.size(); ++k) {
+      Add({static_cast<int>(i), static_cast<int>(k), modes[k].p_map_landmark});
     }
   }
+}
+
+void ModeGrid::Add(const Entry& entry) {
+  const Eigen::Vector2d& p = entry.p_map_landmark;
+  cells_[Key(CellOf(p.x()), CellOf(p.y()))].push_back(entry);
 }
 
 void ModeGrid::GroupsNear(const Eigen::Vector2d& p_map,
                           double radius_m,
                           std::vector<int>* groups) const {
   groups->clear();
-  for (std::int64_t column = CellOf(p_map.x() - radius_m); column <= CellOf(p_map.x() + radius_m);
-       ++column) {
-    for (std::int64_t row = CellOf(p_map.y() - radius_m); row <= CellOf(p_map.y() + radius_m);
-         ++row) {
-      const auto found = cells_.find(Key(column, row));
-      if (found == cells_.end()) continue;
-      for (const Entry& entry : found->second) {
-        if ((entry.p_map_landmark - p_map).norm() <= radius_m) groups->push_back(entry.group);
-      }
-    }
-  }
+  VisitNear(p_map, radius_m, [&](const Entry& entry) {
+    if ((entry.p_map_landmark - p_map).norm() <= radius_m) groups->push_back(entry.group);
+  });
   std::sort(groups->begin(), groups->end());
   groups->erase(std::unique(groups->begin(), groups->end()), groups->end());
 }

@@ -45,6 +45,17 @@ bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_veh
 
 }  // namespace
 
+ModeGrid GridOf(const MapProblem& problem, double cell_m) {
+  ModeGrid grid(cell_m);
+  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
+    for (std::size_t k = 0; k < problem.modes[group].size(); ++k) {
+      const Eigen::Vector2d& position = problem.modes[group][k].p_map_landmark;
+      grid.Add({static_cast<int>(group), static_cast<int>(k), position});
+    }
+  }
+  return grid;
+}
+
 void CountDetections(const MapProblem& problem,
                      const SensorCalibration& sensor,
                      const ModeGrid& grid,
@@ -66,7 +77,8 @@ void CountDetections(const MapProblem& problem,
       at = now;
     }
     const Se2 T_vehicle_map = run.poses[f].Inverse();
-    grid.VisitNear(run.poses[f].translation(), [&](const ModeGrid::Entry& entry) {
+    const Eigen::Vector2d p_map_vehicle = run.poses[f].translation();
+    grid.VisitNear(p_map_vehicle, sensor.max_range_m, [&](const ModeGrid::Entry& entry) {
       const int seen = seen_at[static_cast<std::size_t>(entry.group)] == now ? 1 : 0;
       if (all_seen - seen == 0 || !standing.Stands(entry)) return;
       if (!InFieldOfView(sensor, T_vehicle_map * entry.p_map_landmark)) return;
@@ -98,7 +110,7 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
 
   DetectionCount count;
   double frames = 0.0;
-  const ModeGrid grid(problem, sensor.max_range_m);
+  const ModeGrid grid = GridOf(problem, sensor.max_range_m);
   for (const BuildRun& run : problem.runs) {
     CountDetections(problem, sensor, grid, run, &count);
     frames += static_cast<double>(run.data->frames.size());

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "localizer/models/mode_grid.h"
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
-#include "mapper/problem/mode_grid.h"
 #include "mapstore/map/calibration.h"
 
 namespace shiftmap {
@@ -14,11 +14,15 @@ struct DetectionCount {
   double detected = 0.0;
 };
 
+/// A problem's modes by where they are.
+/// @param cell_m  As of ModeGrid: best about the range of the sensor. [m]
+ModeGrid GridOf(const MapProblem& problem, double cell_m);
+
 /// Adds what stood in the field of view of `sensor` at a run's key frames. A landmark stands where
 /// the visit going on has it, or the last one; before its first visit of the run it is not counted.
 /// Key frames are where something is seen: a frame that only the landmark itself makes one is not
 /// counted for it, or it would never be missed alone.
-/// @param grid  Of the problem's modes, for the sensor's range at least.
+/// @param grid  Of the problem's modes.
 void CountDetections(const MapProblem& problem,
                      const SensorCalibration& sensor,
                      const ModeGrid& grid,

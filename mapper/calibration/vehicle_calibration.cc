@@ -9,7 +9,6 @@
 #include "mapper/calibration/detection.h"
 #include "mapper/calibration/fleet_calibration.h"
 #include "mapper/graph/elimination.h"
-#include "mapper/problem/mode_grid.h"
 #include "mapper/problem/sightings.h"
 
 namespace shiftmap {
@@ -187,7 +186,7 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
       CombineRuns(options.calibration.odometry, graph, elimination, problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, elimination, kSamples, options.seed);
-  const ModeGrid grid(problem, problem.sensor.max_range_m);
+  const ModeGrid grid = GridOf(problem, problem.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {
     const auto index = static_cast<Eigen::Index>(vehicles.size());

@@ -8,7 +8,6 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/detection_model.h"
-#include "localizer/models/mode_grid.h"
 #include "tests/unit/localizer/simulated_run.h"
 
 namespace shiftmap {
@@ -290,27 +289,6 @@ TEST(DetectionModel, SectorHasSharpEdgesForACertainPose) {
   EXPECT_NEAR(SectorFieldOfView({5.1, 0.4}, certain, sensor), 0.0, 1e-9);
   EXPECT_NEAR(SectorFieldOfView({4.9, -0.6}, certain, sensor), 0.0, 1e-9);
   EXPECT_NEAR(SectorFieldOfView({5.0, 0.0}, certain, sensor), 0.5, 1e-9);
-}
-
-TEST(ModeGrid, FindsWhatABruteForceSearchFinds) {
-  const MapContent content = MakeTwoModeMap(60, 50.0, 4);
-  const ModeGrid grid(Snapshot(content), 3.0);
-  std::mt19937_64 random(8);
-  std::uniform_real_distribution<double> place(-30.0, 30.0);
-  for (int i = 0; i < 50; ++i) {
-    const Eigen::Vector2d p(place(random), place(random));
-    std::vector<int> expected;
-    for (std::size_t g = 0; g < content.groups.size(); ++g) {
-      for (const Mode& mode : content.groups[g].modes) {
-        if ((mode.p_map_landmark - p).norm() > 7.0) continue;
-        expected.push_back(static_cast<int>(g));
-        break;
-      }
-    }
-    std::vector<int> found;
-    grid.GroupsNear(p, 7.0, &found);
-    EXPECT_EQ(found, expected);
-  }
 }
 
 }  // namespace

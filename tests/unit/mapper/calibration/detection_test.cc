@@ -39,7 +39,7 @@ struct StandingRun {
 
   DetectionCount Count(const SensorCalibration& sensor) const {
     DetectionCount count;
-    CountDetections(problem, sensor, ModeGrid(problem, sensor.max_range_m), run, &count);
+    CountDetections(problem, sensor, GridOf(problem, sensor.max_range_m), run, &count);
     return count;
   }
 
