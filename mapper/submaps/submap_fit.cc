@@ -159,8 +159,10 @@ class BentSubmap {
     whitened_.tail(more) = llt.matrixL().solve(differences);
 
     explained_.conservativeResize(before + more, Eigen::NoChange);
-    explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
-                                                      W.transpose() * explained_.topRows(before));
+    if (!open_.empty()) {  // Eigen's solve refers to the first entry, also of a block without any.
+      explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
+                                                        W.transpose() * explained_.topRows(before));
+    }
     shift_ = explained_.transpose() * whitened_;
 
     L_.conservativeResize(before + more, before + more);
