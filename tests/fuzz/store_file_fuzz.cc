@@ -11,52 +11,27 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <random>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "proto/core/check.h"
 #include "tests/fault/fault_plan.h"
 #include "tests/fault/store_steps.h"
+#include "tests/fuzz/fuzz_input.h"
+#include "tests/fuzz/fuzz_target.h"
 #include "tests/support/temp_dir.h"
 
 namespace shiftmap::testing {
 namespace {
-
-// Takes numbers and bytes off the front of the input; zeros after its end.
-class Input {
- public:
-  explicit Input(std::string_view bytes) : rest_(bytes) {}
-
-  bool empty() const { return rest_.empty(); }
-  std::string_view rest() const { return rest_; }
-
-  std::uint64_t Take(int bytes) {
-    std::uint64_t value = 0;
-    for (int i = 0; i < bytes && !rest_.empty(); ++i) {
-      value = value << 8 | static_cast<unsigned char>(rest_.front());
-      rest_.remove_prefix(1);
-    }
-    return value;
-  }
-
-  std::string_view TakeBytes(std::size_t count) {
-    const std::string_view taken = rest_.substr(0, count);
-    rest_.remove_prefix(taken.size());
-    return taken;
-  }
-
- private:
-  std::string_view rest_;
-};
 
 struct Column {
   std::string table;
   std::string name;
 };
 
-// A valid store with versions, reports and checkpoints, and its columns.
+// A valid store with versions, reports and checkpoints, its columns, and a snapshot of it.
 struct Base {
   Base() {
     const TempDir dir;
@@ -67,6 +42,7 @@ struct Base {
       SHIFTMAP_CHECK(status.ok(), "{}: {}", step.name, Message(status));
     }
     bytes = ReadFile(files.store);
+    snapshot = ReadFile(files.snapshot);
     sqlite3* db = nullptr;
     sqlite3_open(files.store.c_str(), &db);
     const auto append = [](void* into, int, char** values, char**) {
@@ -81,10 +57,11 @@ struct Base {
   }
 
   std::string bytes;
+  std::string snapshot;
   std::vector<Column> columns;
 };
 
-std::string PatchBytes(std::string bytes, Input input) {
+std::string PatchBytes(std::string bytes, FuzzInput input) {
   while (!input.empty()) {
     const std::size_t offset = input.Take(3) % bytes.size();
     const std::string_view patch = input.TakeBytes(1 + input.Take(1) % 64);
@@ -94,7 +71,7 @@ std::string PatchBytes(std::string bytes, Input input) {
 }
 
 // Gives all cells of a column that are equal to one of them another value.
-void EditCells(sqlite3* db, const Column& column, Input* input) {
+void EditCells(sqlite3* db, const Column& column, FuzzInput* input) {
   const auto row = static_cast<int>(input->Take(1));
   const std::uint64_t kind = input->Take(1) % 4;
   const std::string value = kind == 3 ? fmt::format(
@@ -131,7 +108,7 @@ void EditCells(sqlite3* db, const Column& column, Input* input) {
   sqlite3_finalize(statement);
 }
 
-void EditFile(const std::string& path, const Base& base, Input input) {
+void EditFile(const std::string& path, const Base& base, FuzzInput input) {
   sqlite3* db = nullptr;
   sqlite3_open(path.c_str(), &db);
   sqlite3_exec(db,
@@ -188,21 +165,22 @@ void Run(std::string_view bytes) {
   static const TempDir dir;
   const StoreFiles files(dir.path());
   std::filesystem::remove(files.store + "-journal");
-  Input input(bytes);
+  FuzzInput input(bytes);
   const std::uint64_t choice = input.Take(1);
+  const std::string& whole = (choice & 8U) != 0 ? base.snapshot : base.bytes;
   switch (choice % 4) {
     case 0:
       WriteFile(files.store, std::string(input.rest()));
       break;
     case 1:
-      WriteFile(files.store, PatchBytes(base.bytes, input));
+      WriteFile(files.store, PatchBytes(whole, input));
       break;
     default:
-      WriteFile(files.store, base.bytes);
+      WriteFile(files.store, whole);
       EditFile(files.store, base, input);
   }
   // One or the other: each reads much of the store.
-  if (choice & 4) {
+  if ((choice & 4U) != 0) {
     WriteSome(files.store, files.snapshot);
   } else {
     ReadAll(files.store);
@@ -210,14 +188,38 @@ void Run(std::string_view bytes) {
 }
 
 }  // namespace
-}  // namespace shiftmap::testing
 
-extern "C" int LLVMFuzzerTestOneInput(const unsigned char* bytes, std::size_t size) {
-  using shiftmap::testing::Fault;
-  using shiftmap::testing::FaultPlan;
+std::vector<std::string> FuzzSeeds() {
+  const auto byte = [](std::size_t value) { return static_cast<char>(value); };
+  std::mt19937_64 random(1);
+  std::vector<std::string> seeds = {"", "\2", std::string("\0SQLite format 3", 16)};
+  seeds.back() += std::string(200, '\0');
+  for (std::size_t i = 0; i < 100; ++i) {
+    std::string patch(1, "\x01\x05\x09"[i % 3]);
+    for (std::size_t patches = 0; patches <= i % 3; ++patches) {
+      patch += byte(random() % 4);
+      for (int k = 0; k < 11; ++k) patch += byte(random() % 256);
+    }
+    seeds.push_back(patch);
+  }
+  // One value of every kind for every column.
+  for (std::size_t column = 0; column < 160; ++column) {
+    for (std::size_t kind = 0; kind < 4; ++kind) {
+      std::string edit{"\x02\x06\x0a"[random() % 3], byte(column), byte(random() % 8), byte(kind)};
+      if (kind == 2) edit += '\x08';
+      if (kind == 3) edit += byte(random() % 4);
+      for (int i = 0; i < 8; ++i) edit += i < 6 && kind == 0 ? '\0' : byte(random() % 256);
+      seeds.push_back(edit);
+    }
+  }
+  return seeds;
+}
+
+void RunFuzzInput(std::string_view bytes) {
   // Nothing fails, and nobody waits for the disk.
   FaultPlan none(Fault::kAnyOnce, 1'000'000'000);
-  const shiftmap::testing::ObservedFiles observed(none);
-  shiftmap::testing::Run({reinterpret_cast<const char*>(bytes), size});
-  return 0;
+  const ObservedFiles observed(none);
+  Run(bytes);
 }
+
+}  // namespace shiftmap::testing
