@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Installs what shiftmap is built, tested and demonstrated with, on Debian 12. Does nothing, and
-# needs no network, where everything is there.
+# needs no network, where everything is there. Usage: tools/setup.sh [fuzz], then also for fuzzers.
 set -euo pipefail
 
 packages=(
@@ -16,6 +16,7 @@ packages=(
   # Pictures
   librsvg2-bin
 )
+[[ ${1:-} != fuzz ]] || packages+=(clang libclang-rt-14-dev)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -16,6 +16,8 @@ function(shiftmap_private_options target)
   target_compile_options(${target} PRIVATE -ffp-contract=off)
   if(SHIFTMAP_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE} -fno-omit-frame-pointer)
+    # A finding ends the test that made it.
+    target_compile_options(${target} PRIVATE -fno-sanitize-recover=all)
     # What the sanitizers put in between hides from GCC what is initialized.
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
     target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
