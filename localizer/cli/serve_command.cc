@@ -67,6 +67,7 @@ Status Serve(const ServeOptions& options, Context& context) {
   live::ServiceNotifier notifier;
   live::ServiceOptions service_options = ServiceOptionsOf(options);
   service_options.warn = [&context](const std::string& message) { context.Warn(message); };
+  service_options.inform = [&context](const std::string& message) { context.Inform(message); };
   service_options.resuming = [&notifier] { notifier.StillStarting(); };
   // The socket first: two services must not take up one shift.
   SHIFTMAP_ASSIGN_OR_RETURN(live::Server server, live::Server::Listen(options.socket, &notifier));

@@ -55,6 +55,8 @@ Json ServiceJson(const live::ServiceState& state) {
   document["version"] = state.version.value();
   document["content_hash"] = state.content_hash;
   document["state"] = ToString(state.localizer_state);
+  document["time_line"] = ToString(state.time_line);
+  document["clock_jumps"] = state.clock_jumps;
   document["stamp_s"] = ToSecondsSinceEpoch(state.stamp);
   if (state.pose) document.update(PoseJson(*state.pose));
   document["scans"] = state.scans;
@@ -82,6 +84,14 @@ std::string ServiceText(const live::ServiceState& state) {
                         state.scans,
                         state.decisions,
                         state.overruns);
+  }
+  if (state.time_line == live::TimeLine::kLate) {
+    text += "no pose: all items are older than the last one that was localized\n";
+  } else if (state.time_line == live::TimeLine::kFuture) {
+    text += "no pose: items are ahead of this host's clock\n";
+  }
+  if (state.clock_jumps > 0) {
+    text += fmt::format("shifts ended by a clock that was set back: {}\n", state.clock_jumps);
   }
   if (state.pose) {
     const Se2& T = state.pose->T_map_vehicle;

@@ -23,7 +23,12 @@ StatusOr<Client> Client::Connect(const std::string& path) {
 }
 
 Status Client::Send(const Request& request) {
-  const std::string frame = Framed(EncodeRequest(request));
+  const std::string message = EncodeRequest(request);
+  if (message.size() > kMaxFrameBytes) {
+    return InvalidArgument(
+        "request of {} bytes, expected at most {}", message.size(), kMaxFrameBytes);
+  }
+  const std::string frame = Framed(message);
   std::string_view left = frame;
   while (!left.empty()) {
     const ssize_t count = send(fd_.get(), left.data(), left.size(), MSG_NOSIGNAL);

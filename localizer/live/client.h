@@ -17,7 +17,7 @@ class Client {
   /// Errors: as ConnectTo.
   static StatusOr<Client> Connect(const std::string& path);
 
-  /// Errors: kUnavailable if the service is gone.
+  /// Errors: kUnavailable if the service is gone; kInvalidArgument for one above kMaxFrameBytes.
   Status Send(const Request& request);
 
   /// The next event. Errors also: kInvalidArgument for what is none.

@@ -34,9 +34,19 @@ void Connection::Read() {
   }
 }
 
-StatusOr<std::optional<std::string>> Connection::NextMessage() {
+StatusOr<std::optional<std::string>> Connection::NextMessage(Clock::time_point now) {
   auto message = reader_.Next();
   if (!message.ok()) ended_ = true;
+  has_more_ = message.ok() && message->has_value();
+  if (has_more_) {
+    activity_.last = now;
+    activity_.has_spoken = true;
+    activity_.half_since.reset();
+  } else if (reader_.pending() == 0) {
+    activity_.half_since.reset();
+  } else if (!activity_.half_since) {
+    activity_.half_since = now;
+  }
   return message;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "localizer/live/client_places.h"
 #include "localizer/live/framing.h"
 #include "localizer/live/messages.h"
 #include "localizer/live/output_queue.h"
@@ -16,14 +17,20 @@ namespace shiftmap::live {
 /// One client: its socket, which never blocks, and what is on the way in and out.
 class Connection {
  public:
-  explicit Connection(OwnedFd fd) : fd_(std::move(fd)), output_(kMaxQueuedBytes) {}
+  using Clock = ClientActivity::Clock;
+
+  Connection(OwnedFd fd, Clock::time_point now)
+      : fd_(std::move(fd)), output_(kMaxQueuedBytes), activity_{.last = now} {}
 
   /// Takes in a bounded share of what the client sent.
   void Read();
 
   /// The next whole message, or nothing. A stream that cannot be taken apart is not read on.
   /// Errors: as FrameReader::Next.
-  StatusOr<std::optional<std::string>> NextMessage();
+  StatusOr<std::optional<std::string>> NextMessage(Clock::time_point now);
+
+  /// More whole messages may be there: NextMessage() was not called until there was none.
+  bool has_more() const { return has_more_ && !broken_; }
 
   /// Queues an event for the client, framed: news only if it subscribed to such.
   void SendNews(const Event& event, std::string_view frame);
@@ -34,11 +41,15 @@ class Connection {
 
   void set_subscription(const Subscribe& subscription) { subscription_ = subscription; }
 
+  /// What decides whether the client may stay.
+  const ClientActivity& activity() const { return activity_; }
+  void Keep() { activity_.kept = true; }
+
   /// True once there is nothing more to do for the client.
-  bool Done() const { return broken_ || (ended_ && output_.empty()); }
+  bool Done() const { return broken_ || (ended_ && !has_more_ && output_.empty()); }
 
   int fd() const { return fd_.get(); }
-  bool wants_read() const { return !ended_ && !broken_; }
+  bool wants_read() const { return !ended_ && !broken_ && !has_more_; }
   bool wants_write() const { return !output_.empty() && !broken_; }
 
   /// News lost since the last call, because the client does not read.
@@ -51,7 +62,9 @@ class Connection {
   FrameReader reader_;
   OutputQueue output_;
   Subscribe subscription_;
+  ClientActivity activity_;
   std::int64_t told_dropped_ = 0;
+  bool has_more_ = false;
   bool ended_ = false;   // The client says no more.
   bool broken_ = false;  // It hears no more.
 };

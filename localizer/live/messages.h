@@ -63,6 +63,26 @@ struct Request {
   Command command;
 };
 
+/// How the stamps of the items lie to the time line of the shift and to this host's clock.
+enum class TimeLine {
+  kAgrees,
+  kLate,    ///< All are older than what was localized: the vehicle's clock was set back.
+  kFuture,  ///< They are ahead of this host's clock: one of the clocks is wrong.
+};
+
+/// As in JSON, e.g. "LATE".
+inline const char* ToString(TimeLine time_line) {
+  switch (time_line) {
+    case TimeLine::kAgrees:
+      return "AGREES";
+    case TimeLine::kLate:
+      return "LATE";
+    case TimeLine::kFuture:
+      return "FUTURE";
+  }
+  return "";
+}
+
 /// What the service is doing.
 struct ServiceState {
   bool running = false;  ///< A shift is under way.
@@ -80,6 +100,10 @@ struct ServiceState {
   std::string calibrated_vehicle;  ///< Whose calibration the shift uses; empty: the fleet's.
   std::int64_t overruns = 0;       ///< Steps that took longer than their budget.
   std::vector<DroppedCount> dropped;
+
+  /// If it does not agree, no item is taken in: the state is LOST, and there is no pose.
+  TimeLine time_line = TimeLine::kAgrees;
+  std::int64_t clock_jumps = 0;  ///< Shifts that ended because the vehicle's clock was set back.
 };
 
 struct Reply {

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <iterator>
 
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/unix_socket.h"
@@ -17,7 +18,10 @@ namespace shiftmap::live {
 namespace {
 
 constexpr std::chrono::milliseconds kSyncEvery(1000);
-constexpr std::size_t kMaxClients = 32;
+constexpr std::chrono::milliseconds kLookForPlaceEvery(10);
+
+// Share of one client in a turn; its last message may take longer.
+constexpr std::chrono::milliseconds kShareOfTurn(2);
 
 StatusOr<OwnedFd> TakeOverSignals() {
   sigset_t stopping;
@@ -30,13 +34,30 @@ StatusOr<OwnedFd> TakeOverSignals() {
   return fd;
 }
 
-std::string FramedEvent(const Event& event) { return Framed(EncodeEvent(event)); }
+// What a client could take at once, with its length before it.
+constexpr std::size_t kMaxEventBytes = Connection::kMaxQueuedBytes - 4;
+static_assert(kMaxEventBytes <= kMaxFrameBytes);
+
+// What does not fit is replaced by a reply that says so, or left out if it is no reply.
+std::string FramedEvent(const Event& event) {
+  const std::string message = EncodeEvent(event);
+  if (message.size() <= kMaxEventBytes) return Framed(message);
+  const auto* reply = std::get_if<Reply>(&event);
+  if (reply == nullptr) return "";
+  const Status status = MakeStatus(StatusCode::kResourceExhausted,
+                                   "reply of {} bytes, expected at most {}",
+                                   message.size(),
+                                   kMaxEventBytes);
+  return Framed(EncodeEvent(Reply{reply->id, status, std::nullopt}));
+}
 
 }  // namespace
 
-StatusOr<Server> Server::Listen(const std::string& path, ServiceNotifier* notifier) {
+StatusOr<Server> Server::Listen(const std::string& path,
+                                ServiceNotifier* notifier,
+                                const ClientOptions& clients) {
   SHIFTMAP_ASSIGN_OR_RETURN(OwnedFd listener, ListenAt(path));
-  return Server(path, std::move(listener), notifier);
+  return Server(path, std::move(listener), notifier, clients);
 }
 
 Server::~Server() {
@@ -64,8 +85,9 @@ Status Server::Run(Service* service) {
 }
 
 Status Server::Wait(bool* stop) {
-  std::vector<pollfd> waiting = {{.fd = signals_.get(), .events = POLLIN, .revents = 0},
-                                 {.fd = listener_.get(), .events = POLLIN, .revents = 0}};
+  std::vector<pollfd> waiting = {
+      {.fd = signals_.get(), .events = POLLIN, .revents = 0},
+      {.fd = listener_.get(), .events = static_cast<short>(full_ ? 0 : POLLIN), .revents = 0}};
   for (const Connection& client : clients_) {
     const int events = (client.wants_read() ? POLLIN : 0) | (client.wants_write() ? POLLOUT : 0);
     waiting.push_back({.fd = client.fd(), .events = static_cast<short>(events), .revents = 0});
@@ -79,14 +101,20 @@ Status Server::Wait(bool* stop) {
   auto entry = waiting.begin() + 2;
   for (Connection& client : clients_) {
     const short revents = (entry++)->revents;
-    if ((revents & (POLLIN | POLLHUP | POLLERR)) != 0) Serve(&client);
+    if ((revents & (POLLIN | POLLHUP | POLLERR)) != 0 || client.has_more()) Serve(&client);
   }
-  if (waiting[1].revents != 0) Accept();
+  if (waiting[1].revents != 0 || full_) Accept();
   return OkStatus();
 }
 
 std::chrono::milliseconds Server::LongestWait() const {
-  const auto longest = std::min(kSyncEvery, notifier_->interval().value_or(kSyncEvery));
+  auto longest = std::min(kSyncEvery, notifier_->interval().value_or(kSyncEvery));
+  if (full_) longest = std::min(longest, kLookForPlaceEvery);
+  if (std::any_of(clients_.begin(), clients_.end(), [](const Connection& client) {
+        return client.has_more();
+      })) {
+    longest = std::chrono::milliseconds(0);
+  }
   const auto held_until = service_->held_until();
   if (!held_until) return longest;
   const auto left =
@@ -100,20 +128,39 @@ void Server::LocalizeHeld() {
   SendNews();
 }
 
+bool Server::MakePlace() {
+  if (clients_.size() < client_options_.max_kept + client_options_.guests) return true;
+  std::vector<ClientActivity> activities;
+  for (const Connection& client : clients_) activities.push_back(client.activity());
+  const auto closed = GuestToClose(activities, client_options_, std::chrono::steady_clock::now());
+  if (!closed) return false;
+  clients_.erase(std::next(clients_.begin(), static_cast<std::ptrdiff_t>(*closed)));
+  service_->CountDropped("client");
+  return true;
+}
+
+// A client that finds no place waits in the queue of the socket until a guest's grace is over.
 void Server::Accept() {
+  full_ = !MakePlace();
+  if (full_) return;
   OwnedFd fd(accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
   if (fd.get() < 0) return;
-  if (clients_.size() >= kMaxClients) {
-    service_->CountDropped("client");
-    return;
-  }
-  clients_.emplace_back(std::move(fd));
+  clients_.emplace_back(std::move(fd), std::chrono::steady_clock::now());
+}
+
+void Server::Keep(Connection* client) {
+  const auto kept = std::count_if(clients_.begin(), clients_.end(), [](const Connection& other) {
+    return other.activity().kept;
+  });
+  if (static_cast<std::size_t>(kept) < client_options_.max_kept) client->Keep();
 }
 
 void Server::Serve(Connection* client) {
-  client->Read();
-  for (;;) {
-    const auto message = client->NextMessage();
+  const auto begin = std::chrono::steady_clock::now();
+  if (client->wants_read()) client->Read();
+  for (auto now = begin; now < begin + kShareOfTurn && !client->Done();
+       now = std::chrono::steady_clock::now()) {
+    const auto message = client->NextMessage(now);
     if (!message.ok()) {
       service_->CountDropped("bad_frame");
       client->SendReply(FramedEvent(Reply{0, message.status(), std::nullopt}));
@@ -132,9 +179,11 @@ void Server::Answer(Connection* client, const std::string& message) {
     if (id != 0) client->SendReply(FramedEvent(Reply{id, request.status(), std::nullopt}));
     return;
   }
-  if (const auto* subscribe = std::get_if<Subscribe>(&request->command)) {
-    client->set_subscription(*subscribe);
-  }
+  const auto* subscribe = std::get_if<Subscribe>(&request->command);
+  if (subscribe != nullptr) client->set_subscription(*subscribe);
+  const bool feeds = std::holds_alternative<OdometrySample>(request->command) ||
+                     std::holds_alternative<Scan>(request->command);
+  if ((feeds || subscribe != nullptr) && !client->activity().kept) Keep(client);
   events_.clear();
   const Reply reply = service_->Handle(*request, &events_);
   if (id != 0) client->SendReply(FramedEvent(reply));
@@ -144,15 +193,19 @@ void Server::Answer(Connection* client, const std::string& message) {
 void Server::SendNews() {
   for (const Event& event : events_) {
     const std::string frame = FramedEvent(event);
+    if (frame.empty()) continue;
     for (Connection& other : clients_) other.SendNews(event, frame);
   }
 }
 
 void Server::FlushAll() {
+  const auto now = std::chrono::steady_clock::now();
   for (auto client = clients_.begin(); client != clients_.end();) {
     client->Flush();
     service_->CountDropped("slow_client", client->TakeDropped());
-    if (client->Done()) {
+    const bool expired = HasExpired(client->activity(), client_options_, now);
+    if (expired) service_->CountDropped("client");
+    if (client->Done() || expired) {
       client = clients_.erase(client);
     } else {
       ++client;

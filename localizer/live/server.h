@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "localizer/live/client_places.h"
 #include "localizer/live/connection.h"
 #include "localizer/live/owned_fd.h"
 #include "localizer/live/service.h"
@@ -18,13 +19,16 @@ namespace shiftmap::live {
 ///
 /// One turn: wait, take in requests, step (also when the stream pauses), write the journal, then
 /// send replies and news. So a reply to a step is sent after the journal has it, and neither disk
-/// nor a client is waited for inside a step.
+/// nor a client is waited for inside a step. Each client has some milliseconds of a turn, so that
+/// one that floods delays the others by little. ClientOptions says who may stay connected.
 class Server {
  public:
   /// Clients can connect from here on; they are answered by Run().
   /// @param notifier  Outlives this.
   /// Errors: as ListenAt.
-  static StatusOr<Server> Listen(const std::string& path, ServiceNotifier* notifier);
+  static StatusOr<Server> Listen(const std::string& path,
+                                 ServiceNotifier* notifier,
+                                 const ClientOptions& clients = ClientOptions());
 
   Server(Server&&) noexcept = default;
   Server& operator=(Server&&) = delete;
@@ -38,11 +42,19 @@ class Server {
   Status Run(Service* service);
 
  private:
-  Server(std::string path, OwnedFd listener, ServiceNotifier* notifier)
-      : path_(std::move(path)), listener_(std::move(listener)), notifier_(notifier) {}
+  Server(std::string path,
+         OwnedFd listener,
+         ServiceNotifier* notifier,
+         const ClientOptions& client_options)
+      : path_(std::move(path)),
+        listener_(std::move(listener)),
+        notifier_(notifier),
+        client_options_(client_options) {}
 
   Status Wait(bool* stop);
+  bool MakePlace();
   void Accept();
+  void Keep(Connection* client);
   void Serve(Connection* client);
   void Answer(Connection* client, const std::string& message);
   std::chrono::milliseconds LongestWait() const;
@@ -55,6 +67,8 @@ class Server {
   OwnedFd signals_;
   Service* service_ = nullptr;
   ServiceNotifier* notifier_;
+  ClientOptions client_options_;
+  bool full_ = false;  // A client waits for a place.
   std::list<Connection> clients_;
   std::vector<Event> events_;
   std::chrono::steady_clock::time_point next_sync_;

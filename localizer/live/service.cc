@@ -2,6 +2,7 @@
 #include "localizer/live/service.h"
 
 #include <fcntl.h>
+#include <limits.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,29 +13,47 @@
 #include <utility>
 
 #include "localizer/live/codec/journal_codec.h"
-#include "mapstore/codec/shift_report.h"
+#include "mapstore/codec/shift_report_check.h"
 #include "mapstore/map_store.h"
-#include "proto/core/check.h"
 
 namespace shiftmap::live {
 namespace {
 
-constexpr const char* kJournal = "shift.journal";
-constexpr const char* kSavedPose = "pose";
+constexpr std::size_t kLongestFileName = 128;  // In the state folder.
+
+// What another attempt does not mend is told apart from a disk that is full or not yet mounted.
+Status FolderError(const std::string& path, const char* action) {
+  StatusCode code = StatusCode::kUnavailable;
+  if (errno == ENOENT) code = StatusCode::kNotFound;
+  if (errno == ENOTDIR || errno == ENAMETOOLONG || errno == ELOOP || errno == EINVAL) {
+    code = StatusCode::kInvalidArgument;
+  }
+  return MakeStatus(code, "state folder '{}': cannot {}: {}", path, action, std::strerror(errno));
+}
 
 Status MakeStateFolder(const std::string& path) {
   constexpr mode_t kAccess = 0750;
+  constexpr std::size_t kLongestPath = PATH_MAX - kLongestFileName;
+  if (path.size() > kLongestPath) {
+    return InvalidArgument(
+        "state folder: path of {} bytes, expected at most {}", path.size(), kLongestPath);
+  }
   if (mkdir(path.c_str(), kAccess) == 0 || errno == EEXIST) return OkStatus();
-  return Unavailable("state folder '{}': cannot make it: {}", path, std::strerror(errno));
+  return FolderError(path, "make it");
+}
+
+// Every report has it.
+Status CheckVehicle(const std::string& name) {
+  if (!name.empty() && name.size() <= kMaxReportTextBytes) return OkStatus();
+  return InvalidArgument(
+      "vehicle: name of {} bytes, expected 1..{}", name.size(), kMaxReportTextBytes);
 }
 
 // Held as long as the descriptor is open, so that it ends with the process.
 StatusOr<OwnedFd> Lock(const std::string& folder) {
   constexpr mode_t kFileAccess = 0640;
   OwnedFd fd(open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess));
-  if (fd.get() < 0) {
-    return Unavailable("state folder '{}': cannot write: {}", folder, std::strerror(errno));
-  }
+  if (fd.get() < 0) return FolderError(folder, "write");
   if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
     return Unavailable("state folder '{}': in use by another process", folder);
   }
@@ -63,32 +82,49 @@ StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,
 }
 
 StatusOr<Service> Service::Open(ServiceOptions options) {
-  SHIFTMAP_CHECK(!options.vehicle.empty(), "a vehicle has a name");
   Service service(std::move(options));
   const ServiceOptions& set = service.options_;
+  SHIFTMAP_RETURN_IF_ERROR(CheckVehicle(set.vehicle));
   SHIFTMAP_RETURN_IF_ERROR(set.localizer.Validate());
   SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(set.state_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(service.lock_, Lock(set.state_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(service.map_, LoadLiveMap(set.map_path, set.area));
   SHIFTMAP_RETURN_IF_ERROR(CheckHash(*service.map_, set.content_hash));
   service.given_start_ = set.localizer.initial_pose;
-  if (access(service.File(kJournal).c_str(), F_OK) == 0) {
-    if (const Status status = service.Resume(); !status.ok()) service.SetJournalAside(status);
-  }
+  service.TakeUpJournal();
   return service;
 }
 
 Reply Service::Handle(const Request& request, std::vector<Event>* events) {
   Reply reply;
   reply.id = request.id;
+  const std::size_t first = events->size();
   reply.status =
       std::visit([&](const auto& command) { return Do(command, events); }, request.command);
+  Inform(*events, first);
+  // Nobody gets what no id asks for.
+  if (request.id == 0) return reply;
   const bool fed = std::holds_alternative<OdometrySample>(request.command) ||
                    std::holds_alternative<Scan>(request.command);
-  if (request.id != 0 && !fed) reply.state = State();
+  if (!fed) reply.state = State();
   const auto* get = std::get_if<GetState>(&request.command);
   if (get != nullptr && get->hypotheses) reply.hypotheses = Hypotheses();
   return reply;
+}
+
+void Service::Inform(const std::vector<Event>& events, std::size_t first) const {
+  for (std::size_t i = first; i < events.size(); ++i) {
+    if (const auto* state = std::get_if<StateEvent>(&events[i])) {
+      options_.inform(fmt::format(
+          "{} from {:.3f} s on", ToString(state->state), ToSecondsSinceEpoch(state->stamp)));
+    } else if (const auto* decision = std::get_if<Decision>(&events[i])) {
+      options_.inform(fmt::format("landmark '{}' is at mode {}, log-odds {:.1f}, at {:.3f} s",
+                                  decision->signature.text(),
+                                  decision->mode.value(),
+                                  decision->log_odds,
+                                  ToSecondsSinceEpoch(decision->stamp)));
+    }
+  }
 }
 
 std::optional<HypothesisView> Service::Hypotheses() const {
@@ -111,19 +147,34 @@ Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
   const Stamp stamp = StampOf(item);
   if (const Stamp now = options_.clock(); stamp > now + FromSeconds(options_.max_future_s)) {
     dropped_.Add("future");
+    Refused(TimeLine::kFuture, events);
     return InvalidArgument("item at {:.6f} s, expected at most {:.3f} s after {:.6f} s, now",
                            ToSecondsSinceEpoch(stamp),
                            options_.max_future_s,
                            ToSecondsSinceEpoch(now));
   }
-  if (!start_chosen_) ChooseStart(stamp);
-  const std::int64_t late = shift_->localizer().Statistics().late;
+  bool late = false;
+  Status status = Step(item, &late, events);
+  if (late) {
+    Refused(TimeLine::kLate, events);
+    if (time_line_.verdict() != TimeLine::kLate || !BeginAnotherTimeLine(stamp, events))
+      return status;
+    status = Step(item, &late, events);
+  }
+  if (status.ok()) Accepted(events);
+  return status;
+}
+
+Status Service::Step(const RunEvent& item, bool* late, std::vector<Event>* events) {
+  if (!start_chosen_) ChooseStart(StampOf(item));
+  const std::int64_t late_before = shift_->localizer().Statistics().late;
   const auto begin = std::chrono::steady_clock::now();
   const Status status = shift_->Process(item, events);
   CountOverrun(begin);
   if (!status.ok()) {
     // What is too late is counted by the localizer.
-    if (shift_->localizer().Statistics().late == late) dropped_.Add("invalid");
+    *late = shift_->localizer().Statistics().late > late_before;
+    if (!*late) dropped_.Add("invalid");
     return status;
   }
   journal_->Append(std::visit(
@@ -140,7 +191,7 @@ void Service::CountOverrun(std::chrono::steady_clock::time_point begin) {
 
 void Service::HoldUntilNextItem() {
   const double max_delay_s = shift_->header().max_delay_s;
-  if (max_delay_s > 0.0) held_until_ = std::chrono::steady_clock::now() + FromSeconds(max_delay_s);
+  if (max_delay_s > 0.0) held_until_ = options_.steady_clock() + FromSeconds(max_delay_s);
 }
 
 // The journal has no word of it: items in the order of their stamps give the same bits, whenever
@@ -149,63 +200,11 @@ void Service::LocalizeHeld(std::chrono::steady_clock::time_point now, std::vecto
   if (!held_until_ || now < *held_until_) return;
   held_until_.reset();
   if (!shift_) return;
+  const std::size_t first = events->size();
   const auto begin = std::chrono::steady_clock::now();
   shift_->LocalizeHeld(events);
   CountOverrun(begin);
-}
-
-void Service::ChooseStart(Stamp now) {
-  start_chosen_ = true;
-  const std::string path = File(kSavedPose);
-  const auto saved = ReadSavedPose(path);
-  // From here on the vehicle may be anywhere else.
-  unlink(path.c_str());
-  if (!saved.ok()) {
-    if (saved.status().code() != StatusCode::kNotFound) options_.warn(Message(saved.status()));
-    return;
-  }
-  if (given_start_) return;
-  const auto start =
-      UsableStart(*saved, *map_, now, shift_->header().odometer_m, options_.saved_pose);
-  if (start.ok()) {
-    InitializeShift(*start);
-  } else {
-    options_.warn(Message(start.status()) + ", not used");
-  }
-}
-
-void Service::InitializeShift(const PoseWithCovariance& pose) {
-  shift_->Initialize(pose);
-  journal_->Append(EncodeJournalRecord(InitializePose{pose}));
-}
-
-Status Service::Do(const Start& start, std::vector<Event>*) {
-  if (shift_) {
-    return FailedPrecondition("shift {} is under way, expected a stop first",
-                              shift_->header().uuid);
-  }
-  ShiftHeader header;
-  header.uuid = RandomUuid();
-  header.vehicle = start.vehicle.empty() ? options_.vehicle : start.vehicle;
-  header.area = map_->area();
-  header.version = map_->version();
-  header.content_hash = map_->content_hash();
-  header.map_stamp = map_->stamp();
-  header.alpha = options_.localizer.hypotheses.alpha;
-  header.max_leaves = options_.localizer.hypotheses.max_leaves;
-  header.max_delay_s = options_.localizer.max_delay_s;
-  header.odometer_m = start.odometer_m;
-  SHIFTMAP_ASSIGN_OR_RETURN(journal_, JournalFile::Create(File(kJournal)));
-  journal_->Append(EncodeJournalRecord(header));
-  shift_.emplace(*map_, header);
-  start_chosen_ = false;
-  resumed_ = false;
-  dropped_ = DropCounts();
-  overruns_ = 0;
-  last_uuid_ = header.uuid;
-  if (given_start_) InitializeShift(*given_start_);
-  CheckJournal(journal_->Sync());
-  return OkStatus();
+  Inform(*events, first);
 }
 
 Status Service::Do(const InitializePose& start, std::vector<Event>*) {
@@ -225,25 +224,9 @@ Status Service::Do(const SetMap& map, std::vector<Event>*) {
 
 Status Service::Do(const Stop& stop, std::vector<Event>*) {
   if (!shift_) return NoShift();
-  ShiftReport report = shift_->Report(dropped_);
-  report.software = options_.software;
-  const std::string path = File(report.uuid + ".report");
-  SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, path));
-  last_report_ = path;
-  if (stop.save_pose) {
-    if (const auto saved = shift_->PoseToSave()) {
-      SHIFTMAP_RETURN_IF_ERROR(WriteSavedPose(*saved, File(kSavedPose)));
-    } else {
-      options_.warn("the pose is not trusted and was not saved");
-    }
-  }
-  // Only now is nothing lost without it. If this is never reached, the shift is taken up again and
-  // reports under the same UUID.
-  journal_.reset();
-  unlink(File(kJournal).c_str());
-  shift_.reset();
-  held_until_.reset();
-  given_start_.reset();
+  SHIFTMAP_RETURN_IF_ERROR(WriteReport());
+  if (stop.save_pose) SavePose();
+  EndShift();
   return OkStatus();
 }
 
@@ -277,6 +260,8 @@ ServiceState Service::State() const {
   state.report_path = last_report_;
   state.resumed = resumed_;
   state.overruns = overruns_;
+  state.clock_jumps = clock_jumps_;
+  state.time_line = time_line_.verdict();
   DropCounts dropped = dropped_;
   if (shift_) {
     const LocalizerStatistics statistics = shift_->localizer().Statistics();
@@ -285,6 +270,10 @@ ServiceState Service::State() const {
     state.calibrated_vehicle = shift_->localizer().snapshot().calibrated_vehicle();
     state.stamp = shift_->now();
     if (const auto pose = shift_->Pose()) state.pose = pose->pose;
+    if (state.time_line != TimeLine::kAgrees) {
+      state.localizer_state = LocalizerState::kLost;
+      state.pose.reset();
+    }
     state.scans = statistics.scans;
     state.decisions = static_cast<std::int64_t>(shift_->localizer().decisions().size());
   }

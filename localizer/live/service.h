@@ -12,8 +12,10 @@
 #include "localizer/live/journal_file.h"
 #include "localizer/live/messages.h"
 #include "localizer/live/owned_fd.h"
+#include "localizer/live/resume_mark.h"
 #include "localizer/live/saved_pose.h"
 #include "localizer/live/shift.h"
+#include "localizer/live/time_line_watch.h"
 #include "localizer/localizer_options.h"
 #include "mapstore/map/map_snapshot.h"
 #include "proto/core/status.h"
@@ -25,7 +27,7 @@ struct ServiceOptions {
   std::string area;
   std::string content_hash;  ///< If not empty, what the map's must be.
   std::string state_dir;  ///< Folder for journal, saved pose and reports; made if it is not there.
-  std::string vehicle;    ///< Name in the fleet, if a start gives none; not empty.
+  std::string vehicle;    ///< Name in the fleet, if a start gives none.
   std::string software;   ///< As ShiftReport::software.
   LocalizerOptions localizer;  ///< Valid; `initial_pose` is that of the first start.
   SavedPoseOptions saved_pose;
@@ -36,13 +38,21 @@ struct ServiceOptions {
   /// A stamp may be this far ahead of this host's clock, >= 0. [s]
   double max_future_s = 1.0;
 
+  /// For how long all items must be refused for their stamps until a clock counts as set, >= 0. [s]
+  double max_refused_s = 1.0;
+
   /// The host's clock.
   std::function<Stamp()> clock;
 
-  /// Told what goes wrong without ending the service.
-  std::function<void(const std::string&)> warn;
+  /// A clock that nobody sets, of the items' arrival.
+  std::function<std::chrono::steady_clock::time_point()> steady_clock =
+      std::chrono::steady_clock::now;
 
-  /// Called about a thousand times per second while a shift is resumed.
+  /// Called with what goes wrong without ending the service, and with what happens, a line each.
+  std::function<void(const std::string&)> warn;
+  std::function<void(const std::string&)> inform = [](const std::string&) {};
+
+  /// Called often while a shift is resumed.
   std::function<void()> resuming;
 };
 
@@ -51,13 +61,15 @@ struct ServiceOptions {
 ///
 /// One process per state folder: it is locked. A step computes only; WriteJournal() and
 /// SyncJournal() are called between steps. Files in the state folder: `shift.journal` while a shift
-/// is under way, `pose`, and `<uuid>.report`.
+/// is under way, `shift.resuming` while one is taken up, `pose`, and `<uuid>.report`.
 class Service {
  public:
   /// Loads the map and takes up a shift that was interrupted. A journal that does not fit the map
-  /// any more is kept under another name.
-  /// Errors: as MapStore::LoadAt; kFailedPrecondition for another content hash; kUnavailable if the
-  /// state folder cannot be used, or another process uses it.
+  /// any more is kept under another name. So is one that ended the process twice at one place while
+  /// it was taken up: the vehicle drives on, so another shift begins at once, without a pose.
+  /// Errors: as MapStore::LoadAt; kInvalidArgument for options that no report or path can carry;
+  /// kFailedPrecondition for another content hash; kUnavailable if the state folder cannot be used,
+  /// or another process uses it.
   static StatusOr<Service> Open(ServiceOptions options);
 
   /// Does what a request asks for; what subscribers may want to know is appended to `events`.
@@ -83,15 +95,20 @@ class Service {
   void WriteJournal();
   void SyncJournal();
 
-  /// Ends the shift, if one is under way, saving its pose.
+  /// Ends the shift, if one is under way, saving its pose. Errors: kUnavailable if the disk does
+  /// not take the report; the journal then keeps the shift.
   Status Shutdown();
 
   ServiceState State() const;
 
  private:
+  static constexpr const char* kJournal = "shift.journal";
+  static constexpr const char* kResumeMark = "shift.resuming";
+
   std::optional<HypothesisView> Hypotheses() const;
 
-  explicit Service(ServiceOptions options) : options_(std::move(options)) {}
+  explicit Service(ServiceOptions options)
+      : options_(std::move(options)), time_line_(FromSeconds(options_.max_refused_s)) {}
 
   Status Do(const OdometrySample& sample, std::vector<Event>* events);
   Status Do(const Scan& scan, std::vector<Event>* events);
@@ -103,14 +120,32 @@ class Service {
   Status Do(const InitializePose& start, std::vector<Event>* events);
 
   Status Feed(const RunEvent& item, std::vector<Event>* events);
+  Status Step(const RunEvent& item, bool* late, std::vector<Event>* events);
   void HoldUntilNextItem();
   void CountOverrun(std::chrono::steady_clock::time_point begin);
+  void Inform(const std::vector<Event>& events, std::size_t first) const;
+
+  // An item was refused or taken for its stamp; a change of the verdict is an event.
+  void Refused(TimeLine why, std::vector<Event>* events);
+  void Accepted(std::vector<Event>* events);
+
+  // Goes on with another shift, whose stamps begin anew. False if the disk does not take the
+  // report.
+  bool BeginAnotherTimeLine(Stamp begin, std::vector<Event>* events);
+
+  // A shift from its first record to its report.
+  Status BeginShift(const ShiftHeader& header);
+  Status WriteReport();
+  void SavePose();
+  void EndShift();
 
   // Where a shift starts: a pose that somebody gave, or the saved one, or it will be found.
   void ChooseStart(Stamp now);
   void InitializeShift(const PoseWithCovariance& pose);
 
-  Status Resume();
+  void TakeUpJournal();
+  Status Resume(const ResumeMark& mark);
+  void BeginInsteadOf(const ResumeMark& mark);
   void SetJournalAside(const Status& why);
   void CheckJournal(const Status& status);
   std::string File(const std::string& name) const { return options_.state_dir + "/" + name; }
@@ -122,6 +157,9 @@ class Service {
   std::optional<JournalFile> journal_;
   std::optional<PoseWithCovariance> given_start_;  // For the shift that starts next.
   std::optional<std::chrono::steady_clock::time_point> held_until_;
+  TimeLineWatch time_line_;
+  std::chrono::steady_clock::time_point next_time_line_;  // When another may begin.
+  std::int64_t clock_jumps_ = 0;
   bool start_chosen_ = false;
   bool resumed_ = false;
   bool journal_warned_ = false;

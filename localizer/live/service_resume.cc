@@ -14,16 +14,20 @@ namespace shiftmap::live {
 namespace {
 
 constexpr std::uint64_t kRecordsPerSign = 1000;
+constexpr std::uint64_t kRecordsPerMark = 10'000;  // Some seconds of replay.
+constexpr int kMaxFailures = 2;
 
 // Applies the records of a journal, in order, to the shift that the first of them begins.
 class Replay {
  public:
   Replay(const ServiceOptions& options,
+         const ResumeMark& mark,
          std::optional<MapSnapshot>* map,
          std::optional<Shift>* shift)
-      : options_(options), map_(map), shift_(shift) {}
+      : options_(options), mark_(mark), map_(map), shift_(shift) {}
 
   Status Take(std::string_view bytes) {
+    if (count_ % kRecordsPerMark == 0) Reach(count_);
     if (count_++ % kRecordsPerSign == 0 && options_.resuming) options_.resuming();
     SHIFTMAP_ASSIGN_OR_RETURN(const JournalRecord record, DecodeJournalRecord(bytes));
     const bool is_header = std::holds_alternative<ShiftHeader>(record);
@@ -33,9 +37,25 @@ class Replay {
     return std::visit([&](const auto& item) { return Apply(item); }, record);
   }
 
+  // Does on a copy of the shift, which is there, what follows the replay first: what is held is
+  // localized, and the shift ends.
+  void Rehearse() {
+    Reach(count_);
+    if (options_.resuming) options_.resuming();
+    Shift copy = **shift_;
+    events_.clear();
+    copy.LocalizeHeld(&events_);
+    copy.Report(DropCounts());
+  }
+
   bool has_start() const { return has_start_; }
 
  private:
+  // Without a note the replay is only not counted.
+  void Reach(std::uint64_t record) {
+    if (const Status status = mark_.Reach(record); !status.ok()) options_.warn(Message(status));
+  }
+
   // The journal counts on the very map that the shift was begun on, not on today's.
   Status Apply(const ShiftHeader& header) {
     SHIFTMAP_RETURN_IF_ERROR(Shift::OptionsOf(header).Validate());
@@ -72,6 +92,7 @@ class Replay {
   }
 
   const ServiceOptions& options_;
+  const ResumeMark& mark_;
   std::optional<MapSnapshot>* map_;
   std::optional<Shift>* shift_;
   std::vector<Event> events_;
@@ -81,11 +102,24 @@ class Replay {
 
 }  // namespace
 
-Status Service::Resume() {
-  const std::string path = File("shift.journal");
+// An attempt has succeeded once the replay and the rehearsal are through. A process that ends
+// later, for whatever reason, resumes again.
+void Service::TakeUpJournal() {
+  if (access(File(kJournal).c_str(), F_OK) != 0) return;
+  const ResumeMark mark(File(kResumeMark));
+  if (mark.failures() >= kMaxFailures) {
+    BeginInsteadOf(mark);
+  } else if (const Status status = Resume(mark); !status.ok()) {
+    SetJournalAside(status);
+  }
+  mark.Clear();
+}
+
+Status Service::Resume(const ResumeMark& mark) {
+  const std::string path = File(kJournal);
   std::optional<MapSnapshot> map = map_;
   std::optional<Shift> shift;
-  Replay replay(options_, &map, &shift);
+  Replay replay(options_, mark, &map, &shift);
   SHIFTMAP_ASSIGN_OR_RETURN(const JournalEnd end, ReadJournal(path, [&](std::string_view bytes) {
                               return replay.Take(bytes);
                             }));
@@ -98,6 +132,7 @@ Status Service::Resume() {
     unlink(path.c_str());
     return OkStatus();
   }
+  replay.Rehearse();
   SHIFTMAP_ASSIGN_OR_RETURN(journal_, JournalFile::Resume(path, end.whole_bytes));
   map_ = std::move(map);
   shift_ = std::move(shift);
@@ -105,14 +140,33 @@ Status Service::Resume() {
   resumed_ = true;
   last_uuid_ = shift_->header().uuid;
   HoldUntilNextItem();
+  options_.inform(fmt::format("shift {} of vehicle '{}' goes on after {} records of its journal",
+                              last_uuid_,
+                              shift_->header().vehicle,
+                              end.records));
   return OkStatus();
 }
 
+// The vehicle drives, and its driver goes on sending items: without a shift all would be refused.
+void Service::BeginInsteadOf(const ResumeMark& mark) {
+  Start start;
+  // An error only ends the reading.
+  (void)ReadJournal(File(kJournal), [&](std::string_view bytes) -> Status {
+    SHIFTMAP_ASSIGN_OR_RETURN(const JournalRecord record, DecodeJournalRecord(bytes));
+    if (const auto* header = std::get_if<ShiftHeader>(&record)) start.vehicle = header->vehicle;
+    return InvalidArgument("the first record is enough");
+  });
+  SetJournalAside(Internal("journal '{}': taking it up ended the process {} times at one place",
+                           File(kJournal),
+                           mark.failures()));
+  std::vector<Event> ignored;
+  if (const Status status = Do(start, &ignored); !status.ok()) options_.warn(Message(status));
+}
+
 void Service::SetJournalAside(const Status& why) {
-  const std::string path = File("shift.journal");
   const std::string aside = File(fmt::format("interrupted-{}.journal", RandomUuid()));
-  options_.warn(fmt::format("{}: not resumed, kept as '{}'", Message(why), aside));
-  std::rename(path.c_str(), aside.c_str());
+  options_.warn(fmt::format("{}: the journal is kept as '{}'", Message(why), aside));
+  std::rename(File(kJournal).c_str(), aside.c_str());
 }
 
 }  // namespace shiftmap::live

@@ -10,6 +10,13 @@ namespace {
 // Between samples further apart the odometer is not told.
 constexpr double kMaxSampleGapS = 1.0;
 
+// Of a pose that the vehicle left unseen: what is added at least, and what is too much to start
+// from.
+constexpr double kUnseenSdM = 0.1;
+constexpr double kUnseenSdRad = 0.05;
+constexpr double kMaxUnseenSdM = 3.0;
+constexpr double kMaxUnseenSdRad = 0.5;
+
 }  // namespace
 
 LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
@@ -51,6 +58,7 @@ void Shift::UpdatePose() {
   if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
   corrected_scans_ = scans;
   pose_ = predictor_.At(now_);
+  if (pose_ && !ValidateStart(pose_->pose).ok()) pose_.reset();
 }
 
 void Shift::TellOdometer(const OdometrySample& sample) {
@@ -97,6 +105,18 @@ std::optional<SavedPose> Shift::PoseToSave() const {
   saved.pose = pose_->pose;
   if (header_.odometer_m) saved.odometer_m = *header_.odometer_m + driven_m_;
   return saved;
+}
+
+std::optional<PoseWithCovariance> Shift::PoseAfter(double unseen_s) const {
+  const auto saved = PoseToSave();
+  if (!saved) return std::nullopt;
+  const OdometrySample velocity = last_sample_.value_or(OdometrySample());
+  const double sd_m = kUnseenSdM + std::abs(velocity.v_mps) * unseen_s;
+  const double sd_rad = kUnseenSdRad + std::abs(velocity.omega_radps) * unseen_s;
+  if (sd_m > kMaxUnseenSdM || sd_rad > kMaxUnseenSdRad) return std::nullopt;
+  PoseWithCovariance pose = saved->pose;
+  pose.cov_T_map_vehicle.diagonal() += Eigen::Vector3d(sd_m, sd_m, sd_rad).cwiseAbs2();
+  return pose;
 }
 
 }  // namespace shiftmap::live

@@ -43,7 +43,12 @@ class Shift {
   /// Where the vehicle is, for the next start; nothing if the localizer does not trust its pose.
   std::optional<SavedPose> PoseToSave() const;
 
-  /// The pose after the last item.
+  /// The pose after a time in which the vehicle went on unseen, with its last velocity at most;
+  /// nothing if the localizer does not trust its pose or that way is too long.
+  /// @param unseen_s  >= 0. [s]
+  std::optional<PoseWithCovariance> PoseAfter(double unseen_s) const;
+
+  /// The pose after the last item; nothing also if it is no pose that ValidateStart() accepts.
   const std::optional<PoseEstimate>& Pose() const { return pose_; }
 
   const ShiftHeader& header() const { return header_; }

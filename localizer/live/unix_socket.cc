@@ -11,7 +11,7 @@
 namespace shiftmap::live {
 namespace {
 
-constexpr int kBacklog = 8;
+constexpr int kBacklog = 64;
 constexpr mode_t kAccess = 0660;
 
 Status ErrnoStatus(StatusCode code, const std::string& path, const char* action) {
@@ -64,7 +64,9 @@ StatusOr<OwnedFd> ListenAt(const std::string& path) {
   SHIFTMAP_RETURN_IF_ERROR(RemoveStale(path, address));
   SHIFTMAP_ASSIGN_OR_RETURN(OwnedFd fd, StreamSocket(path, SOCK_NONBLOCK));
   if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
-    return ErrnoStatus(StatusCode::kUnavailable, path, "bind");
+    // Another start makes no folder.
+    const bool no_folder = errno == ENOENT || errno == ENOTDIR;
+    return ErrnoStatus(no_folder ? StatusCode::kNotFound : StatusCode::kUnavailable, path, "bind");
   }
   // Nobody can connect before listen(), so access is never wider than this.
   if (chmod(path.c_str(), kAccess) != 0 || listen(fd.get(), kBacklog) != 0) {

@@ -11,8 +11,8 @@ namespace shiftmap::live {
 /// Listens on a Unix stream socket at a path; its owner and group may connect. The socket file that
 /// a dead process left is replaced.
 /// Errors: kInvalidArgument if the path is too long or something other than a socket is there;
-/// kUnavailable if another process listens there, or the system refuses. Messages start with
-/// `socket '<path>': `.
+/// kNotFound if its folder is not there; kUnavailable if another process listens there, or the
+/// system refuses. Messages start with `socket '<path>': `.
 StatusOr<OwnedFd> ListenAt(const std::string& path);
 
 /// Connects to it. Errors: kInvalidArgument as above; kNotFound if nobody listens there.

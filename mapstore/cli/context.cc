@@ -27,6 +27,8 @@ void Context::Attend(const std::string& message) {
   Warn(message);
 }
 
+void Context::Inform(const std::string& message) const { spdlog::info("{}", message); }
+
 std::unique_ptr<Progress> Context::MakeProgress() const {
   const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();
   return std::make_unique<Progress>(visible ? err_ : nullptr);

@@ -46,6 +46,9 @@ class Context {
   /// ExitCode::kAttention.
   void Attend(const std::string& message);
 
+  /// One line on standard error, `<program>: info: <message>`, for a log of what happens over hours.
+  void Inform(const std::string& message) const;
+
   /// A progress line on standard error, silent with --quiet or if that is no terminal.
   std::unique_ptr<Progress> MakeProgress() const;
 

@@ -19,6 +19,12 @@ StatusOr<LocalizerState> StateFromProto(proto::LocalizerState state) {
   return static_cast<LocalizerState>(index);
 }
 
+// An enumerator of a later version says at least that the stamps do not agree.
+TimeLine TimeLineFromProto(proto::TimeLine time_line) {
+  if (time_line == proto::AGREES) return TimeLine::kAgrees;
+  return time_line == proto::LATE ? TimeLine::kLate : TimeLine::kFuture;
+}
+
 void FillState(const ServiceState& state, proto::ServiceState* out) {
   out->set_running(state.running);
   out->set_area(state.area);
@@ -34,6 +40,8 @@ void FillState(const ServiceState& state, proto::ServiceState* out) {
   out->set_decisions(state.decisions);
   out->set_overruns(state.overruns);
   out->set_calibrated_vehicle(state.calibrated_vehicle);
+  out->set_time_line(static_cast<proto::TimeLine>(state.time_line));
+  out->set_clock_jumps(state.clock_jumps);
   for (const DroppedCount& dropped : state.dropped) {
     proto::Dropped* entry = out->add_dropped();
     entry->set_reason(dropped.reason);
@@ -59,6 +67,8 @@ StatusOr<ServiceState> FromProto(const proto::ServiceState& in) {
   state.decisions = in.decisions();
   state.overruns = in.overruns();
   state.calibrated_vehicle = in.calibrated_vehicle();
+  state.time_line = TimeLineFromProto(in.time_line());
+  state.clock_jumps = in.clock_jumps();
   for (const proto::Dropped& dropped : in.dropped()) {
     state.dropped.push_back({dropped.reason(), dropped.count()});
   }

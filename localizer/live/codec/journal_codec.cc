@@ -38,6 +38,7 @@ StatusOr<JournalRecord> HeaderFromProto(const proto::ShiftHeader& in) {
   header.version = VersionNumber(in.version());
   header.content_hash = in.content_hash();
   header.map_stamp = StampFromNanoseconds(in.map_stamp_ns());
+  SHIFTMAP_RETURN_IF_ERROR(CheckStamp(header.map_stamp));
   header.alpha = in.alpha();
   header.max_leaves = in.max_leaves();
   header.max_delay_s = in.max_delay_s();

@@ -9,13 +9,12 @@ namespace {
 
 constexpr int kCovarianceValues = 6;
 
-// Time differences must not overflow, whatever a client sends.
+}  // namespace
+
 Status CheckStamp(Stamp stamp) {
   if (stamp >= Stamp()) return OkStatus();
   return InvalidArgument("stamp_ns: {}, expected 0 or more", ToNanoseconds(stamp));
 }
-
-}  // namespace
 
 void ToProto(const PoseWithCovariance& pose, proto::Pose* out) {
   out->set_x_m(pose.T_map_vehicle.x());

@@ -30,6 +30,10 @@ StatusOr<std::optional<double>> OdometerFromProto(const Proto& in) {
   return std::optional<double>(in.odometer_m());
 }
 
+/// Differences of stamps must not overflow, whatever a client sends. Errors: kInvalidArgument
+/// before 1970.
+Status CheckStamp(Stamp stamp);
+
 /// Decodes an item that the vehicle fed, and checks what a report could not carry.
 /// Errors: kInvalidArgument.
 StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in);

@@ -12,8 +12,7 @@
 #include "mapstore/map_store.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
-#include "tests/support/temp_dir.h"
-#include "tests/unit/localizer/simulated_run.h"
+#include "tests/unit/localizer/live/service_fixture.h"
 
 namespace shiftmap::live {
 namespace {
@@ -22,67 +21,6 @@ using testing::IsOk;
 using testing::ReadFile;
 using testing::StatusIs;
 using testing::WriteFile;
-
-class ServiceTest : public ::testing::Test {
- protected:
-  ServiceTest() : store_(folder_.File("maps.db")), content_(MakeTwoModeMap(30, 20.0, 3)) {
-    auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
-    EXPECT_THAT(store, IsOk());
-    Provenance provenance;
-    EXPECT_THAT(store->Commit("area", content_, provenance, CommitOptions()), IsOk());
-    SimulationOptions simulation;
-    simulation.duration_s = 30.0;
-    items_ = MergeEvents(
-        Simulate(content_, PositionsOf(content_, std::vector<int>(30, 1)), simulation).run);
-  }
-
-  ServiceOptions Options() {
-    ServiceOptions options;
-    options.map_path = store_;
-    options.area = "area";
-    options.state_dir = folder_.File("state");
-    options.vehicle = "cart";
-    options.software = "test";
-    options.clock = [] { return StampFromSeconds(2000.0); };
-    options.warn = [this](const std::string& message) { warnings_.push_back(message); };
-    return options;
-  }
-
-  Service Opened() {
-    StatusOr<Service> service = Service::Open(Options());
-    EXPECT_THAT(service, IsOk());
-    return *std::move(service);
-  }
-
-  Status Do(Service* service, const Command& command) {
-    events_.clear();
-    return service->Handle({.id = 1, .command = command}, &events_).status;
-  }
-
-  void Feed(Service* service, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto command = std::visit([](const auto& item) { return Command(item); }, items_[i]);
-      ASSERT_THAT(Do(service, command), IsOk());
-    }
-    service->WriteJournal();
-  }
-
-  std::string Stop(Service* service) {
-    EXPECT_THAT(Do(service, live::Stop()), IsOk());
-    const auto report = ReadShiftReport(service->State().report_path);
-    EXPECT_THAT(report, IsOk());
-    return EncodeShiftReport(*report);
-  }
-
-  std::string Journal() const { return folder_.File("state") + "/shift.journal"; }
-
-  testing::TempDir folder_;
-  std::string store_;
-  MapContent content_;
-  std::vector<RunEvent> items_;
-  std::vector<std::string> warnings_;
-  std::vector<Event> events_;
-};
 
 TEST_F(ServiceTest, AShiftUsesItsVehiclesOwnCalibration) {
   std::mt19937_64 random(testing::TestSeed(5));

@@ -33,7 +33,7 @@ TEST(UnixSocketTest, NothingElseIsReplaced) {
   EXPECT_THAT(ListenAt(folder.File("notes")),
               StatusIs(StatusCode::kInvalidArgument, "other than a socket"));
   EXPECT_EQ(testing::ReadFile(folder.File("notes")), "keep");
-  EXPECT_THAT(ListenAt(folder.File("no/folder")), StatusIs(StatusCode::kUnavailable, "bind"));
+  EXPECT_THAT(ListenAt(folder.File("no/folder")), StatusIs(StatusCode::kNotFound, "bind"));
 }
 
 TEST(UnixSocketTest, PathMustFit) {
