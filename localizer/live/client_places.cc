@@ -27,7 +27,8 @@ std::optional<std::size_t> GuestToClose(const std::vector<ClientActivity>& clien
   std::optional<std::size_t> longest;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     const ClientActivity& client = clients[i];
-    const bool in_grace = !client.has_spoken && SecondsSince(client.last, now) < options.grace_s;
+    const bool in_grace =
+        (!client.has_spoken || client.is_owed) && SecondsSince(client.last, now) < options.grace_s;
     if (client.kept || in_grace) continue;
     if (!longest || client.last < clients[*longest].last) longest = i;
   }

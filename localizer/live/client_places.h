@@ -15,8 +15,8 @@ struct ClientOptions {
   std::size_t max_kept = 32;  ///< Kept at most; one more is a guest. > 0.
   std::size_t guests = 8;     ///< Places beyond those, which only guests have. > 0.
 
-  /// A guest has at least this long to say its first message, > 0. [s]
-  double grace_s = 0.1;
+  /// A guest has at least this long to say its first message, and to take a reply, > 0. [s]
+  double grace_s = 0.2;
 
   /// Clients are closed that have not said a first message, that have sent a part of one, and
   /// guests that have been silent, for longer than this. > 0. [s]
@@ -31,6 +31,7 @@ struct ClientActivity {
 
   Clock::time_point last;  ///< Its last whole message, or that it connected.
   bool has_spoken = false;
+  bool is_owed = false;  ///< A reply is on its way.
   bool kept = false;
   std::optional<Clock::time_point> half_since =
       std::nullopt;  ///< It has sent a part of a message since.

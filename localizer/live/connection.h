@@ -42,7 +42,11 @@ class Connection {
   void set_subscription(const Subscribe& subscription) { subscription_ = subscription; }
 
   /// What decides whether the client may stay.
-  const ClientActivity& activity() const { return activity_; }
+  ClientActivity activity() const {
+    ClientActivity activity = activity_;
+    activity.is_owed = wants_write();
+    return activity;
+  }
   void Keep() { activity_.kept = true; }
 
   /// True once there is nothing more to do for the client.

@@ -17,6 +17,12 @@ constexpr double kUnseenSdRad = 0.05;
 constexpr double kMaxUnseenSdM = 3.0;
 constexpr double kMaxUnseenSdRad = 0.5;
 
+bool IsFinite(const PoseWithCovariance& pose) {
+  const Se2& T = pose.T_map_vehicle;
+  return T.translation().allFinite() && std::isfinite(T.yaw()) &&
+         pose.cov_T_map_vehicle.allFinite();
+}
+
 }  // namespace
 
 LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
@@ -58,7 +64,7 @@ void Shift::UpdatePose() {
   if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
   corrected_scans_ = scans;
   pose_ = predictor_.At(now_);
-  if (pose_ && !ValidateStart(pose_->pose).ok()) pose_.reset();
+  if (pose_ && !IsFinite(pose_->pose)) pose_.reset();
 }
 
 void Shift::TellOdometer(const OdometrySample& sample) {
@@ -97,7 +103,7 @@ ShiftReport Shift::Report(DropCounts dropped) const {
 std::optional<SavedPose> Shift::PoseToSave() const {
   const LocalizerState state = localizer_.state();
   if (state == LocalizerState::kInitializing || state == LocalizerState::kLost) return std::nullopt;
-  if (!pose_) return std::nullopt;
+  if (!pose_ || !ValidateStart(pose_->pose).ok()) return std::nullopt;
   SavedPose saved;
   saved.area = header_.area;
   saved.content_hash = header_.content_hash;

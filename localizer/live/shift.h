@@ -40,7 +40,8 @@ class Shift {
   /// @param dropped  What did not reach the localizer.
   ShiftReport Report(DropCounts dropped) const;
 
-  /// Where the vehicle is, for the next start; nothing if the localizer does not trust its pose.
+  /// Where the vehicle is, for the next start; nothing if the localizer does not trust its pose,
+  /// or ValidateStart() does not.
   std::optional<SavedPose> PoseToSave() const;
 
   /// The pose after a time in which the vehicle went on unseen, with its last velocity at most;
@@ -48,7 +49,7 @@ class Shift {
   /// @param unseen_s  >= 0. [s]
   std::optional<PoseWithCovariance> PoseAfter(double unseen_s) const;
 
-  /// The pose after the last item; nothing also if it is no pose that ValidateStart() accepts.
+  /// The pose after the last item, of finite numbers.
   const std::optional<PoseEstimate>& Pose() const { return pose_; }
 
   const ShiftHeader& header() const { return header_; }

@@ -48,11 +48,15 @@ TEST(ClientPlacesTest, TheGuestThatWasSilentLongestMakesRoom) {
   EXPECT_EQ(GuestToClose({Kept(0.0), Guest(3.0, true), Guest(4.0, false)}, options, At(9.0)), 1u);
 }
 
-TEST(ClientPlacesTest, AGuestHasTimeToSayItsFirstMessage) {
+TEST(ClientPlacesTest, AGuestHasTimeToAskAndToBeAnswered) {
   const ClientOptions options;
-  EXPECT_FALSE(GuestToClose({Guest(3.0, false)}, options, At(3.05)));
-  EXPECT_EQ(GuestToClose({Guest(3.0, false)}, options, At(3.2)), 0u);
-  EXPECT_EQ(GuestToClose({Guest(3.0, true)}, options, At(3.05)), 0u);
+  EXPECT_FALSE(GuestToClose({Guest(3.0, false)}, options, At(3.1)));
+  EXPECT_EQ(GuestToClose({Guest(3.0, false)}, options, At(3.3)), 0u);
+  EXPECT_EQ(GuestToClose({Guest(3.0, true)}, options, At(3.1)), 0u);
+  ClientActivity owed = Guest(3.0, true);
+  owed.is_owed = true;
+  EXPECT_FALSE(GuestToClose({owed}, options, At(3.1)));
+  EXPECT_EQ(GuestToClose({owed}, options, At(3.3)), 0u);
 }
 
 }  // namespace
