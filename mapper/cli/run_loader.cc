@@ -78,15 +78,16 @@ class Loader {
 Status Loader::DropImplausibleItems(const std::string& path, RunLog* log) {
   const ImplausibleItems dropped = DropImplausible(options_.limits, &log->run);
   if (!dropped.any()) return OkStatus();
+  if (log->run.odometry.empty()) {
+    return InvalidArgument("{}: no odometry within the limits", LogName(path));
+  }
+  dropped_[log->sha256] = dropped;
   context_.Warn(
-      fmt::format("{}: {} odometry samples and {} observations are beyond the limits and "
-                  "dropped",
+      fmt::format("{}: {} odometry samples and {} observations are beyond the limits and dropped",
                   LogName(path),
                   dropped.odometry,
                   dropped.observations));
-  dropped_[log->sha256] = dropped;
-  if (!log->run.odometry.empty()) return OkStatus();
-  return InvalidArgument("{}: no odometry within the limits", LogName(path));
+  return OkStatus();
 }
 
 Status Loader::CheckName(const std::string& path, const std::string& name) {

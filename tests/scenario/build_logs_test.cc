@@ -12,8 +12,10 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/run_log_messages.h"
 #include "mapstore/core/clock.h"
+#include "proto/mcap/byte_writer.h"
+#include "proto/mcap/compression.h"
+#include "proto/mcap/crc32.h"
 #include "proto/mcap/format.h"
-#include "proto/mcap/writer.h"
 #include "tests/scenario/background_command.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
@@ -28,21 +30,39 @@ constexpr int kBadInput = 3;
 constexpr auto kYear = hours(24 * 365);
 constexpr std::size_t kMib = std::size_t{1} << 20;
 
-// The bytes of a log with one message, `count` times, in chunks that are as large as a reader
-// takes.
-std::string Repeated(const RunLogTopic& topic, const std::string& data, int count) {
-  std::string bytes;
-  mcap::Writer writer(
-      [&bytes](std::string_view more) {
-        bytes.append(more);
-        return OkStatus();
-      },
-      {.chunk_bytes = mcap::kMaxChunkBytes, .chunk_duration_ns = 0});
-  const std::uint16_t schema = writer.AddSchema(topic.schema_name, "protobuf", RunLogSchema());
-  const std::uint16_t channel = writer.AddChannel(schema, topic.topic, "protobuf");
-  for (int i = 0; i < count; ++i) EXPECT_TRUE(writer.Write(channel, 0, data).ok());
-  EXPECT_TRUE(writer.Finish().ok());
-  return bytes;
+// The bytes of a log with the same message, `count` times, in chunks that are the same but for the
+// last, and as large as a reader takes.
+std::string Repeated(const RunLogTopic& topic, const std::string& data, std::size_t count) {
+  using mcap::ByteWriter;
+  using mcap::Opcode;
+  constexpr std::uint16_t kId = 1;
+  ByteWriter header;
+  header.String("").String("test");
+  ByteWriter schema;
+  schema.Write(kId).String(topic.schema_name).String("protobuf").String(RunLogSchema());
+  ByteWriter channel;
+  channel.Write(kId).Write(kId).String(topic.topic).String("protobuf").String("");
+  ByteWriter file;
+  file.Bytes(mcap::kMagic)
+      .Record(Opcode::kHeader, header.bytes())
+      .Record(Opcode::kSchema, schema.bytes())
+      .Record(Opcode::kChannel, channel.bytes());
+  ByteWriter content;
+  content.Write(kId).Write(std::uint32_t{0}).Write(std::uint64_t{0}).Write(std::uint64_t{0});
+  ByteWriter message;
+  message.Record(Opcode::kMessage, content.Bytes(data).bytes());
+  const std::size_t per_chunk = mcap::kMaxChunkBytes / message.size();
+  for (; count > 0; count -= std::min(count, per_chunk)) {
+    std::string records;
+    for (std::size_t i = 0; i < std::min(count, per_chunk); ++i) records += message.bytes();
+    const std::string stored = *mcap::Compress(mcap::Compression::kZstd, records);
+    ByteWriter chunk;
+    chunk.Write(std::uint64_t{0}).Write(std::uint64_t{0}).Write(std::uint64_t{records.size()});
+    chunk.Write(mcap::Crc32::Of(records)).String("zstd");
+    chunk.Write(std::uint64_t{stored.size()}).Bytes(stored);
+    file.Record(Opcode::kChunk, chunk.bytes());
+  }
+  return file.bytes();
 }
 
 void Shift(Duration by, shiftmap::Run* run) {
@@ -127,8 +147,7 @@ World* BuildLogs::world_ = nullptr;
 
 TEST_F(BuildLogs, MillionsOfSamplesInAFewBytes) {
   const std::string sample = EncodeOdometry({StampFromNanoseconds(0), 0.0, 0.0});
-  const int per_chunk = static_cast<int>(mcap::kMaxChunkBytes / (9 + 22 + sample.size()));
-  const std::string bytes = Repeated(kOdometryTopic, sample, 3 * per_chunk);
+  const std::string bytes = Repeated(kOdometryTopic, sample, 6'500'000);
   EXPECT_LT(bytes.size(), kMib);
   ExpectLeftOut("samples.mcap", bytes, "the chunks up to here hold");
 }
