@@ -2,9 +2,11 @@
 #include "mapstore/sqlite/database.h"
 
 #include <fcntl.h>
+#include <linux/magic.h>
 #include <sqlite3.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -41,13 +43,19 @@ std::string UriOf(const std::string& path, const char* parameters) {
   return uri + parameters;
 }
 
+// Files of /proc look regular, and reading them looks like a disk that fails.
+bool IsOfProc(const std::string& path) {
+  struct statfs info {};
+  return statfs(path.c_str(), &info) == 0 && info.f_type == PROC_SUPER_MAGIC;
+}
+
 // The file as SQLite may not say it: SQLite reports a missing file, a missing folder and a folder
 // all as "unable to open".
 Status CheckFile(const std::string& path, Database::Mode mode) {
   if (path.empty()) return InvalidArgument("{}: expected the path of a file", NameOf(path));
   struct stat info {};
   if (stat(path.c_str(), &info) == 0) {
-    if (S_ISREG(info.st_mode)) return OkStatus();
+    if (S_ISREG(info.st_mode) && !IsOfProc(path)) return OkStatus();
     return FailedPrecondition("{}: not a map store: not a regular file", NameOf(path));
   }
   if (mode != Database::Mode::kReadWriteCreate) {
