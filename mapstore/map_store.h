@@ -145,8 +145,8 @@ class MapStore {
   StatusOr<std::set<std::string>> RunHashes(const std::string& area, VersionNumber version);
 
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing.
-  /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if its
-  /// content hash is not that version's; as CheckClock.
+  /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if
+  /// ValidateShiftReport() refuses it or its content hash is not that version's; as CheckClock.
   StatusOr<ReturnResult> Return(const ShiftReport& report);
 
   /// Whether the clock lets a report in, for what wants to know before it writes.

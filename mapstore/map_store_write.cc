@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
@@ -226,8 +227,9 @@ Status MapStore::CheckClock(const ShiftReport& report) const {
 
 StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
   Database& database = state_->database;
-  const Status valid = CheckReport(report);
-  if (!valid.ok()) return InvalidArgument("{}: {}", database.name(), Message(valid));
+  if (const Status valid = ValidateShiftReport(report); !valid.ok()) {
+    return InvalidArgument("{}: shift report {}: {}", database.name(), report.uuid, Message(valid));
+  }
   SHIFTMAP_RETURN_IF_ERROR(CheckClock(report));
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());

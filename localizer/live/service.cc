@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "localizer/live/codec/journal_codec.h"
-#include "mapstore/codec/shift_report_check.h"
+#include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap::live {

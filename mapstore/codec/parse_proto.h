@@ -3,6 +3,8 @@
 // Inside codec/ only: it is for generated types.
 #pragma once
 
+#include <google/protobuf/stubs/logging.h>
+
 #include <climits>
 #include <string_view>
 
@@ -23,6 +25,7 @@ Status ParseProto(std::string_view bytes, Proto* message) {
 
 template <typename Proto>
 StatusOr<Proto> ParseProto(std::string_view bytes) {
+  const google::protobuf::LogSilencer silencer;  // It prints lines of its own about text.
   Proto message;
   SHIFTMAP_RETURN_IF_ERROR(ParseProto(bytes, &message));
   return message;

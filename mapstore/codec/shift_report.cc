@@ -6,17 +6,15 @@
 #include <array>
 #include <utility>
 
-#include "mapstore/codec/shift_report_check.h"
+#include "mapstore/codec/parse_proto.h"
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/map/shift_report_check.h"
 #include "proto/mcap/byte_source.h"
 #include "proto/shift_report.pb.h"
 
 namespace shiftmap {
 namespace {
-
-// A shift's report has some kilobytes; what is above is none.
-constexpr std::size_t kMaxReportBytes = std::size_t{64} << 20;
 
 Status About(const std::string& path, const Status& status) {
   if (status.ok()) return status;
@@ -110,6 +108,11 @@ ShiftReport FromProto(const proto::ShiftReport& in) {
   return report;
 }
 
+Status CheckSize(std::size_t bytes) {
+  if (bytes <= kMaxReportBytes) return OkStatus();
+  return InvalidArgument("above {} bytes", kMaxReportBytes);
+}
+
 StatusOr<ShiftReport> ReadWhole(const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(std::ifstream file, OpenInputFile(path));
   std::string bytes;
@@ -119,9 +122,10 @@ StatusOr<ShiftReport> ReadWhole(const std::string& path) {
 }
 
 Status WriteChecked(const ShiftReport& report, const std::string& path) {
-  const std::string bytes = EncodeShiftReport(report);
   // What no reader would accept must not reach a disk: the shift's evidence would be lost later.
-  SHIFTMAP_RETURN_IF_ERROR(DecodeShiftReport(bytes).status());
+  SHIFTMAP_RETURN_IF_ERROR(ValidateShiftReport(report));
+  const std::string bytes = EncodeShiftReport(report);
+  SHIFTMAP_RETURN_IF_ERROR(CheckSize(bytes.size()));
   SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
   SHIFTMAP_RETURN_IF_ERROR(file.Append(bytes));
   return file.Commit();
@@ -148,13 +152,8 @@ std::string EncodeShiftReport(const ShiftReport& report) {
 }
 
 StatusOr<ShiftReport> DecodeShiftReport(const std::string& bytes) {
-  if (bytes.size() > kMaxReportBytes) {
-    return InvalidArgument("above {} bytes", kMaxReportBytes);
-  }
-  proto::ShiftReport message;
-  if (!message.ParseFromString(bytes)) {
-    return InvalidArgument("{} bytes that are not a shiftmap.proto.ShiftReport", bytes.size());
-  }
+  SHIFTMAP_RETURN_IF_ERROR(CheckSize(bytes.size()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::ShiftReport>(bytes));
   ShiftReport report = FromProto(message);
   SHIFTMAP_RETURN_IF_ERROR(ValidateShiftReport(report));
   return report;

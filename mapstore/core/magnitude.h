@@ -10,4 +10,7 @@ inline constexpr double kMaxMagnitude = 1e9;
 /// The same of variances.
 inline constexpr double kMaxVariance = kMaxMagnitude * kMaxMagnitude;
 
+/// Least of positive numbers that are squared and divided by, as standard deviations are.
+inline constexpr double kMinMagnitude = 1e-30;
+
 }  // namespace shiftmap

@@ -52,7 +52,9 @@ double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
 }
 
 double ChiSquareTail(double value, int dof) {
-  SHIFTMAP_CHECK(dof > 0 && value >= 0.0, "dof {}, value {}", dof, value);
+  SHIFTMAP_CHECK(dof > 0, "dof {}", dof);
+  if (value <= 0.0) return 1.0;
+  if (!std::isfinite(value)) return 0.0;
   return boost::math::cdf(boost::math::complement(boost::math::chi_squared(dof), value));
 }
 

@@ -46,7 +46,8 @@ double SquaredMahalanobis(const Se2& T_map_a, const Se2& T_map_b, const Eigen::M
 /// @param probability  In (0, 1).
 double ChiSquareQuantile(double probability, int dof);
 
-/// The probability that a chi-square variable with `dof` degrees of freedom exceeds `value` >= 0.
+/// The probability that a chi-square variable with `dof` degrees of freedom exceeds `value`; 0 if
+/// that is not a number.
 double ChiSquareTail(double value, int dof);
 
 }  // namespace shiftmap

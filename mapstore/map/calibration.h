@@ -6,6 +6,9 @@
 
 namespace shiftmap {
 
+/// Of OdometryCalibration::lag_s, either way. [s]
+inline constexpr double kMaxLagS = 60.0;
+
 /// What a fleet's odometry gets wrong, and by how much that differs between vehicles:
 /// true v = scale_v · measured v, true ω = scale_omega · measured ω, each read `lag_s` later.
 struct OdometryCalibration {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "mapstore/core/magnitude.h"
+#include "mapstore/core/stamp_check.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -14,14 +16,24 @@ Status ValidateMode(const Mode& mode, const std::string& owner) {
   if (mode.number.value() < 1) {
     return InvalidArgument("{}: mode number {}, expected 1 or more", owner, mode.number.value());
   }
-  if (!mode.p_map_landmark.allFinite()) {
-    return InvalidArgument("{}: mode {}: position is not finite", owner, mode.number.value());
+  if (!mode.p_map_landmark.allFinite() ||
+      mode.p_map_landmark.cwiseAbs().maxCoeff() > kMaxMagnitude) {
+    return InvalidArgument("{}: mode {}: position ({}, {}), expected finite numbers up to {}",
+                           owner,
+                           mode.number.value(),
+                           mode.p_map_landmark.x(),
+                           mode.p_map_landmark.y(),
+                           kMaxMagnitude);
   }
-  if (!IsSymmetricPositiveDefinite(mode.cov_p_map_landmark)) {
+  if (!IsSymmetricPositiveDefinite(mode.cov_p_map_landmark) ||
+      mode.cov_p_map_landmark.maxCoeff() > kMaxVariance) {
     return InvalidArgument(
-        "{}: mode {}: covariance is not symmetric positive definite", owner, mode.number.value());
+        "{}: mode {}: covariance is not symmetric positive definite, or above {}",
+        owner,
+        mode.number.value(),
+        kMaxVariance);
   }
-  return OkStatus();
+  return ValidateStamp(mode.last_seen);
 }
 
 Status ValidateMerged(const LandmarkGroup& group, const std::string& owner) {
@@ -57,8 +69,11 @@ Status ValidateGroup(const LandmarkGroup& group) {
         "{}: chain has {} states, expected {}", owner, group.chain.states(), states);
   }
   SHIFTMAP_RETURN_IF_ERROR(ValidateMerged(group, owner));
-  if (!std::isfinite(group.chain.leave_rate_per_s())) {
-    return InvalidArgument("{}: leave rate is not finite", owner);
+  if (!(group.chain.leave_rate_per_s() <= kMaxMagnitude)) {
+    return InvalidArgument("{}: leave rate {} per second, expected at most {}",
+                           owner,
+                           group.chain.leave_rate_per_s(),
+                           kMaxMagnitude);
   }
   if (group.probabilities.size() != states) {
     return InvalidArgument(
@@ -89,9 +104,11 @@ Status ValidateCovariance(const MapContent& content) {
         "joint covariance of {} modes, expected {}", content.covariance.size(), index);
   }
   for (const JointCovariance::CrossBlock& block : content.covariance.cross_blocks()) {
-    if (!block.value.allFinite()) {
-      return InvalidArgument(
-          "joint covariance block ({}, {}) is not finite", block.row, block.column);
+    if (!block.value.allFinite() || block.value.cwiseAbs().maxCoeff() > kMaxVariance) {
+      return InvalidArgument("joint covariance block ({}, {}) is not finite, or above {}",
+                             block.row,
+                             block.column,
+                             kMaxVariance);
     }
   }
   return OkStatus();
@@ -110,18 +127,22 @@ Status ValidateVehicles(const std::vector<VehicleCalibration>& vehicles) {
 }  // namespace
 
 Status ValidateCalibration(const Calibration& calibration) {
-  const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
+  const auto positive = [](double value) {
+    return value >= kMinMagnitude && value <= kMaxMagnitude;
+  };
   const auto probability = [](double value) { return value > 0.0 && value < 1.0; };
   const OdometryCalibration& odometry = calibration.odometry;
   const SensorCalibration& sensor = calibration.sensor;
   if (!positive(odometry.scale_v) || !positive(odometry.scale_omega) ||
-      !std::isfinite(odometry.lag_s) || !positive(odometry.sd_log_scale) ||
+      !(std::abs(odometry.lag_s) <= kMaxLagS) || !positive(odometry.sd_log_scale) ||
       !positive(odometry.noise_v) || !positive(odometry.noise_omega)) {
     return InvalidArgument("odometry calibration out of range");
   }
   if (!positive(sensor.sd_range_m) || !positive(sensor.sd_bearing_rad) ||
-      !positive(sensor.sd_position_m) || !std::isfinite(sensor.range_curvature_per_rad2) ||
-      !(sensor.mean_squared_bearing_rad2 >= 0.0) || !positive(sensor.max_range_m) ||
+      !positive(sensor.sd_position_m) ||
+      !(std::abs(sensor.range_curvature_per_rad2) <= kMaxMagnitude) ||
+      !(sensor.mean_squared_bearing_rad2 >= 0.0) ||
+      !(sensor.mean_squared_bearing_rad2 <= kMaxMagnitude) || !positive(sensor.max_range_m) ||
       !positive(sensor.max_bearing_rad) || !probability(sensor.detection_probability) ||
       !probability(sensor.occluded_visit_probability) || !positive(sensor.clutter_density_per_m2) ||
       !positive(sensor.new_landmark_density_per_m2)) {
@@ -146,6 +167,7 @@ Status ValidateMapContent(const MapContent& content) {
     SHIFTMAP_RETURN_IF_ERROR(ValidateMode(landmark, "anonymous landmark"));
   }
   SHIFTMAP_RETURN_IF_ERROR(ValidateVehicles(content.vehicles));
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(content.stamp));
   return ValidateCalibration(content.calibration);
 }
 

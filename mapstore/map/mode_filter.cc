@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <tuple>
 #include <utility>
@@ -17,6 +18,16 @@ constexpr double kImpossible = -std::numeric_limits<double>::infinity();
 
 // Long against the time between any two changes, short enough not to overflow.
 constexpr Duration kForever = std::chrono::hours(24 * 365 * 200);
+
+// Zero for what is not later. Stores of older versions have stamps further apart than a Duration
+// can say.
+Duration Elapsed(Stamp from, Stamp to) {
+  if (to <= from) return Duration::zero();
+  const auto elapsed_ns = static_cast<std::uint64_t>(ToNanoseconds(to)) -
+                          static_cast<std::uint64_t>(ToNanoseconds(from));
+  return Duration(static_cast<std::int64_t>(
+      std::min(elapsed_ns, static_cast<std::uint64_t>(kForever.count()))));
+}
 
 auto OrderOf(const EvidenceRow& row) {
   return std::tie(row.evidence.begin, row.evidence.end, row.report_uuid);
@@ -88,7 +99,7 @@ void AddVisit(const LandmarkGroup& group,
   state->started = true;
   if (begin > state->stamp && group.chain.leave_rate_per_s() > 0.0) {
     state->log_probabilities =
-        Log(group.chain.Propagate(Exp(state->log_probabilities), begin - state->stamp));
+        Log(group.chain.Propagate(Exp(state->log_probabilities), Elapsed(state->stamp, begin)));
   }
   state->log_probabilities += log_likelihoods;
   Normalize(&state->log_probabilities);
@@ -138,7 +149,7 @@ ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<E
 Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at) {
   const Eigen::VectorXd probabilities = Exp(state.log_probabilities);
   if (at <= state.stamp) return probabilities;
-  return group.chain.Propagate(probabilities, at - state.stamp);
+  return group.chain.Propagate(probabilities, Elapsed(state.stamp, at));
 }
 
 }  // namespace shiftmap

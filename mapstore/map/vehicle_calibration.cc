@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mapstore/core/magnitude.h"
 #include "mapstore/map/run_spread.h"
 
 namespace shiftmap {
@@ -14,12 +15,13 @@ constexpr double kMinDetection = 0.05;
 constexpr double kMaxDetection = 0.95;
 
 bool IsValid(const Estimate& estimate) {
-  return std::isfinite(estimate.value) && std::isfinite(estimate.sd) && estimate.sd > 0.0;
+  return std::abs(estimate.value) <= kMaxMagnitude && estimate.sd > 0.0 &&
+         estimate.sd <= kMaxMagnitude;
 }
 
 bool IsValid(const NoiseEstimate& noise) {
   if (!std::isfinite(noise.sd) || !std::isfinite(noise.dof) || noise.dof < 0.0) return false;
-  return noise.known() ? noise.sd > 0.0 : noise.sd >= 0.0;
+  return noise.sd <= kMaxMagnitude && noise.sd >= (noise.known() ? kMinMagnitude : 0.0);
 }
 
 bool IsValid(const ShareEstimate& share) {
@@ -97,8 +99,9 @@ Status ValidateVehicleCalibration(const VehicleCalibration& vehicle) {
       vehicle.runs >= 1 && IsValid(vehicle.log_scale_v) && IsValid(vehicle.log_scale_omega) &&
       std::abs(vehicle.log_scale_v.value) < 10.0 &&
       std::abs(vehicle.log_scale_omega.value) < 10.0 && IsValid(vehicle.lag_s) &&
-      IsValid(vehicle.bearing_offset_rad) && IsValid(vehicle.range_curvature_per_rad2) &&
-      std::isfinite(vehicle.mean_squared_bearing_rad2) &&
+      std::abs(vehicle.lag_s.value) <= kMaxLagS && IsValid(vehicle.bearing_offset_rad) &&
+      IsValid(vehicle.range_curvature_per_rad2) &&
+      vehicle.mean_squared_bearing_rad2 <= kMaxMagnitude &&
       vehicle.mean_squared_bearing_rad2 >= 0.0 && IsValid(vehicle.noise_v) &&
       IsValid(vehicle.noise_omega) && IsValid(vehicle.range_m) && IsValid(vehicle.bearing_rad) &&
       IsValid(vehicle.position_m) && IsValid(vehicle.detection);

@@ -1,11 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/run/item_limits.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 namespace shiftmap {
+namespace {
+
+bool IsPlausible(const Eigen::Matrix2d& cov_z, Observation::Kind kind, double max_range_m) {
+  constexpr double kMinSd = 1e-6;
+  const double max_second =
+      kind == Observation::Kind::kRangeBearing ? std::numbers::pi : max_range_m;
+  // At most the smallest eigenvalue.
+  const double least = cov_z.determinant() / cov_z.trace();
+  return cov_z(0, 0) <= max_range_m * max_range_m && cov_z(1, 1) <= max_second * max_second &&
+         least >= kMinSd * kMinSd;
+}
+
+}  // namespace
 
 ItemLimits ItemLimits::For(const SensorCalibration& sensor) {
   constexpr double kFieldsOfView = 10.0;
@@ -20,9 +35,12 @@ bool IsPlausible(const OdometrySample& sample, const ItemLimits& limits) {
 }
 
 bool IsPlausible(const Observation& observation, const ItemLimits& limits) {
-  return observation.kind == Observation::Kind::kRangeBearing
-             ? observation.z.x() <= limits.max_range_m
-             : observation.z.norm() <= limits.max_range_m;
+  const double range_m = observation.kind == Observation::Kind::kRangeBearing
+                             ? observation.z.x()
+                             : observation.z.norm();
+  if (!(range_m <= limits.max_range_m)) return false;
+  return !observation.cov_z ||
+         IsPlausible(*observation.cov_z, observation.kind, limits.max_range_m);
 }
 
 ImplausibleItems DropImplausible(const ItemLimits& limits, Run* run) {

@@ -12,7 +12,8 @@ namespace shiftmap {
 /// where a driver writes its largest number for "no reading"; it carries no information and is
 /// dropped. ValidateEvent() is wider: it rejects what no log may hold.
 struct ItemLimits {
-  /// Of a landmark from the vehicle, > 0. [m]
+  /// Of a landmark from the vehicle, and of the standard deviations that a log states for it, > 0.
+  /// [m]
   double max_range_m = 1000.0;
 
   /// Of the vehicle, forwards or backwards, > 0. [m/s]
@@ -34,6 +35,10 @@ struct ImplausibleItems {
 };
 
 bool IsPlausible(const OdometrySample& sample, const ItemLimits& limits);
+
+/// Also false if the observation states a covariance that no sensor has: a bearing that says
+/// nothing (standard deviation above π), a position that says nothing (above the range), or one
+/// that says more than anybody can know (below 1e-6 m or rad).
 bool IsPlausible(const Observation& observation, const ItemLimits& limits);
 
 /// Drops what is implausible from a run. A scan stays, also if it then says that it saw nothing.

@@ -7,21 +7,13 @@
 #include <type_traits>
 
 #include "mapstore/core/magnitude.h"
+#include "mapstore/core/stamp_check.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
 
 bool IsWithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
-
-// Differences of time must not overflow, whatever a log says.
-constexpr Duration kMaxSinceEpoch{std::int64_t{1} << 62};
-
-Status ValidateStamp(Stamp stamp) {
-  const Duration since_epoch = stamp.time_since_epoch();
-  if (since_epoch >= -kMaxSinceEpoch && since_epoch < kMaxSinceEpoch) return OkStatus();
-  return InvalidArgument("stamp_ns: {}, expected within 146 years of 1970", ToNanoseconds(stamp));
-}
 
 Status ValidateItem(const OdometrySample& sample) {
   SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(sample.stamp));

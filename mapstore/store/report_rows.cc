@@ -2,7 +2,6 @@
 #include "mapstore/store/report_rows.h"
 
 #include <algorithm>
-#include <cmath>
 #include <tuple>
 #include <utility>
 
@@ -135,48 +134,7 @@ Status DecideAmongSameRun(Database& database,
   return update.Execute();
 }
 
-Status CheckEvidence(const ShiftReport& report, const std::string& owner) {
-  for (const VisitEvidence& evidence : report.evidence) {
-    const std::string& signature = evidence.signature.text();
-    if (evidence.end < evidence.begin) {
-      return InvalidArgument("{}: evidence of '{}' ends before it begins", owner, signature);
-    }
-    if (!CheckLogLikelihoods(evidence.modes)) {
-      return InvalidArgument(
-          "{}: evidence of '{}': expected finite log-likelihoods by ascending mode, absent first",
-          owner,
-          signature);
-    }
-  }
-  const std::vector<const VisitEvidence*> rows = ByTime(report.evidence);
-  const auto twice = std::adjacent_find(rows.begin(), rows.end(), [](const auto* a, const auto* b) {
-    return KeyOf(*a) == KeyOf(*b);
-  });
-  if (twice == rows.end()) return OkStatus();
-  return InvalidArgument(
-      "{}: two visits of '{}' at the same time", owner, (*twice)->signature.text());
-}
-
 }  // namespace
-
-Status CheckReport(const ShiftReport& report) {
-  if (report.uuid.empty()) return InvalidArgument("shift report has no uuid");
-  const std::string owner = fmt::format("shift report {}", report.uuid);
-  if (report.end < report.begin) return InvalidArgument("{}: ends before it begins", owner);
-  for (const Decision& decision : report.decisions) {
-    if (!std::isfinite(decision.log_odds)) {
-      return InvalidArgument(
-          "{}: decision on '{}': log odds are not finite", owner, decision.signature.text());
-    }
-  }
-  for (const UnmappedSighting& sighting : report.sightings) {
-    if (!sighting.p_map_landmark.allFinite() || !sighting.cov_p_map_landmark.allFinite()) {
-      return InvalidArgument(
-          "{}: sighting of '{}' is not finite", owner, sighting.signature.text());
-    }
-  }
-  return CheckEvidence(report, owner);
-}
 
 StatusOr<bool> HasReport(Database& database, const std::string& uuid) {
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query,

@@ -13,11 +13,6 @@
 
 namespace shiftmap {
 
-/// Checks what the ledger relies on in a report that is to be added: a UUID, times in order, finite
-/// log-likelihoods with `absent` first, no two visits of a group at the same time.
-/// Errors: kInvalidArgument, naming the report.
-Status CheckReport(const ShiftReport& report);
-
 /// True if a report with this UUID is in the ledger, whatever the case of its letters.
 StatusOr<bool> HasReport(Database& database, const std::string& uuid);
 

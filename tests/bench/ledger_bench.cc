@@ -60,7 +60,8 @@ class Fleet {
     report.version = version_.version;
     report.content_hash = version_.content_hash;
     report.begin = content_.stamp + kShift * (reports_ / kVehicles);
-    report.end = report.begin + kShift;
+    report.end = report.begin + kShift + std::chrono::seconds(10);
+    report.software = "ledger_bench";
     std::uniform_int_distribution<std::size_t> group(0, content_.groups.size() - 1);
     std::uniform_int_distribution<Duration::rep> jitter(0, kShift.count() / visits_ / 2);
     for (int i = 0; i < visits_; ++i) {

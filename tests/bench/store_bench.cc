@@ -42,17 +42,21 @@ struct World {
   // A report with one visit of each of the first `visits` groups, again and again.
   ShiftReport Report(int visits) {
     ShiftReport report;
-    report.uuid = "bench-" + std::to_string(reports++);
+    report.uuid = fmt::format("{:08x}-0000-4000-8000-000000000000", reports++);
+    report.vehicle = "v";
+    report.software = "store_bench";
     report.area = "a";
     report.version = version.version;
     report.content_hash = version.content_hash;
     std::mt19937_64 random(static_cast<std::uint64_t>(reports));
     Stamp begin = content.stamp + std::chrono::hours(reports);
+    report.begin = begin;
     for (int i = 0; i < visits; ++i) {
       const auto group = static_cast<std::size_t>(i) % content.groups.size();
       begin += std::chrono::seconds(1);
       report.evidence.push_back(RandomEvidence(random, content.groups[group], begin, begin));
     }
+    report.end = begin;
     return report;
   }
 

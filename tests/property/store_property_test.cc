@@ -150,12 +150,13 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     ShiftReport report;
     report.uuid = fmt::format("{:08x}-0000-4000-8000-{:012x}", Below(1 << 30), uuids_++);
     report.vehicle = "truck";
+    report.software = "test";
     report.area = "mine";
     report.version = NumberOf(version);
     report.content_hash = hashes_[version];
     if (Chance(0.4)) report.run_hash = RunHash();
     report.begin = begin_;
-    report.end = begin_ + std::chrono::hours(48);
+    report.end = begin_ + std::chrono::hours(72);
     Stamp begin = RandomStamp();
     for (int i = Below(6); i > 0; --i) {
       const std::vector<LandmarkGroup>& groups = model_.versions()[version].content.groups;

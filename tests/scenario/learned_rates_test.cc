@@ -57,6 +57,7 @@ class LearnedRatesTest : public ::testing::Test {
       ShiftReport report;
       report.uuid = fmt::format("00000000-0000-4000-8000-{:012}", i);
       report.vehicle = "truck";
+      report.software = "test";
       report.area = "floor";
       report.version = VersionNumber(1);
       report.content_hash = map->content_hash();

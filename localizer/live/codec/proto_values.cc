@@ -2,7 +2,7 @@
 #include "localizer/live/codec/proto_values.h"
 
 #include "localizer/localizer_options.h"
-#include "mapstore/codec/shift_report_check.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap::live {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/codec/proto_values.h"
-#include "mapstore/codec/shift_report_check.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap::live {
 namespace {

@@ -123,6 +123,13 @@ TEST(ChiSquareTest, TwoDegreesOfFreedomHaveAClosedForm) {
   }
 }
 
+TEST(ChiSquareTest, TailTakesWhatIsNoSquare) {
+  EXPECT_EQ(ChiSquareTail(0.0, 2), 1.0);
+  EXPECT_EQ(ChiSquareTail(-1.0, 2), 1.0);
+  EXPECT_EQ(ChiSquareTail(std::numeric_limits<double>::quiet_NaN(), 2), 0.0);
+  EXPECT_EQ(ChiSquareTail(std::numeric_limits<double>::infinity(), 2), 0.0);
+}
+
 TEST(SymmetrizedTest, AveragesBothHalves) {
   Eigen::Matrix2d matrix;
   matrix << 1.0, 2.0, 4.0, 5.0;

@@ -51,6 +51,7 @@ void MakeStore(const std::string& path) {
     sighting.signature = Signature("?");
     sighting.cov_p_map_landmark = Eigen::Matrix2d::Identity();
     sighting.count = 3;
+    sighting.first = sighting.last = At(5.0);
     report.sightings = {sighting};
     ASSERT_THAT(store.Return(report), IsOk());
   }

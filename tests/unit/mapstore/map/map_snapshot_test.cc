@@ -56,8 +56,16 @@ TEST(ValidateMapContentTest, NamesWhatIsWrong) {
       {"empty signature", [](MapContent& c) { c.groups[0].signature = Signature(); }},
       {"no modes", [](MapContent& c) { c.groups[2].modes.clear(); }},
       {"mode number 0", [](MapContent& c) { c.groups[2].modes[0].number = kAbsent; }},
-      {"position is not finite",
-       [=](MapContent& c) { c.groups[2].modes[0].p_map_landmark.x() = kNan; }},
+      {"position (nan", [=](MapContent& c) { c.groups[2].modes[0].p_map_landmark.x() = kNan; }},
+      {"1e+300), expected finite",
+       [](MapContent& c) { c.groups[2].modes[0].p_map_landmark.y() = 1e300; }},
+      {"or above 1e+18", [](MapContent& c) { c.groups[2].modes[0].cov_p_map_landmark *= 1e30; }},
+      {"leave rate 1e+308",
+       [](MapContent& c) {
+         c.groups[2].chain = ModeChain::Uniform(static_cast<int>(c.groups[2].modes.size()), 1e308);
+       }},
+      {"within 146 years", [](MapContent& c) { c.stamp = Stamp::max(); }},
+      {"within 146 years", [](MapContent& c) { c.groups[2].modes[0].last_seen = Stamp::min(); }},
       {"not symmetric positive definite",
        [](MapContent& c) { c.groups[2].modes[0].cov_p_map_landmark.setZero(); }},
       {"not symmetric positive definite",
@@ -73,6 +81,8 @@ TEST(ValidateMapContentTest, NamesWhatIsWrong) {
       {"anonymous landmark",
        [=](MapContent& c) { c.anonymous_landmarks[0].p_map_landmark.y() = kNan; }},
       {"odometry calibration", [](MapContent& c) { c.calibration.odometry.scale_v = 0.0; }},
+      {"odometry calibration", [](MapContent& c) { c.calibration.odometry.lag_s = 1e300; }},
+      {"sensor calibration", [](MapContent& c) { c.calibration.sensor.sd_range_m = 1e-200; }},
       {"sensor calibration",
        [](MapContent& c) { c.calibration.sensor.detection_probability = 1.0; }}};
   for (const Case& wrong : cases) {

@@ -184,6 +184,22 @@ TEST(ModeFilterTest, ImpossibleStateStaysImpossibleWithoutJumps) {
             group.probabilities);
 }
 
+// A ledger of an older version may hold them.
+TEST(ModeFilterTest, StampsFartherApartThanADurationAreForEver) {
+  std::mt19937_64 random(TestSeed(18));
+  LandmarkGroup group = RandomGroup(random, "A", 2);
+  group.chain = ModeChain::Uniform(2, 1e-6);
+  ModeState state = StartModes(group, Stamp::min());
+  state.started = true;
+  AddVisit(group, Stamp::max(), Stamp::max(), Eigen::Vector3d::Zero(), &state);
+  EXPECT_EQ(state.stamp, Stamp::max());
+  const Eigen::Vector3d stationary = Eigen::Vector3d::Constant(1.0 / 3.0);
+  EXPECT_THAT(Eigen::VectorXd(state.log_probabilities.array().exp()),
+              IsNearMatrix(stationary, 1e-12));
+  EXPECT_THAT(ProbabilitiesAt(group, StartModes(group, Stamp::min()), Stamp::max()),
+              IsNearMatrix(stationary, 1e-12));
+}
+
 TEST(ModeFilterTest, PropagationGoesForwardOnly) {
   std::mt19937_64 random(TestSeed(17));
   const LandmarkGroup group = RandomGroup(random, "A", 2);

@@ -39,6 +39,25 @@ TEST(ItemLimits, AreOfTheRangeWhateverTheMeasurementIs) {
   EXPECT_FALSE(IsPlausible(Seen(Observation::Kind::kCartesian, -600.0, 801.0), limits));
 }
 
+TEST(ItemLimits, AreOfTheStatedCovarianceToo) {
+  const auto plausible = [](Observation::Kind kind, double sd_first, double sd_second) {
+    Observation observation = Seen(kind, 5.0, 0.1);
+    observation.cov_z = Eigen::Vector2d(sd_first, sd_second).cwiseAbs2().asDiagonal();
+    return IsPlausible(observation, ItemLimits());
+  };
+  constexpr auto kPolar = Observation::Kind::kRangeBearing;
+  constexpr auto kCartesian = Observation::Kind::kCartesian;
+  EXPECT_TRUE(plausible(kPolar, 1e-5, 1e-5));
+  EXPECT_TRUE(plausible(kPolar, 900.0, 3.0));
+  EXPECT_FALSE(plausible(kPolar, 1001.0, 0.1));
+  EXPECT_FALSE(plausible(kPolar, 0.1, 3.2));
+  EXPECT_FALSE(plausible(kPolar, 1e-150, 0.1));
+  EXPECT_FALSE(plausible(kPolar, 0.1, 1e-9));
+  EXPECT_TRUE(plausible(kCartesian, 900.0, 900.0));
+  EXPECT_FALSE(plausible(kCartesian, 0.1, 1001.0));
+  EXPECT_FALSE(plausible(kCartesian, 1e-9, 0.1));
+}
+
 TEST(DropImplausible, CountsWhatItDropsAndKeepsEmptyScans) {
   shiftmap::Run run;
   run.odometry = {{StampFromSeconds(1.0), 1.0, 0.0}, {StampFromSeconds(2.0), 1e8, 0.0}};

@@ -149,7 +149,11 @@ TEST_F(LedgerTest, ReportCountsOnce) {
   ShiftReport report = EmptyReport(version_, "a", 1);
   report.uuid = "0000000a-0000-4000-8000-000000000001";
   report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 3.0)};
-  report.sightings.resize(1);
+  UnmappedSighting sighting;
+  sighting.cov_p_map_landmark.setIdentity();
+  sighting.count = 1;
+  sighting.first = sighting.last = At(1.0);
+  report.sightings = {sighting};
   EXPECT_FALSE(MustReturn(report).duplicate);
   const double once = ProbabilityAt(std::nullopt);
   report.uuid = "0000000A-0000-4000-8000-000000000001";
@@ -167,21 +171,21 @@ TEST_F(LedgerTest, ReportMustFitAVersion) {
   report.version = VersionNumber(9);
   EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kNotFound, "no version 9"));
   report = EmptyReport(version_, "a", 1);
-  report.content_hash = "beef";
-  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "beef"));
+  report.content_hash = std::string(64, 'b');
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "bbbb"));
 }
 
 TEST_F(LedgerTest, MalformedReportIsRefusedWhole) {
   ShiftReport report = EmptyReport(version_, "a", 1);
   report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 1.0),
                      TwoStateEvidence(At(5.0), At(4.0), 0.0, 1.0)};
-  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "ends before"));
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "expected in order"));
   report.evidence[1] = TwoStateEvidence(At(4.0), At(5.0), 0.0, std::nan(""));
   EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "finite"));
   report.evidence[1] = report.evidence[0];
-  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "two visits"));
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "another visit of 'A'"));
   report.evidence[1].modes.erase(report.evidence[1].modes.begin());
-  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "absent first"));
+  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "begin with mode 0"));
   EXPECT_EQ(ProbabilityAt(At(100.0)), Relaxed(0.7, 100.0));
 }
 
@@ -190,7 +194,7 @@ TEST_F(LedgerTest, RowsForWhatTheMapDoesNotHaveAreKeptAsideWithAReason) {
   report.evidence = {TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0),
                      TwoStateEvidence(At(5.0), At(5.0), 0.0, 1.0)};
   report.evidence[0].modes.push_back({ModeNumber(7), 0.5});
-  report.evidence[1].modes.push_back({ModeNumber(7), 100.0});
+  report.evidence[1].modes.push_back({ModeNumber(7), 40.0});
   VisitEvidence stranger = TwoStateEvidence(At(0.0), At(0.0), 0.0, 1.0);
   stranger.signature = Signature("B");
   report.evidence.push_back(stranger);

@@ -44,6 +44,7 @@ class StoreCommands : public ::testing::Test {
     ShiftReport report;
     report.uuid = "00000000-0000-4000-8000-000000000001";
     report.vehicle = "truck";
+    report.software = "test";
     report.area = "hall";
     report.version = second.version;
     report.content_hash = second.content_hash;
