@@ -21,6 +21,27 @@ constexpr double kDuplicateSigmas = 5.0;
 // With a heading less certain than this the filter, which is linear, misplaces what it sees. [rad]
 constexpr double kMaxYawSd = 0.7;
 
+// Observations of signatures that the map does not know: per scan, and of all kinds in the scans
+// that wait for a start.
+constexpr std::size_t kMaxUnknown = 256;
+constexpr std::size_t kMaxWindowObservations = 100'000;
+
+std::string Describe(const OdometrySample& sample) {
+  return fmt::format("odometry at {:.6f} s: v = {} m/s, omega = {} rad/s",
+                     ToSecondsSinceEpoch(sample.stamp),
+                     sample.v_mps,
+                     sample.omega_radps);
+}
+
+std::string Describe(const Observation& observation, Stamp stamp) {
+  return fmt::format("scan at {:.6f} s: landmark '{}': z = ({}, {}){}",
+                     ToSecondsSinceEpoch(stamp),
+                     observation.signature.text(),
+                     observation.z.x(),
+                     observation.z.y(),
+                     observation.cov_z ? ", or its covariance" : "");
+}
+
 // Odometry has been silent for so long that nobody knows where the vehicle looks.
 bool IsAstray(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
   return motion.silent_s > 0.0 && pose.cov_T_map_vehicle(2, 2) > kMaxYawSd * kMaxYawSd;
@@ -38,11 +59,13 @@ bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibra
 Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
     : snapshot_(std::move(snapshot)),
       options_(options),
+      limits_(options.limits.For(snapshot_.calibration().sensor)),
       odometry_(snapshot_.calibration().odometry),
       next_start_(options.initial_pose),
       health_(snapshot_.groups().size()),
       changes_(snapshot_.groups().size(), options.min_sightings),
-      missed_(snapshot_) {
+      missed_(snapshot_),
+      sightings_(options.max_places) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
   if (options.max_delay_s > 0.0) buffer_.emplace(FromSeconds(options.max_delay_s));
@@ -58,6 +81,12 @@ Status Localizer::Process(const RunEvent& event) {
                            ToSecondsSinceEpoch(now_));
   }
   new_estimates_.clear();
+  const auto* sample = std::get_if<OdometrySample>(&event);
+  if (sample != nullptr && !IsPlausible(*sample, limits_)) {
+    ++statistics_.implausible_odometry;
+    if (first_implausible_.empty()) first_implausible_ = Describe(*sample);
+    return OkStatus();
+  }
   if (buffer_) {
     buffer_->Add(event);
     LocalizeDue();
@@ -137,21 +166,41 @@ void Localizer::ProcessScan(const Scan& scan) {
     const std::vector<WindowScan> failing = recent_.Since(health_.failing_since());
     window_.assign(failing.begin(), failing.end());
   }
-  const Duration kept = FromSeconds(options_.global_start.window_s);
-  while (window_.front().scan.stamp < scan.stamp - kept) window_.pop_front();
+  BoundWindow(scan.stamp);
   // The scan that shows that the pose is lost is reported as such.
   if (searching && !window_.back().scan.observations.empty()) TryGlobalStart();
 }
 
-void Localizer::TakeUsableObservations(const Scan& scan) {
+void Localizer::BoundWindow(Stamp now) {
+  const Duration kept = FromSeconds(options_.global_start.window_s);
+  std::size_t observations = 0;
+  for (const WindowScan& scan : window_) observations += scan.scan.observations.size();
+  while (window_.front().scan.stamp < now - kept ||
+         (observations > kMaxWindowObservations && window_.size() > 1)) {
+    observations -= window_.front().scan.observations.size();
+    window_.pop_front();
+  }
+}
+
+void Localizer::CollectNamed(const Scan& scan) {
   by_signature_.clear();
+  std::size_t unknown = 0;
   for (const Observation& observation : scan.observations) {
-    if (observation.signature.anonymous()) {
+    if (!IsPlausible(observation, limits_)) {
+      ++statistics_.implausible_observations;
+      if (first_implausible_.empty()) first_implausible_ = Describe(observation, scan.stamp);
+    } else if (observation.signature.anonymous()) {
       ++statistics_.anonymous;
+    } else if (snapshot_.GroupIndex(observation.signature) < 0 && ++unknown > kMaxUnknown) {
+      ++statistics_.excess_observations;
     } else {
       by_signature_.push_back(&observation);
     }
   }
+}
+
+void Localizer::TakeUsableObservations(const Scan& scan) {
+  CollectNamed(scan);
   // Those of one signature side by side, in the order of the scan.
   std::sort(by_signature_.begin(), by_signature_.end(), [](const auto* a, const auto* b) {
     const int order = a->signature.text().compare(b->signature.text());
@@ -169,7 +218,7 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
           return AtTwoPlaces(*seen, *other, sensor);
         })) {
       ++statistics_.duplicate_signatures;
-      at_two_places_.insert(seen->signature);
+      if (snapshot_.GroupIndex(seen->signature) >= 0) at_two_places_.insert(seen->signature);
     } else {
       *kept++ = seen;
     }
@@ -186,11 +235,14 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
+  const bool was_nowhere = IsNowhere(bank_->best().filter.Pose());
   const BankEvents& events = bank_->Correct(step.scan);
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
-  if (!health_.lost() && IsAstray(step.motion, bank_->best().filter.Pose())) {
+  const PoseWithCovariance pose = bank_->best().filter.Pose();
+  const bool astray = was_nowhere || IsNowhere(pose) || IsAstray(step.motion, pose);
+  if (!health_.lost() && astray) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose();
   }
@@ -385,6 +437,7 @@ std::optional<PoseEstimate> Localizer::Estimate() const {
 
 LocalizerStatistics Localizer::Statistics() const {
   LocalizerStatistics statistics = statistics_;
+  statistics.excess_places = sightings_.not_kept();
   if (buffer_) statistics.jumped = buffer_->jumps();
   if (bank_) {
     statistics.leaves_max = bank_->leaves_max();

@@ -47,8 +47,13 @@ struct LocalizerStatistics {
   std::int64_t anonymous = 0;             ///< No signature.
   std::int64_t ungated = 0;               ///< At no place that the heaviest leaf holds possible.
 
+  std::int64_t implausible_observations = 0;  ///< Beyond LocalizerOptions::limits.
+  std::int64_t excess_observations = 0;       ///< Of unknown signatures, more than a scan may have.
+  std::int64_t excess_places = 0;             ///< At places beyond LocalizerOptions::max_places.
+
   // Odometry samples and scans that did not count.
-  std::int64_t late = 0;    ///< Older than what had been localized.
+  std::int64_t implausible_odometry = 0;  ///< Beyond LocalizerOptions::limits.
+  std::int64_t late = 0;                  ///< Older than what had been localized.
   std::int64_t jumped = 0;  ///< Far ahead of everything else; only if items may be late.
 };
 
@@ -56,15 +61,16 @@ struct LocalizerStatistics {
 /// the evidence for the fleet. Method: T-IV III-VIII on a known map; localizer/README.md.
 ///
 /// Threads: none. Determinism: the same events give the same bits; with max_delay_s, whatever the
-/// order in which they come within it. No I/O. Memory is bounded but for the evidence, decisions
-/// and sightings that Report() returns; these records, changes of state and the search for a start
+/// order in which they come within it. No I/O. Memory is bounded but for the evidence and decisions
+/// that Report() returns; these records, changes of state and the search for a start
 /// allocate, and other steps do not once they have seen as much at a time before.
 class Localizer {
  public:
   /// @param options  Valid by Validate().
   Localizer(MapSnapshot snapshot, const LocalizerOptions& options);
 
-  /// Takes in the next item of the log or of the live stream.
+  /// Takes in the next item of the log or of the live stream. What is beyond the limits is dropped
+  /// and counted: the sample, or the observation of a scan.
   /// Errors: kInvalidArgument for what ValidateEvent rejects and for a stamp that is TooLate(); the
   /// localizer is then as before.
   Status Process(const RunEvent& event);
@@ -89,6 +95,9 @@ class Localizer {
   /// the first start was just found, also one for every scan that was kept for it. Their stamps
   /// ascend over all calls.
   const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
+
+  /// The first item that was beyond the limits, to read; empty if none was.
+  const std::string& first_implausible() const { return first_implausible_; }
 
   LocalizerState state() const { return state_; }
 
@@ -118,6 +127,8 @@ class Localizer {
   void LocalizeDue();
   void ProcessScan(const Scan& scan);
   void TakeUsableObservations(const Scan& scan);
+  void CollectNamed(const Scan& scan);
+  void BoundWindow(Stamp now);
   void Step(const WindowScan& step);
   void TryGlobalStart();
   void StartAt(const PoseWithCovariance& pose, std::size_t first);
@@ -140,6 +151,7 @@ class Localizer {
   MapSnapshot snapshot_;
   LocalizerOptions options_;
   std::optional<EventBuffer> buffer_;  // If items may be late.
+  ItemLimits limits_;
   OdometryBuffer odometry_;
   std::optional<HypothesisBank> bank_;
   std::optional<PoseWithCovariance> next_start_;  // Given, for the next scan.
@@ -163,7 +175,8 @@ class Localizer {
   Stamp scan_stamp_;                             // Of the last scan.
   std::optional<StateEvidence> mode_changed_;    // The last one.
   std::optional<StateEvidence> unknown_change_;  // The last one.
-  std::set<Signature> at_two_places_;
+  std::set<Signature> at_two_places_;            // Of the map's.
+  std::string first_implausible_;
   std::deque<StateChange> state_changes_;
 };
 

@@ -6,13 +6,19 @@
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/initialization/global_start.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/run/item_limits.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
 
-/// Checks a pose to start from: finite, within ±1e9 m, with a covariance that is symmetric positive
-/// definite, each variance up to 1e18. Errors: kInvalidArgument with the values.
-Status ValidateStart(const PoseWithCovariance& pose);
+/// What a vehicle and its sensor can do, where somebody knows better than ItemLimits::For().
+struct LimitOptions {
+  std::optional<double> max_range_m;         ///< In (0, 1e9]. [m]
+  std::optional<double> max_speed_mps;       ///< In (0, 1e9]. [m/s]
+  std::optional<double> max_yaw_rate_radps;  ///< In (0, 1e9]. [rad/s]
+
+  ItemLimits For(const SensorCalibration& sensor) const;
+};
 
 struct LocalizerOptions {
   HypothesisOptions hypotheses;
@@ -30,6 +36,13 @@ struct LocalizerOptions {
   /// What an item may come later than a younger one, in [0, 60]. Everything is held for as long; 0:
   /// nothing is, and items come in order. [s]
   double max_delay_s = 0.0;
+
+  /// Beyond them an item is dropped.
+  LimitOptions limits;
+
+  /// Places of landmarks that the map does not know, or not there, kept at most, >= 1: memory and
+  /// the report grow with them. [-]
+  int max_places = 10'000;
 
   /// Errors: kInvalidArgument, naming the first option out of range.
   Status Validate() const;

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "localizer/localizer_options.h"
+#include "localizer/initialization/start_pose.h"
 
 namespace shiftmap {
 

@@ -12,6 +12,7 @@
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/initial_pose.h"
+#include "localizer/cli/localizer_flags.h"
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
@@ -19,6 +20,7 @@
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/run/trajectory.h"
 
@@ -38,6 +40,7 @@ struct RunOptions {
   int max_leaves = HypothesisOptions().max_leaves;
   double max_delay_s = 0.0;
   double clock_tolerance_s = kDefaultClockToleranceS;
+  LimitOptions limits;
   std::string run;
 };
 
@@ -50,7 +53,7 @@ std::string CheckOptions(const RunOptions& options) {
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
   }
-  return "";
+  return options.vehicle ? CheckVehicleName(*options.vehicle) : "";
 }
 
 // The map at the begin of a log: what was learned after it, and of it, is not known to it yet.
@@ -117,6 +120,7 @@ class Shift {
     live::DropCounts dropped;
     live::AddDropped(localizer_->Statistics(), &dropped);
     report.dropped = dropped.List();
+    LeaveOutInvalid(&report);
     summary_.report_uuid = report.uuid;
     return report;
   }
@@ -190,11 +194,25 @@ Status WriteResults(const RunOptions& options,
   return store ? store->Return(report).status() : OkStatus();
 }
 
+// Nothing of a localizer that dropped nothing.
+void WarnOfImplausible(const std::string& run, const Localizer& localizer, const Context& context) {
+  if (localizer.first_implausible().empty()) return;
+  const LocalizerStatistics statistics = localizer.Statistics();
+  context.Warn(fmt::format(
+      "run log '{}': dropped {} odometry samples and {} observations that no vehicle or "
+      "sensor has, the first: {}",
+      run,
+      statistics.implausible_odometry,
+      statistics.implausible_observations,
+      localizer.first_implausible()));
+}
+
 Status RunShift(const RunOptions& options, Context& context) {
   LocalizerOptions localizer_options;
   localizer_options.hypotheses.alpha = options.alpha;
   localizer_options.hypotheses.max_leaves = options.max_leaves;
   localizer_options.max_delay_s = options.max_delay_s;
+  localizer_options.limits = options.limits;
   localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   const std::string& map_path = options.store ? *options.store : *options.snapshot;
@@ -210,6 +228,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   if (!summary.truncation.empty()) {
     context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
+  WarnOfImplausible(options.run, shift.localizer(), context);
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   return OkStatus();
@@ -224,6 +243,7 @@ void AddRunCommand(Application* application) {
                               "Localize a run log on a map and decide which modes hold",
                               [options](Context& context) { return RunShift(*options, context); });
   AddClockToleranceOption(&options->clock_tolerance_s, &command);
+  AddLimitOptions(&command, &options->limits);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")

@@ -126,6 +126,10 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
                              {"unknown_signature", statistics.unknown_signatures},
                              {"anonymous", statistics.anonymous},
                              {"ungated", statistics.ungated},
+                             {"implausible_observation", statistics.implausible_observations},
+                             {"implausible_odometry", statistics.implausible_odometry},
+                             {"excess_observation", statistics.excess_observations},
+                             {"excess_place", statistics.excess_places},
                              {"late", statistics.late},
                              {"future", statistics.jumped}};
   document["truncated"] = !summary.truncation.empty();

@@ -9,6 +9,7 @@
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/initial_pose.h"
+#include "localizer/cli/localizer_flags.h"
 #include "localizer/cli/service_json.h"
 #include "localizer/live/server.h"
 #include "mapstore/cli/version.h"
@@ -33,6 +34,7 @@ struct ServeOptions {
   // Drivers of sensors deliver out of step.
   double max_delay_s = 0.2;
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
+  LimitOptions limits;
 };
 
 std::string CheckOptions(const ServeOptions& options) {
@@ -42,7 +44,7 @@ std::string CheckOptions(const ServeOptions& options) {
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
   }
-  return options.vehicle.empty() ? "--vehicle is empty" : "";
+  return CheckVehicleName(options.vehicle);
 }
 
 live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
@@ -57,6 +59,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.localizer.hypotheses.max_leaves = options.max_leaves;
   service.localizer.initial_pose = ParseInitialPose(options.initial_pose);
   service.localizer.max_delay_s = options.max_delay_s;
+  service.localizer.limits = options.limits;
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.clock = SystemNow;
@@ -86,11 +89,12 @@ Status Serve(const ServeOptions& options, Context& context) {
 
 void AddServeCommand(Application* application) {
   auto options = std::make_shared<ServeOptions>();
-  application
-      ->AddCommand("serve",
-                   "Localize a live vehicle that talks over a Unix socket",
-                   [options](Context& context) { return Serve(*options, context); })
-      .Option("--store", &options->store, "Map store to take the published version from")
+  Command& command =
+      application->AddCommand("serve",
+                              "Localize a live vehicle that talks over a Unix socket",
+                              [options](Context& context) { return Serve(*options, context); });
+  AddLimitOptions(&command, &options->limits);
+  command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")
       .Required()

@@ -46,6 +46,7 @@ void EventBuffer::Insert(const RunEvent& event) {
   } else {
     slot.is_scan = true;
     slot.scan = std::get<Scan>(event);
+    observations_ += slot.scan.observations.size();
   }
   const Stamp stamp = slot.stamp;
   newest_ = newest_ ? std::max(*newest_, stamp) : stamp;
@@ -63,7 +64,7 @@ const HeldEvent* EventBuffer::Next() {
   if (size_ == 0) return nullptr;
   const HeldEvent& oldest = slots_.front();
   const bool due = oldest.stamp <= *newest_ - max_delay_ || size_ > kMaxEvents ||
-                   (flushed_ && oldest.stamp <= *flushed_);
+                   observations_ > kMaxObservations || (flushed_ && oldest.stamp <= *flushed_);
   if (!due) return nullptr;
   returned_ = true;
   return &oldest;
@@ -72,6 +73,7 @@ const HeldEvent* EventBuffer::Next() {
 void EventBuffer::DropReturned() {
   if (!returned_) return;
   returned_ = false;
+  if (slots_.front().is_scan) observations_ -= slots_.front().scan.observations.size();
   std::rotate(
       slots_.begin(), slots_.begin() + 1, slots_.begin() + static_cast<std::ptrdiff_t>(size_));
   --size_;

@@ -29,11 +29,12 @@ struct HeldEvent {
 /// jumped, and would make everything after it late. It counts for nothing until the next item
 /// comes: if that is older, the item with the jump is dropped; else there was a gap.
 ///
-/// Memory: reuses that of items that went; at most kMaxEvents, of which the oldest is due when
-/// another comes. Threads: none.
+/// Memory: reuses that of items that went; at most kMaxEvents items of kMaxObservations in all, of
+/// which the oldest is due when another comes. Threads: none.
 class EventBuffer {
  public:
   static constexpr std::size_t kMaxEvents = 1024;
+  static constexpr std::size_t kMaxObservations = 50'000;
 
   /// @param max_delay  > 0: what an item may come later than a younger one.
   explicit EventBuffer(Duration max_delay);
@@ -64,6 +65,7 @@ class EventBuffer {
   Duration max_jump_;
   std::vector<HeldEvent> slots_;  // The first size_ by stamp; the others are for reuse.
   std::size_t size_ = 0;
+  std::size_t observations_ = 0;       // Of the scans that are held.
   bool returned_ = false;              // The first one was returned by Next().
   std::optional<Stamp> newest_;        // Of those that were in slots_.
   std::optional<Stamp> flushed_;       // Everything up to it is due.

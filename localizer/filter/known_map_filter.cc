@@ -5,6 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
+
+#include "localizer/filter/well_conditioned.h"
+#include "mapstore/core/magnitude.h"
 
 namespace shiftmap {
 namespace {
@@ -70,18 +74,74 @@ KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, dou
   return P;
 }
 
+// False if it is not a number.
+bool WithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
+
+void SetNis(KnownMapFilter::Prediction* prediction) {
+  prediction->nis = IsWellConditioned(prediction->S)
+                        ? SquaredMahalanobis(prediction->nu, prediction->S)
+                        : std::numeric_limits<double>::infinity();
+  if (!(prediction->nis >= 0.0)) prediction->nis = std::numeric_limits<double>::infinity();
+}
+
 }  // namespace
 
 KnownMapFilter::KnownMapFilter(const PoseWithCovariance& start, const Calibration& calibration)
     : T_map_vehicle_(start.T_map_vehicle),
       R_vehicle_map_(start.T_map_vehicle.Rotation().transpose()),
-      P_(StartCovariance(start, calibration.odometry.sd_log_scale)),
+      sd_log_scale_(calibration.odometry.sd_log_scale),
+      P_(StartCovariance(start, sd_log_scale_)),
       shared_errors_(P_) {
   const SensorCalibration& sensor = calibration.sensor;
   const Eigen::Vector2d sd_z(sensor.sd_range_m, sensor.sd_bearing_rad);
   const Eigen::Vector2d sd_position = Eigen::Vector2d::Constant(sensor.sd_position_m);
   range_bearing_bias_.cov = (kBiasShare * sd_z).cwiseAbs2().asDiagonal();
   position_bias_.cov = (kBiasShare * sd_position).cwiseAbs2().asDiagonal();
+  StartAnewUnlessSound();
+}
+
+// By the leading minors of the pose's covariance: comparisons are false for what is not a number.
+bool KnownMapFilter::IsSound() const {
+  const Eigen::Vector2d& t = T_map_vehicle_.translation();
+  if (!WithinMagnitude(t.x()) || !WithinMagnitude(t.y()) || !std::isfinite(T_map_vehicle_.yaw()) ||
+      !WithinMagnitude(log_scale_.x()) || !WithinMagnitude(log_scale_.y())) {
+    return false;
+  }
+  const double xx_yy = P_(0, 0) * P_(1, 1) - P_(0, 1) * P_(0, 1);
+  const double xy_yw = P_(0, 1) * P_(1, 2) - P_(1, 1) * P_(0, 2);
+  const double xx_yw = P_(0, 0) * P_(1, 2) - P_(0, 1) * P_(0, 2);
+  const double determinant = P_(2, 2) * xx_yy - P_(1, 2) * xx_yw + P_(0, 2) * xy_yw;
+  return P_(0, 0) > 0.0 && xx_yy > 0.0 && determinant > 0.0 && P_(3, 3) > 0.0 && P_(4, 4) > 0.0 &&
+         P_(0, 0) + P_(1, 1) < kMaxPositionSd * kMaxPositionSd &&
+         P_(2, 2) < kMaxYawSd * kMaxYawSd && P_(3, 3) + P_(4, 4) < kMaxMagnitude;
+}
+
+void KnownMapFilter::StartAnewUnlessSound() {
+  if (IsSound()) return;
+  const Eigen::Vector2d& t = T_map_vehicle_.translation();
+  const bool finite =
+      WithinMagnitude(t.x()) && WithinMagnitude(t.y()) && std::isfinite(T_map_vehicle_.yaw());
+  constexpr double kVariance = kUnknownPositionSd * kUnknownPositionSd;
+  constexpr double kYawVariance = std::numbers::pi * std::numbers::pi;
+  const PoseWithCovariance unknown{
+      finite ? T_map_vehicle_ : Se2(),
+      Eigen::Vector3d(kVariance, kVariance, kYawVariance).asDiagonal()};
+  MoveTo(unknown.T_map_vehicle);
+  log_scale_.setZero();
+  P_ = StartCovariance(unknown, sd_log_scale_);
+  range_bearing_bias_.cross.setZero();
+  position_bias_.cross.setZero();
+  considered_.clear();
+  pending_.setIdentity();
+  shared_errors_ = SharedErrors(P_);
+  places_ = UnknownPlaces();
+}
+
+bool IsNowhere(const PoseWithCovariance& pose) {
+  constexpr double kVariance =
+      KnownMapFilter::kUnknownPositionSd * KnownMapFilter::kUnknownPositionSd;
+  const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
+  return cov(0, 0) + cov(1, 1) >= kVariance && cov(2, 2) >= 1.0;
 }
 
 void KnownMapFilter::MoveTo(const Se2& T_map_vehicle) {
@@ -107,6 +167,7 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   TransformGains(F);
   SettleGains();
   for (UnknownPlace& place : places_) place.cross_state = (F * place.cross_state).eval();
+  StartAnewUnlessSound();
 }
 
 void KnownMapFilter::TransformGains(const StateMatrix& M) {
@@ -235,7 +296,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement&
   prediction.S = point.cov_q + H_cross + H_cross.transpose() +
                  dq_dz * bias.cov * dq_dz.transpose() + measurement.cov_noise;
   prediction.S = Symmetrized(prediction.S);
-  prediction.nis = SquaredMahalanobis(prediction.nu, prediction.S);
+  SetNis(&prediction);
   return prediction;
 }
 
@@ -256,9 +317,13 @@ SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
 double KnownMapFilter::LogLikelihood(const Prediction& prediction,
                                      ModeRef mode,
                                      const MapSnapshot& snapshot) const {
+  if (!prediction.usable()) return prediction.LogLikelihood();
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
-  return shared_errors_.LogLikelihood(ObservedBy(prediction, mode_index), snapshot.covariance()) +
-         prediction.measurement.log_m2_per_unit;
+  const double log_p =
+      shared_errors_.LogLikelihood(ObservedBy(prediction, mode_index), snapshot.covariance());
+  // Where the shared errors have lost their digits, they count as unknown.
+  if (!std::isfinite(log_p)) return prediction.LogLikelihood();
+  return log_p + prediction.measurement.log_m2_per_unit;
 }
 
 void KnownMapFilter::Update(const Prediction& prediction,
@@ -268,7 +333,7 @@ void KnownMapFilter::Update(const Prediction& prediction,
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
   SharedErrors::Observed seen = ObservedBy(prediction, mode_index);
   seen.cov_noise /= weight;
-  shared_errors_.Update(seen, snapshot.covariance());
+  const bool taken = shared_errors_.Update(seen, snapshot.covariance());
   const StateByPoint K = prediction.cov_state_z * prediction.S.inverse();
   const Eigen::Matrix2d& H_m = prediction.point.H_landmark;
 
@@ -302,6 +367,8 @@ void KnownMapFilter::Update(const Prediction& prediction,
   }
   GainOf(mode_index) -= AK * H_m;
   if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
+  StartAnewUnlessSound();
+  if (!taken) shared_errors_ = SharedErrors(P_);
 }
 
 KnownMapFilter::StateMatrix KnownMapFilter::Move(
@@ -355,7 +422,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictPlace(const UnknownPlace& plac
   // Errors of modes that pose and place share are left out, and may leave less than the noise.
   const Eigen::Matrix2d more = prediction.S - measurement.cov_noise;
   if (more.trace() < 0.0 || more.determinant() < 0.0) prediction.S = measurement.cov_noise;
-  prediction.nis = SquaredMahalanobis(prediction.nu, prediction.S);
+  SetNis(&prediction);
   return prediction;
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <boost/container/static_vector.hpp>
+#include <limits>
 
 #include "localizer/filter/shared_errors.h"
 #include "localizer/filter/unknown_places.h"
@@ -29,6 +30,10 @@ struct ModeRef {
 /// the error of a mode anew with each observation of it, and one without a bias would average away
 /// what a camera that is mounted askew gets wrong. Equations: localizer/README.md.
 ///
+/// Numbers: a state that is not finite, has a covariance that is not positive definite, or is
+/// vaguer than kMaxPositionSd and kMaxYawSd is given up, and the filter starts anew, knowing
+/// nothing but the range of kUnknownPositionSd: see IsNowhere(). So a pose is always finite.
+///
 /// Ownership: keeps no reference to the snapshot; every call must pass the same one.
 /// Threads: const-safe. Without heap allocations; a copy copies 5 kB and what is in use of 9 kB.
 class KnownMapFilter {
@@ -42,6 +47,13 @@ class KnownMapFilter {
 
   /// Standard deviation of the sensor's bias over that of its noise.
   static constexpr double kBiasShare = 0.5;
+
+  /// Beyond these variances lose the digits that tell landmarks apart. [m], [rad]
+  static constexpr double kMaxPositionSd = 1e4;
+  static constexpr double kMaxYawSd = 100.0;
+
+  /// Of a pose that nobody knows. [m]
+  static constexpr double kUnknownPositionSd = 1e3;
 
   /// @param start  Independent of the map's errors.
   KnownMapFilter(const PoseWithCovariance& start, const Calibration& calibration);
@@ -84,14 +96,19 @@ class KnownMapFilter {
     Eigen::Vector2d nu = Eigen::Vector2d::Zero();     ///< Observed - expected position. [m]
     Eigen::Matrix2d S = Eigen::Matrix2d::Identity();  ///< Of nu. [m²]
     StateByPoint cov_state_z = StateByPoint::Zero();  ///< Of the state's error with z's.
-    double nis = 0.0;                                 ///< νᵀ S⁻¹ ν.
+    double nis = 0.0;  ///< νᵀ S⁻¹ ν >= 0; infinite if S cannot be inverted: it gates with nothing.
+
+    bool usable() const { return nis < std::numeric_limits<double>::infinity(); }
 
     /// log of the density of z, in z's own units, with the errors of map and sensor as they were
-    /// before the first observation.
-    double LogLikelihood() const { return LogGaussian(nu, S) + measurement.log_m2_per_unit; }
+    /// before the first observation; -∞ if not usable.
+    double LogLikelihood() const {
+      if (!usable()) return -std::numeric_limits<double>::infinity();
+      return LogGaussian(nu, S) + measurement.log_m2_per_unit;
+    }
 
     /// The largest that it could be, for nu = 0.
-    double LogPeak() const { return LogLikelihood() + 0.5 * nis; }
+    double LogPeak() const { return usable() ? LogLikelihood() + 0.5 * nis : LogLikelihood(); }
   };
   Prediction PredictObservation(const Measurement& measurement, const Point& point) const;
   Prediction PredictObservation(const Observation& observation,
@@ -101,14 +118,15 @@ class KnownMapFilter {
     return PredictObservation(Measure(observation, cov_z), PredictPoint(mode, snapshot));
   }
 
-  /// log p(z | all observations before), in z's own units; see SharedErrors.
+  /// log p(z | all observations before), in z's own units; see SharedErrors. -∞ if the prediction
+  /// is not usable.
   /// @param prediction  Of this filter in its present state, for the same mode.
   double LogLikelihood(const Prediction& prediction,
                        ModeRef mode,
                        const MapSnapshot& snapshot) const;
 
   /// Corrects the state with an observation of a mode.
-  /// @param prediction  Of this filter in its present state, for the same mode.
+  /// @param prediction  Of this filter in its present state, for the same mode; usable.
   /// @param weight  What one of several observations that are alike counts for LogLikelihood(), in
   ///                (0, 1].
   void Update(const Prediction& prediction,
@@ -190,10 +208,13 @@ class KnownMapFilter {
   void LetGoOfWeakest(int except);
 
   void MoveTo(const Se2& T_map_vehicle);
+  bool IsSound() const;
+  void StartAnewUnlessSound();
 
   Se2 T_map_vehicle_;
   Eigen::Matrix2d R_vehicle_map_;  // Of it.
   Eigen::Vector2d log_scale_ = Eigen::Vector2d::Zero();
+  double sd_log_scale_ = 0.0;  // At the start.
   StateMatrix P_ = StateMatrix::Zero();
   SensorBias range_bearing_bias_;
   SensorBias position_bias_;
@@ -202,5 +223,8 @@ class KnownMapFilter {
   SharedErrors shared_errors_;
   UnknownPlaces places_;
 };
+
+/// True if nobody knows where the vehicle is and where it looks.
+bool IsNowhere(const PoseWithCovariance& pose);
 
 }  // namespace shiftmap

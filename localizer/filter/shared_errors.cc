@@ -5,7 +5,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "localizer/filter/well_conditioned.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -90,10 +92,11 @@ double SharedErrors::LogLikelihood(const Observed& observed,
   }
   const ModeError mode = ErrorOf(observed.mode_index, covariance, kFixed);
   const Expected expected = Expect(observed, mode, kFixed);
+  if (!IsWellConditioned(expected.S)) return -std::numeric_limits<double>::infinity();
   return LogGaussian(observed.nu - expected.nu, expected.S);
 }
 
-void SharedErrors::Update(const Observed& observed, const JointCovariance& covariance) {
+bool SharedErrors::Update(const Observed& observed, const JointCovariance& covariance) {
   UseBiasOf(observed);
   int place = Place(observed.mode_index);
   if (place < 0) {
@@ -104,8 +107,9 @@ void SharedErrors::Update(const Observed& observed, const JointCovariance& covar
   last_used_[static_cast<std::size_t>((place - kFixed) / 2)] = ++uses_;
   const ModeError mode = ErrorOf(observed.mode_index, covariance, rows());
   const Expected expected = Expect(observed, mode, rows());
-  const Eigen::Matrix2d information = expected.S.inverse();
   const Eigen::Vector2d surprise = observed.nu - expected.nu;
+  if (!IsWellConditioned(expected.S) || !surprise.allFinite()) return false;
+  const Eigen::Matrix2d information = expected.S.inverse();
   Columns K;
   for (int row = 0; row < rows(); row += 2) {
     const Pair cross_0 = At(expected.cross.col(0).data(), row);
@@ -117,6 +121,7 @@ void SharedErrors::Update(const Observed& observed, const JointCovariance& covar
     At(mean_.data(), row) += K_0 * surprise.x() + K_1 * surprise.y();
   }
   Subtract(K, expected.cross);
+  return true;
 }
 
 void SharedErrors::Subtract(const Columns& K, const Columns& cross) {

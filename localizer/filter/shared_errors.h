@@ -51,11 +51,11 @@ class SharedErrors {
     Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();
   };
 
-  /// log p(ν | everything taken in before).
+  /// log p(ν | everything taken in before); not finite if numbers have lost their digits.
   double LogLikelihood(const Observed& observed, const JointCovariance& covariance) const;
 
-  /// Takes an observation in.
-  void Update(const Observed& observed, const JointCovariance& covariance);
+  /// Takes an observation in; false if numbers have lost their digits: to be made anew.
+  [[nodiscard]] bool Update(const Observed& observed, const JointCovariance& covariance);
 
  private:
   // Of a. The row after the bias stays zero: each mode then begins with an even row.

@@ -7,6 +7,7 @@
 #include <map>
 #include <vector>
 
+#include "localizer/initialization/start_pose.h"
 #include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
@@ -249,6 +250,8 @@ std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
     return std::nullopt;
   }
   SetPose(best, DeadReckon(window), snapshot.calibration().odometry, &start);
+  // Sightings far out of any sensor's reach may agree on a pose that is not one.
+  if (!ValidateStart(start.pose).ok()) return std::nullopt;
   return start;
 }
 

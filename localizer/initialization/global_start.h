@@ -38,7 +38,8 @@ struct GlobalStart {
 /// The start is as far back in the window as dead reckoning is still good for, 0.2 m and 0.1 rad,
 /// from where the landmarks were seen. A vaguer pose would follow the first landmark that moved.
 /// @param window  Scans with the motion between them; not empty.
-/// @return Nothing as long as too few signatures agree or another pose explains almost as many.
+/// @return Nothing as long as too few signatures agree or another pose explains almost as many,
+///         or if ValidateStart() refuses it.
 std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
                                            const MapSnapshot& snapshot,
                                            const GlobalStartOptions& options);

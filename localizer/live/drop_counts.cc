@@ -16,6 +16,10 @@ void AddDropped(const LocalizerStatistics& statistics, DropCounts* counts) {
   counts->Add("unknown_signature", statistics.unknown_signatures);
   counts->Add("anonymous", statistics.anonymous);
   counts->Add("ungated", statistics.ungated);
+  counts->Add("implausible_observation", statistics.implausible_observations);
+  counts->Add("excess_observation", statistics.excess_observations);
+  counts->Add("excess_place", statistics.excess_places);
+  counts->Add("implausible_odometry", statistics.implausible_odometry);
   counts->Add("late", statistics.late);
   counts->Add("future", statistics.jumped);
 }

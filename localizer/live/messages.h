@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/hypothesis_view.h"
+#include "localizer/localizer_options.h"
 #include "localizer/localizer_state.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
@@ -140,6 +141,7 @@ struct ShiftHeader {
   int max_leaves = 0;
   double max_delay_s = 0.0;          ///< As LocalizerOptions::max_delay_s.
   std::optional<double> odometer_m;  ///< What the vehicle's odometer showed. [m]
+  LimitOptions limits;               ///< As LocalizerOptions::limits.
 };
 
 /// Everything that a shift's result depends on, in order: the header, then the inputs as they came.

@@ -179,8 +179,15 @@ Status Service::Step(const RunEvent& item, bool* late, std::vector<Event>* event
   }
   journal_->Append(std::visit(
       [](const auto& value) { return EncodeJournalRecord(JournalRecord(value)); }, item));
+  WarnOfImplausible();
   HoldUntilNextItem();
   return OkStatus();
+}
+
+void Service::WarnOfImplausible() {
+  const std::string& first = shift_->localizer().first_implausible();
+  if (first.empty() || std::exchange(implausible_warned_, true)) return;
+  options_.warn(first + ": no vehicle or sensor does that, dropped, as all like it");
 }
 
 void Service::CountOverrun(std::chrono::steady_clock::time_point begin) {

@@ -122,6 +122,7 @@ class Service {
   Status Feed(const RunEvent& item, std::vector<Event>* events);
   Status Step(const RunEvent& item, bool* late, std::vector<Event>* events);
   void HoldUntilNextItem();
+  void WarnOfImplausible();  // Once per shift.
   void CountOverrun(std::chrono::steady_clock::time_point begin);
   void Inform(const std::vector<Event>& events, std::size_t first) const;
 
@@ -163,6 +164,7 @@ class Service {
   bool start_chosen_ = false;
   bool resumed_ = false;
   bool journal_warned_ = false;
+  bool implausible_warned_ = false;
   DropCounts dropped_;
   std::int64_t overruns_ = 0;
   std::string last_uuid_;

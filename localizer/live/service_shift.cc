@@ -35,6 +35,7 @@ Status Service::Do(const Start& start, std::vector<Event>*) {
   header.max_leaves = options_.localizer.hypotheses.max_leaves;
   header.max_delay_s = options_.localizer.max_delay_s;
   header.odometer_m = start.odometer_m;
+  header.limits = options_.localizer.limits;
   return BeginShift(header);
 }
 
@@ -46,6 +47,7 @@ Status Service::BeginShift(const ShiftHeader& header) {
   time_line_ = TimeLineWatch(FromSeconds(options_.max_refused_s));
   start_chosen_ = false;
   resumed_ = false;
+  implausible_warned_ = false;
   dropped_ = DropCounts();
   overruns_ = 0;
   last_uuid_ = header.uuid;

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "localizer/initialization/start_pose.h"
+#include "mapstore/map/shift_report_check.h"
+
 namespace shiftmap::live {
 namespace {
 
@@ -30,6 +33,7 @@ LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
   options.hypotheses.alpha = header.alpha;
   options.hypotheses.max_leaves = header.max_leaves;
   options.max_delay_s = header.max_delay_s;
+  options.limits = header.limits;
   return options;
 }
 
@@ -97,6 +101,7 @@ ShiftReport Shift::Report(DropCounts dropped) const {
   report.vehicle = header_.vehicle;
   AddDropped(ended.Statistics(), &dropped);
   report.dropped = dropped.List();
+  LeaveOutInvalid(&report);
   return report;
 }
 

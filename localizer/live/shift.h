@@ -36,7 +36,8 @@ class Shift {
   /// As Localizer::Initialize.
   void Initialize(const PoseWithCovariance& pose) { localizer_.Initialize(pose); }
 
-  /// The report of the shift if it ended now; the shift itself can go on.
+  /// The report of the shift if it ended now, without items that a report cannot hold; the shift
+  /// itself can go on.
   /// @param dropped  What did not reach the localizer.
   ShiftReport Report(DropCounts dropped) const;
 

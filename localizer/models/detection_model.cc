@@ -13,7 +13,7 @@ namespace {
 // P(X < limit) for X ~ N(mean, variance).
 double ProbabilityBelow(double limit, double mean, double variance) {
   constexpr double kMinVariance = 1e-12;
-  const double sd = std::sqrt(std::max(variance, kMinVariance));
+  const double sd = std::sqrt(variance > kMinVariance ? variance : kMinVariance);
   const double x = (mean - limit) / (sd * std::numbers::sqrt2);
   return x < -6.0 ? 1.0 : 0.5 * std::erfc(x);  // To the last bit.
 }
@@ -27,7 +27,8 @@ double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
   const double in_range = ProbabilityBelow(sensor.max_range_m, range_bearing.x(), cov(0, 0));
   const double in_sector = ProbabilityBelow(sensor.max_bearing_rad, bearing, cov(1, 1)) -
                            ProbabilityBelow(-sensor.max_bearing_rad, bearing, cov(1, 1));
-  return in_range * std::clamp(in_sector, 0.0, 1.0);
+  const double in_view = in_range * std::clamp(in_sector, 0.0, 1.0);
+  return in_view >= 0.0 ? in_view : 0.0;  // What is not a number is not in view.
 }
 
 bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor) {

@@ -4,12 +4,13 @@
 #include <algorithm>
 
 #include "localizer/filter/unknown_places.h"
+#include "localizer/filter/well_conditioned.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr std::size_t kMaxPlaces = 32;
+constexpr std::size_t kMaxPlacesOfOne = 32;
 
 // Chi-square quantile of 0.999 with 2 degrees of freedom.
 constexpr double kSamePlace = 13.8;
@@ -21,12 +22,21 @@ SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
                                                      const Eigen::Matrix2d& cov,
                                                      const Eigen::Vector2d& p_map_vehicle,
                                                      Stamp stamp) {
-  std::vector<Place>& places = places_[signature];
+  const PlaceState seen_once{0, 1, p_map, stamp, stamp, false, false};
+  const auto known = places_.find(signature);
+  if (known == places_.end()) {
+    if (!HasRoom()) return seen_once;
+    places_[signature].push_back(
+        {{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false, false});
+    return seen_once;
+  }
+  std::vector<Place>& places = known->second;
   for (std::size_t i = 0; i < places.size(); ++i) {
     Place& place = places[i];
     UnmappedSighting& sighting = place.sighting;
     const Eigen::Vector2d d = p_map - sighting.p_map_landmark;
-    if (SquaredMahalanobis(d, sighting.cov_p_map_landmark + cov) > kSamePlace) continue;
+    const Eigen::Matrix2d S = sighting.cov_p_map_landmark + cov;
+    if (!IsWellConditioned(S) || SquaredMahalanobis(d, S) > kSamePlace) continue;
     ++sighting.count;
     const double share = 1.0 / static_cast<double>(sighting.count);
     sighting.p_map_landmark += share * d;
@@ -42,13 +52,25 @@ SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
             place.from_apart,
             place.confirmed};
   }
-  if (places.size() == kMaxPlaces) {
+  if (places.size() == kMaxPlacesOfOne) {
     places.erase(std::min_element(places.begin(), places.end(), [](const Place& a, const Place& b) {
       return a.sighting.count < b.sighting.count;
     }));
+    --size_;
   }
+  if (!HasRoom()) return seen_once;
   places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false, false});
   return {places.size() - 1, 1, p_map, stamp, stamp, false, false};
+}
+
+// Counts what comes.
+bool SightingCollector::HasRoom() {
+  if (size_ == max_places_) {
+    ++not_kept_;
+    return false;
+  }
+  ++size_;
+  return true;
 }
 
 void SightingCollector::Confirm(const Signature& signature, std::size_t place) {
@@ -57,8 +79,10 @@ void SightingCollector::Confirm(const Signature& signature, std::size_t place) {
 
 void SightingCollector::ForgetSince(Stamp stamp) {
   for (auto& [signature, places] : places_) {
-    std::erase_if(places, [&](const Place& place) { return place.sighting.first >= stamp; });
+    size_ -=
+        std::erase_if(places, [&](const Place& place) { return place.sighting.first >= stamp; });
   }
+  std::erase_if(places_, [](const auto& of_signature) { return of_signature.second.empty(); });
 }
 
 std::vector<UnmappedSighting> SightingCollector::Sightings() const {

@@ -10,9 +10,13 @@ namespace shiftmap {
 
 /// Condenses observations that no mode explains into unmapped sightings, per signature and place.
 ///
-/// Memory: bounded per signature; the place seen least makes room.
+/// Memory: at most `max_places`; what is beyond is counted and not kept. A signature has at most
+/// 32, of which the one seen least makes room.
 class SightingCollector {
  public:
+  /// @param max_places  >= 1.
+  explicit SightingCollector(int max_places) : max_places_(static_cast<std::size_t>(max_places)) {}
+
   /// What is known by now of the place where something was seen.
   struct PlaceState {
     std::size_t place = 0;   ///< Valid until the next Add() of the signature.
@@ -38,6 +42,9 @@ class SightingCollector {
   /// Drops the places found at `stamp` or later: the pose was wrong then.
   void ForgetSince(Stamp stamp);
 
+  /// Observations at places that were not kept.
+  std::int64_t not_kept() const { return not_kept_; }
+
   /// All of them, by signature, then time.
   std::vector<UnmappedSighting> Sightings() const;
 
@@ -49,7 +56,12 @@ class SightingCollector {
     bool confirmed = false;
   };
 
+  bool HasRoom();
+
   std::map<Signature, std::vector<Place>> places_;
+  std::size_t max_places_;
+  std::size_t size_ = 0;  // Places of all signatures.
+  std::int64_t not_kept_ = 0;
 };
 
 }  // namespace shiftmap

@@ -18,6 +18,10 @@ void Fill(const ShiftHeader& header, proto::JournalRecord* record) {
   out->set_max_leaves(header.max_leaves);
   out->set_max_delay_s(header.max_delay_s);
   if (header.odometer_m) out->set_odometer_m(*header.odometer_m);
+  const LimitOptions& limits = header.limits;
+  if (limits.max_range_m) out->set_max_range_m(*limits.max_range_m);
+  if (limits.max_speed_mps) out->set_max_speed_mps(*limits.max_speed_mps);
+  if (limits.max_yaw_rate_radps) out->set_max_yaw_rate_radps(*limits.max_yaw_rate_radps);
 }
 
 void Fill(const OdometrySample& sample, proto::JournalRecord* record) {
@@ -43,6 +47,10 @@ StatusOr<JournalRecord> HeaderFromProto(const proto::ShiftHeader& in) {
   header.max_leaves = in.max_leaves();
   header.max_delay_s = in.max_delay_s();
   SHIFTMAP_ASSIGN_OR_RETURN(header.odometer_m, OdometerFromProto(in));
+  LimitOptions& limits = header.limits;
+  if (in.has_max_range_m()) limits.max_range_m = in.max_range_m();
+  if (in.has_max_speed_mps()) limits.max_speed_mps = in.max_speed_mps();
+  if (in.has_max_yaw_rate_radps()) limits.max_yaw_rate_radps = in.max_yaw_rate_radps();
   return JournalRecord(std::move(header));
 }
 
@@ -94,7 +102,7 @@ StatusOr<SavedPose> DecodeSavedPose(std::string_view bytes) {
   saved.area = message.area();
   saved.content_hash = message.content_hash();
   saved.stamp = StampFromNanoseconds(message.stamp_ns());
-  SHIFTMAP_ASSIGN_OR_RETURN(saved.pose, PoseFromProto(message.pose()));
+  SHIFTMAP_ASSIGN_OR_RETURN(saved.pose, StartPoseFromProto(message.pose()));
   SHIFTMAP_ASSIGN_OR_RETURN(saved.odometer_m, OdometerFromProto(message));
   return saved;
 }

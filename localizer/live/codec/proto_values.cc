@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/codec/proto_values.h"
 
-#include "localizer/localizer_options.h"
+#include <cmath>
+
+#include "localizer/initialization/start_pose.h"
 #include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap::live {
@@ -42,6 +44,15 @@ StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in) {
       ++next;
     }
   }
+  if (!pose.T_map_vehicle.translation().allFinite() || !std::isfinite(pose.T_map_vehicle.yaw()) ||
+      !pose.cov_T_map_vehicle.allFinite()) {
+    return InvalidArgument("pose: expected finite numbers");
+  }
+  return pose;
+}
+
+StatusOr<PoseWithCovariance> StartPoseFromProto(const proto::Pose& in) {
+  SHIFTMAP_ASSIGN_OR_RETURN(PoseWithCovariance pose, PoseFromProto(in));
   SHIFTMAP_RETURN_IF_ERROR(ValidateStart(pose));
   return pose;
 }

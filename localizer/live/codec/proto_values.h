@@ -16,9 +16,12 @@ namespace shiftmap::live {
 
 void ToProto(const PoseWithCovariance& pose, proto::Pose* out);
 
-/// Errors: kInvalidArgument for numbers that are not finite, a covariance that is not positive
-/// definite.
+/// Errors: kInvalidArgument for numbers that are not finite.
 StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in);
+
+/// The same of a pose to start from. Errors: kInvalidArgument also where ValidateStart() refuses
+/// it.
+StatusOr<PoseWithCovariance> StartPoseFromProto(const proto::Pose& in);
 
 /// Errors: kInvalidArgument for a number that is not finite.
 template <typename Proto>

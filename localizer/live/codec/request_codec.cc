@@ -85,7 +85,7 @@ StatusOr<Command> CommandFromProto(const proto::Request& in) {
       return SetMapFromProto(in.set_map());
     case proto::Request::kInitializePose: {
       SHIFTMAP_ASSIGN_OR_RETURN(const PoseWithCovariance pose,
-                                PoseFromProto(in.initialize_pose().pose()));
+                                StartPoseFromProto(in.initialize_pose().pose()));
       return Command(InitializePose{pose});
     }
     case proto::Request::kSubscribe:

@@ -391,11 +391,21 @@ TEST(LocalizerOptions, NamesWhatIsOutOfRange) {
   EXPECT_TRUE(options.Validate().ok());
   options.hypotheses.alpha = 0.5;
   EXPECT_NE(Message(options.Validate()).find("alpha"), std::string::npos);
-  EXPECT_TRUE(AtPose(Se2(1e9, 0.0, 0.0)).Validate().ok());
+  EXPECT_TRUE(AtPose(Se2(1e8, 0.0, 0.0)).Validate().ok());
   EXPECT_NE(Message(AtPose(Se2(1e300, 0.0, 0.0)).Validate()).find("1e+300"), std::string::npos);
   options = AtPose(Se2());
   options.initial_pose->cov_T_map_vehicle(0, 0) = 1e300;
-  EXPECT_NE(Message(options.Validate()).find("covariance"), std::string::npos);
+  EXPECT_NE(Message(options.Validate()).find("standard deviations"), std::string::npos);
+  options.initial_pose->cov_T_map_vehicle = Eigen::Matrix3d::Identity() * 1e-18;
+  EXPECT_NE(Message(options.Validate()).find("standard deviations"), std::string::npos);
+  options.initial_pose->cov_T_map_vehicle.setZero();
+  EXPECT_NE(Message(options.Validate()).find("positive definite"), std::string::npos);
+  options = {};
+  options.limits.max_speed_mps = 1e10;
+  EXPECT_NE(Message(options.Validate()).find("max_speed_mps"), std::string::npos);
+  options = {};
+  options.max_places = 0;
+  EXPECT_NE(Message(options.Validate()).find("max_places"), std::string::npos);
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <cmath>
+#include <limits>
 #include <random>
 
 #include "localizer/filter/odometry_buffer.h"
@@ -324,6 +326,42 @@ TEST(OdometryBuffer, ASilenceIsTheSameInManySteps) {
   EXPECT_LT((sum - at_once.increment.cov).norm(), 1e-9);
   steps.Add({begin + FromSeconds(4.0), 2.0, 0.0});
   EXPECT_EQ(steps.Take(begin + FromSeconds(4.5)).silent_s, 0.0);
+}
+
+TEST(KnownMapFilter, ObservationFarOutOfReachGatesWithNothing) {
+  const MapSnapshot snapshot = Snapshot(CorrelatedMap(0.1, 0.1));
+  const Eigen::Matrix2d cov_z = Eigen::Vector2d(0.0225, 0.0009).asDiagonal();
+  for (int i = 0; i < 90; ++i) {
+    KnownMapFilter filter(Start(Se2(0.1 * i, -0.2, 0.3 * i)), snapshot.calibration());
+    Observation observation;
+    observation.z = {1e9, 0.07 * i - 3.0};
+    for (int update = 0; update < 3; ++update) {
+      const auto prediction = filter.PredictObservation(observation, cov_z, {i % 8, 1}, snapshot);
+      ASSERT_GE(prediction.nis, 0.0);
+      ASSERT_EQ(prediction.usable(), std::isfinite(prediction.LogLikelihood()));
+      ASSERT_FALSE(std::isnan(filter.LogLikelihood(prediction, {i % 8, 1}, snapshot)));
+      if (prediction.usable()) filter.Update(prediction, {i % 8, 1}, snapshot);
+      ASSERT_TRUE(IsSymmetricPositiveDefinite(filter.Pose().cov_T_map_vehicle));
+    }
+  }
+}
+
+TEST(KnownMapFilter, StartsAnewWhereNumbersHaveNoDigitsLeft) {
+  const MapSnapshot snapshot = Snapshot(CorrelatedMap(0.1, 0.1));
+  PoseWithCovariance start = Start(Se2(1.0, 2.0, 0.5));
+  KnownMapFilter filter(start, snapshot.calibration());
+  EXPECT_FALSE(IsNowhere(filter.Pose()));
+  MotionIncrement far;
+  far.T_begin_end = Se2(1e9, 0.0, 0.0);
+  filter.Predict(far, 1.0);
+  EXPECT_TRUE(IsNowhere(filter.Pose()));
+  start.cov_T_map_vehicle.setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(IsNowhere(KnownMapFilter(start, snapshot.calibration()).Pose()));
+  start.cov_T_map_vehicle = Eigen::Matrix3d::Identity() * 1e18;
+  start.T_map_vehicle = Se2(1e300, 0.0, 0.0);
+  const PoseWithCovariance pose = KnownMapFilter(start, snapshot.calibration()).Pose();
+  EXPECT_TRUE(IsNowhere(pose));
+  EXPECT_TRUE(pose.T_map_vehicle.translation().allFinite());
 }
 
 }  // namespace

@@ -86,7 +86,7 @@ TEST(SharedErrors, OneByOneIsAsAllTogether) {
     for (const int mode : {2, 0, 0, 2, 3, 1, 2, 1}) {
       const SharedErrors::Observed observed = DrawObserved(mode, &random);
       sum += errors.LogLikelihood(observed, covariance);
-      errors.Update(observed, covariance);
+      EXPECT_TRUE(errors.Update(observed, covariance));
       all.push_back(observed);
     }
     EXPECT_NEAR(sum, LogLikelihoodOfAll(all, covariance), 1e-9) << correlation;
@@ -97,7 +97,7 @@ TEST(SharedErrors, ACorrectionOfTheFilterIsNoInformation) {
   std::mt19937_64 random(8);
   const JointCovariance covariance = Correlated(0.3);
   SharedErrors errors(StartCovariance());
-  errors.Update(DrawObserved(0, &random), covariance);
+  EXPECT_TRUE(errors.Update(DrawObserved(0, &random), covariance));
   SharedErrors moved = errors;
   SharedErrors::StateVector correction;
   correction << 0.1, -0.2, 0.05, 0.01, 0.02;
@@ -115,10 +115,11 @@ TEST(SharedErrors, LetsGoOfTheModeUnusedForLongest) {
   const JointCovariance covariance(marginals, {});
   std::mt19937_64 random(9);
   SharedErrors errors(StartCovariance());
-  for (int mode = 0; mode < modes; ++mode) errors.Update(DrawObserved(mode, &random), covariance);
+  for (int mode = 0; mode < modes; ++mode)
+    EXPECT_TRUE(errors.Update(DrawObserved(mode, &random), covariance));
   const SharedErrors::Observed observed = DrawObserved(modes - 1, &random);
   const double known = errors.LogLikelihood(observed, covariance);
-  errors.Update(observed, covariance);
+  EXPECT_TRUE(errors.Update(observed, covariance));
   EXPECT_TRUE(std::isfinite(known));
   EXPECT_TRUE(std::isfinite(errors.LogLikelihood(DrawObserved(0, &random), covariance)));
 }

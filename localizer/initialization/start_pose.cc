@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/initialization/start_pose.h"
+
+#include <cmath>
+
+namespace shiftmap {
+
+Status ValidateStart(const PoseWithCovariance& pose) {
+  const Se2& T = pose.T_map_vehicle;
+  if (!std::isfinite(T.yaw()) || !(std::abs(T.x()) <= kMaxStartDistanceM) ||
+      !(std::abs(T.y()) <= kMaxStartDistanceM)) {
+    return InvalidArgument("pose: ({}, {}, {}), expected finite numbers up to {}",
+                           T.x(),
+                           T.y(),
+                           T.yaw(),
+                           kMaxStartDistanceM);
+  }
+  const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
+  if (!IsSymmetricPositiveDefinite(cov)) {
+    return InvalidArgument("pose: covariance is not positive definite");
+  }
+  const Eigen::Vector3d sd = cov.diagonal().cwiseSqrt();
+  if (sd.minCoeff() < kMinStartSd || sd.head<2>().maxCoeff() > kMaxStartPositionSdM ||
+      sd.z() > kMaxStartYawSdRad) {
+    return InvalidArgument(
+        "pose: standard deviations ({}, {}, {}), expected {} to {} m and {} to {} rad",
+        sd.x(),
+        sd.y(),
+        sd.z(),
+        kMinStartSd,
+        kMaxStartPositionSdM,
+        kMinStartSd,
+        kMaxStartYawSdRad);
+  }
+  return OkStatus();
+}
+
+}  // namespace shiftmap
