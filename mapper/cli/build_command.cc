@@ -65,22 +65,9 @@ struct PriorMap {
   std::optional<VersionNumber> version;
   std::optional<MapContent> content;
   std::optional<LedgerPosition> ledger_position;
-  std::set<std::string> run_hashes;  // Of the runs that are in it already.
+  std::set<std::string> run_hashes;   // Of the runs that are in it already.
+  std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
 };
-
-// Chains are learned from what shifts reported on the line of the prior map. Reports about the logs
-// of the build are left out: it sees the same visits itself, with all modes.
-StatusOr<std::vector<EvidenceRow>> LoadLedger(const BuildOptions& options,
-                                              const PriorMap& prior,
-                                              const std::vector<MapperInput>& inputs,
-                                              const Context& context) {
-  if (!prior.version || options.no_learned_rates) return std::vector<EvidenceRow>();
-  std::set<std::string> hashes;
-  for (const MapperInput& input : inputs) hashes.insert(input.sha256);
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  return store.Evidence(options.area, *prior.version, hashes);
-}
 
 std::vector<std::string> SelectorNames() {
   std::vector<std::string> names;
@@ -113,9 +100,28 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
   prior.content = snapshot.content();
-  prior.ledger_position = snapshot.ledger_position();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, store.RunHashes(options.area, *prior.version));
   return prior;
+}
+
+// Loads what shifts reported, but not about the logs of the build: it sees their visits itself,
+// with all modes, and none may count twice.
+Status LoadReports(const BuildOptions& options,
+                   const std::vector<MapperInput>& inputs,
+                   const Context& context,
+                   PriorMap* prior) {
+  if (!prior->version) return OkStatus();
+  std::set<std::string> runs;
+  for (const MapperInput& input : inputs) runs.insert(input.sha256);
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
+                            store.LoadPrior(options.area, *prior->version, runs));
+  prior->content = snapshot.content();
+  prior->ledger_position = snapshot.ledger_position();
+  if (options.no_learned_rates) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
+  return OkStatus();
 }
 
 // Nothing was written so far, and nothing will be.
@@ -196,9 +202,7 @@ Status WriteTrajectories(const std::string& folder, const MapperResult& result) 
 
 StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
                                           const PriorMap& prior,
-                                          const std::vector<MapperInput>& inputs,
-                                          Stamp now,
-                                          const Context& context) {
+                                          Stamp now) {
   MapperOptions mapper_options;
   mapper_options.now = now;
   mapper_options.clock_tolerance_s = options.clock_tolerance_s;
@@ -209,8 +213,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
   mapper_options.association.associate = options.anonymous == "associate";
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
-  SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.chains.ledger,
-                            LoadLedger(options, prior, inputs, context));
+  mapper_options.chains.ledger = prior.evidence;
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
   return mapper_options;
@@ -252,10 +255,11 @@ Status Build(const BuildOptions& options, Context& context) {
   const Stamp now = SystemNow();
   const StopSignals signals;
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
-  SHIFTMAP_ASSIGN_OR_RETURN(const PriorMap prior, LoadPrior(options, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
+  SHIFTMAP_RETURN_IF_ERROR(LoadReports(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
-                            MakeMapperOptions(options, prior, runs.inputs, now, context));
+                            MakeMapperOptions(options, prior, now));
   std::unique_ptr<Progress> progress = context.MakeProgress();
   StatusOr<MapperResult> result =
       BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
