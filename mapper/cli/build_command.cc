@@ -278,7 +278,9 @@ Status Build(const BuildOptions& options, Context& context) {
     if (options.trajectories)
       SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, *result));
     SHIFTMAP_ASSIGN_OR_RETURN(
-        MapStore store, OpenStore(options.store, MapStore::Access::kReadWriteCreate, context));
+        MapStore store,
+        OpenStore(
+            options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
     CommitOptions commit_options;
     commit_options.parent = prior.version;
     commit_options.publish = !options.no_publish;
