@@ -7,7 +7,8 @@
 #include <tuple>
 
 #include "localizer/models/detection_model.h"
-#include "mapper/problem/mode_grid.h"
+#include "localizer/models/mode_grid.h"
+#include "mapper/calibration/detection.h"
 #include "mapper/problem/sightings.h"
 
 namespace shiftmap {
@@ -83,7 +84,7 @@ class MissCollector {
       : problem_(problem),
         pass_gap_(FromSeconds(pass_gap_s)),
         flat_(problem),
-        grid_(problem, problem.sensor.max_range_m),
+        grid_(GridOf(problem, problem.sensor.max_range_m)),
         visibility_(static_cast<std::size_t>(flat_.count)) {}
 
   void AddRun(int run_index) {
@@ -127,7 +128,8 @@ class MissCollector {
     const Stamp stamp = run.data->frames[static_cast<std::size_t>(frame)].stamp;
     const Se2& T_map_vehicle = run.poses[static_cast<std::size_t>(frame)];
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
-    grid_.VisitNear(T_map_vehicle.translation(), [&](const ModeGrid::Entry& entry) {
+    const double range_m = problem_.sensor.max_range_m;
+    grid_.VisitNear(T_map_vehicle.translation(), range_m, [&](const ModeGrid::Entry& entry) {
       if (!WellInView(T_vehicle_map * entry.p_map_landmark, problem_.sensor)) return;
       const std::size_t direction = DirectionOf(T_map_vehicle.translation() - entry.p_map_landmark);
       const int before = timeline.Before(entry.group);
