@@ -8,9 +8,9 @@
 
 namespace shiftmap::live {
 
-/// Who may stay connected. A client that feeds items or subscribed is kept, a well-behaved driver
-/// and a silent listener alike. The others are guests, such as one `ctl` command: when all places
-/// are taken, the guest that was silent longest makes room for the next.
+/// Rules of who may stay connected. A client that feeds items or subscribed is kept, a well-behaved
+/// driver and a silent listener alike. The others are guests, such as one `ctl` command: when all
+/// places are taken, the guest that was silent longest makes room for the next.
 struct ClientOptions {
   std::size_t max_kept = 32;  ///< Kept at most; one more is a guest. > 0.
   std::size_t guests = 8;     ///< Places beyond those, which only guests have. > 0.

@@ -48,7 +48,7 @@ struct ServiceOptions {
   std::function<std::chrono::steady_clock::time_point()> steady_clock =
       std::chrono::steady_clock::now;
 
-  /// Called with what goes wrong without ending the service, and with what happens, a line each.
+  /// Called with one line for a fault that does not end the service, and for an event of a shift.
   std::function<void(const std::string&)> warn;
   std::function<void(const std::string&)> inform = [](const std::string&) {};
 

@@ -37,8 +37,8 @@ class Replay {
     return std::visit([&](const auto& item) { return Apply(item); }, record);
   }
 
-  // Does on a copy of the shift, which is there, what follows the replay first: what is held is
-  // localized, and the shift ends.
+  // Localizes the held items and makes the report, on a copy of the shift: the first steps after
+  // the replay, which must not end the process either.
   void Rehearse() {
     Reach(count_);
     if (options_.resuming) options_.resuming();

@@ -27,7 +27,7 @@ void Context::Attend(const std::string& message) {
   Warn(message);
 }
 
-void Context::Inform(const std::string& message) const { spdlog::info("{}", message); }
+void Context::Inform(const std::string& message) const { spdlog::info("{}", InertLine(message)); }
 
 std::unique_ptr<Progress> Context::MakeProgress() const {
   const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();

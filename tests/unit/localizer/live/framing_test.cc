@@ -8,9 +8,14 @@
 #include <random>
 #include <vector>
 
+#include "localizer/live/client.h"
+#include "localizer/live/codec/journal_codec.h"
 #include "localizer/live/codec/live_codec.h"
+#include "localizer/live/journal_file.h"
+#include "localizer/live/unix_socket.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
 
 namespace shiftmap::live {
 namespace {
@@ -103,6 +108,8 @@ TEST(FramingTest, RepliesSurviveTheWire) {
   reply.state->localizer_state = LocalizerState::kLost;
   reply.state->pose = PoseWithCovariance{Se2(1.0, 2.0, 0.5), Eigen::Matrix3d::Identity()};
   reply.state->dropped = {{"future", 4}};
+  reply.state->time_line = TimeLine::kFuture;
+  reply.state->clock_jumps = 2;
   const auto event = DecodeEvent(EncodeEvent(reply));
   ASSERT_TRUE(event.ok());
   const Reply& got = std::get<Reply>(*event);
@@ -111,6 +118,38 @@ TEST(FramingTest, RepliesSurviveTheWire) {
   EXPECT_EQ(got.state->localizer_state, LocalizerState::kLost);
   EXPECT_EQ(got.state->pose->T_map_vehicle.yaw(), 0.5);
   EXPECT_EQ(got.state->dropped.at(0).count, 4);
+  EXPECT_EQ(got.state->time_line, TimeLine::kFuture);
+  EXPECT_EQ(got.state->clock_jumps, 2);
+}
+
+// Observations at the origin, which take the fewest bytes on the wire.
+Scan ScanOf(std::size_t observations) {
+  Scan scan;
+  scan.stamp = StampFromSeconds(5.0);
+  scan.observations.resize(observations);
+  for (Observation& seen : scan.observations) seen.kind = Observation::Kind::kCartesian;
+  return scan;
+}
+
+TEST(FramingTest, WhatFitsAFrameFitsAJournalRecord) {
+  const std::string frame = EncodeRequest({0, ScanOf(kMaxFrameBytes / 4 - 10)});
+  ASSERT_LE(frame.size(), kMaxFrameBytes);
+  EXPECT_GT(frame.size(), kMaxFrameBytes / 10 * 9);
+  std::uint64_t id = 0;
+  const auto request = DecodeRequest(frame, &id);
+  ASSERT_TRUE(request.ok());
+  EXPECT_LE(EncodeJournalRecord(std::get<Scan>(request->command)).size(),
+            JournalFile::kMaxRecordBytes);
+}
+
+TEST(FramingTest, WhatFitsNoFrameIsRefusedByItsSender) {
+  const testing::TempDir folder;
+  const auto listener = ListenAt(folder.File("s"));
+  ASSERT_TRUE(listener.ok());
+  auto client = Client::Connect(folder.File("s"));
+  ASSERT_TRUE(client.ok());
+  EXPECT_THAT(client->Send({0, ScanOf(kMaxFrameBytes)}),
+              StatusIs(StatusCode::kInvalidArgument, "request of"));
 }
 
 }  // namespace

@@ -178,6 +178,7 @@ TEST_F(ServiceTest, SaysWhatItBelieves) {
   EXPECT_NEAR(reply.hypotheses->nodes[0].probability, 1.0, 1e-6);
   EXPECT_FALSE(reply.hypotheses->visits.empty());
   EXPECT_FALSE(service.Handle({.id = 8, .command = GetState()}, &events_).hypotheses);
+  EXPECT_FALSE(service.Handle({.id = 0, .command = ask.command}, &events_).hypotheses);
 
   const std::string bytes = EncodeEvent(reply);
   const auto decoded = DecodeEvent(bytes);
