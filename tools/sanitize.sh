@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Runs what there is under sanitizers; a finding makes the exit code 1.
+# Runs tests and fuzz targets under sanitizers; a finding makes it fail.
 # Usage: tools/sanitize.sh asan            all tests, address and undefined-behaviour sanitizers
 #        tools/sanitize.sh tsan            the tests that run threads, thread sanitizer
 #        tools/sanitize.sh fuzz [MINUTES [TARGET...]]   libFuzzer targets, each for MINUTES (10) of
@@ -19,30 +19,25 @@ build() {
   cmake --build --preset "$1" "${@:2}"
 }
 
-# fuzz_target <seconds> <target>: runs one until it has used the time or found something.
+# fuzz_target <seconds> <target>: runs one until it has used the processor for so long, or found
+# something. libFuzzer itself counts the time on the wall.
 fuzz_target() {
-  local seconds=$1 target=$2 spent=0 user system
-  local folder=build/fuzz/corpus/$target log=build/fuzz/$target.log
-  mkdir -p "$folder" build/fuzz/findings
-  : >"$log"
-  while ((spent < seconds)); do
-    local ok=1
-    TIMEFORMAT='%0U %0S'
-    read -r user system < <({
-      time "build/fuzz/tests/fuzz/$target" "$folder" -max_total_time=$((seconds - spent + 1)) \
-        -artifact_prefix="build/fuzz/findings/$target-" -max_len=4096 -rss_limit_mb=2048 \
-        -timeout=20 -print_final_stats=1 >>"$log" 2>&1 || echo failed >>"$log"
-    } 2>&1)
-    spent=$((spent + user + system + 1))
-    [[ $(tail -n 1 "$log") != failed ]] || ok=0
-    if ((!ok)); then
-      echo "FAILED: $target after $spent s, see $log"
+  local left_ms=$((1000 * $1)) target=$2 runs=0 user system
+  local corpus=build/fuzz/corpus/$target log=build/fuzz/$target.log
+  local TIMEFORMAT='%3U %3S'
+  mkdir -p "$corpus" build/fuzz/findings
+  while ((left_ms > 0)); do
+    if ! { time "build/fuzz/tests/fuzz/$target" "$corpus" -max_len=4096 -rss_limit_mb=2048 \
+      -timeout=20 -max_total_time=$((left_ms / 1000 + 1)) -print_final_stats=1 \
+      -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1; } 2>"$log.time"; then
+      echo "FAILED: $target, see $log"
       return 1
     fi
+    read -r user system <"$log.time"
+    left_ms=$((left_ms - 10#${user/./} - 10#${system/./}))
+    runs=$((runs + $(sed -n 's/stat::number_of_executed_units: *//p' "$log")))
   done
-  local runs
-  runs=$(awk '/number_of_executed_units/ {sum += $2} END {print sum + 0}' "$log")
-  echo "ok: $target, $spent s, $runs runs"
+  echo "ok: $target, $1 s, $runs runs"
 }
 
 case ${1:-} in
@@ -58,7 +53,7 @@ case ${1:-} in
     ;;
   fuzz)
     tools/setup.sh fuzz
-    build fuzz --target shiftmap_fuzz
+    build fuzz --target shiftmap_fuzz_targets
     seconds=$((60 * ${2:-10}))
     targets=("${@:3}")
     ((${#targets[@]} > 0)) ||

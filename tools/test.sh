@@ -31,6 +31,23 @@ check() {
   fi
 }
 
+# run_tests <preset> [ctest option...]: runs tests and counts their cases.
+run_tests() {
+  local tests="0 0 0" tests_passed tests_failed tests_skipped
+  rm -rf build/gtest build/ctest.xml
+  GTEST_OUTPUT=xml:$PWD/build/gtest/ \
+    ctest --preset "$@" --output-junit "$PWD/build/ctest.xml" || true
+  [[ ! -s build/ctest.xml ]] || tests=$(tools/count_tests.py build/ctest.xml build/gtest)
+  read -r tests_passed tests_failed tests_skipped <<<"$tests"
+  if ((tests_passed + tests_failed == 0)); then
+    echo "FAILED: no test ran"
+    tests_failed=1
+  fi
+  passed=$((passed + tests_passed))
+  failed=$((failed + tests_failed))
+  skipped=$((skipped + tests_skipped))
+}
+
 finish() {
   echo "$passed passed, $failed failed, $skipped skipped"
   if ((failed > 0 || passed == 0)); then exit 1; fi
@@ -50,6 +67,11 @@ consumer() {
       -DCMAKE_PREFIX_PATH="$PWD/build/install" >build/consumer.log &&
     cmake --build build/consumer &&
     build/consumer/consumer
+}
+
+# Of what comes from outside; all else under sanitizers takes longer (tools/sanitize.sh).
+sanitized_readers() {
+  cmake --preset asan >/dev/null && cmake --build --preset asan --target shiftmap_reader_targets
 }
 
 # A compiler that runs out of disk does so late, and its message is not the last.
@@ -76,20 +98,10 @@ cp tests/unit/proto/package.json build/dev/npm/
 npm install --prefix build/dev/npm --no-audit --no-fund --silent ||
   echo "warning: the npm packages of the MCAP reference test could not be installed"
 
-rm -rf build/gtest build/ctest.xml
-export GTEST_OUTPUT=xml:$PWD/build/gtest/
-ctest --preset dev --output-junit "$PWD/build/ctest.xml" || true
-unset GTEST_OUTPUT
-tests="0 0 0"
-[[ ! -s build/ctest.xml ]] || tests=$(tools/count_tests.py build/ctest.xml build/gtest)
-read -r tests_passed tests_failed tests_skipped <<<"$tests"
-if ((tests_passed + tests_failed == 0)); then
-  echo "FAILED: no test ran"
-  tests_failed=1
-fi
-passed=$((passed + tests_passed))
-failed=$((failed + tests_failed))
-skipped=$((skipped + tests_skipped))
+run_tests dev
+
+check "build the fuzz targets of readers under sanitizers" sanitized_readers
+run_tests asan --label-regex reader
 
 check "headers compile alone" cmake --build --preset dev --target all_verify_interface_header_sets
 check "format" formatted

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Reads the input as the files of a public data set, one after the other and separated by \xff. The
-// first byte chooses the data set. A run that is accepted is valid.
+// first byte chooses the data set. A run that is accepted is in order.
+#include <algorithm>
+
 #include "proto/core/check.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/temp_dir.h"
@@ -23,9 +25,12 @@ void WriteFiles(std::string_view bytes,
   }
 }
 
+// Numbers beyond a log's limits are refused where it is written.
 void CheckRun(const Run& run) {
-  const Status valid = ValidateRun(run);
-  SHIFTMAP_CHECK(valid.ok(), "an invalid run was read: {}", Message(valid));
+  const auto earlier = [](const auto& a, const auto& b) { return a.stamp < b.stamp; };
+  SHIFTMAP_CHECK(std::is_sorted(run.odometry.begin(), run.odometry.end(), earlier) &&
+                     std::is_sorted(run.scans.begin(), run.scans.end(), earlier),
+                 "items out of order");
 }
 
 void ReadAsUtias(std::string_view bytes, const std::string& folder) {

@@ -7,7 +7,6 @@
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/framing.h"
 #include "proto/core/check.h"
-#include "tests/fuzz/fuzz_run.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace shiftmap::testing {
