@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -26,6 +28,9 @@
 
 namespace shiftmap {
 namespace {
+
+// Signatures that are counted at most: a log of noise has no end of them.
+constexpr std::size_t kMaxSignatures = 100'000;
 
 struct RunOptions {
   std::optional<std::string> store;
@@ -149,13 +154,25 @@ class Shift {
     }
     const std::chrono::duration<double, std::milli> elapsed =
         std::chrono::steady_clock::now() - begin;
-    if (std::holds_alternative<Scan>(event)) {
+    if (const auto* scan = std::get_if<Scan>(&event)) {
       summary_.latencies_ms.push_back(elapsed.count());
+      CountSignatures(*scan);
     } else {
       has_odometry_ = true;
     }
     RecordPoses();
     return OkStatus();
+  }
+
+  void CountSignatures(const Scan& scan) {
+    for (const Observation& observation : scan.observations) {
+      const Signature& signature = observation.signature;
+      if (signature.anonymous() || summary_.signatures.size() >= kMaxSignatures ||
+          !summary_.signatures.insert(signature).second) {
+        continue;
+      }
+      if (localizer_->snapshot().GroupIndex(signature) >= 0) ++summary_.known_signatures;
+    }
   }
 
   void RecordPoses() {
@@ -174,12 +191,52 @@ class Shift {
   std::string run_hash_;
 };
 
+// Areas of a store of which the log saw more landmarks than of the one that it was localized in.
+StatusOr<std::vector<std::string>> BetterAreas(const RunSummary& summary,
+                                               const std::string& area,
+                                               MapStore* store) {
+  std::vector<std::string> better;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store->Areas());
+  for (const AreaSummary& other : areas) {
+    if (other.area == area || !other.published) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map,
+                              store->LoadVersion(other.area, *other.published));
+    const auto known = static_cast<std::size_t>(
+        std::count_if(summary.signatures.begin(), summary.signatures.end(), [&](const auto& seen) {
+          return map.GroupIndex(seen) >= 0;
+        }));
+    if (known <= summary.known_signatures) continue;
+    better.push_back(fmt::format("'{}' has {}", other.area, known));
+  }
+  return better;
+}
+
+// A shift without a pose is a result: this map does not fit the log.
+Status ReportNotLocalized(const RunOptions& options,
+                          const RunSummary& summary,
+                          MapStore* store,
+                          Context* context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> better,
+                            BetterAreas(summary, options.area, store));
+  context->Attend(fmt::format("run log '{}': not localized, area '{}' has {} of the {} landmarks "
+                              "that it saw{}{}",
+                              options.run,
+                              options.area,
+                              summary.known_signatures,
+                              summary.signatures.size(),
+                              better.empty() ? "" : "; area ",
+                              fmt::join(better, ", area ")),
+                  ExitCode::kNotLocalized);
+  return OkStatus();
+}
+
 Status WriteResults(const RunOptions& options,
                     const Shift& shift,
                     const ShiftReport& report,
                     const Context& context) {
   std::optional<MapStore> store;
-  if (options.return_report) {
+  const bool localized = shift.localizer().Statistics().starts > 0;
+  if (options.return_report && localized) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         store,
         OpenStore(
@@ -231,7 +288,8 @@ Status RunShift(const RunOptions& options, Context& context) {
   WarnOfImplausible(options.run, shift.localizer(), context);
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
-  return OkStatus();
+  if (shift.localizer().Statistics().starts > 0) return OkStatus();
+  return ReportNotLocalized(options, summary, &map_store, &context);
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,6 +20,8 @@ struct RunSummary {
   std::string vehicle;               ///< Empty if nothing names it.
   std::string report_uuid;
   std::optional<HypothesisView> hypotheses;  ///< After the last item; nothing without a pose.
+  std::set<Signature> signatures;            ///< That were seen.
+  std::size_t known_signatures = 0;          ///< Of these, the map has as many.
 };
 
 /// The document of `run --json`; its keys are fixed, see README.md.

@@ -174,7 +174,7 @@ ExitCode Application::State::Execute(const Command& command, std::ostream* out, 
   }
   ExitCode code = ExitCodeFor(status);
   if (!status.ok()) *err << program << ": " << OneLine(Message(status)) << '\n';
-  if (code == ExitCode::kDone && context.needs_attention()) code = ExitCode::kAttention;
+  if (code == ExitCode::kDone) code = context.done_code();
   if (context.reported()) {
     *out << context.output();
   } else if (common.json) {

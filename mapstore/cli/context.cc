@@ -22,8 +22,8 @@ void Context::Report(const Json& document, const std::string& text) {
 
 void Context::Warn(const std::string& message) const { spdlog::warn("{}", InertLine(message)); }
 
-void Context::Attend(const std::string& message) {
-  needs_attention_ = true;
+void Context::Attend(const std::string& message, ExitCode code) {
+  done_code_ = code;
   Warn(message);
 }
 

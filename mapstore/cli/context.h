@@ -6,6 +6,7 @@
 #include <ostream>
 #include <string>
 
+#include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/progress.h"
 
 namespace shiftmap {
@@ -43,10 +44,11 @@ class Context {
   void Warn(const std::string& message) const;
 
   /// As Warn(), for what a person should see though the command is done: its exit code is then
-  /// ExitCode::kAttention.
-  void Attend(const std::string& message);
+  /// `code`.
+  void Attend(const std::string& message, ExitCode code = ExitCode::kAttention);
 
-  /// One line on standard error, `<program>: info: <message>`, for a log of what happens over hours.
+  /// One line on standard error, `<program>: info: <message>`, for a log of what happens over
+  /// hours.
   void Inform(const std::string& message) const;
 
   /// A progress line on standard error, silent with --quiet or if that is no terminal.
@@ -59,8 +61,8 @@ class Context {
   /// The first line of the text of the report.
   const std::string& summary() const { return summary_; }
 
-  /// True once Attend() was called.
-  bool needs_attention() const { return needs_attention_; }
+  /// Of a command that is done: kDone, or the code of Attend().
+  ExitCode done_code() const { return done_code_; }
 
  private:
   CommonOptions options_;
@@ -68,7 +70,7 @@ class Context {
   bool reported_ = false;
   std::string output_;
   std::string summary_;
-  bool needs_attention_ = false;
+  ExitCode done_code_ = ExitCode::kDone;
 };
 
 /// The document as text: indented, UTF-8, numbers that survive a round trip, a newline at the end.

@@ -87,6 +87,26 @@ TEST_F(ReturnTest, ChangesTheProbabilities) {
   EXPECT_NE(RunForJson("shiftmap-inspect", show)["groups"], before["groups"]);
 }
 
+// A log of another area: that is a result with an exit code of its own, and no report.
+TEST_F(ReturnTest, AShiftThatNeverFoundItsPoseReturnsNothing) {
+  WriteFile(bad_,
+            "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\n"
+            "X1,1,0,0,0.1,0.1,1\nX2,1,5,0,0.1,0.1,1\nX3,1,0,7,0.1,0.1,1\nX4,1,9,9,0.1,0.1,1\n");
+  RunForJson("shiftmap-mapper",
+             {"import", "--store", store_, "--area", "yard", "--stamp-s", "1767600000", bad_});
+  const std::string before = ReadFile(store_);
+  const CommandResult result = RunCommand(
+      "shiftmap-localizer",
+      {"run", "--store", store_, "--area", "yard", "--return", "--json", world_->Log(1)});
+  EXPECT_EQ(result.exit_code, 7) << result.err;
+  EXPECT_EQ(CountLines(result.err), 1) << result.err;
+  EXPECT_NE(result.err.find("area 'yard' has 0 of the 10 landmarks"), std::string::npos)
+      << result.err;
+  EXPECT_NE(result.err.find("area 'floor' has 10"), std::string::npos) << result.err;
+  EXPECT_EQ(Json::parse(result.out)["localized"], false);
+  EXPECT_TRUE(ReadFile(store_) == before);
+}
+
 TEST_F(ReturnTest, SecondTimeIsNothingToDo) {
   RunForJson("shiftmap-localizer", Return({report_}));
   const std::string before = ReadFile(store_);
