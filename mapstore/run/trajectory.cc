@@ -9,6 +9,7 @@
 
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/stamp_check.h"
 
 namespace shiftmap {
 namespace {
@@ -62,7 +63,9 @@ StatusOr<StampedPose> ParsePose(std::string_view line) {
   if (std::abs(norm - 1.0) > kQuaternionTolerance) {
     return InvalidArgument("quaternion of norm {}, expected 1", norm);
   }
-  return StampedPose{StampFromTum(t), Se2(x, y, 2.0 * std::atan2(qz, qw))};
+  const StampedPose pose{StampFromTum(t), Se2(x, y, 2.0 * std::atan2(qz, qw))};
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(pose.stamp));
+  return pose;
 }
 
 Status WriteLines(std::span<const StampedPose> trajectory, const std::string& path) {

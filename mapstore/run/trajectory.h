@@ -22,7 +22,8 @@ struct StampedPose {
 /// Reads a TUM trajectory: lines `t x y z qx qy qz qw`, seconds since the epoch and metres; empty
 /// lines and lines that start with `#` are skipped. Stamps are rounded to microseconds.
 /// Errors: kNotFound if there is no such file; kInvalidArgument, with `<path>:<line>`, for a line
-/// that is malformed, not in the plane (z, qx or qy above 1e-6), or goes backwards in time.
+/// that is malformed, not in the plane (z, qx or qy above 1e-6), not within 146 years of 1970, or
+/// goes backwards in time.
 StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path);
 
 /// Writes a TUM trajectory with stamps in microseconds; every other number survives a round trip.

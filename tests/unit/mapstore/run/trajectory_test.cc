@@ -66,7 +66,8 @@ TEST(Tum, NamesTheLineThatIsWrong) {
                          "1 2 3 0 0.5 0 0 0.866",  // Rolled.
                          "1 2 3 0 0 0 0 0.5",      // No unit quaternion.
                          "0.5 2 3 0 0 0 0 1",      // Backwards.
-                         "1e300 2 3 0 0 0 0 1"};   // No stamp.
+                         "1e300 2 3 0 0 0 0 1",    // No stamp.
+                         "5e9 2 3 0 0 0 0 1"};     // Too far to count the time until then.
   for (const char* line : wrong) {
     const testing::TempDir dir;
     testing::WriteFile(dir.File("a.tum"), std::string("1 0 0 0 0 0 0 1\n") + line + "\n");
