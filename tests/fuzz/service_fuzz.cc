@@ -13,6 +13,7 @@
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
 #include "proto/core/check.h"
+#include "tests/fault/fault_plan.h"
 #include "tests/fuzz/fuzz_run.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/temp_dir.h"
@@ -190,6 +191,9 @@ std::vector<std::string> FuzzSeeds() {
 
 void RunFuzzInput(std::string_view bytes) {
   constexpr std::size_t kStretches = 6;
+  // Nothing fails, and nobody waits for the disk.
+  FaultPlan none(Fault::kAnyOnce, 1'000'000'000);
+  const ObservedFiles observed(none);
   static const FuzzWorld world;
   FuzzInput input(bytes);
   std::vector<RunEvent> events = world.events;
