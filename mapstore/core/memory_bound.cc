@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <fstream>
 #include <limits>
+#include <string>
 #include <string_view>
 
 namespace shiftmap {
@@ -35,7 +36,8 @@ std::int64_t GroupLimit(const std::string& root, std::string group, const std::s
     while (group.ends_with('/')) group.pop_back();
     least = std::min(least, LimitIn(root + group + "/" + name));
     if (group.empty()) return least;
-    group.erase(std::min(group.rfind('/'), group.size()));
+    const std::size_t slash = group.rfind('/');
+    group.erase(slash == std::string::npos ? 0 : slash);
   }
 }
 

@@ -130,7 +130,7 @@ TEST_F(LedgerTest, APriorIsAsIfNoReportAboutTheLogsOfTheBuildHadCome) {
   ASSERT_THAT(without.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
   for (int i = 0; i < 6; ++i) {
     ShiftReport report = EmptyReport(version_, "a", i);
-    report.run_hash = i == 2 || i == 5 ? mapped : std::string(64, static_cast<char>('c' + i));
+    report.run_hash = i == 2 || i == 5 ? mapped : std::string(64, static_cast<char>('1' + i));
     report.evidence = {TwoStateEvidence(At(100.0 * i), At(100.0 * i + 50.0), -1.0 * i, 0.5)};
     MustReturn(report);
     if (report.run_hash == mapped) continue;
@@ -183,7 +183,8 @@ TEST_F(LedgerTest, MalformedReportIsRefusedWhole) {
   report.evidence[1] = TwoStateEvidence(At(4.0), At(5.0), 0.0, std::nan(""));
   EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "finite"));
   report.evidence[1] = report.evidence[0];
-  EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "another visit of 'A'"));
+  EXPECT_THAT(store_.Return(report),
+              StatusIs(StatusCode::kInvalidArgument, "another visit of 'A'"));
   report.evidence[1].modes.erase(report.evidence[1].modes.begin());
   EXPECT_THAT(store_.Return(report), StatusIs(StatusCode::kInvalidArgument, "begin with mode 0"));
   EXPECT_EQ(ProbabilityAt(At(100.0)), Relaxed(0.7, 100.0));

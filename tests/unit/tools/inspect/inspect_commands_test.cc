@@ -273,7 +273,8 @@ class HostileNames : public InspectCommands {
     const auto second = store->Commit(kName, content_, provenance, {.parent = version->version});
     ASSERT_THAT(second, IsOk());
     ShiftReport report;
-    report.uuid = kName;
+    report.uuid = "00000000-0000-4000-8000-000000000001";
+    report.software = kName;
     report.vehicle = kName;
     report.area = kName;
     report.version = version->version;
@@ -282,6 +283,8 @@ class HostileNames : public InspectCommands {
     UnmappedSighting sighting;
     sighting.signature = Signature(kName);
     sighting.count = 1;
+    sighting.first = sighting.last = content_.stamp;
+    sighting.cov_p_map_landmark = Eigen::Matrix2d::Identity();
     report.sightings.push_back(sighting);
     ASSERT_THAT(store->Return(report), IsOk());
   }
