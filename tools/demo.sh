@@ -34,7 +34,9 @@ echo "== On the fifth, a vehicle localizes on that map and returns what it learn
 
 echo
 echo "== The map, with the probabilities that follow"
-"$bin/shiftmap-inspect" show --store "$out/maps.db" --area floor | head -n 20
+# At the end of the fifth shift: by now the simulated landmarks could stand anywhere.
+at=1767945900
+"$bin/shiftmap-inspect" show --store "$out/maps.db" --area floor --at "$at" | head -n 20
 
 echo
 echo "== How far that is from the truth: the trajectory, and where the landmarks stood on that shift"
@@ -43,7 +45,8 @@ echo "== How far that is from the truth: the trajectory, and where the landmarks
 
 echo
 echo "== The picture"
-"$bin/shiftmap-inspect" plot map --store "$out/maps.db" --area floor --output "$out/map.svg"
+"$bin/shiftmap-inspect" plot map --store "$out/maps.db" --area floor --at "$at" \
+  --output "$out/map.svg"
 if command -v rsvg-convert >/dev/null; then
   rsvg-convert --zoom 2 --output "$out/map.png" "$out/map.svg"
   echo "$out/map.png"

@@ -273,7 +273,7 @@ TEST_F(ShiftTest, NextNightKeepsTheModeNumbers) {
       RunForJson("shiftmap-mapper",
                  Of(store_, {"build", week_->Log(kMappedShifts), week_->Log(kMappedShifts + 1)}));
   EXPECT_EQ(build["version"], 2);
-  const Json after = Show();
+  const Json after = ShowAfter(kMappedShifts + 1);
   EXPECT_EQ(after["version"], 2);
   EXPECT_EQ(after["parent"], 1);
   std::map<std::pair<std::string, int>, Eigen::Vector2d> places;
