@@ -298,6 +298,7 @@ StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
                rejected,
                watch->During("placing runs", kSingleRunsShare));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  if (problem.runs.empty() && !problem.waiting.empty()) return problem;
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), *rejected));
   std::stable_sort(
       problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
@@ -381,6 +382,27 @@ MapContent AsOfRuns(MapContent map,
   return map;
 }
 
+std::vector<Signature> Named(const std::vector<Signature>& signatures,
+                             const std::vector<int>& groups) {
+  std::vector<Signature> named;
+  for (const int group : groups) named.push_back(signatures[static_cast<std::size_t>(group)]);
+  return named;
+}
+
+AmbiguousChange Describe(const WaitingRun& run, const std::vector<Signature>& signatures) {
+  constexpr double kUnlikely = 0.01;
+  AmbiguousChange change;
+  change.runs = {run.name};
+  change.deciding = Named(signatures, run.explanations.deciding);
+  for (const Explanation& explanation : run.explanations.frames) {
+    if (explanation.probability < kUnlikely && change.explanations.size() > 1) break;
+    change.explanations.push_back({Named(signatures, explanation.alignment.signatures),
+                                   Named(signatures, explanation.moved),
+                                   explanation.probability});
+  }
+  return change;
+}
+
 // What is told of a solved problem.
 Status Conclude(const std::vector<Signature>& signatures,
                 const std::optional<MapContent>& prior,
@@ -436,6 +458,13 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
 
   SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
+  for (const WaitingRun& run : problem.waiting) {
+    result.ambiguous_changes.push_back(Describe(run, signatures));
+  }
+  if (problem.runs.empty()) {  // Without a prior map one run at least is in the map.
+    result.content = prior.value();
+    return result;
+  }
   SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &problem));
 
   SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));

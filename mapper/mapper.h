@@ -26,11 +26,28 @@ struct MapperInput {
   Run run;
 };
 
+/// Changes between a run and the map that have several explanations: the run waits.
+struct AmbiguousChange {
+  struct Alternative {
+    std::vector<Signature> stayed;  ///< None: fewer than two landmarks did.
+    std::vector<Signature> moved;   ///< Of those in common.
+    double probability = 0.0;
+  };
+
+  std::vector<std::string> runs;
+  std::vector<Alternative> explanations;  ///< By falling probability, the unlikely ones left out.
+
+  /// Stayed in one of the first two explanations only: another run past them decides.
+  std::vector<Signature> deciding;
+};
+
+/// Without a run if all that there are wait; the content is then that of the prior map.
 struct MapperResult {
   MapContent content;
   std::vector<MappedRun> runs;  ///< By begin, then hash.
   std::vector<RejectedRun> rejected;
-  int modes_created = 0;  ///< Modes that the prior map does not have.
+  std::vector<AmbiguousChange> ambiguous_changes;  ///< The runs of these wait.
+  int modes_created = 0;                           ///< Modes that the prior map does not have.
   int modes_merged = 0;
   int outer_iterations = 0;
   SelectionSummary selection;
@@ -57,7 +74,8 @@ using MapperMonitor = std::function<bool(const MapperProgress&)>;
 /// - Each run by itself: odometry calibration from pairs of sightings, a trajectory by EKF-SLAM,
 ///   one robust position per landmark, then selection and graph in turn.
 /// - Runs are placed in one frame by the largest set of signatures that agree, which works when
-///   most landmarks have moved in between.
+///   most landmarks have moved in between. If the options confirm it, a run that few agree with
+///   waits, unless nothing else explains it.
 /// - All runs in one graph, where positions of one landmark that differ are its modes: selection by
 ///   Viterbi over visits, mode creation and merging, continuous solve, until nothing changes.
 /// - Noise, field of view and detection rate are estimated; joint covariance, mode probabilities.

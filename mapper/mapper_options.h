@@ -7,6 +7,8 @@
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/alignment/explanation_search.h"
+#include "mapper/alignment/move_prior.h"
 #include "mapper/association/anonymous_tracks.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/frontend/mapping_run.h"
@@ -59,10 +61,38 @@ struct ChainOptions {
   std::vector<EvidenceRow> ledger;
 };
 
+/// When few landmarks agree, the place of a run in the map must be confirmed against other
+/// explanations of the same modes (Explain).
+struct ConfirmationOptions {
+  /// A consensus of fewer signatures, or of this share of those in common or less, is confirmed.
+  /// 0 for both, the default: none is.
+  int min_signatures = 0;
+  double min_share = 0.0;
+
+  /// Where more than half agree, no other frame has as many; fewer than five agree by accident.
+  static ConfirmationOptions OfFew() {
+    ConfirmationOptions options;
+    options.min_signatures = 5;
+    options.min_share = 0.5;
+    return options;
+  }
+
+  /// A frame that is less likely than this is not decided for, and the run waits.
+  double min_probability = 0.99;
+
+  /// Modes of a map up to which it is confirmed: its covariance is dense. Runs that are placed in
+  /// larger ones are not.
+  int max_modes = 100;
+
+  MovePrior prior;
+  ExplanationLimits limits;
+};
+
 struct MapperOptions {
   FrontEndOptions front_end;
   AssociationOptions association;  ///< Of observations without a signature.
   AlignmentOptions alignment;
+  ConfirmationOptions confirmation;
   DisplacementOptions displacement;
   ModeOptions modes;
   MissedDetectionOptions missed;

@@ -45,6 +45,7 @@ struct BuildOptions {
   std::string engine = "graph";
   std::string prior = "published";
   std::string anonymous = "ignore";
+  std::string placement = "consensus";
   bool no_publish = false;
   bool no_calibration = false;
   bool no_learned_rates = false;
@@ -179,6 +180,7 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
                                   {"engine", options.engine},
                                   {"prior", options.prior},
                                   {"anonymous", options.anonymous},
+                                  {"placement", options.placement},
                                   {"calibrate", !options.no_calibration},
                                   {"leave_rate_per_s", options.leave_rate_per_s},
                                   {"learned_rates", !options.no_learned_rates},
@@ -211,6 +213,9 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
   mapper_options.max_memory_bytes = MaxMemory(options);
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.association.associate = options.anonymous == "associate";
+  if (options.placement == "posterior") {
+    mapper_options.confirmation = ConfirmationOptions::OfFew();
+  }
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
   mapper_options.chains.ledger = prior.evidence;
@@ -219,7 +224,12 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
   return mapper_options;
 }
 
-void WarnOfInput(const MapperResult& result, const Context& context) {
+void WarnOfInput(const MapperResult& result, Context& context) {
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const std::string& run : change.runs) {
+      context.Attend(fmt::format("run '{}' waits: {}", run, WaitingReason(change)));
+    }
+  }
   for (const RejectedRun& run : result.rejected) {
     context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
   }
@@ -274,7 +284,8 @@ Status Build(const BuildOptions& options, Context& context) {
   WarnOfInput(*result, context);
 
   std::optional<CommitResult> commit;
-  if (!context.dry_run()) {
+  const bool all_wait = result->runs.empty();
+  if (!context.dry_run() && !all_wait) {
     if (options.trajectories)
       SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, *result));
     SHIFTMAP_ASSIGN_OR_RETURN(
@@ -296,7 +307,9 @@ Status Build(const BuildOptions& options, Context& context) {
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   context.Report(document, BuildText(*result, commit));
-  return OkStatus();
+  if (!all_wait) return OkStatus();
+  return MakeStatus(
+      StatusCode::kAlreadyExists, "area '{}': every run waits, no version is made", options.area);
 }
 
 }  // namespace
@@ -320,6 +333,11 @@ void AddBuildCommand(Application* application) {
               &options->anonymous,
               "Observations without a signature: leave them out, or associate them jointly")
       .OneOf({"ignore", "associate"})
+      .Option("--placement",
+              &options->placement,
+              "A run that few landmarks tie to the map: placed where most agree, or only where no "
+              "other explanation is likely, and else it waits")
+      .OneOf({"consensus", "posterior"})
       .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
       .Flag("--no-calibration",
             &options->no_calibration,

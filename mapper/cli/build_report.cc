@@ -45,11 +45,67 @@ Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
   return chain;
 }
 
+Json SignaturesJson(const std::vector<Signature>& signatures) {
+  Json names = Json::array();
+  for (const Signature& signature : signatures) names.push_back(signature.text());
+  return names;
+}
+
+Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
+  Json explanations = Json::array();
+  for (const AmbiguousChange::Alternative& explanation : change.explanations) {
+    explanations.push_back({{"stayed", SignaturesJson(explanation.stayed)},
+                            {"moved", SignaturesJson(explanation.moved)},
+                            {"probability", explanation.probability}});
+  }
+  return {{"id", id},
+          {"state", "waiting"},
+          {"runs", change.runs},
+          {"deciding", SignaturesJson(change.deciding)},
+          {"explanations", explanations}};
+}
+
+// "12, 27 and 54", or how many they are.
+std::string List(const std::vector<Signature>& signatures) {
+  constexpr std::size_t kMaxNamed = 8;
+  if (signatures.size() > kMaxNamed) return fmt::format("{} landmarks", signatures.size());
+  std::string text;
+  for (std::size_t i = 0; i < signatures.size(); ++i) {
+    const bool last = i > 0 && i + 1 == signatures.size();
+    text += i == 0 ? "" : last ? " and " : ", ";
+    text += InertLine(signatures[i].text());
+  }
+  return text;
+}
+
+std::string Words(const AmbiguousChange::Alternative& explanation) {
+  const std::string moved =
+      explanation.moved.size() == 1 ? "1 moved" : fmt::format("{} moved", explanation.moved.size());
+  const double percent = 100.0 * explanation.probability;
+  if (explanation.stayed.empty()) {
+    return fmt::format("at most one landmark stayed ({:.0f} %)", percent);
+  }
+  return fmt::format("{} stayed and {} ({:.0f} %)", List(explanation.stayed), moved, percent);
+}
+
 Json IntervalJson(const Interval& interval) {
   return {{"value", interval.value}, {"interval_95", {interval.low, interval.high}}};
 }
 
 }  // namespace
+
+std::string WaitingReason(const AmbiguousChange& change) {
+  std::string text;
+  for (std::size_t i = 0; i < change.explanations.size(); ++i) {
+    text += i == 0 ? "either " : ", or ";
+    text += Words(change.explanations[i]);
+  }
+  if (change.explanations.size() == 1) text = Words(change.explanations.front());
+  if (!change.deciding.empty()) {
+    text += fmt::format("; another run past {} would tell", List(change.deciding));
+  }
+  return text;
+}
 
 Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
   Json document = Json::array();
@@ -92,6 +148,15 @@ Json BuildJson(const std::string& area,
   document["rejected"] = Json::array();
   for (const RejectedRun& run : result.rejected) {
     document["rejected"].push_back({{"run", run.name}, {"reason", run.reason}});
+  }
+  document["ambiguous_changes"] = Json::array();
+  document["waiting"] = Json::array();
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    document["ambiguous_changes"].push_back(
+        AmbiguousChangeJson(document["ambiguous_changes"].size() + 1, change));
+    for (const std::string& run : change.runs) {
+      document["waiting"].push_back({{"run", run}, {"reason", WaitingReason(change)}});
+    }
   }
   std::size_t modes = 0;
   Json modes_per_group = Json::object();

@@ -16,6 +16,9 @@ namespace shiftmap {
 /// The calibration of each vehicle, `[low, high]` beside each value.
 Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles);
 
+/// Why a run waits, in words: which landmarks may have stayed, and which of them would decide.
+std::string WaitingReason(const AmbiguousChange& change);
+
 /// What `shiftmap-mapper build --json` says of a build.
 /// @param dropped  By the log's SHA-256.
 /// @param commit  Nothing if no version was made.

@@ -7,6 +7,7 @@
 
 #include "mapper/modes/loose_runs.h"
 #include "mapper/modes/mode_refinement.h"
+#include "mapper/submaps/confirm_alignment.h"
 #include "mapper/submaps/displaced_modes.h"
 #include "mapper/submaps/encounter.h"
 #include "mapper/submaps/submap_alignment.h"
@@ -127,17 +128,51 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
   }
 }
 
-// Places a submap that waits, if it aligns.
+// Whether the place of a submap is decided, which is then that of the likeliest explanation. Where
+// that is about the one of the consensus, the latter stays as it is.
+// @param explanations  Of a place that is not.
+bool Confirm(const MapperOptions& options,
+             const std::optional<MapContent>& prior,
+             const MapProblem& problem,
+             const Submap& submap,
+             SubmapAlignment* aligned,
+             std::optional<Explanations>* explanations) {
+  *explanations = ExplainSubmap(options, prior, problem, AreaOf(problem), submap);
+  if (!*explanations) return true;
+  const Explanation* decided = Decided(options.confirmation, **explanations);
+  if (decided == nullptr) return false;
+  const auto apart = [&](const AlignmentPoint& point) {
+    return (decided->alignment.T_reference_other * point.position -
+            aligned->alignment.T_reference_other * point.position)
+        .norm();
+  };
+  const bool same =
+      std::all_of(submap.points.begin(), submap.points.end(), [&](const AlignmentPoint& point) {
+        return apart(point) < options.confirmation.limits.same_frame_m;
+      });
+  if (!same) aligned->alignment = decided->alignment;
+  return true;
+}
+
+// Places a submap that waits, if it aligns and nothing else explains it.
 void PlaceNext(const MapperOptions& options,
                const std::optional<MapContent>& prior,
                std::size_t next,
                WaitingSubmaps* waiting,
                MapProblem* problem,
                std::vector<RejectedRun>* rejected) {
-  const std::optional<SubmapAlignment> aligned = AlignSubmap(
-      waiting->Reference(next, *problem), waiting->At(next), AreaOf(*problem), options.alignment);
+  const std::vector<AlignmentPoint> reference = waiting->Reference(next, *problem);
+  std::optional<SubmapAlignment> aligned =
+      AlignSubmap(reference, waiting->At(next), AreaOf(*problem), options.alignment);
   if (!aligned) {
     waiting->SetAside(next);
+    return;
+  }
+  std::optional<Explanations> explanations;
+  if (!aligned->bent &&
+      NeedsConfirmation(options.confirmation, reference, waiting->At(next), aligned->alignment) &&
+      !Confirm(options, prior, *problem, waiting->At(next), &*aligned, &explanations)) {
+    waiting->SetAside(next, std::move(explanations));
     return;
   }
   Submap placed = waiting->Take(next);
@@ -175,28 +210,50 @@ void PlaceWaiting(const MapperOptions& options,
   }
 }
 
+// A map that begins with one of the submaps.
+struct Part {
+  MapProblem problem;
+  std::optional<std::size_t> first;
+  std::optional<Submap> first_submap;  // As it was.
+  bool open = false;                   // Others have several places in it.
+};
+
 // Without a prior map the submap of most landmarks is the first. It may be of another area: where
 // more runs are left than were placed, they are placed by themselves, and the larger part is the
-// map.
+// map. A run that was a map by itself may lie in the larger one where explanations are open.
 void PlaceMost(const MapperOptions& options,
                WaitingSubmaps* waiting,
                MapProblem* problem,
                std::vector<RejectedRun>* rejected,
                const GoOn& go_on) {
   const MapProblem nothing = *problem;
+  Part most{nothing, std::nullopt, std::nullopt, false};
+  std::vector<Part> beaten;
   do {
-    MapProblem part = nothing;
-    waiting->Recount(part);
-    const auto first = waiting->Largest();
-    if (!first) return;
-    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*first), &part);
-    waiting->Update(*first, part);
-    PlaceWaiting(options, std::nullopt, waiting, &part, rejected, go_on);
-    if (part.runs.size() > problem->runs.size()) std::swap(part, *problem);
-    for (const BuildRun& run : part.runs) rejected->push_back(NotAligned(*run.data));
-    rejected->insert(rejected->end(), part.left_out.begin(), part.left_out.end());
-    if (go_on && !go_on(*problem)) return;
-  } while (waiting->Remaining().size() > problem->runs.size());
+    Part part{nothing, std::nullopt, std::nullopt, false};
+    waiting->Recount(part.problem);
+    part.first = waiting->Largest();
+    if (!part.first) break;
+    part.first_submap = waiting->At(*part.first);
+    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*part.first), &part.problem);
+    waiting->Update(*part.first, part.problem);
+    PlaceWaiting(options, std::nullopt, waiting, &part.problem, rejected, go_on);
+    part.open = waiting->AnyOpen();
+    if (part.problem.runs.size() > most.problem.runs.size()) std::swap(part, most);
+    const std::vector<RejectedRun>& left_out = part.problem.left_out;
+    rejected->insert(rejected->end(), left_out.begin(), left_out.end());
+    if (part.problem.runs.size() == 1 && part.open) {
+      beaten.push_back(std::move(part));
+    } else {
+      for (const BuildRun& run : part.problem.runs) rejected->push_back(NotAligned(*run.data));
+    }
+    if (go_on && !go_on(most.problem)) break;
+  } while (waiting->Remaining().size() > most.problem.runs.size());
+  *problem = std::move(most.problem);
+  if (beaten.empty()) return;
+  for (Part& part : beaten) waiting->Return(*part.first, *std::move(part.first_submap));
+  waiting->Recount(*problem);
+  PlaceWaiting(options, std::nullopt, waiting, problem, rejected, go_on);
 }
 
 }  // namespace
@@ -217,7 +274,12 @@ void PlaceSubmaps(const MapperOptions& options,
     PlaceWaiting(options, prior, &waiting, problem, rejected, go_on);
   }
   for (const std::size_t i : waiting.Remaining()) {
-    rejected->push_back(NotAligned(*waiting.At(i).problem.runs.front().data));
+    const MappingRun& run = *waiting.At(i).problem.runs.front().data;
+    if (waiting.Open(i)) {
+      problem->waiting.push_back({run.name, *waiting.Open(i)});
+    } else {
+      rejected->push_back(NotAligned(run));
+    }
   }
 }
 

@@ -22,6 +22,10 @@ namespace shiftmap {
 /// - against modes of the prior map that is decided for the whole submap at once, FindDisplaced();
 /// - against modes that other runs of this build brought, by a gate on each.
 ///
+/// A submap of which few landmarks agree is placed only where Explain() decides for one frame
+/// (ConfirmationOptions). Else it waits, and is added to MapProblem::waiting if that is so in the
+/// end.
+///
 /// What aligns with nothing is rejected, and so is what the landmarks that moved leave without two
 /// that did not.
 /// @param go_on  Asked before each submap; if it says no, the others are neither placed nor

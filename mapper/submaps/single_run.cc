@@ -188,7 +188,10 @@ MapProblem MapByParts(const MapperOptions& options,
   }
   MapProblem placed = StartProblem(problem.modes.size(), problem.sensor);
   std::vector<RejectedRun> rejected;
-  PlaceSubmaps(options, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
+  MapperOptions placing = options;
+  placing.confirmation.min_signatures = 0;  // Within a run landmarks stay.
+  placing.confirmation.min_share = 0.0;
+  PlaceSubmaps(placing, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
   for (BuildRun& part : placed.runs) {
     parts.Place(static_cast<std::size_t>(part.data - &parts.At(0)), std::move(part.poses));
   }

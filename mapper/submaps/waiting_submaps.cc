@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/submaps/waiting_submaps.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace shiftmap {
@@ -47,6 +48,17 @@ std::optional<std::size_t> WaitingSubmaps::Next() const {
   if (untried) return untried;
   return FirstWithMost([](const Entry& entry) -> std::size_t {
     return entry.modes > entry.tried_with_modes ? entry.shared : 0;
+  });
+}
+
+void WaitingSubmaps::SetAside(std::size_t i, std::optional<Explanations> explanations) {
+  entries_[i].tried_with_modes = entries_[i].modes;
+  entries_[i].explanations = std::move(explanations);
+}
+
+bool WaitingSubmaps::AnyOpen() const {
+  return std::any_of(entries_.begin(), entries_.end(), [](const Entry& entry) {
+    return entry.submap && entry.explanations;
   });
 }
 

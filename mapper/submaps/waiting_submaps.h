@@ -3,9 +3,11 @@
 
 #include <cstddef>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/alignment/explain_alignment.h"
 #include "mapper/problem/map_problem.h"
 #include "mapper/submaps/submap.h"
 
@@ -28,11 +30,21 @@ class WaitingSubmaps {
   /// Precondition of this and what follows: it waits.
   const Submap& At(std::size_t i) const { return *entries_[i].submap; }
 
-  /// It does not align with the map as it is.
-  void SetAside(std::size_t i) { entries_[i].tried_with_modes = entries_[i].modes; }
+  /// It does not align with the map as it is, or in several ways.
+  /// @param explanations  Of these, or nothing.
+  void SetAside(std::size_t i, std::optional<Explanations> explanations = std::nullopt);
+
+  /// Why it was set aside the last time, if several explanations fit.
+  const std::optional<Explanations>& Open(std::size_t i) const { return entries_[i].explanations; }
+
+  /// Whether that is so of any that waits.
+  bool AnyOpen() const;
 
   /// It waits no longer.
   Submap Take(std::size_t i);
+
+  /// It waits again.
+  void Return(std::size_t i, Submap submap) { entries_[i].submap = std::move(submap); }
 
   /// Counts what a submap that was taken has brought to the map.
   void Update(std::size_t i, const MapProblem& problem);
@@ -53,6 +65,7 @@ class WaitingSubmaps {
     std::size_t shared = 0;            // Of its groups, those with a mode in the map.
     std::size_t modes = 0;             // Of its groups in the map.
     std::size_t tried_with_modes = 0;  // How many these were when it did not align.
+    std::optional<Explanations> explanations;
   };
 
   template <typename Value>

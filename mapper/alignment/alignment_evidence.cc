@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/alignment/alignment_evidence.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <utility>
+
+#include "mapstore/geometry/se2.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+const double kLog2Pi = std::log(2.0 * std::numbers::pi);
+
+double LogGaussian(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov) {
+  return -0.5 * r.dot(cov.inverse() * r) - 0.5 * std::log(cov.determinant()) - kLog2Pi;
+}
+
+double LogBeta(double a, double b) { return std::lgamma(a) + std::lgamma(b) - std::lgamma(a + b); }
+
+Eigen::Index RowOf(std::size_t point) { return static_cast<Eigen::Index>(2 * point); }
+Eigen::Index RowOf(int point) { return Eigen::Index{2} * point; }
+
+Eigen::Matrix2d RotationBy(double yaw_rad) { return Se2(0.0, 0.0, yaw_rad).Rotation(); }
+
+}  // namespace
+
+double LogSum(double a, double b) {
+  const double most = std::max(a, b);
+  return most == kNever ? most : most + std::log1p(std::exp(std::min(a, b) - most));
+}
+
+Eigen::Vector2d SimilarityFit::operator*(const Eigen::Vector2d& p_reference) const {
+  return centre_other +
+         std::exp(log_scale) * (RotationBy(yaw_rad) * (p_reference - centre_reference));
+}
+
+AlignmentEvidence::AlignmentEvidence(const JointPoints& reference,
+                                     const JointPoints& other,
+                                     double area_m2,
+                                     const MovePrior& prior)
+    : reference_(reference),
+      other_(other),
+      prior_(prior),
+      log_area_(std::log(area_m2)),
+      log_anywhere_(std::log1p(-prior.near_share) - log_area_) {
+  std::map<int, std::vector<int>> in_reference;
+  std::map<int, std::vector<int>> in_other;
+  for (std::size_t i = 0; i < reference.points.size(); ++i) {
+    in_reference[reference.points[i].group].push_back(static_cast<int>(i));
+  }
+  for (std::size_t i = 0; i < other.points.size(); ++i) {
+    in_other[other.points[i].group].push_back(static_cast<int>(i));
+  }
+  for (const auto& [group, points] : in_other) {
+    const auto known = in_reference.find(group);
+    if (known == in_reference.end() || points.size() > 1) continue;
+    const auto landmark = static_cast<int>(groups_.size());
+    const auto first = static_cast<int>(matches_.size());
+    for (const int mode : known->second) matches_.push_back({landmark, mode, points.front()});
+    groups_.push_back(group);
+    of_landmark_.emplace_back(first, static_cast<int>(matches_.size()));
+  }
+  if (matches_.size() > kMaxMatches) return;
+  for (const Match& match : matches_) {
+    MatchSet rivals = 0;
+    const auto [first, end] = MatchesOf(match.landmark);
+    for (int k = first; k < end; ++k) rivals |= MatchSet{1} << k;
+    rivals_.push_back(rivals);
+  }
+}
+
+const Eigen::Vector2d& AlignmentEvidence::PositionInReference(int match) const {
+  return reference_.points[AsSize(matches_[AsSize(match)].reference)].position;
+}
+
+const Eigen::Vector2d& AlignmentEvidence::PositionInOther(int match) const {
+  return other_.points[AsSize(matches_[AsSize(match)].other)].position;
+}
+
+double AlignmentEvidence::Variance(int match) const {
+  const Eigen::Index reference = RowOf(matches_[AsSize(match)].reference);
+  const Eigen::Index other = RowOf(matches_[AsSize(match)].other);
+  return 0.5 * (reference_.covariance.block<2, 2>(reference, reference).trace() +
+                other_.covariance.block<2, 2>(other, other).trace());
+}
+
+double AlignmentEvidence::LogStaying(int stayed) const {
+  const auto count = static_cast<double>(groups_.size());
+  return LogBeta(prior_.stay_alpha + stayed, prior_.stay_beta + count - stayed) -
+         LogBeta(prior_.stay_alpha, prior_.stay_beta);
+}
+
+double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov_r) const {
+  const double log_size =
+      std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()));
+  const double variance = 0.5 * cov_r.trace();
+  double log_density = log_anywhere_;
+  for (const double sd : prior_.near_sd_m) {
+    // E|u|² / 2s² of the move given r, with which the Gaussian is weighted.
+    const double s2 = sd * sd;
+    const double gain = s2 / (s2 + variance);
+    const double ring = (gain * gain * r.squaredNorm() + 2.0 * gain * variance) / (2.0 * s2);
+    log_density = LogSum(
+        log_density,
+        log_size + std::log(ring) + LogGaussian(r, cov_r + s2 * Eigen::Matrix2d::Identity()));
+  }
+  return log_density;
+}
+
+// One set: the fit of the transform to what stayed, and what that predicts of the others.
+class SetEvaluation {
+ public:
+  SetEvaluation(const AlignmentEvidence& evidence, MatchSet stayed) : e_(evidence) {
+    std::vector<bool> has_stayed(e_.groups_.size());
+    for (int k = 0; k < static_cast<int>(e_.matches_.size()); ++k) {
+      if (((stayed >> k) & 1) == 0) continue;
+      in_.push_back(k);
+      has_stayed[static_cast<std::size_t>(At(k).landmark)] = true;
+    }
+    for (std::size_t l = 0; l < has_stayed.size(); ++l) {
+      if (!has_stayed[l]) moved_.push_back(static_cast<int>(l));
+    }
+    Start();
+    Fit();
+  }
+
+  SetScore Score(std::vector<double>* gains) {
+    const auto stayed = static_cast<int>(in_.size());
+    SetScore score;
+    score.fit = fit_;
+    score.log_evidence = LogEvidence();
+    score.log_moved.assign(e_.groups_.size(), 0.0);
+    score.log_score = score.log_evidence + e_.LogStaying(stayed);
+    for (const int k : in_) score.log_score -= LogModes(k);
+    if (gains != nullptr) gains->assign(e_.matches_.size(), kNever);
+    const double up = e_.LogStaying(stayed + 1) - e_.LogStaying(stayed);
+    residual_ -= jacobian_ * step_;
+    const Eigen::VectorXd whitened = llt_.solve(residual_);
+    for (const int landmark : moved_) {
+      const auto [first, end] = e_.MatchesOf(landmark);
+      double log_moved = kNever;
+      for (int k = first; k < end; ++k) {
+        const auto [r, cov] = Predict(k, whitened);
+        log_moved = LogSum(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
+        if (gains != nullptr) (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
+      }
+      for (int k = first; gains != nullptr && k < end; ++k) {
+        (*gains)[static_cast<std::size_t>(k)] += up - log_moved - LogModes(k);
+      }
+      score.log_moved[static_cast<std::size_t>(landmark)] = log_moved;
+      score.log_score += log_moved;
+    }
+    if (gains != nullptr && stayed > 2) AddRemovals(gains);
+    if (!std::isfinite(score.log_score)) score.log_score = kNever;
+    return score;
+  }
+
+ private:
+  const Match& At(int match) const { return e_.matches_[static_cast<std::size_t>(match)]; }
+
+  // log of how many modes the landmark of a match may have stayed at, equally likely.
+  double LogModes(int match) const {
+    const auto [first, end] = e_.MatchesOf(At(match).landmark);
+    return std::log(static_cast<double>(end - first));
+  }
+
+  // Least squares, all matches alike.
+  void Start() {
+    const auto count = static_cast<double>(in_.size());
+    for (const int k : in_) {
+      fit_.centre_reference += e_.PositionInReference(k) / count;
+      fit_.centre_other += e_.PositionInOther(k) / count;
+    }
+    double dot = 0.0;
+    double cross = 0.0;
+    for (const int k : in_) {
+      const Eigen::Vector2d a = e_.PositionInReference(k) - fit_.centre_reference;
+      const Eigen::Vector2d b = e_.PositionInOther(k) - fit_.centre_other;
+      dot += a.dot(b);
+      cross += a.x() * b.y() - a.y() * b.x();
+    }
+    fit_.yaw_rad = std::atan2(cross, dot);
+  }
+
+  // Covariance of the differences of two matches. [m²]
+  Eigen::Matrix2d Block(int j, int k) const {
+    return e_.other_.covariance.block<2, 2>(RowOf(At(j).other), RowOf(At(k).other)) +
+           R_ *
+               e_.reference_.covariance.block<2, 2>(RowOf(At(j).reference),
+                                                    RowOf(At(k).reference)) *
+               R_.transpose();
+  }
+
+  Eigen::Vector2d Residual(int k) const {
+    return e_.PositionInOther(k) - fit_ * e_.PositionInReference(k);
+  }
+
+  // d (fit * p) / d (centre_other, yaw, log scale).
+  Eigen::Matrix<double, 2, 4> Jacobian(int k) const {
+    const Eigen::Vector2d q = fit_ * e_.PositionInReference(k) - fit_.centre_other;
+    Eigen::Matrix<double, 2, 4> jacobian;
+    jacobian << 1.0, 0.0, -q.y(), q.x(), 0.0, 1.0, q.x(), q.y();
+    return jacobian;
+  }
+
+  // Gauss-Newton; two steps and the linearization where they end.
+  void Fit() {
+    constexpr int kSteps = 2;
+    const Eigen::Index rows = RowOf(in_.size());
+    Eigen::MatrixXd covariance(rows, rows);
+    residual_.resize(rows);
+    jacobian_.resize(rows, 4);
+    const double scale_information = 1.0 / (e_.prior_.sd_scale * e_.prior_.sd_scale);
+    for (int i = 0; i <= kSteps; ++i) {
+      R_ = RotationBy(fit_.yaw_rad);
+      for (std::size_t p = 0; p < in_.size(); ++p) {
+        for (std::size_t q = 0; q < in_.size(); ++q) {
+          covariance.block<2, 2>(RowOf(p), RowOf(q)) = Block(in_[p], in_[q]);
+        }
+        residual_.segment<2>(RowOf(p)) = Residual(in_[p]);
+        jacobian_.middleRows<2>(RowOf(p)) = Jacobian(in_[p]);
+      }
+      llt_.compute(covariance);
+      weighted_jacobian_ = llt_.solve(jacobian_);
+      Eigen::Matrix4d information = jacobian_.transpose() * weighted_jacobian_;
+      information(3, 3) += scale_information;
+      gradient_ = weighted_jacobian_.transpose() * residual_;
+      gradient_[3] -= scale_information * fit_.log_scale;
+      fit_.covariance = information.inverse();
+      step_ = fit_.covariance * gradient_;
+      if (i == kSteps) break;
+      fit_.centre_other += step_.head<2>();
+      fit_.yaw_rad += step_[2];
+      fit_.log_scale += step_[3];
+    }
+  }
+
+  // Gaussian integral over the transform: uniform over the area and all headings, normal in the log
+  // of the scale.
+  double LogEvidence() const {
+    const double scale = fit_.log_scale / e_.prior_.sd_scale;
+    const double chi2 = residual_.dot(llt_.solve(residual_)) + scale * scale - gradient_.dot(step_);
+    const double log_det = 2.0 * llt_.matrixLLT().diagonal().array().log().sum();
+    const auto count = static_cast<double>(in_.size());
+    const double log_prior = -e_.log_area_ - kLog2Pi - std::log(e_.prior_.sd_scale) - 0.5 * kLog2Pi;
+    return -0.5 * chi2 - 0.5 * log_det - count * kLog2Pi + log_prior + 2.0 * kLog2Pi +
+           0.5 * std::log(fit_.covariance.determinant());
+  }
+
+  // The difference of a match that is not in the set from what that predicts, and its covariance.
+  std::pair<Eigen::Vector2d, Eigen::Matrix2d> Predict(int k,
+                                                      const Eigen::VectorXd& whitened) const {
+    Eigen::MatrixXd cross(2, RowOf(in_.size()));
+    for (std::size_t p = 0; p < in_.size(); ++p) {
+      cross.middleCols<2>(RowOf(p)) = Block(k, in_[p]);
+    }
+    const Eigen::MatrixXd gain = llt_.solve(cross.transpose());
+    const Eigen::Matrix<double, 2, 4> jacobian = Jacobian(k);
+    const Eigen::Matrix<double, 2, 4> remaining = jacobian - gain.transpose() * jacobian_;
+    return {Residual(k) - jacobian * step_ - cross * whitened,
+            Block(k, k) - cross * gain + remaining * fit_.covariance * remaining.transpose()};
+  }
+
+  // What taking one out gains: its difference from what the others predict, by the inverse of the
+  // joint covariance once the transform is integrated out.
+  void AddRemovals(std::vector<double>* gains) const {
+    const Eigen::Index rows = RowOf(in_.size());
+    const Eigen::MatrixXd precision =
+        llt_.solve(Eigen::MatrixXd::Identity(rows, rows)) -
+        weighted_jacobian_ * fit_.covariance * weighted_jacobian_.transpose();
+    const Eigen::VectorXd whitened = llt_.solve(residual_);
+    const auto stayed = static_cast<int>(in_.size());
+    const double down = e_.LogStaying(stayed - 1) - e_.LogStaying(stayed);
+    for (std::size_t p = 0; p < in_.size(); ++p) {
+      const Eigen::Matrix2d information = precision.block<2, 2>(RowOf(p), RowOf(p));
+      if (!(information.determinant() > 0.0)) continue;
+      const Eigen::Matrix2d cov = information.inverse();
+      const Eigen::Vector2d r = cov * whitened.segment<2>(RowOf(p));
+      (*gains)[static_cast<std::size_t>(in_[p])] =
+          e_.LogMovedBy(r, cov) - LogGaussian(r, cov) + down + LogModes(in_[p]);
+    }
+  }
+
+  const AlignmentEvidence& e_;
+  std::vector<int> in_;     // Matches in the set.
+  std::vector<int> moved_;  // Landmarks without one.
+  SimilarityFit fit_;
+  Eigen::Matrix2d R_;
+  Eigen::LLT<Eigen::MatrixXd> llt_;  // Of the joint covariance of the differences.
+  Eigen::VectorXd residual_;         // At fit_, and in the end less the last step.
+  Eigen::MatrixXd jacobian_;
+  Eigen::MatrixXd weighted_jacobian_;
+  Eigen::Vector4d gradient_;
+  Eigen::Vector4d step_;  // The last one, too small to take.
+};
+
+SetScore AlignmentEvidence::Score(MatchSet stayed, std::vector<double>* gains) const {
+  return SetEvaluation(*this, stayed).Score(gains);
+}
+
+}  // namespace shiftmap

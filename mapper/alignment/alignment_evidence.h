@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/alignment/move_prior.h"
+
+namespace shiftmap {
+
+/// Modes of a map with their joint covariance.
+struct JointPoints {
+  std::vector<AlignmentPoint> points;
+  Eigen::MatrixXd covariance;  ///< In the order of the points, (x, y) each. [m²]
+};
+
+/// A set of matches, bit k for match k.
+using MatchSet = std::uint64_t;
+inline constexpr int kMaxMatches = 64;
+
+/// That a landmark of the other map stayed where a mode of the reference is.
+struct Match {
+  int landmark = 0;   ///< Index in AlignmentEvidence::groups().
+  int reference = 0;  ///< Index of the point in the reference.
+  int other = 0;      ///< Index of the point in the other map.
+};
+
+/// A transform from the reference to the other map, with the difference of their scales.
+struct SimilarityFit {
+  double yaw_rad = 0.0;
+  double log_scale = 0.0;
+  Eigen::Vector2d centre_reference = Eigen::Vector2d::Zero();  ///< Goes to centre_other. [m]
+  Eigen::Vector2d centre_other = Eigen::Vector2d::Zero();      ///< [m]
+
+  /// Of (centre_other, yaw_rad, log_scale).
+  Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
+
+  Eigen::Vector2d operator*(const Eigen::Vector2d& p_reference) const;
+};
+
+/// How well a set of matches explains the other map.
+struct SetScore {
+  SimilarityFit fit;
+  double log_evidence = 0.0;      ///< Of the positions of landmarks that stayed.
+  std::vector<double> log_moved;  ///< Per landmark of its position if it moved; 0 if it stayed.
+  double log_score = 0.0;         ///< Of all positions and the prior.
+};
+
+/// Scores which landmarks stayed between two maps, by the marginal likelihood of the other map's
+/// positions (README.md: Explanations).
+///
+/// Threads: const-safe. `reference`, `other` and `prior` must outlive it.
+class AlignmentEvidence {
+ public:
+  /// Groups with a mode in both maps take part, but none with several in the other map: those moved
+  /// while that was made.
+  /// @param area_m2  That the reference takes. [m²]
+  AlignmentEvidence(const JointPoints& reference,
+                    const JointPoints& other,
+                    double area_m2,
+                    const MovePrior& prior);
+
+  /// Per landmark its group.
+  const std::vector<int>& groups() const { return groups_; }
+
+  const std::vector<Match>& matches() const { return matches_; }
+
+  /// Matches of one landmark, the indices of which follow each other: [first, second).
+  std::pair<int, int> MatchesOf(int landmark) const { return of_landmark_[AsSize(landmark)]; }
+
+  const Eigen::Vector2d& PositionInReference(int match) const;
+  const Eigen::Vector2d& PositionInOther(int match) const;
+
+  /// The matches that rule a match out: those of its landmark.
+  MatchSet Rivals(int match) const { return rivals_[AsSize(match)]; }
+
+  /// Mean variance per axis of a match's difference, the maps' errors taken as independent. [m²]
+  double Variance(int match) const;
+
+  /// log of the prior that `stayed` of the landmarks stayed, just these.
+  double LogStaying(int stayed) const;
+
+  /// log density of a difference r from where a landmark would be had it stayed.
+  /// @param cov_r  Of r had it stayed. [m²]
+  double LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov_r) const;
+
+  double log_area() const { return log_area_; }
+  double log_anywhere() const { return log_anywhere_; }
+
+  /// Precondition: at least two matches in range, at most one per landmark; kMaxMatches at most.
+  SetScore Score(MatchSet stayed) const { return Score(stayed, nullptr); }
+
+  /// @param gains  Per match about what adding it, or taking it out, does to log_score; minus
+  ///               infinity where a rival is in the set. May be null.
+  SetScore Score(MatchSet stayed, std::vector<double>* gains) const;
+
+ private:
+  friend class SetEvaluation;
+
+  static std::size_t AsSize(int index) { return static_cast<std::size_t>(index); }
+
+  const JointPoints& reference_;
+  const JointPoints& other_;
+  const MovePrior& prior_;
+  double log_area_;
+  double log_anywhere_;  // Of a landmark that moved, and not near.
+  std::vector<int> groups_;
+  std::vector<Match> matches_;
+  std::vector<std::pair<int, int>> of_landmark_;
+  std::vector<MatchSet> rivals_;
+};
+
+/// log(eᵃ + eᵇ).
+double LogSum(double a, double b);
+
+}  // namespace shiftmap

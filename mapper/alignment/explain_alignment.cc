@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/alignment/explain_alignment.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace shiftmap {
+namespace {
+
+// Less likely hypotheses are left out.
+constexpr double kMinProbability = 1e-9;
+
+// Groups whose probability of having stayed differs by this between two frames decide between them.
+constexpr double kDecidingDifference = 0.5;
+
+// Hypotheses that are one frame: the first of them is the most likely.
+struct Frame {
+  const Hypothesis* best = nullptr;
+  double probability = 0.0;
+  std::vector<double> stays;  // Per landmark, times the probability of the frame.
+};
+
+// The largest distance between where two transforms place a landmark. [m]
+double Apart(const AlignmentEvidence& evidence, const SimilarityFit& x, const SimilarityFit& y) {
+  double worst = 0.0;
+  for (int k = 0; k < static_cast<int>(evidence.matches().size()); ++k) {
+    const Eigen::Vector2d& p = evidence.PositionInReference(k);
+    worst = std::max(worst, (x * p - y * p).norm());
+  }
+  return worst;
+}
+
+bool IsSameFrame(const AlignmentEvidence& evidence,
+                 const Hypothesis& x,
+                 const Hypothesis& y,
+                 double tolerance_m) {
+  if (x.stayed == 0 || y.stayed == 0) return x.stayed == y.stayed;
+  return Apart(evidence, x.fit, y.fit) < tolerance_m;
+}
+
+std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
+                               const std::vector<Hypothesis>& hypotheses,
+                               double tolerance_m) {
+  std::vector<Frame> frames;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    if (hypothesis.probability < kMinProbability) break;
+    auto frame = std::find_if(frames.begin(), frames.end(), [&](const Frame& known) {
+      return IsSameFrame(evidence, hypothesis, *known.best, tolerance_m);
+    });
+    if (frame == frames.end()) {
+      frame = frames.insert(frames.end(),
+                            {&hypothesis, 0.0, std::vector<double>(evidence.groups().size())});
+    }
+    frame->probability += hypothesis.probability;
+    for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
+      if (((hypothesis.stayed >> k) & 1) == 0) continue;
+      frame->stays[static_cast<std::size_t>(evidence.matches()[k].landmark)] +=
+          hypothesis.probability;
+    }
+  }
+  std::stable_sort(frames.begin(), frames.end(), [](const Frame& x, const Frame& y) {
+    return x.probability > y.probability;
+  });
+  return frames;
+}
+
+std::vector<int> GroupsOf(const AlignmentEvidence& evidence, MatchSet matches) {
+  std::vector<int> groups;
+  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
+    if (((matches >> k) & 1) == 0) continue;
+    groups.push_back(evidence.groups()[static_cast<std::size_t>(evidence.matches()[k].landmark)]);
+  }
+  return groups;
+}
+
+// The fit, from the other map to the reference.
+Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypothesis) {
+  const SimilarityFit& fit = hypothesis.fit;
+  Alignment alignment;
+  const Eigen::Matrix2d R = Se2(0.0, 0.0, -fit.yaw_rad).Rotation();
+  alignment.T_reference_other = Se2(fit.centre_reference - R * fit.centre_other, -fit.yaw_rad);
+  alignment.signatures = GroupsOf(evidence, hypothesis.stayed);
+  alignment.centroid = fit.centre_reference;
+  alignment.variance_m2 = 0.5 * fit.covariance.topLeftCorner<2, 2>().trace();
+  alignment.variance_rad2 = fit.covariance(2, 2);
+  double squared = 0.0;
+  for (int k = 0; k < static_cast<int>(evidence.matches().size()); ++k) {
+    if (((hypothesis.stayed >> k) & 1) == 0) continue;
+    squared += (evidence.PositionInOther(k) - fit * evidence.PositionInReference(k)).squaredNorm();
+  }
+  alignment.rms_m = std::sqrt(squared / std::popcount(hypothesis.stayed));
+  return alignment;
+}
+
+Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
+  Explanation explanation;
+  explanation.probability = frame.probability;
+  if (frame.best->stayed != 0) explanation.alignment = ToReference(evidence, *frame.best);
+  explanation.together = GroupsOf(evidence, frame.best->together);
+  std::set_difference(evidence.groups().begin(),
+                      evidence.groups().end(),
+                      explanation.alignment.signatures.begin(),
+                      explanation.alignment.signatures.end(),
+                      std::back_inserter(explanation.moved));
+  return explanation;
+}
+
+std::vector<int> Deciding(const AlignmentEvidence& evidence, const Frame& x, const Frame& y) {
+  std::vector<int> deciding;
+  for (std::size_t l = 0; l < evidence.groups().size(); ++l) {
+    const double difference = x.stays[l] / x.probability - y.stays[l] / y.probability;
+    if (std::abs(difference) > kDecidingDifference) deciding.push_back(evidence.groups()[l]);
+  }
+  return deciding;
+}
+
+}  // namespace
+
+std::optional<Explanations> Explain(const JointPoints& reference,
+                                    const JointPoints& other,
+                                    double area_m2,
+                                    const MovePrior& prior,
+                                    const ExplanationLimits& limits) {
+  const AlignmentEvidence evidence(reference, other, area_m2, prior);
+  if (evidence.matches().size() > kMaxMatches || evidence.groups().size() < 2) return std::nullopt;
+  const std::vector<Hypothesis> hypotheses = SearchHypotheses(evidence, prior, limits);
+  const std::vector<Frame> frames = SumToFrames(evidence, hypotheses, limits.same_frame_m);
+  Explanations explanations;
+  for (const Frame& frame : frames) {
+    explanations.frames.push_back(Describe(evidence, frame));
+    if (frame.best->stayed == 0) explanations.nothing_stayed = frame.probability;
+  }
+  if (frames.size() > 1) explanations.deciding = Deciding(evidence, frames[0], frames[1]);
+  return explanations;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "mapper/alignment/alignment_evidence.h"
+#include "mapper/alignment/explanation_search.h"
+#include "mapper/alignment/move_prior.h"
+
+namespace shiftmap {
+
+/// One frame that the other map may have in the reference, and the most likely set of landmarks
+/// that stayed in it.
+struct Explanation {
+  Alignment alignment;        ///< Its signatures are those that stayed; none: fewer than two did.
+  std::vector<int> moved;     ///< Groups, ascending.
+  std::vector<int> together;  ///< Of these, those that moved as one body, if that is more likely.
+  double probability = 0.0;   ///< Of the frame, over all sets of landmarks that lead to it.
+
+  bool nothing_stayed() const { return alignment.signatures.empty(); }
+};
+
+struct Explanations {
+  std::vector<Explanation> frames;  ///< By falling probability; they add up to one, but for 1e-6.
+
+  /// Groups that stayed in one of the two most likely frames and moved in the other: another run
+  /// past them decides.
+  std::vector<int> deciding;
+
+  double nothing_stayed = 0.0;  ///< Probability that fewer than two landmarks stayed.
+};
+
+/// Explains the difference of two maps of one place, where landmarks may have moved in between:
+/// which frames the other map may have in the reference, each with its probability (README.md:
+/// Explanations). Both covariances must be honest: with one four times too small, two in a hundred
+/// of what has a probability of 0.99 are wrong.
+///
+/// Nothing is returned for more than kMaxMatches pairs of modes of one group, or fewer than two
+/// landmarks in common. Deterministic; it does not depend on the frames of the maps nor on the
+/// order of points, but for rounding.
+/// @param reference  May have several modes of a group.
+/// @param other      Groups with several modes take no part.
+/// @param area_m2    That the reference takes. [m²]
+std::optional<Explanations> Explain(const JointPoints& reference,
+                                    const JointPoints& other,
+                                    double area_m2,
+                                    const MovePrior& prior,
+                                    const ExplanationLimits& limits);
+
+}  // namespace shiftmap

@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/alignment/explanation_search.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <queue>
+#include <set>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+#include "mapstore/geometry/se2.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+constexpr double kTwoPi = 2.0 * std::numbers::pi;
+
+// Fewer do not show that they moved together: any two landmarks and any transform agree.
+constexpr int kMinTogether = 3;
+
+// Of two landmarks that stayed the distances agree to this, in standard deviations.
+constexpr double kPairGate = 4.0;
+
+// Bodies that move go on facing about the same way in half of all cases. [rad]
+constexpr double kSameHeadingSd = 0.2;
+
+// Where the maxima are so many, a pair within one of them is no other start.
+constexpr int kManyMatches = 15;
+
+MatchSet Bit(int match) { return MatchSet{1} << match; }
+
+double LogChoose(int n, int k) {
+  return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
+}
+
+class Search {
+ public:
+  Search(const AlignmentEvidence& evidence, const MovePrior& prior, const ExplanationLimits& limits)
+      : e_(evidence),
+        prior_(prior),
+        limits_(limits),
+        matches_(static_cast<int>(evidence.matches().size())),
+        landmarks_(static_cast<int>(evidence.groups().size())) {}
+
+  std::vector<Hypothesis> Find() {
+    Climb();
+    Expand();
+    std::sort(maxima_.begin(), maxima_.end());
+    maxima_.erase(std::unique(maxima_.begin(), maxima_.end()), maxima_.end());
+    std::vector<Hypothesis> found = {NothingStayed()};
+    for (const auto& [stayed, score] : scores_) {
+      found.push_back({stayed, 0, score.fit, score.log_score, 0.0});
+    }
+    const double first = Best();
+    double total = kNever;
+    for (Hypothesis& hypothesis : found) {
+      const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
+      if (hypothesis.stayed != 0 && (maximum || hypothesis.log_score > first - limits_.window)) {
+        MoveTogether(&hypothesis);
+      }
+      total = LogSum(total, hypothesis.log_score);
+    }
+    for (Hypothesis& hypothesis : found) {
+      hypothesis.probability = std::exp(hypothesis.log_score - total);
+    }
+    std::sort(found.begin(), found.end(), [](const Hypothesis& x, const Hypothesis& y) {
+      return x.probability != y.probability ? x.probability > y.probability : x.stayed < y.stayed;
+    });
+    return found;
+  }
+
+ private:
+  const SetScore& Score(MatchSet stayed) {
+    const auto found = scores_.find(stayed);
+    if (found != scores_.end()) return found->second;
+    return scores_.emplace(stayed, e_.Score(stayed)).first->second;
+  }
+
+  const SetScore& ScoreWithGains(MatchSet stayed, std::vector<double>* gains) {
+    SetScore score = e_.Score(stayed, gains);
+    return scores_.insert_or_assign(stayed, std::move(score)).first->second;
+  }
+
+  double Best() const {
+    double best = kNever;
+    for (const auto& [stayed, score] : scores_) best = std::max(best, score.log_score);
+    return best;
+  }
+
+  bool Agree(int j, int k) const {
+    const double a = (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
+    const double b = (e_.PositionInOther(j) - e_.PositionInOther(k)).norm();
+    const double variance =
+        2.0 * (e_.Variance(j) + e_.Variance(k)) + std::pow(prior_.sd_scale * a, 2);
+    return (a - b) * (a - b) <= kPairGate * kPairGate * variance;
+  }
+
+  void Climb() {
+    for (int j = 0; j < matches_; ++j) {
+      for (int k = j + 1; k < matches_; ++k) {
+        const MatchSet pair = Bit(j) | Bit(k);
+        if ((e_.Rivals(j) & Bit(k)) != 0 || !Agree(j, k)) continue;
+        const bool inside = std::any_of(
+            maxima_.begin(), maxima_.end(), [&](MatchSet s) { return (s & pair) == pair; });
+        if (matches_ <= kManyMatches || !inside) ClimbFrom(pair);
+      }
+    }
+  }
+
+  // Changes what gains most until nothing does.
+  void ClimbFrom(MatchSet stayed) {
+    constexpr double kPlainly = 2.0;  // [nats]
+    constexpr int kLargeSet = 4;
+    std::vector<double> gains;
+    while (climbed_.insert(stayed).second) {
+      const double score = ScoreWithGains(stayed, &gains).log_score;
+      const auto best = std::max_element(gains.begin(), gains.end());
+      if (*best <= 0.0) break;
+      const MatchSet one = stayed ^ Bit(static_cast<int>(best - gains.begin()));
+      MatchSet next = one;
+      for (int k = 0; matches_ > kManyMatches && k < matches_; ++k) {
+        if (std::popcount(stayed) < kLargeSet || (next & e_.Rivals(k)) != 0) continue;
+        if (gains[static_cast<std::size_t>(k)] > kPlainly) next |= Bit(k);
+      }
+      if (Score(next).log_score <= score) next = one;
+      if (Score(next).log_score <= score) break;
+      stayed = next;
+    }
+    maxima_.push_back(stayed);
+  }
+
+  void Expand() {
+    std::priority_queue<std::pair<double, MatchSet>> queue;
+    std::unordered_set<MatchSet> queued;
+    double best = kNever;
+    const auto add = [&](MatchSet stayed) {
+      const double score = Score(stayed).log_score;
+      best = std::max(best, score);
+      queue.emplace(score, stayed);
+    };
+    for (const MatchSet stayed : maxima_) {
+      if (queued.insert(stayed).second) add(stayed);
+    }
+    std::vector<double> gains;
+    for (int i = 0; i < limits_.max_expanded && !queue.empty(); ++i) {
+      const auto [score, stayed] = queue.top();
+      queue.pop();
+      if (score < best - limits_.window) return;
+      ScoreWithGains(stayed, &gains);
+      for (int k = 0; k < matches_; ++k) {
+        const MatchSet next = stayed ^ Bit(k);
+        const double expected = score + gains[static_cast<std::size_t>(k)];
+        if (std::popcount(next) < 2 || !(expected > best - limits_.window - 1.0)) continue;
+        if (queued.insert(next).second) add(next);
+      }
+    }
+  }
+
+  // Of the landmarks that moved, just these moved together; each from any of its modes.
+  double LogTogether(MatchSet together, int moved) const {
+    const int count = std::popcount(together);
+    double log_prior = -LogChoose(moved, count) +
+                       (count - kMinTogether) * std::log(prior_.group_continue) +
+                       std::log1p(-prior_.group_continue);
+    for (int k = 0; k < matches_; ++k) {
+      if ((together & Bit(k)) == 0) continue;
+      log_prior -= std::log(static_cast<double>(std::popcount(e_.Rivals(k))));
+    }
+    return log_prior;
+  }
+
+  MatchSet Without(MatchSet set, MatchSet stayed) const {
+    for (int k = 0; k < matches_; ++k) {
+      if ((stayed & Bit(k)) != 0) set &= ~e_.Rivals(k);
+    }
+    return set;
+  }
+
+  // log density of where a body went, against anywhere in the area and any heading.
+  double LogWent(const SimilarityFit& body, const SimilarityFit& map) const {
+    constexpr double kNoVariance = 1e-4;  // [m²]
+    const double turn = std::remainder(body.yaw_rad - map.yaw_rad, kTwoPi);
+    const double same_heading =
+        std::exp(-0.5 * std::pow(turn / kSameHeadingSd, 2)) * std::sqrt(kTwoPi) / kSameHeadingSd;
+    return e_.LogMovedBy(body.centre_other - map * body.centre_reference,
+                         kNoVariance * Eigen::Matrix2d::Identity()) +
+           e_.log_area() + std::log(0.5 + 0.5 * same_heading);
+  }
+
+  // Adds that some of the landmarks that moved did so together, over sets that agree.
+  void MoveTogether(Hypothesis* hypothesis) {
+    if (prior_.group_share <= 0.0) return;
+    const std::vector<double> log_moved = Score(hypothesis->stayed).log_moved;
+    const int moved = landmarks_ - std::popcount(hypothesis->stayed);
+    std::unordered_set<MatchSet> tried;
+    double total = kNever;
+    double best = 0.0;
+    for (const MatchSet maximum : maxima_) {
+      const MatchSet together = Without(maximum, hypothesis->stayed);
+      if (std::popcount(together) < kMinTogether || !tried.insert(together).second) continue;
+      const SetScore& body = Score(together);
+      double gain =
+          body.log_evidence + LogTogether(together, moved) + LogWent(body.fit, hypothesis->fit);
+      for (int k = 0; k < matches_; ++k) {
+        if ((together & Bit(k)) == 0) continue;
+        gain -=
+            log_moved[static_cast<std::size_t>(e_.matches()[static_cast<std::size_t>(k)].landmark)];
+      }
+      gain += std::log(prior_.group_share);
+      total = LogSum(total, gain);
+      if (gain <= best) continue;
+      best = gain;
+      hypothesis->together = together;
+    }
+    hypothesis->log_score += LogSum(std::log1p(-prior_.group_share), total);
+  }
+
+  // Fewer than two landmarks stayed: all are anywhere, or near where they were under some
+  // transform, or some moved together.
+  Hypothesis NothingStayed() {
+    constexpr std::size_t kStarts = 5;
+    std::vector<std::pair<double, MatchSet>> starts;
+    for (const MatchSet maximum : maxima_) starts.emplace_back(-Score(maximum).log_score, maximum);
+    std::sort(starts.begin(), starts.end());
+    if (starts.size() > kStarts) starts.resize(kStarts);
+    double near = kNever;
+    for (const auto& [score, start] : starts) near = std::max(near, LogAllNear(Score(start).fit));
+    double together = kNever;
+    for (const MatchSet maximum : maxima_) {
+      const int count = std::popcount(maximum);
+      if (count < kMinTogether || prior_.group_share <= 0.0) continue;
+      together =
+          LogSum(together,
+                 Score(maximum).log_evidence + LogTogether(maximum, landmarks_) +
+                     (landmarks_ - count) * e_.log_anywhere() + std::log(prior_.group_share));
+    }
+    Hypothesis nothing;
+    nothing.log_score =
+        LogSum(LogSum(landmarks_ * e_.log_anywhere(), near), together) +
+        LogSum(e_.LogStaying(0), e_.LogStaying(1) + std::log(static_cast<double>(landmarks_)));
+    return nothing;
+  }
+
+  // Laplace's approximation of the integral over rigid transforms around a start, by expectation
+  // and maximization over how far each landmark moved.
+  double LogAllNear(SimilarityFit fit) const {
+    constexpr int kIterations = 12;
+    fit.log_scale = 0.0;
+    Eigen::Matrix3d information;
+    double log_density = 0.0;
+    for (int i = 0; i < kIterations; ++i) {
+      information = 1e-6 * Eigen::Matrix3d::Identity();
+      Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+      log_density = 0.0;
+      for (int landmark = 0; landmark < landmarks_; ++landmark) {
+        log_density += AddNear(landmark, fit, &information, &gradient);
+      }
+      const Eigen::Vector3d step = information.llt().solve(gradient);
+      fit.centre_other += step.head<2>();
+      fit.yaw_rad += step[2];
+    }
+    const double log_volume = 1.5 * std::log(kTwoPi) - 0.5 * std::log(information.determinant());
+    return log_density + std::min(0.0, log_volume - e_.log_area() - std::log(kTwoPi));
+  }
+
+  // log density of a landmark that moved near or anywhere, from any of its modes.
+  double AddNear(int landmark,
+                 const SimilarityFit& fit,
+                 Eigen::Matrix3d* information,
+                 Eigen::Vector3d* gradient) const {
+    const auto [first, end] = e_.MatchesOf(landmark);
+    const double log_each =
+        std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / (end - first));
+    double total = e_.log_anywhere();
+    const auto visit_all = [&](const auto& visit) {
+      for (int k = first; k < end; ++k) {
+        const Eigen::Vector2d q = fit * e_.PositionInReference(k) - fit.centre_other;
+        const Eigen::Vector2d r = e_.PositionInOther(k) - fit.centre_other - q;
+        for (const double sd : prior_.near_sd_m) {
+          const double variance = sd * sd + e_.Variance(k);
+          visit(q,
+                r,
+                variance,
+                log_each - 0.5 * r.squaredNorm() / variance - std::log(kTwoPi * variance));
+        }
+      }
+    };
+    visit_all([&](const auto&, const auto&, double, double log_density) {
+      total = LogSum(total, log_density);
+    });
+    visit_all([&](const Eigen::Vector2d& q,
+                  const Eigen::Vector2d& r,
+                  double variance,
+                  double log_density) {
+      const double weight = std::exp(log_density - total) / variance;
+      Eigen::Matrix<double, 2, 3> jacobian;
+      jacobian << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
+      *information += weight * jacobian.transpose() * jacobian;
+      *gradient += weight * jacobian.transpose() * r;
+    });
+    return total;
+  }
+
+  const AlignmentEvidence& e_;
+  const MovePrior& prior_;
+  const ExplanationLimits& limits_;
+  int matches_;
+  int landmarks_;
+  std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
+  std::unordered_set<MatchSet> climbed_;
+  std::vector<MatchSet> maxima_;
+};
+
+}  // namespace
+
+std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
+                                         const MovePrior& prior,
+                                         const ExplanationLimits& limits) {
+  return Search(evidence, prior, limits).Find();
+}
+
+}  // namespace shiftmap

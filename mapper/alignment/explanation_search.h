@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapper/alignment/alignment_evidence.h"
+#include "mapper/alignment/move_prior.h"
+
+namespace shiftmap {
+
+/// Bounds of a search for explanations.
+struct ExplanationLimits {
+  /// Explanations that are less likely than the best by more are not looked at. [nats]
+  double window = 12.0;
+
+  /// Sets whose neighbours are looked at.
+  int max_expanded = 400;
+
+  /// Transforms that place all landmarks this alike are one frame. [m]
+  double same_frame_m = 0.2;
+};
+
+/// A set of landmarks that stayed, or that fewer than two did.
+struct Hypothesis {
+  MatchSet stayed = 0;    ///< 0: fewer than two stayed, and there is no transform.
+  MatchSet together = 0;  ///< Of the others, those that moved together, if that is more likely.
+  SimilarityFit fit;
+  double log_score = 0.0;
+  double probability = 0.0;
+};
+
+/// Searches the sets of matches that explain two maps, best first (README.md: Explanations):
+/// from each pair of matches whose distances agree by single changes to a maximum of the score,
+/// then from the maxima outward through all sets within the window. Deterministic.
+///
+/// Precondition: kMaxMatches matches at most.
+std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
+                                         const MovePrior& prior,
+                                         const ExplanationLimits& limits);
+
+}  // namespace shiftmap

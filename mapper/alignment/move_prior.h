@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+
+namespace shiftmap {
+
+/// How landmarks move between two maps, before their positions are compared.
+struct MovePrior {
+  /// The share of landmarks that stay is Beta(stay_alpha, stay_beta).
+  double stay_alpha = 1.0;
+  double stay_beta = 1.0;
+
+  /// A landmark that moves goes near with this probability, else anywhere in the area.
+  double near_share = 0.7;
+
+  /// Sizes of near moves, equally likely, standard deviations per axis. The density of a near move
+  /// u is |u|² N(u; s²I) / 2s², which vanishes at zero: a move by nothing is none. [m]
+  std::array<double, 4> near_sd_m = {0.25, 0.5, 1.0, 2.0};
+
+  /// Probability that some of the landmarks that moved did so together, as one rigid body, and that
+  /// one more goes along with three that do.
+  double group_share = 0.1;
+  double group_continue = 0.6;
+
+  /// Of the scale of one map against the other. [-]
+  double sd_scale = 0.02;
+};
+
+}  // namespace shiftmap

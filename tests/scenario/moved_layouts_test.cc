@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One run in each of two layouts, of which three landmarks in one corner are common: UTIAS MRCLAM
+// data sets 1 and 2. A build of the two is right, or the second run waits. Skipped where the data
+// is absent (SHIFTMAP_DATA).
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mapper/mapper.h"
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/run/trajectory.h"
+#include "tools/convert/utias.h"
+
+namespace shiftmap {
+namespace {
+
+using Places = std::map<Signature, Eigen::Vector2d>;
+
+constexpr double kRightM = 0.4;
+
+std::string DatasetDir(int dataset) {
+  const char* data = std::getenv("SHIFTMAP_DATA");
+  return fmt::format("{}/utias/MRCLAM_Dataset{}", data == nullptr ? "" : data, dataset);
+}
+
+MapperInput Input(int dataset, int robot) {
+  UtiasOptions options;
+  options.dataset_dir = DatasetDir(dataset);
+  options.robot = robot;
+  const std::string name = fmt::format("s{}r{}", dataset, robot);
+  return {name, name, ReadUtias(options).value().run};
+}
+
+// The largest distance of a mode from the place where its landmark stood in either layout, under
+// the best rigid transform of all that were surveyed. [m]
+double WorstError(const MapContent& content) {
+  const Places layouts[] = {ReadUtiasLandmarks(DatasetDir(1)).value(),
+                            ReadUtiasLandmarks(DatasetDir(2)).value()};
+  double least = 1e9;
+  // The map is near one layout as a whole: from there modes are matched with the nearest place.
+  for (const Places& start : layouts) {
+    std::vector<AlignmentPoint> reference;
+    std::vector<AlignmentPoint> modes;
+    for (std::size_t g = 0; g < content.groups.size(); ++g) {
+      const LandmarkGroup& group = content.groups[g];
+      reference.push_back(
+          {static_cast<int>(g), start.at(group.signature), Eigen::Matrix2d::Zero()});
+      for (const Mode& mode : group.modes) {
+        modes.push_back({static_cast<int>(g), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+      }
+    }
+    AlignmentOptions wide;
+    wide.position_floor_m = 0.05;
+    const auto found = AlignByConsensus(reference, modes, wide);
+    if (!found) continue;
+    Se2 T_survey_map = found->T_reference_other;
+    for (int round = 0; round < 5; ++round) {
+      std::vector<PointPair> pairs;
+      double worst = 0.0;
+      for (const LandmarkGroup& group : content.groups) {
+        for (const Mode& mode : group.modes) {
+          const Eigen::Vector2d p = T_survey_map * mode.p_map_landmark;
+          const Eigen::Vector2d& first = layouts[0].at(group.signature);
+          const Eigen::Vector2d& second = layouts[1].at(group.signature);
+          pairs.push_back(
+              {(first - p).norm() < (second - p).norm() ? first : second, mode.p_map_landmark});
+          worst = std::max(worst, (pairs.back().p_a - p).norm());
+        }
+      }
+      least = std::min(least, worst);
+      T_survey_map = AlignRigid2d(pairs).value();
+    }
+  }
+  return least;
+}
+
+std::string Described(const MapperResult& result) {
+  std::string text;
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    text += fmt::format("{} waits:", change.runs.front());
+    for (const AmbiguousChange::Alternative& explanation : change.explanations) {
+      text += " {";
+      for (const Signature& signature : explanation.stayed) text += " " + signature.text();
+      text += fmt::format(" }} {:.3f}", explanation.probability);
+    }
+  }
+  return text;
+}
+
+MapperOptions ByPosterior() {
+  MapperOptions options;
+  options.confirmation = ConfirmationOptions::OfFew();
+  return options;
+}
+
+MapperResult Build(std::vector<MapperInput> inputs) {
+  return BuildMap(std::move(inputs), std::nullopt, ByPosterior()).value();
+}
+
+class MovedLayoutsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (const int dataset : {1, 2}) {
+      if (!std::filesystem::exists(DatasetDir(dataset))) GTEST_SKIP() << "no data";
+    }
+  }
+
+  // Whether both runs are in the map.
+  static void ExpectRightOrWaiting(const std::vector<MapperInput>& inputs, bool* decided) {
+    std::string names;
+    for (const MapperInput& input : inputs) names += input.name + " ";
+    const MapperResult result = Build(inputs);
+    const double worst_m = WorstError(result.content);
+    fmt::print("{}: {} in the map, worst mode {:.3f} m {}\n",
+               names,
+               result.runs.size(),
+               worst_m,
+               Described(result));
+    EXPECT_LT(worst_m, kRightM) << names;
+    EXPECT_EQ(result.runs.size() + result.ambiguous_changes.size(), inputs.size()) << names;
+    EXPECT_TRUE(result.rejected.empty()) << names;
+    *decided = result.ambiguous_changes.empty();
+  }
+};
+
+TEST_F(MovedLayoutsTest, OneRunInEachLayoutIsRightOrWaits) {
+  int decided = 0;
+  for (const int first : {1, 2, 3}) {
+    for (const int second : {1, 2, 4}) {
+      bool both = false;
+      ExpectRightOrWaiting({Input(1, first), Input(2, second)}, &both);
+      decided += both ? 1 : 0;
+    }
+  }
+  EXPECT_GE(decided, 3);
+}
+
+TEST_F(MovedLayoutsTest, ThreeRunsInOneLayoutAndOneInTheOtherAreRightOrOneWaits) {
+  for (const int second : {1, 2, 4}) {
+    bool all = false;
+    ExpectRightOrWaiting({Input(1, 1), Input(1, 2), Input(1, 3), Input(2, second)}, &all);
+  }
+}
+
+// The second run comes when the first is a published map.
+TEST_F(MovedLayoutsTest, ARunOnTheMapOfTheOtherLayoutIsRightOrLeftOut) {
+  for (const auto& [of_prior, of_run] : {std::pair(1, 2), std::pair(2, 1)}) {
+    for (const int first : {1, 2}) {
+      const MapContent prior = Build({Input(of_prior, first)}).content;
+      for (const int second : {1, 2}) {
+        const StatusOr<MapperResult> built =
+            BuildMap({Input(of_run, second)}, prior, ByPosterior());
+        if (!built.ok()) continue;  // Left out, and no map is made.
+        const MapperResult& result = *built;
+        const double worst_m = WorstError(result.content);
+        const std::string names = fmt::format("s{}r{} on s{}r{}", of_run, second, of_prior, first);
+        fmt::print("{}: worst mode {:.3f} m {}\n", names, worst_m, Described(result));
+        EXPECT_LT(worst_m, kRightM) << names;
+        EXPECT_EQ(result.runs.size() + result.ambiguous_changes.size(), 1U) << names;
+        if (result.runs.empty()) {
+          EXPECT_EQ(ContentHash(result.content), ContentHash(prior)) << names;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(MovedLayoutsTest, TheOrderOfRunsDoesNotMatter) {
+  const MapperResult once = Build({Input(1, 1), Input(2, 4)});
+  const MapperResult turned = Build({Input(2, 4), Input(1, 1)});
+  EXPECT_EQ(ContentHash(once.content), ContentHash(turned.content));
+  EXPECT_EQ(Described(once), Described(turned));
+}
+
+}  // namespace
+}  // namespace shiftmap

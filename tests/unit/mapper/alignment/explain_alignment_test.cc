@@ -1,0 +1,373 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/alignment/explain_alignment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "tests/support/random_map.h"
+
+namespace shiftmap {
+namespace {
+
+using ::testing::ElementsAre;
+
+constexpr double kArea = 100.0;
+constexpr double kDecided = 0.99;
+
+std::uint64_t Seed() { return testing::TestSeed(1); }
+
+// Errors that neighbours share, and some of each landmark's own.
+Eigen::MatrixXd Covariance(const std::vector<AlignmentPoint>& points, double sd_m) {
+  constexpr double kLength = 4.0;
+  const auto rows = static_cast<Eigen::Index>(2 * points.size());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (std::size_t j = 0; j < points.size(); ++j) {
+      const double squared = (points[i].position - points[j].position).squaredNorm();
+      const double shared = std::exp(-0.5 * squared / (kLength * kLength));
+      covariance.block<2, 2>(static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * j)) =
+          sd_m * sd_m * (0.7 * shared + (i == j ? 0.3 : 0.0)) * Eigen::Matrix2d::Identity();
+    }
+  }
+  return covariance;
+}
+
+JointPoints Points(const std::vector<Eigen::Vector2d>& positions, double sd_m) {
+  JointPoints points;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    points.points.push_back({static_cast<int>(i), positions[i], Eigen::Matrix2d::Zero()});
+  }
+  points.covariance = Covariance(points.points, sd_m);
+  return points;
+}
+
+void AddErrors(std::mt19937_64* random, JointPoints* points) {
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd white(points->covariance.rows());
+  for (double& value : white) value = normal(*random);
+  const Eigen::MatrixXd root = points->covariance.llt().matrixL();
+  const Eigen::VectorXd errors = root * white;
+  for (std::size_t i = 0; i < points->points.size(); ++i) {
+    points->points[i].position += errors.segment<2>(static_cast<Eigen::Index>(2 * i));
+  }
+}
+
+JointPoints Moved(const Se2& T, double scale, JointPoints points) {
+  const Eigen::Matrix2d R = scale * T.Rotation();
+  for (AlignmentPoint& point : points.points) {
+    point.position = T.translation() + R * point.position;
+  }
+  for (Eigen::Index i = 0; i + 1 < points.covariance.rows(); i += 2) {
+    for (Eigen::Index j = 0; j + 1 < points.covariance.cols(); j += 2) {
+      points.covariance.block<2, 2>(i, j) =
+          (R * points.covariance.block<2, 2>(i, j) * R.transpose()).eval();
+    }
+  }
+  return points;
+}
+
+// A pair of maps: a site, some landmarks of which moved on their own as the prior has it.
+struct Pair {
+  JointPoints reference;
+  JointPoints other;
+  Se2 T_other_reference;
+  std::vector<int> stayed;
+};
+
+Pair DrawPair(int landmarks, double moved_share, std::mt19937_64* random) {
+  std::uniform_real_distribution<double> unit;
+  const double side = std::sqrt(kArea);
+  const auto anywhere = [&] { return Eigen::Vector2d(side * unit(*random), side * unit(*random)); };
+  std::vector<Eigen::Vector2d> before;
+  for (int i = 0; i < landmarks; ++i) before.push_back(anywhere());
+  std::vector<Eigen::Vector2d> after = before;
+  Pair pair;
+  const MovePrior prior;
+  for (int i = 0; i < landmarks; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    if (unit(*random) >= moved_share) {
+      pair.stayed.push_back(i);
+    } else if (unit(*random) >= prior.near_share) {
+      after[at] = anywhere();
+    } else {
+      // |u|² N(u; s²I) / 2s²: the length is χ of four degrees of freedom.
+      const double sd = prior.near_sd_m[static_cast<std::size_t>(4.0 * unit(*random))];
+      const double length =
+          sd * std::sqrt(-2.0 * std::log((1.0 - unit(*random)) * (1.0 - unit(*random))));
+      const double direction = 2.0 * std::numbers::pi * unit(*random);
+      after[at] += length * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+    }
+  }
+  pair.reference = Points(before, 0.015);
+  pair.other = Points(after, 0.015);
+  AddErrors(random, &pair.reference);
+  AddErrors(random, &pair.other);
+  std::normal_distribution<double> normal;
+  const Se2 T(5.0 * normal(*random), 5.0 * normal(*random), 6.0 * unit(*random));
+  pair.T_other_reference = T;
+  pair.other = Moved(T, std::exp(prior.sd_scale * normal(*random)), pair.other);
+  return pair;
+}
+
+Explanations ExplainPair(const Pair& pair) {
+  return Explain(pair.reference, pair.other, kArea, {}, {}).value();
+}
+
+// Whether a frame puts every landmark where it is, but for the scale.
+bool IsRight(const Pair& pair, const Explanation& explanation) {
+  if (pair.stayed.size() < 2) return explanation.nothing_stayed();
+  if (explanation.nothing_stayed()) return false;
+  const Se2 T = explanation.alignment.T_reference_other * pair.T_other_reference;
+  return std::all_of(
+      pair.reference.points.begin(), pair.reference.points.end(), [&](const AlignmentPoint& point) {
+        return (T * point.position - point.position).norm() < 0.6;
+      });
+}
+
+double LogDensity(const Eigen::VectorXd& r, const Eigen::LLT<Eigen::MatrixXd>& llt) {
+  return -0.5 * r.dot(llt.solve(r)) - llt.matrixLLT().diagonal().array().log().sum() -
+         0.5 * static_cast<double>(r.size()) * std::log(2.0 * std::numbers::pi);
+}
+
+// The oracle: a sum over a grid of transforms.
+TEST(ExplainAlignmentTest, EvidenceIsTheIntegralOverTheTransform) {
+  const JointPoints reference = Points({{0.0, 0.0}, {3.0, 0.5}, {1.0, 2.5}}, 0.03);
+  JointPoints other = Points({{0.02, 0.01}, {3.05, 0.52}, {0.97, 2.56}}, 0.04);
+  const MovePrior prior;
+  const AlignmentEvidence evidence(reference, other, kArea, prior);
+  const SetScore score = evidence.Score(0b111);
+  const Eigen::LLT<Eigen::MatrixXd> llt(reference.covariance + other.covariance);
+  constexpr int kSteps = 25;
+  constexpr double kReach = 5.0;
+  const Eigen::Vector4d sd = score.fit.covariance.diagonal().cwiseSqrt();
+  const Eigen::Vector4d step = 2.0 * kReach / kSteps * sd;
+  double sum = 0.0;
+  for (int i = 0; i < kSteps * kSteps * kSteps * kSteps; ++i) {
+    Eigen::Vector4d x;
+    int rest = i;
+    for (int axis = 0; axis < 4; ++axis, rest /= kSteps) {
+      x[axis] = step[axis] * (rest % kSteps - 0.5 * (kSteps - 1));
+    }
+    SimilarityFit fit = score.fit;
+    fit.centre_other += x.head<2>();
+    fit.yaw_rad += x[2];
+    fit.log_scale += x[3];
+    Eigen::VectorXd r(6);
+    for (int k = 0; k < 3; ++k) {
+      r.segment<2>(2 * k) = evidence.PositionInOther(k) - fit * evidence.PositionInReference(k);
+    }
+    const double z = fit.log_scale / prior.sd_scale;
+    sum += std::exp(LogDensity(r, llt) - 0.5 * z * z);
+  }
+  const double two_pi = 2.0 * std::numbers::pi;
+  const double integral = sum * step.prod() / (kArea * two_pi * prior.sd_scale * std::sqrt(two_pi));
+  EXPECT_NEAR(score.log_evidence, std::log(integral), 0.05);
+}
+
+TEST(ExplainAlignmentTest, TheDensityOfAMoveIsOne) {
+  const JointPoints reference = Points({{0.0, 0.0}, {3.0, 0.5}}, 0.03);
+  const MovePrior prior;
+  const AlignmentEvidence evidence(reference, reference, kArea, prior);
+  constexpr double kStep = 0.05;
+  constexpr int kReach = 400;
+  double near = 0.0;
+  for (int i = -kReach; i <= kReach; ++i) {
+    for (int j = -kReach; j <= kReach; ++j) {
+      const double log_density =
+          evidence.LogMovedBy(kStep * Eigen::Vector2d(i, j), 0.01 * Eigen::Matrix2d::Identity());
+      near += kStep * kStep * (std::exp(log_density) - (1.0 - prior.near_share) / kArea);
+    }
+  }
+  EXPECT_NEAR(near, prior.near_share, 1e-3);
+}
+
+// The oracle: all subsets of ten landmarks.
+TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFinds) {
+  std::mt19937_64 random(Seed());
+  MovePrior prior;
+  prior.group_share = 0.0;
+  for (int round = 0; round < 6; ++round) {
+    const Pair pair = DrawPair(10, 0.1 + 0.15 * round, &random);
+    const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
+    std::vector<double> all(std::size_t{1} << 10, 0.0);
+    double total = 0.0;
+    double best = -1e300;
+    for (MatchSet s = 0; s < all.size(); ++s) {
+      if (std::popcount(s) >= 2) best = std::max(best, evidence.Score(s).log_score);
+    }
+    for (MatchSet s = 0; s < all.size(); ++s) {
+      if (std::popcount(s) < 2) continue;
+      all[s] = std::exp(evidence.Score(s).log_score - best);
+      total += all[s];
+    }
+    double found = 0.0;
+    for (const Hypothesis& hypothesis : SearchHypotheses(evidence, prior, {})) {
+      found += all[hypothesis.stayed];
+    }
+    EXPECT_GT(found / total, 1.0 - 1e-3) << "round " << round << ", seed " << Seed();
+  }
+}
+
+TEST(ExplainAlignmentTest, GainsAreWhatSingleChangesDo) {
+  std::mt19937_64 random(Seed());
+  const Pair pair = DrawPair(8, 0.0, &random);
+  const MovePrior prior;
+  const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
+  constexpr MatchSet kSet = 0b00011101;
+  std::vector<double> gains;
+  const SetScore score = evidence.Score(kSet, &gains);
+  // Adding one leaves the predictions of the others about as they were.
+  const SetScore without = evidence.Score(kSet & ~MatchSet{1});
+  const double sum_of_gains = evidence.Score(kSet).log_score - without.log_score;
+  double others = 0.0;
+  for (std::size_t l : {1U, 5U, 6U, 7U}) others += score.log_moved[l] - without.log_moved[l];
+  EXPECT_NEAR(-gains[0], sum_of_gains - others, 1e-2);
+}
+
+TEST(ExplainAlignmentTest, DoesNotDependOnFramesNorOnOrder) {
+  std::mt19937_64 random(Seed());
+  for (int round = 0; round < 5; ++round) {
+    const Pair pair = DrawPair(12, 0.7, &random);
+    const Explanations once = ExplainPair(pair);
+    JointPoints reference = Moved(Se2(3.0, -7.0, 2.5), 1.0, pair.reference);
+    JointPoints other = Moved(Se2(-30.0, 8.0, -1.0), 1.0, pair.other);
+    std::vector<Eigen::Index> rows;
+    std::vector<AlignmentPoint> points;
+    for (std::size_t i = other.points.size(); i-- > 0;) {
+      points.push_back(other.points[i]);
+      for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
+    }
+    other = {points, other.covariance(rows, rows)};
+    const Explanations moved = Explain(reference, other, kArea, {}, {}).value();
+    ASSERT_FALSE(moved.frames.empty());
+    EXPECT_NEAR(once.frames[0].probability, moved.frames[0].probability, 1e-3);
+    EXPECT_EQ(once.frames[0].alignment.signatures, moved.frames[0].alignment.signatures);
+    EXPECT_EQ(once.deciding, moved.deciding);
+  }
+}
+
+TEST(ExplainAlignmentTest, OtherUnitsOfLengthChangeNothing) {
+  constexpr double kFeet = 3.28;
+  std::mt19937_64 random(Seed());
+  const Pair pair = DrawPair(12, 0.7, &random);
+  MovePrior prior;
+  for (double& sd : prior.near_sd_m) sd *= kFeet;
+  ExplanationLimits limits;
+  limits.same_frame_m *= kFeet;
+  const Explanations once = ExplainPair(pair);
+  const Explanations scaled = Explain(Moved(Se2(), kFeet, pair.reference),
+                                      Moved(Se2(), kFeet, pair.other),
+                                      kFeet * kFeet * kArea,
+                                      prior,
+                                      limits)
+                                  .value();
+  EXPECT_NEAR(once.frames[0].probability, scaled.frames[0].probability, 1e-2);
+  EXPECT_EQ(once.frames[0].alignment.signatures, scaled.frames[0].alignment.signatures);
+}
+
+TEST(ExplainAlignmentTest, LandmarksThatAllStayedAreDecided) {
+  std::mt19937_64 random(Seed());
+  for (const int landmarks : {10, 30}) {
+    const Pair pair = DrawPair(landmarks, 0.0, &random);
+    const Explanations explanations = ExplainPair(pair);
+    EXPECT_GT(explanations.frames[0].probability, kDecided) << landmarks;
+    EXPECT_TRUE(IsRight(pair, explanations.frames[0])) << landmarks;
+  }
+}
+
+TEST(ExplainAlignmentTest, WhereNothingStayedThatIsSaid) {
+  std::mt19937_64 random(Seed());
+  for (int round = 0; round < 10; ++round) {
+    const Pair pair = DrawPair(12, 1.0, &random);
+    const Explanations explanations = ExplainPair(pair);
+    EXPECT_GT(explanations.nothing_stayed, 0.01) << round;
+    EXPECT_FALSE(!explanations.frames[0].nothing_stayed() &&
+                 explanations.frames[0].probability >= kDecided)
+        << round;
+  }
+}
+
+// A square that may have been turned by a quarter: labels say that it was not.
+TEST(ExplainAlignmentTest, TwoBodiesOfOneSizeAreTwoExplanations) {
+  const std::vector<Eigen::Vector2d> before = {{0.0, 0.0},
+                                               {1.0, 0.2},
+                                               {0.3, 1.1},
+                                               {1.4, 1.3},
+                                               {6.0, 0.0},
+                                               {7.1, 0.4},
+                                               {6.2, 1.4},
+                                               {7.3, 0.9}};
+  std::vector<Eigen::Vector2d> after = before;
+  for (std::size_t i = 4; i < after.size(); ++i) after[i] += Eigen::Vector2d(0.5, 1.2);
+  const Explanations explanations =
+      Explain(Points(before, 0.01), Points(after, 0.01), kArea, {}, {}).value();
+  ASSERT_GE(explanations.frames.size(), 2U);
+  EXPECT_LT(explanations.frames[0].probability, 0.6);
+  EXPECT_NEAR(explanations.frames[0].probability, explanations.frames[1].probability, 0.15);
+  EXPECT_THAT(explanations.deciding, ElementsAre(0, 1, 2, 3, 4, 5, 6, 7));
+  EXPECT_FALSE(explanations.frames[0].together.empty());
+}
+
+// Landmarks of the reference may have several modes, and stay at any.
+TEST(ExplainAlignmentTest, LandmarksStayAtAnyOfTheirModes) {
+  std::mt19937_64 random(Seed());
+  Pair pair = DrawPair(8, 0.0, &random);
+  const Explanations single = ExplainPair(pair);
+  // Where landmarks stood at another time.
+  std::vector<AlignmentPoint> points = pair.reference.points;
+  for (const int group : {1, 4, 6}) {
+    const AlignmentPoint& point = pair.reference.points[static_cast<std::size_t>(group)];
+    points.push_back({group, point.position + Eigen::Vector2d(1.5, -0.8), Eigen::Matrix2d::Zero()});
+  }
+  pair.reference = {points, Covariance(points, 0.015)};
+  const Explanations several = ExplainPair(pair);
+  EXPECT_GT(several.frames[0].probability, kDecided);
+  EXPECT_EQ(several.frames[0].alignment.signatures, single.frames[0].alignment.signatures);
+  EXPECT_TRUE(IsRight(pair, several.frames[0]));
+}
+
+TEST(ExplainAlignmentTest, TooManyMatchesAreNotExplained) {
+  std::mt19937_64 random(Seed());
+  EXPECT_FALSE(Explain(Points({{0.0, 0.0}}, 0.01), Points({{0.0, 0.0}}, 0.01), kArea, {}, {}));
+  const Pair pair = DrawPair(kMaxMatches + 1, 0.0, &random);
+  EXPECT_FALSE(Explain(pair.reference, pair.other, kArea, {}, {}));
+}
+
+// Of what is decided at 0.99 about one in a hundred may be wrong. The band is the binomial 99.9 %.
+TEST(ExplainAlignmentTest, ProbabilitiesAreCalibrated) {
+  constexpr int kPairs = 300;
+  std::mt19937_64 random(Seed());
+  std::uniform_int_distribution<int> landmarks(5, 14);
+  std::uniform_real_distribution<double> moved_share(0.1, 1.0);
+  int decided = 0;
+  int wrong = 0;
+  double expected = 0.0;
+  int first_right = 0;
+  for (int i = 0; i < kPairs; ++i) {
+    const Pair pair = DrawPair(landmarks(random), moved_share(random), &random);
+    const Explanations explanations = ExplainPair(pair);
+    const bool right = IsRight(pair, explanations.frames[0]);
+    expected += explanations.frames[0].probability;
+    first_right += right ? 1 : 0;
+    if (explanations.frames[0].probability < kDecided) continue;
+    ++decided;
+    wrong += right ? 0 : 1;
+  }
+  RecordProperty("decided", decided);
+  RecordProperty("wrong", wrong);
+  EXPECT_GT(decided, kPairs / 3) << "seed " << Seed();
+  EXPECT_LE(wrong, 8) << decided << " decided, seed " << Seed();
+  // The probability of the first is what it is right with.
+  EXPECT_NEAR(first_right, expected, 3.3 * std::sqrt(0.25 * kPairs)) << "seed " << Seed();
+}
+
+}  // namespace
+}  // namespace shiftmap
