@@ -6,7 +6,7 @@
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/place_database.h"
-#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/temporary_database.h"
 #include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
 
@@ -37,7 +37,7 @@ StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const st
   if (std::filesystem::equivalent(path, database.path(), error)) {
     return InvalidArgument("{}: snapshot would replace the store itself", database.name());
   }
-  const TemporaryFile temporary(path);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(path));
   // Keeps writers out until all rows are copied and compared.
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   // One time for all that follows.

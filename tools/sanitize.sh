@@ -9,7 +9,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 # The tests that run threads, in themselves or in the commands that they call.
-threaded='shiftmap_(mcap|codec|store|live|mapper|selector_build|selection|chain|experiment|serve|nightly_builds)_test'
+threaded=(shiftmap_{mcap,codec,store,live,mapper,selector_build,selection,chain,experiment,serve,nightly_builds}_test)
 
 export UBSAN_OPTIONS=print_stacktrace=1
 export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
@@ -48,8 +48,8 @@ case ${1:-} in
     ;;
   tsan)
     tools/setup.sh
-    build tsan
-    ctest --preset tsan --tests-regex "$threaded"
+    build tsan --target "${threaded[@]}"
+    ctest --preset tsan --tests-regex "^($(IFS='|' && echo "${threaded[*]}"))\$"
     ;;
   fuzz)
     tools/setup.sh fuzz

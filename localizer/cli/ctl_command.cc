@@ -124,7 +124,11 @@ Status Say(const CtlOptions& options, live::Client* client, Context* context) {
   if (options.verb == "feed") {
     SHIFTMAP_RETURN_IF_ERROR(Feed(*options.argument, options.rate, client));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const live::Reply reply, client->Call(CommandOf(options)));
+  const live::Command command = CommandOf(options);
+  SHIFTMAP_ASSIGN_OR_RETURN(const live::Reply reply, client->Call(command));
+  if (options.verb == "feed" || !std::holds_alternative<live::GetState>(command)) {
+    context->NoteEffect();
+  }
   if (options.verb == "hypotheses") {
     if (!reply.hypotheses) return NotFound("no hypotheses, expected a shift that has a pose");
     context->Report(HypothesisJson(*reply.hypotheses), HypothesisText(*reply.hypotheses));

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <system_error>
 #include <utility>
 
 #include "mapstore/core/atomic_file.h"
@@ -147,9 +148,14 @@ Status JournalFile::StartSync() {
     if (syncing_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return OkStatus();
     before = syncing_.get();
   }
-  syncing_ = std::async(std::launch::async, [fd = fd_, path = path_] {
+  const auto sync = [fd = fd_, path = path_] {
     return fdatasync(fd) == 0 ? OkStatus() : ErrnoStatus(path, "sync");
-  });
+  };
+  try {
+    syncing_ = std::async(std::launch::async, sync);
+  } catch (const std::system_error&) {  // The process may have no more threads.
+    SHIFTMAP_RETURN_IF_ERROR(sync());
+  }
   return before;
 }
 

@@ -182,7 +182,7 @@ ExitCode Application::State::Execute(const Command& command, std::ostream* out, 
   }
   if (out->flush() || !status.ok()) return code;
   const bool wrote = command.state_->writes && !context.dry_run();
-  if (!wrote) {
+  if (!wrote && !context.has_effect()) {
     *err << program << ": standard output: cannot be written\n";
     return ExitCode::kTemporary;
   }

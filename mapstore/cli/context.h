@@ -47,6 +47,9 @@ class Context {
   /// `code`.
   void Attend(const std::string& message, ExitCode code = ExitCode::kAttention);
 
+  /// What the command does is done. Without a word of it, a script would do it again.
+  void NoteEffect() { has_effect_ = true; }
+
   /// One line on standard error, `<program>: info: <message>`, for a log of what happens over
   /// hours.
   void Inform(const std::string& message) const;
@@ -61,6 +64,8 @@ class Context {
   /// The first line of the text of the report.
   const std::string& summary() const { return summary_; }
 
+  bool has_effect() const { return has_effect_; }
+
   /// Of a command that is done: kDone, or the code of Attend().
   ExitCode done_code() const { return done_code_; }
 
@@ -68,6 +73,7 @@ class Context {
   CommonOptions options_;
   std::ostream* err_;
   bool reported_ = false;
+  bool has_effect_ = false;
   std::string output_;
   std::string summary_;
   ExitCode done_code_ = ExitCode::kDone;

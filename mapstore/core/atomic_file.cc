@@ -115,6 +115,7 @@ StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
     std::string temporary = fmt::format("{}.tmp-{}", path, number);
     const int fd = CreateLocked(temporary);
     if (fd >= 0) return AtomicFile(path, std::move(temporary), fd);
+    if (errno == ENOENT) return NotFound("its folder does not exist");
     if (errno != EEXIST) return ErrnoStatus("create a file beside it");
     if (!RemoveAbandoned(temporary)) ++number;
   }

@@ -31,6 +31,12 @@ class AtomicFile {
   /// Makes the file durable and visible. Call once, last.
   Status Commit();
 
+  /// False once it is committed or moved from.
+  bool open() const { return fd_ >= 0; }
+
+  /// Where the bytes are until then; no other AtomicFile has it meanwhile.
+  const std::string& temporary() const { return temporary_; }
+
  private:
   AtomicFile(std::string path, std::string temporary, int fd);
   void Discard();

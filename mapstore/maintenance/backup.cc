@@ -9,7 +9,7 @@
 #include "mapstore/sqlite/copy_database.h"
 #include "mapstore/sqlite/digest.h"
 #include "mapstore/sqlite/place_database.h"
-#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/temporary_database.h"
 #include "mapstore/sqlite/transaction.h"
 
 namespace shiftmap {
@@ -96,7 +96,7 @@ Status KeepAndOverwrite(const std::string& backup,
                         bool* replaceable) {
   *replaceable = true;
   SHIFTMAP_ASSIGN_OR_RETURN(Database store, OpenExclusively(path));
-  const TemporaryFile temporary(kept);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(kept));
   {
     Database::Options options;
     options.mode = Database::Mode::kReadWriteCreate;
@@ -116,7 +116,8 @@ StatusOr<BackupResult> BackupStore(const std::string& path, const std::string& d
   if (std::filesystem::equivalent(path, destination, error)) {
     return InvalidArgument("map store '{}': backup would replace the store itself", path);
   }
-  const TemporaryFile temporary(destination);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary,
+                            TemporaryDatabase::Create(destination));
   SHIFTMAP_RETURN_IF_ERROR(CopyToFile(path, temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(RequireClean(temporary.path()));
   SHIFTMAP_ASSIGN_OR_RETURN(BackupResult result, Describe(temporary.path()));
@@ -150,7 +151,7 @@ StatusOr<RestoreResult> RestoreStore(const std::string& backup,
     if (!done) SHIFTMAP_RETURN_IF_ERROR(MoveAside(path, *result.kept));
   }
   if (!done) {
-    const TemporaryFile temporary(path);
+    SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(path));
     SHIFTMAP_RETURN_IF_ERROR(CopyToFile(backup, temporary.path()));
     SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
   }

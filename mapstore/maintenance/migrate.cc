@@ -7,7 +7,7 @@
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/sqlite/place_database.h"
-#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/temporary_database.h"
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/audit_rows.h"
 
@@ -27,7 +27,7 @@ Status Check(Database& database) {
 }
 
 Status CopyTo(Database& database, const std::string& backup) {
-  const TemporaryFile temporary(backup);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(backup));
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare("VACUUM INTO ?1"));
     statement.Bind(temporary.path());

@@ -7,7 +7,7 @@
 #include "mapstore/core/folder.h"
 #include "mapstore/schema/schema.h"
 #include "mapstore/sqlite/place_database.h"
-#include "mapstore/sqlite/temporary_file.h"
+#include "mapstore/sqlite/temporary_database.h"
 #include "mapstore/sqlite/transaction.h"
 
 namespace shiftmap {
@@ -39,7 +39,7 @@ Status MakeStoreFile(const std::string& path, const Database::Options& options) 
                             FolderLock::Take(folder.empty() ? "." : folder.string()));
   std::error_code error;
   if (std::filesystem::exists(path, error)) return OkStatus();  // Another process was faster.
-  const TemporaryFile temporary = TemporaryFile::Exclusive(path);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(path));
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(temporary.path(), options));
     SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));

@@ -259,6 +259,20 @@ TEST(Application, AWriteWhoseOutputIsLostIsDoneAndSaysSo) {
   EXPECT_EQ(program.application.Run({"store", "--dry-run"}, &out, &err), ExitCode::kTemporary);
 }
 
+// As of a message to a service: the command writes no file, and must not be sent twice.
+TEST(Application, AnEffectWhoseOutputIsLostIsDoneToo) {
+  Program program;
+  program.body = [](Context& context) {
+    context.NoteEffect();
+    context.Report({}, "stopped");
+    return OkStatus();
+  };
+  std::ostringstream out;
+  out.setstate(std::ios::badbit);
+  std::ostringstream err;
+  EXPECT_EQ(program.application.Run({"measure", "a"}, &out, &err), ExitCode::kAttention);
+}
+
 TEST(Application, ALostOutputDoesNotHideAnError) {
   Program program;
   program.body = [](Context&) { return NotFound("no such thing"); };

@@ -309,12 +309,5 @@ TEST_F(StoreFileTest, WritersOfSeveralThreadsWaitForEachOther) {
   EXPECT_EQ(*store.PublishedVersion("a"), VersionNumber(kWriters * kCommits));
 }
 
-TEST_F(StoreFileTest, TheNextFirstOpenRemovesWhatAKilledOneLeft) {
-  WriteFile(path_ + ".tmp-new", "half a store");
-  WriteFile(path_ + ".tmp-new-journal", "its journal");
-  OpenStore(path_);
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir_.path()), {}), 1);
-}
-
 }  // namespace
 }  // namespace shiftmap::testing
