@@ -279,6 +279,25 @@ TEST_F(BuildLogs, ItemsBeyondTheLimitsAreDroppedAndCounted) {
               Build({"--max-speed-mps", "0.001", "--max-yaw-rate-radps", "0.001", world_->Log(0)}),
               kBadInput,
               "no odometry within the limits");
+
+  // Nor does the localizer move for it.
+  const std::string errors = folder_.File("errors.mcap");
+  RunForJson("shiftmap-mapper", Build({world_->Log(0)}));
+  const auto localize = [&](const std::string& log) {
+    const CommandResult localized = RunCommand("shiftmap-localizer",
+                                               {"run",
+                                                "--store",
+                                                folder_.File("maps.db"),
+                                                "--area",
+                                                "floor",
+                                                "--trajectory",
+                                                folder_.File("run.tum"),
+                                                log});
+    EXPECT_EQ(localized.exit_code, 0) << localized.err;
+    EXPECT_EQ(CountLines(localized.err), log == errors ? 1 : 0) << localized.err;
+    return ReadFile(folder_.File("run.tum"));
+  };
+  EXPECT_EQ(localize(errors), localize(world_->Log(0)));
 }
 
 }  // namespace

@@ -124,6 +124,40 @@ TEST_F(LiveAttackTest, FloodsOfQuestionsDelayNobodyForLong) {
   for (std::thread& flood : floods) flood.join();
 }
 
+// Each is kept for no longer than the landmark could be a real one.
+TEST_F(LiveAttackTest, ManySignaturesSeenOnceCostLittleMemory) {
+  constexpr std::size_t kSignatures = 400'000;
+  constexpr std::size_t kPerScan = 200;
+  double normal_mib = 0.0;
+  for (const std::size_t signatures : {std::size_t{0}, kSignatures}) {
+    const auto service = Served({"--start"});
+    live::Client client = Connected();
+    Feed(&client, 0, items_->size() / 2);
+    Scan scan;
+    scan.stamp = StampOf(items_->at(items_->size() / 2));
+    for (std::size_t i = 0; i < signatures; i += kPerScan) {
+      scan.observations.clear();
+      scan.stamp += std::chrono::milliseconds(1);
+      for (std::size_t j = i; j < i + kPerScan; ++j) {
+        Observation& observation = scan.observations.emplace_back();
+        observation.signature = Signature(fmt::format("a signature seen once, number {:09}", j));
+        observation.z = {5.0, 0.001 * static_cast<double>(j - i)};
+      }
+      ASSERT_THAT(client.Send({.id = 0, .command = scan}), IsOk()) << service->Errors();
+    }
+    const live::ServiceState state = Call(&client, live::GetState());
+    EXPECT_GE(state.scans, static_cast<std::int64_t>(signatures / kPerScan));
+    EXPECT_EQ(Operate("stop")["running"], false);
+    EXPECT_EQ(service->End(SIGTERM), kDone);
+    RecordProperty(signatures == 0 ? "normal_mib" : "flooded_mib",
+                   fmt::format("{:.1f}", service->PeakMib()));
+    if (signatures == 0) normal_mib = service->PeakMib();
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    EXPECT_LT(service->PeakMib(), normal_mib + 64.0);
+#endif
+  }
+}
+
 TEST_F(LiveAttackTest, AJournalThatTwiceEndedTheProcessCostsThatShiftOnly) {
   std::string uuid;
   {
