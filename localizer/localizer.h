@@ -38,6 +38,7 @@ struct LocalizerStatistics {
   std::int64_t updates = 0;  ///< Observations that corrected the heaviest leaf; 2 dof each.
   double nis_sum = 0.0;      ///< Of their νᵀ S⁻¹ ν.
   std::int64_t starts = 0;   ///< Poses found or given; more than one: it was lost in between.
+  bool localized() const { return starts > 0; }
   int leaves_max = 0;
   double dropped_mass_max = 0.0;
 

@@ -2,7 +2,6 @@
 #include "localizer/localizer_options.h"
 
 #include "localizer/initialization/start_pose.h"
-#include "mapstore/core/magnitude.h"
 
 namespace shiftmap {
 namespace {
@@ -12,25 +11,12 @@ Status CheckRange(const char* name, double value, double above, double below) {
   return InvalidArgument("option {}: {}, expected in ({}, {})", name, value, above, below);
 }
 
-Status CheckLimit(const char* name, const std::optional<double>& limit) {
-  if (!limit || (*limit > 0.0 && *limit <= kMaxMagnitude)) return OkStatus();
-  return InvalidArgument("option {}: {}, expected in (0, {}]", name, *limit, kMaxMagnitude);
-}
-
 Status CheckAtLeast(const char* name, int value, int least) {
   if (value >= least) return OkStatus();
   return InvalidArgument("option {}: {}, expected {} or more", name, value, least);
 }
 
 }  // namespace
-
-ItemLimits LimitOptions::For(const SensorCalibration& sensor) const {
-  ItemLimits limits = ItemLimits::For(sensor);
-  limits.max_range_m = max_range_m.value_or(limits.max_range_m);
-  limits.max_speed_mps = max_speed_mps.value_or(limits.max_speed_mps);
-  limits.max_yaw_rate_radps = max_yaw_rate_radps.value_or(limits.max_yaw_rate_radps);
-  return limits;
-}
 
 Status LocalizerOptions::Validate() const {
   constexpr double kDay = 86400.0;
@@ -47,9 +33,7 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_places", max_places, 1));
-  SHIFTMAP_RETURN_IF_ERROR(CheckLimit("max_range_m", limits.max_range_m));
-  SHIFTMAP_RETURN_IF_ERROR(CheckLimit("max_speed_mps", limits.max_speed_mps));
-  SHIFTMAP_RETURN_IF_ERROR(CheckLimit("max_yaw_rate_radps", limits.max_yaw_rate_radps));
+  SHIFTMAP_RETURN_IF_ERROR(limits.Validate());
   constexpr double kMaxDelay = 60.0;
   if (!(max_delay_s >= 0.0 && max_delay_s <= kMaxDelay)) {
     return InvalidArgument("option max_delay_s: {}, expected in [0, {}]", max_delay_s, kMaxDelay);

@@ -11,15 +11,6 @@
 
 namespace shiftmap {
 
-/// What a vehicle and its sensor can do, where somebody knows better than ItemLimits::For().
-struct LimitOptions {
-  std::optional<double> max_range_m;         ///< In (0, 1e9]. [m]
-  std::optional<double> max_speed_mps;       ///< In (0, 1e9]. [m/s]
-  std::optional<double> max_yaw_rate_radps;  ///< In (0, 1e9]. [rad/s]
-
-  ItemLimits For(const SensorCalibration& sensor) const;
-};
-
 struct LocalizerOptions {
   HypothesisOptions hypotheses;
   GlobalStartOptions global_start;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "localizer/cli/commands.h"
+#include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/inert_text.h"

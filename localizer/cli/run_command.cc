@@ -14,10 +14,10 @@
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/initial_pose.h"
-#include "localizer/cli/localizer_flags.h"
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
+#include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
@@ -58,7 +58,7 @@ std::string CheckOptions(const RunOptions& options) {
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
   }
-  return options.vehicle ? CheckVehicleName(*options.vehicle) : "";
+  return options.vehicle ? Message(CheckReportText("--vehicle", *options.vehicle)) : "";
 }
 
 // The map at the begin of a log: what was learned after it, and of it, is not known to it yet.
@@ -235,8 +235,7 @@ Status WriteResults(const RunOptions& options,
                     const ShiftReport& report,
                     const Context& context) {
   std::optional<MapStore> store;
-  const bool localized = shift.localizer().Statistics().starts > 0;
-  if (options.return_report && localized) {
+  if (options.return_report && shift.localizer().Statistics().localized()) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         store,
         OpenStore(
@@ -288,7 +287,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   WarnOfImplausible(options.run, shift.localizer(), context);
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
-  if (shift.localizer().Statistics().starts > 0) return OkStatus();
+  if (shift.localizer().Statistics().localized()) return OkStatus();
   return ReportNotLocalized(options, summary, &map_store, &context);
 }
 
@@ -301,7 +300,7 @@ void AddRunCommand(Application* application) {
                               "Localize a run log on a map and decide which modes hold",
                               [options](Context& context) { return RunShift(*options, context); });
   AddClockToleranceOption(&options->clock_tolerance_s, &command);
-  AddLimitOptions(&command, &options->limits);
+  AddLimitOptions(&options->limits, &command);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")

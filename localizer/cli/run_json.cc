@@ -113,7 +113,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["states"] = StatesJson(statistics);
   document["state_changes"] = StateChangesJson(localizer);
   document["starts"] = statistics.starts;
-  document["localized"] = statistics.starts > 0;
+  document["localized"] = statistics.localized();
   document["signatures"] = {{"seen", summary.signatures.size()},
                             {"known", summary.known_signatures}};
   document["decisions"] = DecisionsJson(localizer);

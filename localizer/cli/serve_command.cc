@@ -9,11 +9,12 @@
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/initial_pose.h"
-#include "localizer/cli/localizer_flags.h"
 #include "localizer/cli/service_json.h"
 #include "localizer/live/server.h"
+#include "mapstore/cli/input_options.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
@@ -44,7 +45,7 @@ std::string CheckOptions(const ServeOptions& options) {
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
   }
-  return CheckVehicleName(options.vehicle);
+  return Message(CheckReportText("--vehicle", options.vehicle));
 }
 
 live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
@@ -93,7 +94,7 @@ void AddServeCommand(Application* application) {
       application->AddCommand("serve",
                               "Localize a live vehicle that talks over a Unix socket",
                               [options](Context& context) { return Serve(*options, context); });
-  AddLimitOptions(&command, &options->limits);
+  AddLimitOptions(&options->limits, &command);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")

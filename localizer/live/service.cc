@@ -42,13 +42,6 @@ Status MakeStateFolder(const std::string& path) {
   return FolderError(path, "make it");
 }
 
-// Every report has it.
-Status CheckVehicle(const std::string& name) {
-  if (!name.empty() && name.size() <= kMaxReportTextBytes) return OkStatus();
-  return InvalidArgument(
-      "vehicle: name of {} bytes, expected 1..{}", name.size(), kMaxReportTextBytes);
-}
-
 // Held as long as the descriptor is open, so that it ends with the process.
 StatusOr<OwnedFd> Lock(const std::string& folder) {
   constexpr mode_t kFileAccess = 0640;
@@ -84,7 +77,7 @@ StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,
 StatusOr<Service> Service::Open(ServiceOptions options) {
   Service service(std::move(options));
   const ServiceOptions& set = service.options_;
-  SHIFTMAP_RETURN_IF_ERROR(CheckVehicle(set.vehicle));
+  SHIFTMAP_RETURN_IF_ERROR(CheckReportText("vehicle", set.vehicle));
   SHIFTMAP_RETURN_IF_ERROR(set.localizer.Validate());
   SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(set.state_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(service.lock_, Lock(set.state_dir));

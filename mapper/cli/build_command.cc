@@ -21,11 +21,11 @@
 #include "mapper/cli/stop_signals.h"
 #include "mapper/mapper.h"
 #include "mapper/selection/selector.h"
+#include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/folder.h"
-#include "mapstore/core/magnitude.h"
 #include "mapstore/core/memory_bound.h"
 #include "mapstore/map_store.h"
 
@@ -34,9 +34,6 @@ namespace {
 
 // Poses of a run that the store keeps for pictures.
 constexpr std::size_t kStoredPoses = 2000;
-
-// Of what a vehicle can do, in the unit of each limit.
-constexpr double kMinLimit = 1e-3;
 
 struct BuildOptions {
   std::string store;
@@ -50,9 +47,7 @@ struct BuildOptions {
   bool no_calibration = false;
   bool no_learned_rates = false;
   std::optional<std::int64_t> max_memory_mib;
-  std::optional<double> max_range_m;
-  std::optional<double> max_speed_mps;
-  std::optional<double> max_yaw_rate_radps;
+  LimitOptions limits;
   double clock_tolerance_s = kDefaultClockToleranceS;
   std::optional<std::string> trajectories;
   std::uint64_t seed = MapperOptions().seed;
@@ -150,14 +145,9 @@ RunLoaderOptions LoaderOptions(const BuildOptions& options, const PriorMap& prio
   loader.known_hashes = prior.run_hashes;
   loader.max_memory_bytes = MaxMemory(options);
   loader.threads = options.threads;
-  if (prior.content) {
-    loader.prior_modes = prior.content->covariance.size();
-    loader.limits = ItemLimits::For(prior.content->calibration.sensor);
-  }
-  loader.limits.max_range_m = options.max_range_m.value_or(loader.limits.max_range_m);
-  loader.limits.max_speed_mps = options.max_speed_mps.value_or(loader.limits.max_speed_mps);
-  loader.limits.max_yaw_rate_radps =
-      options.max_yaw_rate_radps.value_or(loader.limits.max_yaw_rate_radps);
+  if (prior.content) loader.prior_modes = prior.content->covariance.size();
+  loader.limits =
+      options.limits.For(prior.content ? prior.content->calibration.sensor : SensorCalibration());
   loader.now = now;
   loader.clock_tolerance_s = options.clock_tolerance_s;
   loader.unique_names = options.trajectories.has_value();
@@ -316,11 +306,13 @@ Status Build(const BuildOptions& options, Context& context) {
 
 void AddBuildCommand(Application* application) {
   auto options = std::make_shared<BuildOptions>();
-  application
-      ->AddCommand("build",
-                   "Build a map version from run logs",
-                   [options](Context& context) { return Build(*options, context); })
-      .Option("--store", &options->store, "Map store; made if there is none")
+  Command& command = application->AddCommand(
+      "build", "Build a map version from run logs", [options](Context& context) {
+        return Build(*options, context);
+      });
+  AddLimitOptions(&options->limits, &command);
+  AddClockToleranceOption(&options->clock_tolerance_s, &command);
+  command.Option("--store", &options->store, "Map store; made if there is none")
       .Required()
       .Option("--area", &options->area, "Area to make a version of")
       .Required()
@@ -361,21 +353,6 @@ void AddBuildCommand(Application* application) {
               "Leave out the largest logs of a build that would take more; by default, than this "
               "process can have")
       .InRange(1.0, 1e9)
-      .Option("--max-range-m",
-              &options->max_range_m,
-              "Drop what is seen farther away; default: 1000, or ten times the sensor's range")
-      .InRange(kMinLimit, kMaxMagnitude)
-      .Option(
-          "--max-speed-mps", &options->max_speed_mps, "Drop odometry that is faster; default: 100")
-      .InRange(kMinLimit, kMaxMagnitude)
-      .Option("--max-yaw-rate-radps",
-              &options->max_yaw_rate_radps,
-              "Drop odometry that turns faster; default: 50")
-      .InRange(kMinLimit, kMaxMagnitude)
-      .Option("--clock-tolerance-s",
-              &options->clock_tolerance_s,
-              "Leave out logs that end later than this host's clock and this [s]")
-      .InRange(0.0, kMaxMagnitude)
       .Option("RUN.mcap", &options->logs, "Run logs of the area, of any days and vehicles")
       .Required()
       .Check([options] {

@@ -10,6 +10,7 @@
 #include "mapper/cli/commands.h"
 #include "mapper/cli/survey_file.h"
 #include "mapper/mapper_options.h"
+#include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"

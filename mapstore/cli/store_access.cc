@@ -40,12 +40,4 @@ StatusOr<MapStore> OpenStore(const std::string& path,
   return MapStore::Open(path, options);
 }
 
-void AddClockToleranceOption(double* value, Command* command) {
-  command
-      ->Option("--clock-tolerance-s",
-               value,
-               "Refuse what ends later than this host's clock and this [s]")
-      .InRange(0.0, 1e9);
-}
-
 }  // namespace shiftmap

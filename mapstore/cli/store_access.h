@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include "mapstore/cli/command.h"
 #include "mapstore/cli/context.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/map_store.h"
@@ -19,8 +18,5 @@ StatusOr<MapStore> OpenStore(const std::string& path,
                              MapStore::Access access,
                              const Context& context,
                              double clock_tolerance_s = kDefaultClockToleranceS);
-
-/// Adds --clock-tolerance-s to a command that writes what has a time; `value` must outlive the run.
-void AddClockToleranceOption(double* value, Command* command);
 
 }  // namespace shiftmap

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "mapstore/core/magnitude.h"
+
 namespace shiftmap {
 namespace {
 
@@ -20,6 +22,11 @@ bool IsPlausible(const Eigen::Matrix2d& cov_z, Observation::Kind kind, double ma
          least >= kMinSd * kMinSd;
 }
 
+Status CheckLimit(const char* name, const std::optional<double>& limit) {
+  if (!limit || (*limit > 0.0 && *limit <= kMaxMagnitude)) return OkStatus();
+  return InvalidArgument("option {}: {}, expected in (0, {}]", name, *limit, kMaxMagnitude);
+}
+
 }  // namespace
 
 ItemLimits ItemLimits::For(const SensorCalibration& sensor) {
@@ -27,6 +34,20 @@ ItemLimits ItemLimits::For(const SensorCalibration& sensor) {
   ItemLimits limits;
   limits.max_range_m = std::max(limits.max_range_m, kFieldsOfView * sensor.max_range_m);
   return limits;
+}
+
+ItemLimits LimitOptions::For(const SensorCalibration& sensor) const {
+  ItemLimits limits = ItemLimits::For(sensor);
+  limits.max_range_m = max_range_m.value_or(limits.max_range_m);
+  limits.max_speed_mps = max_speed_mps.value_or(limits.max_speed_mps);
+  limits.max_yaw_rate_radps = max_yaw_rate_radps.value_or(limits.max_yaw_rate_radps);
+  return limits;
+}
+
+Status LimitOptions::Validate() const {
+  SHIFTMAP_RETURN_IF_ERROR(CheckLimit("max_range_m", max_range_m));
+  SHIFTMAP_RETURN_IF_ERROR(CheckLimit("max_speed_mps", max_speed_mps));
+  return CheckLimit("max_yaw_rate_radps", max_yaw_rate_radps);
 }
 
 bool IsPlausible(const OdometrySample& sample, const ItemLimits& limits) {

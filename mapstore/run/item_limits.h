@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -24,6 +26,18 @@ struct ItemLimits {
 
   /// The defaults, with a longer range where the sensor sees as far: ten times its field of view.
   static ItemLimits For(const SensorCalibration& sensor);
+};
+
+/// Limits, where somebody knows better than ItemLimits::For().
+struct LimitOptions {
+  std::optional<double> max_range_m;         ///< In (0, 1e9]. [m]
+  std::optional<double> max_speed_mps;       ///< In (0, 1e9]. [m/s]
+  std::optional<double> max_yaw_rate_radps;  ///< In (0, 1e9]. [rad/s]
+
+  ItemLimits For(const SensorCalibration& sensor) const;
+
+  /// Errors: kInvalidArgument, naming the first out of range.
+  Status Validate() const;
 };
 
 /// Items that were dropped because they are beyond the limits.
