@@ -2,6 +2,7 @@
 #include "mapper/covariance/datum.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <utility>
 
 #include "mapstore/geometry/covariance.h"
@@ -54,6 +55,13 @@ Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
     if (norm > 0.0) G.col(column) /= norm;
   }
   return G;
+}
+
+Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
+  Eigen::MatrixXd others(2 * std::ssize(positions), 4);
+  others << DatumDirections(positions), OffsetsFromCentroid(positions);
+  const Eigen::MatrixXd basis = Eigen::HouseholderQR<Eigen::MatrixXd>(others).householderQ();
+  return basis.rightCols(others.rows() - others.cols());
 }
 
 DatumChange::DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions)

@@ -13,6 +13,10 @@ namespace shiftmap {
 /// say nothing of them; they are the datum of the map. Precondition: at least one position.
 Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions);
 
+/// The other directions: those in which all positions neither move, turn nor grow together,
+/// orthonormal columns (2n x 2n - 4). Precondition: two positions that differ.
+Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions);
+
 /// Mean of the positions, of which there is one at least. [m]
 Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions);
 

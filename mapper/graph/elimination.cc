@@ -512,24 +512,77 @@ std::optional<GraphStep> GraphElimination::SimilarStep() {
   });
 }
 
-std::vector<ResidualDraw> GraphElimination::DrawResiduals(int count,
-                                                          std::mt19937_64& random) const {
-  RandomSigns signs(&random);
-  std::vector<ResidualDraw> draws(static_cast<std::size_t>(count));
-  for (ResidualDraw& draw : draws) {
-    for (const GraphRun& run : graph_.runs)
-      signs.Fill(std::ssize(run.motions), &draw.motions.emplace_back());
-    signs.Fill(std::ssize(graph_.observations), &draw.observations);
+// Calls for each residual of a stretch with its linearization.
+template <typename AddMotion, typename AddObservation>
+void GraphElimination::VisitResiduals(const Stretch& stretch,
+                                      const AddMotion& add_motion,
+                                      const AddObservation& add_observation) const {
+  const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
+  for (int i = stretch.first; i < stretch.last; ++i) {
+    add_motion(i, MotionAt(stretch, R_map_vehicle, i));
   }
-  Eigen::MatrixXd rest = PriorNoise(count, random);
-  std::vector<PoseRows> u(stretches_.size());
+  for (std::size_t o = 0; o < stretch.observations.size(); ++o) {
+    const ObservationResidual::Linear linear =
+        ObservationAt(stretch, R_map_vehicle, stretch.observations[o]);
+    add_observation(o, std::sqrt(WeightOf(linear.r.squaredNorm())), linear);
+  }
+}
+
+// Jᵀ ε of one stretch, a column of the right sides for each of several ε.
+class GraphElimination::NoiseSum {
+ public:
+  NoiseSum(const Stretch& stretch, PoseRows* b, Eigen::MatrixXd* c)
+      : stretch_(stretch), b_(*b), c_(*c) {}
+
+  void AddMotion(Eigen::Index column,
+                 int frame,
+                 const MotionResidual::Linear& linear,
+                 const Eigen::Vector3d& noise) {
+    AddPose(column, frame, linear.J_i.transpose() * noise);
+    AddPose(column, frame + 1, linear.J_j.transpose() * noise);
+    c_.block<4, 1>(kCorrection, column) += linear.J_calibration.transpose() * noise;
+  }
+
+  void AddObservation(Eigen::Index column,
+                      int frame,
+                      int slot,
+                      const ObservationResidual::Linear& linear,
+                      const Eigen::Vector2d& noise) {
+    AddPose(column, frame, linear.J_pose.transpose() * noise);
+    c_.block<3, 1>(kBias, column) += linear.J_bias.transpose() * noise;
+    c_.block<2, 1>(slot, column) += linear.J_landmark.transpose() * noise;
+  }
+
+ private:
+  void AddPose(Eigen::Index column, int frame, const Eigen::Vector3d& gradient) {
+    const Place place = PlaceOf(frame, stretch_.first, stretch_.last);
+    if (place.pose >= 0) {
+      b_.block<3, 1>(Eigen::Index{3} * place.pose, column) += gradient;
+    } else {
+      c_.block<3, 1>(place.column, column) += gradient;
+    }
+  }
+
+  const Stretch& stretch_;
+  PoseRows& b_;
+  Eigen::MatrixXd& c_;
+};
+
+// H⁻¹ Jᵀ ε of separators, calibrations and modes.
+// @param rest    Jᵀ ε of the priors, a column each.
+// @param inside  Per stretch what Complete() needs for the poses.
+Eigen::MatrixXd GraphElimination::SolveNoise(const NoiseOf& add_noise,
+                                             Eigen::MatrixXd rest,
+                                             std::vector<PoseRows>* inside) const {
+  inside->resize(stretches_.size());
   std::vector<Eigen::MatrixXd> c(stretches_.size());
   ForEachIndex(stretches_.size(), graph_.threads, [&](std::size_t i) {
     const Stretch& stretch = stretches_[i];
-    u[i].setZero(Eigen::Index{3} * stretch.segment.poses(), count);
-    c[i].setZero(std::ssize(stretch.boundary), count);
-    AddNoise(stretch, draws, &u[i], &c[i]);
-    stretch.segment.Eliminate(&u[i], &c[i]);
+    PoseRows& u = (*inside)[i];
+    u.setZero(Eigen::Index{3} * stretch.segment.poses(), rest.cols());
+    c[i].setZero(std::ssize(stretch.boundary), rest.cols());
+    add_noise(stretch, &u, &c[i]);
+    stretch.segment.Eliminate(&u, &c[i]);
   });
   for (std::size_t i = 0; i < stretches_.size(); ++i) {
     for (std::size_t row = 0; row < stretches_[i].boundary.size(); ++row) {
@@ -537,53 +590,130 @@ std::vector<ResidualDraw> GraphElimination::DrawResiduals(int count,
       if (unknown >= 0) rest.row(unknown) += c[i].row(static_cast<Eigen::Index>(row));
     }
   }
-  rest = rest_->SolveForDraws(rest);
+  return rest_->SolveForDraws(rest);
+}
+
+std::vector<ResidualDraw> GraphElimination::DrawResiduals(int count,
+                                                          std::mt19937_64& random) const {
+  RandomSigns signs(&random);
+  std::vector<ResidualDraw> draws(static_cast<std::size_t>(count));
+  for (ResidualDraw& draw : draws) {
+    for (const GraphRun& run : graph_.runs)
+      signs.Fill(std::ssize(run.motions), &draw.noise.motions.emplace_back());
+    signs.Fill(std::ssize(graph_.observations), &draw.noise.observations);
+  }
+  const auto add_noise = [&](const Stretch& stretch, PoseRows* b, Eigen::MatrixXd* c) {
+    const auto r = static_cast<std::size_t>(stretch.run);
+    NoiseSum sum(stretch, b, c);
+    VisitResiduals(
+        stretch,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          for (Eigen::Index k = 0; k < count; ++k) {
+            const GraphResiduals& noise = draws[static_cast<std::size_t>(k)].noise;
+            sum.AddMotion(k, frame, linear, noise.motions[r].col(frame));
+          }
+        },
+        [&](std::size_t o, double root, const ObservationResidual::Linear& linear) {
+          const int index = stretch.observations[o];
+          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          for (Eigen::Index k = 0; k < count; ++k) {
+            const GraphResiduals& noise = draws[static_cast<std::size_t>(k)].noise;
+            sum.AddObservation(
+                k, frame, stretch.slots[o], linear, root * noise.observations.col(index));
+          }
+        });
+  };
+  std::vector<PoseRows> inside;
+  const Eigen::MatrixXd rest = SolveNoise(add_noise, PriorNoise(count, random), &inside);
   for (int k = 0; k < count; ++k) {
     draws[static_cast<std::size_t>(k)].step =
         Complete(rest.col(k), [&](std::size_t i, const Eigen::VectorXd& boundary) {
-          return stretches_[i].segment.BackSubstitute(u[i].col(k), boundary);
+          return stretches_[i].segment.BackSubstitute(inside[i].col(k), boundary);
         });
   }
   return draws;
 }
 
-// Jᵀ ε of a stretch's residuals.
-void GraphElimination::AddNoise(const Stretch& stretch,
-                                const std::vector<ResidualDraw>& draws,
-                                PoseRows* b,
-                                Eigen::MatrixXd* c) const {
-  const auto r = static_cast<std::size_t>(stretch.run);
-  const auto place_of = [&](int frame) { return PlaceOf(frame, stretch.first, stretch.last); };
-  const std::vector<Eigen::Matrix2d> R_map_vehicle = RotationsOf(stretch);
-  const auto add = [&](const Place& place, Eigen::Index draw, const Eigen::Vector3d& gradient) {
-    if (place.pose >= 0) {
-      b->block<3, 1>(Eigen::Index{3} * place.pose, draw) += gradient;
-    } else {
-      c->block<3, 1>(place.column, draw) += gradient;
-    }
+GraphResiduals GraphElimination::PresentResiduals() const {
+  GraphResiduals present;
+  for (const GraphRun& run : graph_.runs) {
+    present.motions.emplace_back(3, std::ssize(run.motions));
+  }
+  present.observations.resize(2, std::ssize(graph_.observations));
+  for (const Stretch& stretch : stretches_) {
+    VisitResiduals(
+        stretch,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          present.motions[static_cast<std::size_t>(stretch.run)].col(frame) = linear.r;
+        },
+        [&](std::size_t o, double root, const ObservationResidual::Linear& linear) {
+          present.observations.col(stretch.observations[o]) =
+              loss_.Slope(linear.r.squaredNorm()) / root * linear.r;
+        });
+  }
+  return present;
+}
+
+std::vector<GraphResiduals> GraphElimination::Left(const std::vector<ResidualDraw>& draws) const {
+  std::vector<GraphResiduals> left;
+  for (const ResidualDraw& draw : draws) left.push_back(draw.noise);
+  for (const Stretch& stretch : stretches_) {
+    const auto r = static_cast<std::size_t>(stretch.run);
+    const auto pose = [&](const GraphStep& step, int frame) {
+      return step.poses[r].segment<3>(Eigen::Index{3} * frame);
+    };
+    VisitResiduals(
+        stretch,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          for (std::size_t k = 0; k < draws.size(); ++k) {
+            const GraphStep& step = draws[k].step;
+            left[k].motions[r].col(frame) -= linear.J_i * pose(step, frame) +
+                                             linear.J_j * pose(step, frame + 1) +
+                                             linear.J_calibration * step.calibrations[r].head<4>();
+          }
+        },
+        [&](std::size_t o, double root, const ObservationResidual::Linear& linear) {
+          const int index = stretch.observations[o];
+          const GraphObservation& item = graph_.observations[static_cast<std::size_t>(index)];
+          for (std::size_t k = 0; k < draws.size(); ++k) {
+            const GraphStep& step = draws[k].step;
+            left[k].observations.col(index) -=
+                root * (linear.J_pose * pose(step, item.frame) +
+                        linear.J_bias * step.calibrations[r].tail<3>() +
+                        linear.J_landmark * step.modes.segment<2>(Eigen::Index{2} * item.mode));
+          }
+        });
+  }
+  return left;
+}
+
+Eigen::MatrixXd GraphElimination::ModeStepsByBlock(const GraphResiduals& residuals,
+                                                   const FrameBlocks& block_of_frame,
+                                                   int blocks) const {
+  const auto add_noise = [&](const Stretch& stretch, PoseRows* b, Eigen::MatrixXd* c) {
+    const auto r = static_cast<std::size_t>(stretch.run);
+    NoiseSum sum(stretch, b, c);
+    VisitResiduals(
+        stretch,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          sum.AddMotion(block_of_frame[r][static_cast<std::size_t>(frame)],
+                        frame,
+                        linear,
+                        residuals.motions[r].col(frame));
+        },
+        [&](std::size_t o, double root, const ObservationResidual::Linear& linear) {
+          const int index = stretch.observations[o];
+          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          sum.AddObservation(block_of_frame[r][static_cast<std::size_t>(frame)],
+                             frame,
+                             stretch.slots[o],
+                             linear,
+                             root * residuals.observations.col(index));
+        });
   };
-  for (int i = stretch.first; i < stretch.last; ++i) {
-    const MotionResidual::Linear linear = MotionAt(stretch, R_map_vehicle, i);
-    for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
-      const Eigen::Vector3d noise = draws[static_cast<std::size_t>(k)].motions[r].col(i);
-      add(place_of(i), k, linear.J_i.transpose() * noise);
-      add(place_of(i + 1), k, linear.J_j.transpose() * noise);
-      c->block<4, 1>(kCorrection, k) += linear.J_calibration.transpose() * noise;
-    }
-  }
-  for (std::size_t o = 0; o < stretch.observations.size(); ++o) {
-    const int index = stretch.observations[o];
-    const ObservationResidual::Linear linear = ObservationAt(stretch, R_map_vehicle, index);
-    const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
-    const double root = std::sqrt(WeightOf(linear.r.squaredNorm()));
-    for (Eigen::Index k = 0; k < std::ssize(draws); ++k) {
-      const Eigen::Vector2d noise =
-          root * draws[static_cast<std::size_t>(k)].observations.col(index);
-      add(place_of(frame), k, linear.J_pose.transpose() * noise);
-      c->block<3, 1>(kBias, k) += linear.J_bias.transpose() * noise;
-      c->block<2, 1>(stretch.slots[o], k) += linear.J_landmark.transpose() * noise;
-    }
-  }
+  std::vector<PoseRows> inside;
+  return SolveNoise(add_noise, Eigen::MatrixXd::Zero(rest_->size(), blocks), &inside)
+      .bottomRows(static_cast<Eigen::Index>(2 * graph_.modes.size()));
 }
 
 // Jᵀ ε of the priors, a column a draw, over the rest.

@@ -27,14 +27,23 @@ struct GraphStep {
   Eigen::VectorXd modes;                                             ///< (x, y) each. [m]
 };
 
+/// Standardized residuals of a graph, or noise on them. Those of observations are times the root of
+/// their weight, so that they have the covariance I too.
+struct GraphResiduals {
+  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
+  Eigen::Matrix2Xd observations;          ///< A column each.
+};
+
 /// Noise on every standardized residual, a random sign each, and the step x = H⁻¹ Jᵀ ε that it
 /// leads to, which has the covariance H⁻¹. What the fit leaves of it, ε - J x, is a residual of a
 /// graph whose noise is right.
 struct ResidualDraw {
-  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
-  Eigen::Matrix2Xd observations;          ///< A column each.
+  GraphResiduals noise;
   GraphStep step;
 };
+
+/// Per run the block of each key frame, from 0 on: its observations and the motion to the next.
+using FrameBlocks = std::vector<std::vector<int>>;
 
 /// A step `factor` times as long.
 GraphStep Scaled(GraphStep step, double factor);
@@ -106,6 +115,18 @@ class GraphElimination {
   /// in what follows: Linearize() succeeded.
   std::vector<ResidualDraw> DrawResiduals(int count, std::mt19937_64& random) const;
 
+  /// The residuals of the last linearization.
+  GraphResiduals PresentResiduals() const;
+
+  /// What the fit leaves of draws, ε - J x each.
+  std::vector<GraphResiduals> Left(const std::vector<ResidualDraw>& draws) const;
+
+  /// The steps of the modes, H⁻¹ J_bᵀ e_b, that the residuals of each block by themselves lead to;
+  /// two rows a mode, a column a block. [m]
+  Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
+                                   const FrameBlocks& block_of_frame,
+                                   int blocks) const;
+
   /// Joint covariance of the modes. [m²]
   Eigen::MatrixXd ModeCovariance() const;
 
@@ -149,6 +170,8 @@ class GraphElimination {
   const std::vector<ObservationResidual>& observations() const { return observations_; }
 
  private:
+  class NoiseSum;
+
   // Frames [first, last] of a run, the outer two its separators; last == first if there is one
   // frame.
   struct Stretch {
@@ -181,10 +204,16 @@ class GraphElimination {
                                             const std::vector<Eigen::Matrix2d>& R_map_vehicle,
                                             int observation) const;
   double LinearizeStretch(const Stretch& stretch, SegmentSystem* system) const;
-  void AddNoise(const Stretch& stretch,
-                const std::vector<ResidualDraw>& draws,
-                PoseRows* b,
-                Eigen::MatrixXd* c) const;
+  // What adds Jᵀ ε of a stretch to the right sides of its poses and boundary, a column each.
+  using NoiseOf = std::function<void(const Stretch& stretch, PoseRows* b, Eigen::MatrixXd* c)>;
+
+  Eigen::MatrixXd SolveNoise(const NoiseOf& add_noise,
+                             Eigen::MatrixXd rest,
+                             std::vector<PoseRows>* inside) const;
+  template <typename AddMotion, typename AddObservation>
+  void VisitResiduals(const Stretch& stretch,
+                      const AddMotion& add_motion,
+                      const AddObservation& add_observation) const;
   Eigen::MatrixXd PriorNoise(int count, std::mt19937_64& random) const;
   double StretchCost(const Stretch& stretch) const;
   double PriorCost() const;

@@ -14,16 +14,12 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
-Eigen::Vector3d PoseStep(const GraphStep& step, std::size_t run, std::size_t frame) {
-  return step.poses[run].segment<3>(static_cast<Eigen::Index>(3 * frame));
-}
-
 // Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
                   const GraphElimination& elimination,
-                  const std::vector<ResidualDraw>& draws,
+                  const std::vector<GraphResiduals>& left,
                   std::vector<ResidualStatistics>* statistics) {
-  const auto count = static_cast<double>(draws.size());
+  const auto count = static_cast<double>(left.size());
   for (std::size_t r = 0; r < graph.runs.size(); ++r) {
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
@@ -31,13 +27,8 @@ void CountMotions(const Graph& graph,
       const MotionResidual::Linear linear = elimination.motions()[r][i].At(
           run.poses[i], run.poses[i + 1], run.correction, run.sensor_bias[kLogRangeScale]);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
-      for (const ResidualDraw& draw : draws) {
-        const GraphStep& step = draw.step;
-        const Eigen::Vector3d fitted = linear.J_i * PoseStep(step, r, i) +
-                                       linear.J_j * PoseStep(step, r, i + 1) +
-                                       linear.J_calibration * step.calibrations[r].head<4>();
-        const Eigen::Vector3d noise = draw.motions[r].col(static_cast<Eigen::Index>(i));
-        redundancy += (noise - fitted).array().square() / count;
+      for (const GraphResiduals& of_draw : left) {
+        redundancy += of_draw.motions[r].col(static_cast<Eigen::Index>(i)).array().square() / count;
       }
       const Eigen::Array3d squares = linear.r.array().square();
       sums.sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
@@ -52,10 +43,10 @@ void CountMotions(const Graph& graph,
 
 void CountObservations(const Graph& graph,
                        const GraphElimination& elimination,
-                       const std::vector<ResidualDraw>& draws,
+                       const std::vector<GraphResiduals>& left,
                        std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
-  const auto count = static_cast<double>(draws.size());
+  const auto count = static_cast<double>(left.size());
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
     const GraphObservation& item = graph.observations[i];
     const auto r = static_cast<std::size_t>(item.run);
@@ -64,17 +55,9 @@ void CountObservations(const Graph& graph,
     const ObservationResidual::Linear linear = elimination.observations()[i].At(
         run.poses[frame], graph.modes[static_cast<std::size_t>(item.mode)], run.sensor_bias);
     if (linear.r.squaredNorm() > gate) continue;
-    // Residuals are the noise less what the fit made of it, which is by the loss' curvature.
-    const double root = std::sqrt(elimination.WeightOf(linear.r.squaredNorm()));
     Eigen::Array2d redundancy = Eigen::Array2d::Zero();
-    for (const ResidualDraw& draw : draws) {
-      const GraphStep& step = draw.step;
-      const Eigen::Vector2d fitted =
-          linear.J_pose * PoseStep(step, r, frame) +
-          linear.J_landmark * step.modes.segment<2>(Eigen::Index{2} * item.mode) +
-          linear.J_bias * step.calibrations[r].tail<3>();
-      const Eigen::Vector2d noise = draw.observations.col(static_cast<Eigen::Index>(i));
-      redundancy += (noise - root * fitted).array().square() / count;
+    for (const GraphResiduals& of_draw : left) {
+      redundancy += of_draw.observations.col(static_cast<Eigen::Index>(i)).array().square() / count;
     }
     ResidualStatistics& sums = (*statistics)[r];
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
@@ -103,10 +86,11 @@ std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
                                                      std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
   std::mt19937_64 random(seed);
-  const std::vector<ResidualDraw> draws = elimination.DrawResiduals(samples, random);
+  const std::vector<GraphResiduals> left =
+      elimination.Left(elimination.DrawResiduals(samples, random));
   std::vector<ResidualStatistics> statistics(graph.runs.size());
-  CountMotions(graph, elimination, draws, &statistics);
-  CountObservations(graph, elimination, draws, &statistics);
+  CountMotions(graph, elimination, left, &statistics);
+  CountObservations(graph, elimination, left, &statistics);
   return statistics;
 }
 

@@ -24,7 +24,7 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
     if (problem.runs.size() > 1 || prior) SolveContinuous(options, &solved);
     std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &solved);
     if (!covariance) return std::nullopt;
-    const double factor = prior ? submap_factor : VarianceFactor(options, solved, *covariance);
+    const double factor = prior ? submap_factor : VarianceFactor(options, solved);
     map.covariance = factor * *covariance;
   }
   for (std::size_t group = 0; group < solved.modes.size(); ++group) {
@@ -58,7 +58,7 @@ std::optional<Explanations> ExplainSubmap(const MapperOptions& options,
                                           double area_m2,
                                           const Submap& submap) {
   if (FlatModes(problem).count > options.confirmation.max_modes) return std::nullopt;
-  const double factor = VarianceFactor(options, submap.problem, submap.covariance);
+  const double factor = VarianceFactor(options, submap.problem);
   const std::optional<JointPoints> map = MapPoints(options, prior, problem, factor);
   if (!map) return std::nullopt;
   return Explain(*map,

@@ -5,110 +5,69 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <map>
-#include <numeric>
+#include <random>
 #include <vector>
 
 #include "mapper/covariance/datum.h"
-#include "mapper/parallel.h"
+#include "mapper/graph/elimination.h"
 
 namespace shiftmap {
 namespace {
 
-// Ten to sixty give about the same factor; more of them cost more.
+// Ten to sixty give about the same factor.
 constexpr int kBlocks = 20;
 
-// A solve that starts near its minimum needs few steps.
-constexpr int kSteps = 4;
+// The mean over draws is of kBlocks terms each.
+constexpr int kDraws = 8;
 
-// Of a problem that goes astray without one of the stretches.
+// Of a problem that nothing is known of.
 constexpr double kUnknown = 1e4;
 
-// The stretch of time of each visit that holds a mode, runs one after the other; kUnassigned of the
-// others. Stretches have about the same number of visits.
-std::vector<std::vector<int>> StretchesOf(const MapProblem& problem) {
-  std::size_t count = 0;
-  for (const BuildRun& run : problem.runs) {
-    for (const int mode : run.assignment) count += mode != kUnassigned;
+// Stretches of time with about the same number of observations, runs one after the other.
+FrameBlocks StretchesOf(const Graph& graph) {
+  FrameBlocks observations;
+  for (const GraphRun& run : graph.runs) observations.emplace_back(run.poses.size(), 0);
+  for (const GraphObservation& item : graph.observations) {
+    ++observations[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)];
   }
-  std::vector<std::vector<int>> stretches;
-  std::size_t visit = 0;
-  for (const BuildRun& run : problem.runs) {
-    std::vector<int>& of_run = stretches.emplace_back();
-    for (const int mode : run.assignment) {
-      const bool holds = mode != kUnassigned;
-      of_run.push_back(holds ? static_cast<int>(kBlocks * visit / count) : kUnassigned);
-      visit += holds;
+  const std::size_t count = std::max<std::size_t>(1, graph.observations.size());
+  FrameBlocks blocks;
+  std::size_t before = 0;
+  for (const std::vector<int>& of_run : observations) {
+    std::vector<int>& of_frames = blocks.emplace_back();
+    for (const int of_frame : of_run) {
+      const std::size_t block = kBlocks * before / count;
+      of_frames.push_back(std::min(kBlocks - 1, static_cast<int>(block)));
+      before += static_cast<std::size_t>(of_frame);
     }
   }
-  return stretches;
-}
-
-// The problem without the visits of one stretch, but for those of modes that no others hold.
-MapProblem Without(int stretch,
-                   const std::vector<std::vector<int>>& stretches,
-                   const MapProblem& problem) {
-  MapProblem part = problem;
-  std::map<BuildModeRef, bool> held;  // By other visits.
-  const auto visit_all = [&](const auto& visit) {
-    for (std::size_t r = 0; r < part.runs.size(); ++r) {
-      BuildRun& run = part.runs[r];
-      for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-        if (run.assignment[v] == kUnassigned) continue;
-        const BuildModeRef mode{run.data->visits[v].group, run.assignment[v]};
-        visit(mode, stretches[r][v] == stretch, &run.assignment[v]);
-      }
-    }
-  };
-  visit_all([&](const BuildModeRef& mode, bool inside, int*) {
-    bool& by_others = held[mode];
-    by_others = by_others || !inside;
-  });
-  visit_all([&](const BuildModeRef& mode, bool inside, int* assignment) {
-    if (inside && held.at(mode)) *assignment = kUnassigned;
-  });
-  return part;
-}
-
-// Directions in which a map moves, turns and grows. (2n x 4)
-Eigen::MatrixXd SimilarityDirections(const std::vector<Eigen::Vector2d>& positions) {
-  Eigen::MatrixXd directions(2 * std::ssize(positions), 4);
-  directions << DatumDirections(positions), OffsetsFromCentroid(positions);
-  return directions;
+  return blocks;
 }
 
 }  // namespace
 
-double VarianceFactor(const MapperOptions& options,
-                      const MapProblem& problem,
-                      const Eigen::MatrixXd& covariance) {
-  const std::vector<Eigen::Vector2d> positions = ModePositions(problem);
-  const auto dof = static_cast<double>(2 * std::ssize(positions) - 4);
-  const Eigen::LLT<Eigen::MatrixXd> llt(covariance);
-  if (dof <= 0.0 || llt.info() != Eigen::Success) return 1.0;
-  const Eigen::MatrixXd directions = SimilarityDirections(positions);
-  const Eigen::MatrixXd weighted = llt.solve(directions);
-  const Eigen::LLT<Eigen::MatrixXd> of_directions(directions.transpose() * weighted);
-  MapperOptions few = options;
-  few.solver.max_iterations = std::min(kSteps, options.solver.max_iterations);
-  few.max_integrations = 1;
-  const std::vector<std::vector<int>> stretches = StretchesOf(problem);
-  few.threads = 1;
-  std::vector<double> squares(kBlocks);
-  ForEachIndex(kBlocks, options.threads, [&](std::size_t stretch) {
-    MapProblem part = Without(static_cast<int>(stretch), stretches, problem);
-    SolveContinuous(few, &part);
-    const std::vector<Eigen::Vector2d> moved = ModePositions(part);
-    Eigen::VectorXd change(2 * std::ssize(positions));
-    for (std::size_t i = 0; i < positions.size(); ++i) {
-      change.segment<2>(static_cast<Eigen::Index>(2 * i)) = moved[i] - positions[i];
-    }
-    const Eigen::VectorXd along = weighted.transpose() * change;
-    squares[stretch] = change.dot(llt.solve(change)) - along.dot(of_directions.solve(along));
-  });
-  const double sum = std::accumulate(squares.begin(), squares.end(), 0.0);
-  if (!std::isfinite(sum)) return kUnknown;
-  return std::max(1.0, sum * (kBlocks - 1.0) / kBlocks / dof);
+double VarianceFactor(const MapperOptions& options, const MapProblem& problem) {
+  MapProblem own = problem;
+  const Graph graph = MakeGraph(options, &own);
+  if (graph.modes.size() <= 2) return 1.0;
+  GraphElimination elimination(graph);
+  if (!elimination.Linearize()) return kUnknown;
+  const Eigen::MatrixXd basis = ShapeDirections(graph.modes);
+  const Eigen::LLT<Eigen::MatrixXd> llt(basis.transpose() * elimination.ModeCovariance() * basis);
+  if (llt.info() != Eigen::Success) return kUnknown;
+  const FrameBlocks blocks = StretchesOf(graph);
+  const auto sum_of_squares = [&](const GraphResiduals& residuals) {
+    const Eigen::MatrixXd steps =
+        basis.transpose() * elimination.ModeStepsByBlock(residuals, blocks, kBlocks);
+    return llt.matrixL().solve(steps).squaredNorm();
+  };
+  std::mt19937_64 random(options.seed);
+  double expected = 0.0;
+  for (const GraphResiduals& left : elimination.Left(elimination.DrawResiduals(kDraws, random))) {
+    expected += sum_of_squares(left) / kDraws;
+  }
+  const double factor = sum_of_squares(elimination.PresentResiduals()) / expected;
+  return std::isfinite(factor) ? std::max(1.0, factor) : kUnknown;
 }
 
 }  // namespace shiftmap

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
 
@@ -10,19 +8,17 @@ namespace shiftmap {
 
 /// By how much the covariance of a problem's modes is to be multiplied so that it has the errors
 /// that the runs themselves show: residuals that are correlated over time, or are not of the noise
-/// that is assumed, make a map worse than its covariance says. At least 1.
+/// that is assumed, make a map worse than its covariance P = H⁻¹ says. At least 1.
 ///
-/// Delete-a-block jackknife (Künsch 1989): the problem is solved again without the visits of each
-/// of B stretches of time. With δ_b the change of the modes, and the directions N in which a map
-/// moves, turns and grows taken out,
+/// Sandwich estimate with clusters (Liang and Zeger 1986): each of B stretches of time has
+/// residuals e_b that by themselves move the modes by δ_b = H⁻¹ J_bᵀ e_b, and Σ_b δ_b δ_bᵀ
+/// estimates the covariance whatever the residuals of a stretch have in common. With Q a basis of
+/// what is left of the modes without moving, turning and growing the map,
 ///
-///   factor = (B-1)/B Σ_b δ_bᵀ (P⁻¹ - P⁻¹N (NᵀP⁻¹N)⁻¹ NᵀP⁻¹) δ_b / (2n - 4).
+///   factor = s(e) / mean over draws of s(ε - J H⁻¹ Jᵀ ε),   s(e) = Σ_b ‖Qᵀ δ_b‖² in (Qᵀ P Q)⁻¹,
 ///
-/// Costs about as much as B solves from near the minimum.
-/// @param problem     Solved. Visits that alone hold a mode stay.
-/// @param covariance  P, of its modes, positive definite. [m²]
-double VarianceFactor(const MapperOptions& options,
-                      const MapProblem& problem,
-                      const Eigen::MatrixXd& covariance);
+/// draws of white noise ε: the fit takes as much from them as from the residuals.
+/// @param problem  Solved.
+double VarianceFactor(const MapperOptions& options, const MapProblem& problem);
 
 }  // namespace shiftmap

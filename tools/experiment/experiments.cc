@@ -8,6 +8,7 @@
 #include "tools/experiment/localizer_states_command.h"
 #include "tools/experiment/localizer_utias_command.h"
 #include "tools/experiment/recurring_chains_command.h"
+#include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
 #include "tools/experiment/victoria_park_command.h"
 
@@ -21,6 +22,7 @@ void AddExperiments(Application* application) {
   AddLocalizerUtiasExperiment(application);
   AddLocalizerStatesExperiment(application);
   AddRecurringChainsExperiment(application);
+  AddRunMapsExperiment(application);
   AddScaleExperiment(application);
   AddVictoriaParkExperiment(application);
 }

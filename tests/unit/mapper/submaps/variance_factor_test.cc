@@ -17,7 +17,7 @@ double FactorOf(const SimulatedWorld& world, const Run& run) {
   const MappingRun arranged = testing::Arrange(world, run);
   const Submap submap =
       MakeSubmap(options, MapSingleRun(arranged, world.groups.size(), options)).value();
-  return VarianceFactor(options, submap.problem, submap.covariance);
+  return VarianceFactor(options, submap.problem);
 }
 
 TEST(VarianceFactor, IsAboutOneForErrorsThatAreAsAssumed) {
