@@ -23,8 +23,6 @@ double LogGaussian(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov) {
   return -0.5 * r.dot(cov.inverse() * r) - 0.5 * std::log(cov.determinant()) - kLog2Pi;
 }
 
-double LogBeta(double a, double b) { return std::lgamma(a) + std::lgamma(b) - std::lgamma(a + b); }
-
 Eigen::Index RowOf(std::size_t point) { return static_cast<Eigen::Index>(2 * point); }
 Eigen::Index RowOf(int point) { return Eigen::Index{2} * point; }
 
@@ -94,8 +92,9 @@ double AlignmentEvidence::Variance(int match) const {
 
 double AlignmentEvidence::LogStaying(int stayed) const {
   const auto count = static_cast<double>(groups_.size());
-  return LogBeta(prior_.stay_alpha + stayed, prior_.stay_beta + count - stayed) -
-         LogBeta(prior_.stay_alpha, prior_.stay_beta);
+  const double log_choose =
+      std::lgamma(count + 1.0) - std::lgamma(stayed + 1.0) - std::lgamma(count - stayed + 1.0);
+  return std::log1p(-prior_.none_stayed) - std::log(count - 1.0) - log_choose;
 }
 
 double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov_r) const {

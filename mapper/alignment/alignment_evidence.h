@@ -79,7 +79,7 @@ class AlignmentEvidence {
   /// Mean variance per axis of a match's difference, the maps' errors taken as independent. [m²]
   double Variance(int match) const;
 
-  /// log of the prior that `stayed` of the landmarks stayed, just these.
+  /// log of the prior that `stayed` >= 2 of the landmarks stayed, just these.
   double LogStaying(int stayed) const;
 
   /// log density of a difference r from where a landmark would be had it stayed.

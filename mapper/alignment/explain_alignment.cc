@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/alignment/explain_alignment.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <random>
 
 namespace shiftmap {
 namespace {
 
 // Less likely hypotheses are left out.
 constexpr double kMinProbability = 1e-9;
+
+// Where the transforms of a less likely hypothesis lie is not looked at.
+constexpr double kDrawn = 1e-4;
 
 // Groups whose probability of having stayed differs by this between two frames decide between them.
 constexpr double kDecidingDifference = 0.5;
@@ -31,33 +36,64 @@ double Apart(const AlignmentEvidence& evidence, const SimilarityFit& x, const Si
   return worst;
 }
 
-bool IsSameFrame(const AlignmentEvidence& evidence,
-                 const Hypothesis& x,
-                 const Hypothesis& y,
-                 double tolerance_m) {
-  if (x.stayed == 0 || y.stayed == 0) return x.stayed == y.stayed;
-  return Apart(evidence, x.fit, y.fit) < tolerance_m;
+// Draws from the normal distribution of a transform, as many of one sign as of the other.
+std::vector<SimilarityFit> Draws(const SimilarityFit& fit) {
+  constexpr int kPairs = 128;
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  const Eigen::Matrix4d root = fit.covariance.llt().matrixL();
+  std::vector<SimilarityFit> draws;
+  for (int i = 0; i < kPairs; ++i) {
+    Eigen::Vector4d z;
+    for (double& value : z) value = normal(random);
+    for (const double sign : {1.0, -1.0}) {
+      const Eigen::Vector4d step = sign * (root * z);
+      SimilarityFit& draw = draws.emplace_back(fit);
+      draw.centre_other += step.head<2>();
+      draw.yaw_rad += step[2];
+      draw.log_scale += step[3];
+    }
+  }
+  return draws;
 }
 
+void AddTo(const AlignmentEvidence& evidence,
+           const Hypothesis& hypothesis,
+           double probability,
+           Frame* frame) {
+  frame->probability += probability;
+  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
+    if (((hypothesis.stayed >> k) & 1) == 0) continue;
+    frame->stays[static_cast<std::size_t>(evidence.matches()[k].landmark)] += probability;
+  }
+}
+
+// Each hypothesis adds to a frame what its transform, which it knows only so well, has of
+// probability there; the rest is a frame of its own.
 std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,
                                double tolerance_m) {
   std::vector<Frame> frames;
   for (const Hypothesis& hypothesis : hypotheses) {
     if (hypothesis.probability < kMinProbability) break;
-    auto frame = std::find_if(frames.begin(), frames.end(), [&](const Frame& known) {
-      return IsSameFrame(evidence, hypothesis, *known.best, tolerance_m);
-    });
-    if (frame == frames.end()) {
-      frame = frames.insert(frames.end(),
-                            {&hypothesis, 0.0, std::vector<double>(evidence.groups().size())});
+    double rest = hypothesis.probability;
+    if (hypothesis.stayed != 0) {
+      const std::vector<SimilarityFit> draws = hypothesis.probability > kDrawn
+                                                   ? Draws(hypothesis.fit)
+                                                   : std::vector<SimilarityFit>{hypothesis.fit};
+      const double each = hypothesis.probability / static_cast<double>(draws.size());
+      for (const SimilarityFit& draw : draws) {
+        const auto frame = std::find_if(frames.begin(), frames.end(), [&](const Frame& known) {
+          return known.best->stayed != 0 && Apart(evidence, draw, known.best->fit) < tolerance_m;
+        });
+        if (frame == frames.end()) continue;
+        AddTo(evidence, hypothesis, each, &*frame);
+        rest -= each;
+      }
     }
-    frame->probability += hypothesis.probability;
-    for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
-      if (((hypothesis.stayed >> k) & 1) == 0) continue;
-      frame->stays[static_cast<std::size_t>(evidence.matches()[k].landmark)] +=
-          hypothesis.probability;
-    }
+    if (rest < kMinProbability) continue;
+    frames.push_back({&hypothesis, 0.0, std::vector<double>(evidence.groups().size())});
+    AddTo(evidence, hypothesis, rest, &frames.back());
   }
   std::stable_sort(frames.begin(), frames.end(), [](const Frame& x, const Frame& y) {
     return x.probability > y.probability;

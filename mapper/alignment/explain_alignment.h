@@ -37,8 +37,8 @@ struct Explanations {
 /// of what has a probability of 0.99 are wrong.
 ///
 /// Nothing is returned for more than kMaxMatches pairs of modes of one group, or fewer than two
-/// landmarks in common. Deterministic; it does not depend on the frames of the maps nor on the
-/// order of points, but for rounding.
+/// landmarks in common. Deterministic; probabilities depend on the frames of the maps and on the
+/// order of points by less than 0.01, which random draws leave.
 /// @param reference  May have several modes of a group.
 /// @param other      Groups with several modes take no part.
 /// @param area_m2    That the reference takes. [m²]

@@ -10,6 +10,7 @@
 #include <map>
 #include <numbers>
 #include <queue>
+#include <random>
 #include <set>
 #include <unordered_map>
 #include <unordered_set>
@@ -226,13 +227,6 @@ class Search {
   // Fewer than two landmarks stayed: all are anywhere, or near where they were under some
   // transform, or some moved together.
   Hypothesis NothingStayed() {
-    constexpr std::size_t kStarts = 5;
-    std::vector<std::pair<double, MatchSet>> starts;
-    for (const MatchSet maximum : maxima_) starts.emplace_back(-Score(maximum).log_score, maximum);
-    std::sort(starts.begin(), starts.end());
-    if (starts.size() > kStarts) starts.resize(kStarts);
-    double near = kNever;
-    for (const auto& [score, start] : starts) near = std::max(near, LogAllNear(Score(start).fit));
     double together = kNever;
     for (const MatchSet maximum : maxima_) {
       const int count = std::popcount(maximum);
@@ -243,39 +237,101 @@ class Search {
                      (landmarks_ - count) * e_.log_anywhere() + std::log(prior_.group_share));
     }
     Hypothesis nothing;
-    nothing.log_score =
-        LogSum(LogSum(landmarks_ * e_.log_anywhere(), near), together) +
-        LogSum(e_.LogStaying(0), e_.LogStaying(1) + std::log(static_cast<double>(landmarks_)));
+    nothing.log_score = LogSum(LogAllMoved(), together) + std::log(prior_.none_stayed);
     return nothing;
   }
 
-  // Laplace's approximation of the integral over rigid transforms around a start, by expectation
-  // and maximization over how far each landmark moved.
-  double LogAllNear(SimilarityFit fit) const {
+  // A Gaussian over rigid transforms: (centre_other, yaw_rad) of `fit`.
+  struct Proposal {
+    SimilarityFit fit;
+    Eigen::LLT<Eigen::Matrix3d> information;
+
+    double LogDensity(const Eigen::Vector3d& offset) const {
+      const Eigen::Vector3d z = information.matrixU() * offset;
+      return -0.5 * z.squaredNorm() - 1.5 * std::log(kTwoPi) +
+             information.matrixLLT().diagonal().array().log().sum();
+    }
+  };
+
+  // log of the integral over rigid transforms, uniform over the area and all headings, that all
+  // landmarks moved: importance sampling from Gaussians around where most moved little.
+  double LogAllMoved() {
+    constexpr std::size_t kStarts = 8;
+    constexpr int kDraws = 64;  // Of each.
+    std::vector<std::pair<double, MatchSet>> starts;
+    for (const MatchSet maximum : maxima_) starts.emplace_back(-Score(maximum).log_score, maximum);
+    std::sort(starts.begin(), starts.end());
+    if (starts.size() > kStarts) starts.resize(kStarts);
+    if (starts.empty()) return landmarks_ * e_.log_anywhere();
+    std::vector<Proposal> proposals;
+    for (const auto& [score, start] : starts)
+      proposals.push_back(AroundLeastMoves(Score(start).fit));
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal;
+    double total = kNever;
+    for (const Proposal& proposal : proposals) {
+      for (int i = 0; i < kDraws; ++i) {
+        const Eigen::Vector3d z(normal(random), normal(random), normal(random));
+        const Eigen::Vector3d step = proposal.information.matrixU().solve(z);
+        SimilarityFit x = proposal.fit;
+        x.centre_other += step.head<2>();
+        x.yaw_rad += step[2];
+        double log_density = -e_.log_area() - std::log(kTwoPi);
+        for (int landmark = 0; landmark < landmarks_; ++landmark) {
+          log_density += LogMoved(landmark, x);
+        }
+        double log_proposal = kNever;
+        for (const Proposal& other : proposals) {
+          Eigen::Vector3d offset;
+          offset << x * other.fit.centre_reference - other.fit.centre_other,
+              std::remainder(x.yaw_rad - other.fit.yaw_rad, kTwoPi);
+          log_proposal = LogSum(log_proposal, other.LogDensity(offset));
+        }
+        // Each has as many draws: of their mixture.
+        total = LogSum(total, log_density - log_proposal + std::log(std::ssize(proposals)));
+      }
+    }
+    return LogSum(total - std::log(static_cast<double>(kDraws * proposals.size())),
+                  landmarks_ * e_.log_anywhere());
+  }
+
+  // Expectation and maximization over how far each landmark moved, from a start; the Gaussian there
+  // is widened to reach what lies around.
+  Proposal AroundLeastMoves(SimilarityFit fit) const {
     constexpr int kIterations = 12;
+    constexpr double kWider = 2.0;
     fit.log_scale = 0.0;
     Eigen::Matrix3d information;
-    double log_density = 0.0;
     for (int i = 0; i < kIterations; ++i) {
       information = 1e-6 * Eigen::Matrix3d::Identity();
       Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-      log_density = 0.0;
       for (int landmark = 0; landmark < landmarks_; ++landmark) {
-        log_density += AddNear(landmark, fit, &information, &gradient);
+        AddNear(landmark, fit, &information, &gradient);
       }
       const Eigen::Vector3d step = information.llt().solve(gradient);
       fit.centre_other += step.head<2>();
       fit.yaw_rad += step[2];
     }
-    const double log_volume = 1.5 * std::log(kTwoPi) - 0.5 * std::log(information.determinant());
-    return log_density + std::min(0.0, log_volume - e_.log_area() - std::log(kTwoPi));
+    return {fit, Eigen::LLT<Eigen::Matrix3d>(information / (kWider * kWider))};
   }
 
   // log density of a landmark that moved near or anywhere, from any of its modes.
-  double AddNear(int landmark,
-                 const SimilarityFit& fit,
-                 Eigen::Matrix3d* information,
-                 Eigen::Vector3d* gradient) const {
+  double LogMoved(int landmark, const SimilarityFit& fit) const {
+    const auto [first, end] = e_.MatchesOf(landmark);
+    double log_density = kNever;
+    for (int k = first; k < end; ++k) {
+      const Eigen::Vector2d r = e_.PositionInOther(k) - fit * e_.PositionInReference(k);
+      log_density =
+          LogSum(log_density, e_.LogMovedBy(r, e_.Variance(k) * Eigen::Matrix2d::Identity()));
+    }
+    return log_density - std::log(static_cast<double>(end - first));
+  }
+
+  // The same with Gaussian densities of near moves, which have one maximum.
+  void AddNear(int landmark,
+               const SimilarityFit& fit,
+               Eigen::Matrix3d* information,
+               Eigen::Vector3d* gradient) const {
     const auto [first, end] = e_.MatchesOf(landmark);
     const double log_each =
         std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / (end - first));
@@ -306,7 +362,6 @@ class Search {
       *information += weight * jacobian.transpose() * jacobian;
       *gradient += weight * jacobian.transpose() * r;
     });
-    return total;
   }
 
   const AlignmentEvidence& e_;

@@ -17,7 +17,7 @@ struct ExplanationLimits {
   int max_expanded = 400;
 
   /// Transforms that place all landmarks this alike are one frame. [m]
-  double same_frame_m = 0.2;
+  double same_frame_m = 0.4;
 };
 
 /// A set of landmarks that stayed, or that fewer than two did.

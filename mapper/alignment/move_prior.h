@@ -7,9 +7,9 @@ namespace shiftmap {
 
 /// How landmarks move between two maps, before their positions are compared.
 struct MovePrior {
-  /// The share of landmarks that stay is Beta(stay_alpha, stay_beta).
-  double stay_alpha = 1.0;
-  double stay_beta = 1.0;
+  /// Probability that fewer than two of the landmarks in common stayed, so that nothing but how
+  /// landmarks move tells how the maps lie to each other. All other numbers are equally likely.
+  double none_stayed = 0.02;
 
   /// A landmark that moves goes near with this probability, else anywhere in the area.
   double near_share = 0.7;

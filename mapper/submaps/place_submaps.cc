@@ -42,6 +42,18 @@ std::vector<int> KnownModes(const MapperOptions& options,
   return modes;
 }
 
+// Per mode whether it meets the prior map and its landmark is not among those that stayed.
+std::vector<bool> Others(const std::vector<int>& stayed,
+                         const MapProblem& problem,
+                         const std::vector<Encounter>& encounters) {
+  std::vector<bool> others;
+  for (const Encounter& encounter : encounters) {
+    others.push_back(MeetsPrior(problem, encounter) &&
+                     !std::binary_search(stayed.begin(), stayed.end(), encounter.group));
+  }
+  return others;
+}
+
 // Adds a submap, already moved into the map frame. False, and nothing is done, if too little of it
 // is known to hold it there.
 // @param aligned  Nothing for the first submap, which meets no other.
@@ -53,7 +65,9 @@ bool Absorb(const MapperOptions& options,
   std::vector<Encounter> encounters = Meet(submap.problem, *problem);
   const bool bent = aligned && aligned->bent;
   std::vector<bool> displaced(encounters.size());
-  if (prior && aligned && !bent) {
+  if (aligned && aligned->stayed) {
+    displaced = Others(*aligned->stayed, *problem, encounters);
+  } else if (prior && aligned && !bent) {
     displaced = FindDisplacedModes(
         options, prior->covariance, *problem, aligned->alignment, &submap, &encounters);
   }
@@ -151,6 +165,7 @@ bool Confirm(const MapperOptions& options,
         return apart(point) < options.confirmation.limits.same_frame_m;
       });
   if (!same) aligned->alignment = decided->alignment;
+  aligned->stayed = decided->alignment.signatures;
   return true;
 }
 

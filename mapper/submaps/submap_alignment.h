@@ -18,6 +18,9 @@ struct SubmapAlignment {
   Alignment alignment;  ///< Of the part of the submap that tells it best.
   bool bent = false;    ///< One rigid transform does not hold for the submap as a whole.
 
+  /// Of a place that is confirmed (confirm_alignment.h): groups that stayed, ascending.
+  std::optional<std::vector<int>> stayed;
+
   /// Of a bent submap, where the map has the modes that agree in their own part, or nothing. Per
   /// mode, flat. [m]
   std::vector<std::optional<Eigen::Vector2d>> places;
