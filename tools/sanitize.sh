@@ -53,12 +53,14 @@ case ${1:-} in
     ;;
   fuzz)
     tools/setup.sh fuzz
-    build fuzz --target shiftmap_fuzz_targets
     seconds=$((60 * ${2:-10}))
     targets=("${@:3}")
-    ((${#targets[@]} > 0)) ||
+    if ((${#targets[@]} == 0)); then
+      cmake --preset fuzz >/dev/null
       mapfile -t targets < <(ctest --test-dir build/fuzz --label-regex fuzz --show-only |
         sed -n 's/.*Test *#[0-9]*: //p')
+    fi
+    build fuzz --target "${targets[@]}"
     export -f fuzz_target
     printf '%s\n' "${targets[@]}" |
       xargs --max-procs="$(nproc)" -I{} bash -c 'fuzz_target "$@"' fuzz "$seconds" {}

@@ -87,7 +87,7 @@ class Collector {
 
  private:
   static std::int64_t HeapBytes(const Scan& scan) {
-    constexpr std::size_t kInPlace = std::string().capacity();
+    static const std::size_t kInPlace = std::string().capacity();
     std::size_t bytes = scan.observations.capacity() * sizeof(Observation);
     for (const Observation& observation : scan.observations) {
       const std::size_t text = observation.signature.text().capacity();

@@ -4,6 +4,7 @@
 #include <fmt/chrono.h>
 
 #include <chrono>
+#include <ctime>
 
 namespace shiftmap {
 
@@ -12,9 +13,10 @@ Stamp SystemNow() {
 }
 
 std::string FormatUtc(Stamp stamp) {
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(stamp);
+  // to_time_t() would go by nanoseconds, of which the first second of all has too few.
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(stamp).time_since_epoch();
   return fmt::format("{:%Y-%m-%d %H:%M:%S}",
-                     fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)));
+                     fmt::gmtime(static_cast<std::time_t>(seconds.count())));
 }
 
 Status CheckNotInFuture(std::string_view what, Stamp end, Stamp now, double tolerance_s) {
