@@ -69,6 +69,7 @@ Status MapperOptions::Validate() const {
       {"near_share", confirmation.prior.near_share, Range::kProbability},
       {"group_share", confirmation.prior.group_share, Range::kNotNegative},
       {"group_continue", confirmation.prior.group_continue, Range::kProbability},
+      {"group_along", confirmation.prior.group_along, Range::kProbability},
       {"confirmation sd_scale", confirmation.prior.sd_scale, Range::kPositive},
       {"same_frame_m", confirmation.limits.same_frame_m, Range::kPositive},
       {"probability_displaced", displacement.prior.probability_displaced, Range::kProbability},

@@ -13,8 +13,11 @@ namespace {
 // Less likely hypotheses are left out.
 constexpr double kMinProbability = 1e-9;
 
-// Where the transforms of a less likely hypothesis lie is not looked at.
-constexpr double kDrawn = 1e-4;
+// Of data that say nothing there are thousands of hypotheses, none of them likely. Frames beyond
+// the first ones are not summed up, and where the transforms of hypotheses beyond the first ones
+// lie is not looked at.
+constexpr std::size_t kMaxSummed = 20;
+constexpr std::size_t kMaxDrawn = 100;
 
 // Groups whose probability of having stayed differs by this between two frames decide between them.
 constexpr double kDecidingDifference = 0.5;
@@ -26,14 +29,16 @@ struct Frame {
   std::vector<double> stays;  // Per landmark, times the probability of the frame.
 };
 
-// The largest distance between where two transforms place a landmark. [m]
-double Apart(const AlignmentEvidence& evidence, const SimilarityFit& x, const SimilarityFit& y) {
-  double worst = 0.0;
+// Whether two transforms place every landmark this alike.
+bool AreAlike(const AlignmentEvidence& evidence,
+              const SimilarityFit& x,
+              const SimilarityFit& y,
+              double tolerance_m) {
   for (int k = 0; k < static_cast<int>(evidence.matches().size()); ++k) {
     const Eigen::Vector2d& p = evidence.PositionInReference(k);
-    worst = std::max(worst, (x * p - y * p).norm());
+    if (!((x * p - y * p).norm() < tolerance_m)) return false;
   }
-  return worst;
+  return true;
 }
 
 // Draws from the normal distribution of a transform, as many of one sign as of the other.
@@ -74,19 +79,21 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,
                                double tolerance_m) {
   std::vector<Frame> frames;
-  for (const Hypothesis& hypothesis : hypotheses) {
+  for (std::size_t i = 0; i < hypotheses.size(); ++i) {
+    const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.probability < kMinProbability) break;
     double rest = hypothesis.probability;
     if (hypothesis.stayed != 0) {
-      const std::vector<SimilarityFit> draws = hypothesis.probability > kDrawn
-                                                   ? Draws(hypothesis.fit)
-                                                   : std::vector<SimilarityFit>{hypothesis.fit};
+      const std::vector<SimilarityFit> draws =
+          i < kMaxDrawn ? Draws(hypothesis.fit) : std::vector<SimilarityFit>{hypothesis.fit};
       const double each = hypothesis.probability / static_cast<double>(draws.size());
       for (const SimilarityFit& draw : draws) {
-        const auto frame = std::find_if(frames.begin(), frames.end(), [&](const Frame& known) {
-          return known.best->stayed != 0 && Apart(evidence, draw, known.best->fit) < tolerance_m;
+        const auto end =
+            frames.begin() + static_cast<std::ptrdiff_t>(std::min(frames.size(), kMaxSummed));
+        const auto frame = std::find_if(frames.begin(), end, [&](const Frame& known) {
+          return known.best->stayed != 0 && AreAlike(evidence, draw, known.best->fit, tolerance_m);
         });
-        if (frame == frames.end()) continue;
+        if (frame == end) continue;
         AddTo(evidence, hypothesis, each, &*frame);
         rest -= each;
       }

@@ -38,10 +38,6 @@ constexpr int kManyMatches = 15;
 
 MatchSet Bit(int match) { return MatchSet{1} << match; }
 
-double LogChoose(int n, int k) {
-  return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
-}
-
 class Search {
  public:
   Search(const AlignmentEvidence& evidence, const MovePrior& prior, const ExplanationLimits& limits)
@@ -165,17 +161,38 @@ class Search {
     }
   }
 
-  // Of the landmarks that moved, just these moved together; each from any of its modes.
-  double LogTogether(MatchSet together, int moved) const {
-    const int count = std::popcount(together);
-    double log_prior = -LogChoose(moved, count) +
-                       (count - kMinTogether) * std::log(prior_.group_continue) +
-                       std::log1p(-prior_.group_continue);
-    for (int k = 0; k < matches_; ++k) {
-      if ((together & Bit(k)) == 0) continue;
-      log_prior -= std::log(static_cast<double>(std::popcount(e_.Rivals(k))));
+  // Just these landmarks moved together, each from any of its modes. A body is compact: it has a
+  // landmark as its centre, takes in the nearest ones, and most of these go along.
+  double LogTogether(MatchSet together) const {
+    double log_modes = 0.0;
+    double radius = std::numeric_limits<double>::infinity();
+    int centre = 0;
+    for (int c = 0; c < matches_; ++c) {
+      if ((together & Bit(c)) == 0) continue;
+      log_modes += std::log(static_cast<double>(std::popcount(e_.Rivals(c))));
+      double reach = 0.0;
+      for (int k = 0; k < matches_; ++k) {
+        if ((together & Bit(k)) != 0) reach = std::max(reach, DistanceInReference(c, k));
+      }
+      if (reach < radius) {
+        radius = reach;
+        centre = c;
+      }
     }
-    return log_prior;
+    const int count = std::popcount(together);
+    double others = 0.0;  // Within reach; those of several modes by as many as are.
+    for (int k = 0; k < matches_; ++k) {
+      if ((together & e_.Rivals(k)) != 0 || DistanceInReference(centre, k) > radius) continue;
+      others += 1.0 / std::popcount(e_.Rivals(k));
+    }
+    return -std::log(static_cast<double>(landmarks_)) +
+           (count + others - kMinTogether) * std::log(prior_.group_continue) +
+           std::log1p(-prior_.group_continue) + count * std::log(prior_.group_along) +
+           others * std::log1p(-prior_.group_along) - log_modes;
+  }
+
+  double DistanceInReference(int j, int k) const {
+    return (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
   }
 
   MatchSet Without(MatchSet set, MatchSet stayed) const {
@@ -200,7 +217,6 @@ class Search {
   void MoveTogether(Hypothesis* hypothesis) {
     if (prior_.group_share <= 0.0) return;
     const std::vector<double> log_moved = Score(hypothesis->stayed).log_moved;
-    const int moved = landmarks_ - std::popcount(hypothesis->stayed);
     std::unordered_set<MatchSet> tried;
     double total = kNever;
     double best = 0.0;
@@ -208,8 +224,7 @@ class Search {
       const MatchSet together = Without(maximum, hypothesis->stayed);
       if (std::popcount(together) < kMinTogether || !tried.insert(together).second) continue;
       const SetScore& body = Score(together);
-      double gain =
-          body.log_evidence + LogTogether(together, moved) + LogWent(body.fit, hypothesis->fit);
+      double gain = body.log_evidence + LogTogether(together) + LogWent(body.fit, hypothesis->fit);
       for (int k = 0; k < matches_; ++k) {
         if ((together & Bit(k)) == 0) continue;
         gain -=
@@ -233,7 +248,7 @@ class Search {
       if (count < kMinTogether || prior_.group_share <= 0.0) continue;
       together =
           LogSum(together,
-                 Score(maximum).log_evidence + LogTogether(maximum, landmarks_) +
+                 Score(maximum).log_evidence + LogTogether(maximum) +
                      (landmarks_ - count) * e_.log_anywhere() + std::log(prior_.group_share));
     }
     Hypothesis nothing;

@@ -18,10 +18,12 @@ struct MovePrior {
   /// u is |u|² N(u; s²I) / 2s², which vanishes at zero: a move by nothing is none. [m]
   std::array<double, 4> near_sd_m = {0.25, 0.5, 1.0, 2.0};
 
-  /// Probability that some of the landmarks that moved did so together, as one rigid body, and that
-  /// one more goes along with three that do.
-  double group_share = 0.1;
+  /// Probability that some of the landmarks that moved did so together, as one rigid body; that a
+  /// body which reaches over three landmarks or more reaches over one more; and that one within its
+  /// reach goes along.
+  double group_share = 0.03;
   double group_continue = 0.6;
+  double group_along = 0.8;
 
   /// Of the scale of one map against the other. [-]
   double sd_scale = 0.02;

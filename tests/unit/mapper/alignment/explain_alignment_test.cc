@@ -83,7 +83,8 @@ struct Pair {
   std::vector<int> stayed;
 };
 
-Pair DrawPair(int landmarks, int moved, std::mt19937_64* random) {
+// @param rack  So many of those that moved did so as one body that stands close together.
+Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0) {
   std::uniform_real_distribution<double> unit;
   const double side = std::sqrt(kArea);
   const auto anywhere = [&] { return Eigen::Vector2d(side * unit(*random), side * unit(*random)); };
@@ -105,6 +106,15 @@ Pair DrawPair(int landmarks, int moved, std::mt19937_64* random) {
           sd * std::sqrt(-2.0 * std::log((1.0 - unit(*random)) * (1.0 - unit(*random))));
       const double direction = 2.0 * std::numbers::pi * unit(*random);
       after[at] += length * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+    }
+  }
+  if (rack > 0) {
+    const Eigen::Vector2d corner = anywhere();
+    const Se2 T_after_before(5.0 * unit(*random), 5.0 * unit(*random), 6.0 * unit(*random));
+    for (int i = landmarks - rack; i < landmarks; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      before[at] = corner + Eigen::Vector2d(1.5 * unit(*random), 1.5 * unit(*random));
+      after[at] = T_after_before * before[at];
     }
   }
   pair.reference = Points(before, 0.015);
@@ -320,6 +330,29 @@ TEST(ExplainAlignmentTest, ProbabilitiesAreFrequenciesWhereThePriorIsRight) {
   EXPECT_GT(decided, kPairs / 3);
   EXPECT_LE(wrong, 0.01 * decided + 3.0 * std::sqrt(0.01 * decided));
   EXPECT_NEAR(right, expected, 4.0 * std::sqrt(variance));
+}
+
+// A rack with several landmarks that is moved agrees with itself as what stayed does.
+TEST(ExplainAlignmentTest, ARackThatMovesIsRarelyTakenForWhatStayed) {
+  constexpr int kPairs = 400;
+  std::mt19937_64 random(Seed());
+  std::uniform_real_distribution<double> unit;
+  int decided = 0;
+  int wrong = 0;
+  for (int i = 0; i < kPairs; ++i) {
+    constexpr int kLandmarks = 15;
+    const int stayed = std::uniform_int_distribution(2, 8)(random);
+    const int size = std::uniform_int_distribution(3, 6)(random);
+    const Pair pair = DrawPair(kLandmarks, kLandmarks - stayed, &random, size);
+    const Explanation best = ExplainPair(pair).frames.front();
+    if (best.nothing_stayed() || best.probability < kDecided) continue;
+    ++decided;
+    wrong += !IsRight(pair, best);
+  }
+  RecordProperty("decided", decided);
+  RecordProperty("wrong", wrong);
+  EXPECT_GT(decided, kPairs / 4);
+  EXPECT_LE(wrong, 0.02 * decided);
 }
 
 // A square that may have been turned by a quarter: labels say that it was not.
