@@ -392,7 +392,7 @@ std::vector<Signature> Named(const std::vector<Signature>& signatures,
 AmbiguousChange Describe(const WaitingRun& run, const std::vector<Signature>& signatures) {
   constexpr double kUnlikely = 0.01;
   AmbiguousChange change;
-  change.runs = {run.name};
+  change.runs = {{run.name, run.sha256}};
   change.deciding = Named(signatures, run.explanations.deciding);
   for (const Explanation& explanation : run.explanations.frames) {
     if (explanation.probability < kUnlikely && change.explanations.size() > 1) break;

@@ -34,7 +34,12 @@ struct AmbiguousChange {
     double probability = 0.0;
   };
 
-  std::vector<std::string> runs;
+  struct Run {
+    std::string name;
+    std::string sha256;
+  };
+
+  std::vector<Run> runs;
   std::vector<Alternative> explanations;  ///< By falling probability, the unlikely ones left out.
 
   /// Stayed in one of the first two explanations only: another run past them decides.

@@ -64,16 +64,17 @@ struct ChainOptions {
 /// When few landmarks agree, the place of a run in the map must be confirmed against other
 /// explanations of the same modes (Explain).
 struct ConfirmationOptions {
-  /// A consensus of fewer signatures, or of this share of those in common or less, is confirmed.
-  /// 0 for both, the default: none is.
-  int min_signatures = 0;
-  double min_share = 0.0;
+  /// A consensus of fewer signatures, or of this share of those in common or less, is confirmed; 0
+  /// for both: none is. Where more than half agree, no other frame has as many; fewer than five
+  /// agree by accident.
+  int min_signatures = 5;
+  double min_share = 0.5;
 
-  /// Where more than half agree, no other frame has as many; fewer than five agree by accident.
-  static ConfirmationOptions OfFew() {
+  /// Every run is placed where most landmarks agree.
+  static ConfirmationOptions Never() {
     ConfirmationOptions options;
-    options.min_signatures = 5;
-    options.min_share = 0.5;
+    options.min_signatures = 0;
+    options.min_share = 0.0;
     return options;
   }
 

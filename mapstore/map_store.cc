@@ -208,6 +208,26 @@ StatusOr<std::set<std::string>> MapStore::RunHashes(const std::string& area,
   return ReadRunHashes(database, row.version_id);
 }
 
+StatusOr<std::vector<UnplacedRun>> MapStore::WaitingRuns(const std::string& area) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  std::set<std::string> known;
+  if (area_row.published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->PublishedRow(area, area_row));
+    SHIFTMAP_ASSIGN_OR_RETURN(known, ReadRunHashes(database, row.version_id));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto entries, ReadAudit(database, area_row.area_id));
+  std::vector<UnplacedRun> waiting;
+  for (const AuditEntry& entry : entries) {
+    const std::size_t blank = entry.subject.find(' ');
+    if (entry.action != kWaitAction || blank == std::string::npos) continue;
+    UnplacedRun run{entry.subject.substr(blank + 1), entry.subject.substr(0, blank), entry.written};
+    if (known.insert(run.sha256).second) waiting.push_back(std::move(run));
+  }
+  return waiting;
+}
+
 StatusOr<std::vector<ReportSummary>> MapStore::Reports(const std::string& area,
                                                        std::optional<VersionNumber> version) {
   Database& database = state_->database;

@@ -100,6 +100,13 @@ class MapStore {
                                 const Provenance& provenance,
                                 const CommitOptions& options);
 
+  /// Notes runs that wait for another build, where no version is made: as CommitOptions::waiting.
+  Status NoteWaiting(const std::string& area, const std::vector<UnplacedRun>& runs);
+
+  /// Runs that waited for another build and are not in the published version nor in its ancestors,
+  /// in the order they were noted.
+  StatusOr<std::vector<UnplacedRun>> WaitingRuns(const std::string& area);
+
   /// Makes a version the published one, if `expected` is published now (nothing: if none is).
   /// Errors also: kAborted if another one is; kAlreadyExists if `version` is published already;
   /// kFailedPrecondition if its content was compacted away.

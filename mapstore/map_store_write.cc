@@ -87,6 +87,16 @@ StatusOr<VersionRow> InsertWholeVersion(Database& database,
   return version;
 }
 
+Status InsertWaiting(Database& database,
+                     std::int64_t area_id,
+                     const std::vector<UnplacedRun>& runs) {
+  for (const UnplacedRun& run : runs) {
+    SHIFTMAP_RETURN_IF_ERROR(
+        InsertAudit(database, area_id, kWaitAction, run.sha256 + " " + run.name));
+  }
+  return OkStatus();
+}
+
 }  // namespace
 
 Status MapStore::State::MovePublished(std::int64_t area_id,
@@ -153,8 +163,16 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   if (options.publish) {
     SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, "publish"));
   }
+  SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(database, area_row.area_id, options.waiting));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   return CommitResult{version.number, version.content_hash};
+}
+
+Status MapStore::NoteWaiting(const std::string& area, const std::vector<UnplacedRun>& runs) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, area));
+  SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(state_->database, area_row.area_id, runs));
+  return transaction.Commit();
 }
 
 Status MapStore::Publish(const std::string& area,

@@ -35,6 +35,13 @@ struct Provenance {
   std::vector<RunRecord> runs;  ///< By begin, then hash.
 };
 
+/// A run that a build was given and could not place: it may lie at several places in the map.
+struct UnplacedRun {
+  std::string name;
+  std::string sha256;
+  Stamp since;  ///< When a build first said so; set by the store.
+};
+
 struct CommitOptions {
   /// The version the content was made from; nothing for a map without a prior.
   std::optional<VersionNumber> parent;
@@ -44,6 +51,9 @@ struct CommitOptions {
   /// MapSnapshot::ledger_position of the prior: the reports that the content's probabilities
   /// account for up to its stamp. Nothing: all that the store holds when it commits.
   std::optional<LedgerPosition> ledger_position = std::nullopt;
+
+  /// Runs that wait for another build.
+  std::vector<UnplacedRun> waiting = {};
 
   /// Whether a version without a parent is published whatever is; otherwise only if none is.
   bool replace = true;
@@ -118,7 +128,7 @@ struct AuditEntry {
   Stamp written;
   std::string area;     ///< Empty if it was about the whole store.
   std::string action;   ///< E.g. "commit", "publish", "rollback", "return".
-  std::string subject;  ///< Version number, or UUID of the report.
+  std::string subject;  ///< Version number, UUID of the report, or hash and name of the run.
 };
 
 }  // namespace shiftmap

@@ -42,7 +42,7 @@ struct BuildOptions {
   std::string engine = "graph";
   std::string prior = "published";
   std::string anonymous = "ignore";
-  std::string placement = "consensus";
+  std::string placement = "posterior";
   bool no_publish = false;
   bool no_calibration = false;
   bool no_learned_rates = false;
@@ -62,6 +62,7 @@ struct PriorMap {
   std::optional<MapContent> content;
   std::optional<LedgerPosition> ledger_position;
   std::set<std::string> run_hashes;   // Of the runs that are in it already.
+  std::vector<UnplacedRun> waiting;   // Of earlier builds.
   std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
 };
 
@@ -97,6 +98,7 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
   prior.content = snapshot.content();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, store.RunHashes(options.area, *prior.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   return prior;
 }
 
@@ -203,8 +205,8 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
   mapper_options.max_memory_bytes = MaxMemory(options);
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.association.associate = options.anonymous == "associate";
-  if (options.placement == "posterior") {
-    mapper_options.confirmation = ConfirmationOptions::OfFew();
+  if (options.placement == "consensus") {
+    mapper_options.confirmation = ConfirmationOptions::Never();
   }
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
@@ -214,11 +216,38 @@ StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
   return mapper_options;
 }
 
-void WarnOfInput(const MapperResult& result, Context& context) {
+// The runs of a build that wait.
+std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
+  std::vector<UnplacedRun> unplaced;
   for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const std::string& run : change.runs) {
-      context.Attend(fmt::format("run '{}' waits: {}", run, WaitingReason(change)));
+    for (const AmbiguousChange::Run& run : change.runs) {
+      unplaced.push_back({run.name, run.sha256, {}});
     }
+  }
+  return unplaced;
+}
+
+// Runs that wait, but not of this build.
+std::vector<UnplacedRun> NotGiven(std::vector<UnplacedRun> waiting,
+                                  const std::vector<MapperInput>& inputs) {
+  std::erase_if(waiting, [&](const UnplacedRun& run) {
+    return std::any_of(inputs.begin(), inputs.end(), [&](const MapperInput& input) {
+      return input.sha256 == run.sha256;
+    });
+  });
+  return waiting;
+}
+
+void WarnOfInput(const MapperResult& result,
+                 const std::vector<UnplacedRun>& not_given,
+                 Context& context) {
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
+  }
+  for (const UnplacedRun& run : not_given) {
+    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
   }
   for (const RejectedRun& run : result.rejected) {
     context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
@@ -250,6 +279,34 @@ Status CheckOutputs(const BuildOptions& options) {
   return MapStore::CheckWritable(options.store);
 }
 
+// Adds the version, or where all runs wait only notes that.
+StatusOr<std::optional<CommitResult>> Write(const BuildOptions& options,
+                                            const PriorMap& prior,
+                                            const MapperResult& result,
+                                            const Context& context) {
+  if (options.trajectories && !result.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      MapStore store,
+      OpenStore(
+          options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
+  if (result.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(store.NoteWaiting(options.area, Unplaced(result)));
+    return std::optional<CommitResult>();
+  }
+  CommitOptions commit_options;
+  commit_options.parent = prior.version;
+  commit_options.publish = !options.no_publish;
+  commit_options.replace = options.prior == "none";
+  commit_options.ledger_position = prior.ledger_position;
+  commit_options.waiting = Unplaced(result);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      CommitResult commit,
+      store.Commit(options.area, result.content, MakeProvenance(options, result), commit_options));
+  return std::optional(std::move(commit));
+}
+
 Status Build(const BuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
   const Stamp now = SystemNow();
@@ -260,6 +317,7 @@ Status Build(const BuildOptions& options, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(LoadReports(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
+  const std::vector<UnplacedRun> not_given = NotGiven(std::move(prior.waiting), runs.inputs);
   std::unique_ptr<Progress> progress = context.MakeProgress();
   StatusOr<MapperResult> result =
       BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
@@ -271,28 +329,14 @@ Status Build(const BuildOptions& options, Context& context) {
   }
   SHIFTMAP_RETURN_IF_ERROR(result.status());
   result->rejected.insert(result->rejected.end(), runs.rejected.begin(), runs.rejected.end());
-  WarnOfInput(*result, context);
+  WarnOfInput(*result, not_given, context);
 
   std::optional<CommitResult> commit;
   const bool all_wait = result->runs.empty();
-  if (!context.dry_run() && !all_wait) {
-    if (options.trajectories)
-      SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, *result));
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        MapStore store,
-        OpenStore(
-            options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
-    CommitOptions commit_options;
-    commit_options.parent = prior.version;
-    commit_options.publish = !options.no_publish;
-    commit_options.replace = options.prior == "none";
-    commit_options.ledger_position = prior.ledger_position;
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        commit,
-        store.Commit(
-            options.area, result->content, MakeProvenance(options, *result), commit_options));
+  if (!context.dry_run()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(commit, Write(options, prior, *result, context));
   }
-  Json document = BuildJson(options.area, *result, runs.dropped, commit);
+  Json document = BuildJson(options.area, *result, runs.dropped, not_given, commit);
   document["selector"] = options.selector;
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -327,9 +371,9 @@ void AddBuildCommand(Application* application) {
       .OneOf({"ignore", "associate"})
       .Option("--placement",
               &options->placement,
-              "A run that few landmarks tie to the map: placed where most agree, or only where no "
-              "other explanation is likely, and else it waits")
-      .OneOf({"consensus", "posterior"})
+              "Where a run lies that few landmarks tie to the map: only where no other explanation "
+              "is likely, and else it waits, or where most agree")
+      .OneOf({"posterior", "consensus"})
       .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
       .Flag("--no-calibration",
             &options->no_calibration,

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
@@ -52,6 +53,8 @@ Json SignaturesJson(const std::vector<Signature>& signatures) {
 }
 
 Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
+  Json runs = Json::array();
+  for (const AmbiguousChange::Run& run : change.runs) runs.push_back(run.name);
   Json explanations = Json::array();
   for (const AmbiguousChange::Alternative& explanation : change.explanations) {
     explanations.push_back({{"stayed", SignaturesJson(explanation.stayed)},
@@ -60,7 +63,7 @@ Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
   }
   return {{"id", id},
           {"state", "waiting"},
-          {"runs", change.runs},
+          {"runs", runs},
           {"deciding", SignaturesJson(change.deciding)},
           {"explanations", explanations}};
 }
@@ -107,6 +110,10 @@ std::string WaitingReason(const AmbiguousChange& change) {
   return text;
 }
 
+std::string WaitingReason(const UnplacedRun& run) {
+  return fmt::format("since {} UTC; this build was not given its log", FormatUtc(run.since));
+}
+
 Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
   Json document = Json::array();
   for (const VehicleEstimate& vehicle : vehicles) {
@@ -131,6 +138,7 @@ Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
 Json BuildJson(const std::string& area,
                const MapperResult& result,
                const std::map<std::string, ImplausibleItems>& dropped,
+               const std::vector<UnplacedRun>& not_given,
                const std::optional<CommitResult>& commit) {
   Json document = {{"area", area}};
   if (commit) {
@@ -154,9 +162,12 @@ Json BuildJson(const std::string& area,
   for (const AmbiguousChange& change : result.ambiguous_changes) {
     document["ambiguous_changes"].push_back(
         AmbiguousChangeJson(document["ambiguous_changes"].size() + 1, change));
-    for (const std::string& run : change.runs) {
-      document["waiting"].push_back({{"run", run}, {"reason", WaitingReason(change)}});
+    for (const AmbiguousChange::Run& run : change.runs) {
+      document["waiting"].push_back({{"run", run.name}, {"reason", WaitingReason(change)}});
     }
+  }
+  for (const UnplacedRun& run : not_given) {
+    document["waiting"].push_back({{"run", run.name}, {"reason", WaitingReason(run)}});
   }
   std::size_t modes = 0;
   Json modes_per_group = Json::object();

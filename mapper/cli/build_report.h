@@ -19,12 +19,17 @@ Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles);
 /// Why a run waits, in words: which landmarks may have stayed, and which of them would decide.
 std::string WaitingReason(const AmbiguousChange& change);
 
+/// The same of one that waits since an earlier build and was not given to this one.
+std::string WaitingReason(const UnplacedRun& run);
+
 /// What `shiftmap-mapper build --json` says of a build.
-/// @param dropped  By the log's SHA-256.
-/// @param commit  Nothing if no version was made.
+/// @param dropped    By the log's SHA-256.
+/// @param not_given  Runs that wait, but not of this build.
+/// @param commit     Nothing if no version was made.
 Json BuildJson(const std::string& area,
                const MapperResult& result,
                const std::map<std::string, ImplausibleItems>& dropped,
+               const std::vector<UnplacedRun>& not_given,
                const std::optional<CommitResult>& commit);
 
 /// The same for people.

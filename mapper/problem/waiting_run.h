@@ -11,6 +11,7 @@ namespace shiftmap {
 /// A run that waits: it may lie at several places in the map, and nothing decides between them.
 struct WaitingRun {
   std::string name;
+  std::string sha256;  ///< Of the log file.
   Explanations explanations;
 };
 

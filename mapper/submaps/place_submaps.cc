@@ -291,7 +291,7 @@ void PlaceSubmaps(const MapperOptions& options,
   for (const std::size_t i : waiting.Remaining()) {
     const MappingRun& run = *waiting.At(i).problem.runs.front().data;
     if (waiting.Open(i)) {
-      problem->waiting.push_back({run.name, *waiting.Open(i)});
+      problem->waiting.push_back({run.name, run.sha256, *waiting.Open(i)});
     } else {
       rejected->push_back(NotAligned(run));
     }

@@ -12,6 +12,9 @@
 
 namespace shiftmap {
 
+/// Of a run that waits; its subject is the log's hash, a blank and the run's name.
+inline constexpr const char* kWaitAction = "wait";
+
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
 Status InsertAudit(Database& database,

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A run that may lie at several places in the map waits: the store remembers it, builds name it,
+// and the one that is given its log when others have decided takes it up.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kNothingToDo = 5;
+constexpr int kAttention = 8;
+
+// Of the second run's seven landmarks in common with the first, three stayed.
+class WaitingRunsTest : public ::testing::Test {
+ protected:
+  CommandResult Build(const std::vector<int>& runs, Arguments more = {}) const {
+    Arguments words = {"build", "--json", "--store", world_.File("maps.db"), "--area", "floor"};
+    words.insert(words.end(), more.begin(), more.end());
+    for (const int run : runs) words.push_back(world_.Log(run));
+    return RunCommand("shiftmap-mapper", words);
+  }
+
+  // What a build of these runs says of runs that wait.
+  Json Waiting(const std::vector<int>& runs, int exit_code) const {
+    const CommandResult built = Build(runs);
+    EXPECT_EQ(built.exit_code, exit_code) << built.err;
+    return Json::parse(built.out)["waiting"];
+  }
+
+  World world_{{"--seed",
+                "24",
+                "--shifts",
+                "4",
+                "--groups",
+                "20",
+                "--modes",
+                "3",
+                "--mode-change-probability",
+                "0.4",
+                "--duration-s",
+                "120"}};
+};
+
+TEST_F(WaitingRunsTest, AreRememberedUntilTheyAreTakenUp) {
+  const CommandResult first = Build({0, 1});
+  ASSERT_EQ(first.exit_code, kAttention) << first.err;
+  EXPECT_NE(first.err.find("run 'run_001' waits: either L05, L07 and L16 stayed"),
+            std::string::npos)
+      << first.err;
+  EXPECT_EQ(CountLines(first.err), 1) << first.err;
+  const Json document = Json::parse(first.out);
+  EXPECT_EQ(document["runs"].size(), 1u);
+  ASSERT_EQ(document["ambiguous_changes"].size(), 1u);
+  const Json& change = document["ambiguous_changes"][0];
+  EXPECT_EQ(change["runs"], Json::array({"run_001"}));
+  EXPECT_GE(change["explanations"].size(), 2u);
+  EXPECT_FALSE(change["deciding"].empty());
+
+  // A build of it alone has nothing else to do.
+  EXPECT_EQ(Waiting({1}, kNothingToDo).size(), 1u);
+
+  const Json elsewhere = Waiting({2}, kDone);
+  ASSERT_EQ(elsewhere.size(), 1u);
+  EXPECT_EQ(elsewhere[0]["run"], "run_001");
+  EXPECT_NE(elsewhere[0]["reason"].get<std::string>().find("was not given"), std::string::npos);
+
+  EXPECT_EQ(Waiting({1}, kDone).size(), 0u);
+  EXPECT_EQ(Waiting({3}, kDone).size(), 0u);
+  const Json errors =
+      RunForJson("shiftmap-eval",
+                 {"map", "--store", world_.File("maps.db"), "--area", "floor", world_.Places()});
+  // A place is in the map, or was never seen and is far from the others of its landmark.
+  for (const Json& place : errors["places"]) {
+    const double distance_m = place["distance_m"].get<double>();
+    EXPECT_TRUE(distance_m < 0.4 || distance_m > 2.0) << place.dump();
+  }
+
+  // Before it was taken up it waits again.
+  for (int i = 0; i < 2; ++i) {
+    RunForJson("shiftmap-inspect",
+               {"rollback", "--store", world_.File("maps.db"), "--area", "floor"});
+  }
+  EXPECT_EQ(Waiting({3}, kDone).size(), 1u);
+}
+
+TEST_F(WaitingRunsTest, NothingIsRememberedOfADryRun) {
+  ASSERT_EQ(Build({0}).exit_code, kDone);
+  EXPECT_EQ(Build({1}, {"--dry-run"}).exit_code, kNothingToDo);
+  EXPECT_EQ(Waiting({2}, kDone).size(), 0u);
+}
+
+TEST_F(WaitingRunsTest, APlaceByConsensusWaitsForNothing) {
+  EXPECT_EQ(Build({0, 1}, {"--placement", "consensus"}).exit_code, kDone);
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
