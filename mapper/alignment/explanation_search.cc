@@ -347,12 +347,13 @@ class Search {
                const SimilarityFit& fit,
                Eigen::Matrix3d* information,
                Eigen::Vector3d* gradient) const {
-    const auto [first, end] = e_.MatchesOf(landmark);
+    const std::pair<int, int> of_landmark = e_.MatchesOf(landmark);
+    const int modes = of_landmark.second - of_landmark.first;
     const double log_each =
-        std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / (end - first));
+        std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / modes);
     double total = e_.log_anywhere();
     const auto visit_all = [&](const auto& visit) {
-      for (int k = first; k < end; ++k) {
+      for (int k = of_landmark.first; k < of_landmark.second; ++k) {
         const Eigen::Vector2d q = fit * e_.PositionInReference(k) - fit.centre_other;
         const Eigen::Vector2d r = e_.PositionInOther(k) - fit.centre_other - q;
         for (const double sd : prior_.near_sd_m) {

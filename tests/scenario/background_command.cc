@@ -66,7 +66,7 @@ int BackgroundCommand::End(int signal) {
 void BackgroundCommand::WaitUntilItCatches(int signal) const {
   const std::string path = fmt::format("/proc/{}/status", child_);
   const std::string key = "SigCgt:\t";
-  for (int tries = 0; tries < 10000; ++tries) {
+  for (int tries = 0; tries < 10000 * kSlowdown; ++tries) {
     const std::string status = ReadFile(path);
     const std::size_t at = status.find(key);
     if (at != std::string::npos) {

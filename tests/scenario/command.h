@@ -11,6 +11,13 @@ namespace shiftmap::testing {
 
 using Arguments = std::vector<std::string>;
 
+/// By how much programs may be slower than they are built for users.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr int kSlowdown = 10;
+#else
+inline constexpr int kSlowdown = 1;
+#endif
+
 struct CommandResult {
   int exit_code = 0;  ///< 128 + signal if a signal ended it.
   std::string out;
