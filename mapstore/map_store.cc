@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "mapstore/core/stamp_check.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/evidence_rows.h"
@@ -68,6 +69,9 @@ StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
                             ReadContent(database, row, VersionName(area, row.number)));
   SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, query, &content));
+  if (const Status valid = ValidateStamp(content.stamp); !valid.ok()) {
+    return DataLoss("{}: end of its evidence: {}", VersionName(area, row.number), Message(valid));
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
   return MapSnapshot(area, row.number, row.content_hash, std::move(content), position);
 }

@@ -210,6 +210,18 @@ TEST_F(StoreFileTest, DamagedEvidenceIsDamage) {
   EXPECT_THAT(store.LoadAt("a"), StatusIs(StatusCode::kDataLoss, "evidence of 'A'"));
 }
 
+// A visit that began in time, with an end that no clock shows.
+TEST_F(StoreFileTest, EvidenceWithoutAnEndIsDamage) {
+  MapStore store = OpenStore(path_);
+  const CommitResult version = *store.Commit("a", TwoStateContent(1e-3, 0.5, At(0.0)), {}, {});
+  ShiftReport report = EmptyReport(version, "a", 1);
+  report.evidence = {TwoStateEvidence(At(1.0), At(2.0), 0.0, 1.0)};
+  ASSERT_THAT(store.Return(report), IsOk());
+  ExecuteRaw("UPDATE visit_evidence SET end_ns = 7594885774896885871");
+  ExecuteRaw("DELETE FROM ledger_checkpoint");
+  EXPECT_THAT(store.LoadAt("a"), StatusIs(StatusCode::kDataLoss, "end of its evidence"));
+}
+
 TEST_F(StoreFileTest, ReadOnlyFolderAndFileAreReadButNotWritten) {
   MakeStore();
   ASSERT_EQ(chmod(path_.c_str(), 0444), 0);
