@@ -41,16 +41,24 @@ bool AreAlike(const AlignmentEvidence& evidence,
   return true;
 }
 
-// Draws from the normal distribution of a transform, as many of one sign as of the other.
-std::vector<SimilarityFit> Draws(const SimilarityFit& fit) {
-  constexpr int kPairs = 128;
+// Draws of N(0, I), the same ones every time.
+std::vector<Eigen::Vector4d> StandardDraws() {
+  constexpr std::size_t kDraws = 128;
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
+  std::vector<Eigen::Vector4d> draws(kDraws);
+  for (Eigen::Vector4d& z : draws) {
+    for (double& value : z) value = normal(random);
+  }
+  return draws;
+}
+
+// Draws from the normal distribution of a transform, as many of one sign as of the other.
+std::vector<SimilarityFit> Draws(const SimilarityFit& fit,
+                                 const std::vector<Eigen::Vector4d>& standard) {
   const Eigen::Matrix4d root = fit.covariance.llt().matrixL();
   std::vector<SimilarityFit> draws;
-  for (int i = 0; i < kPairs; ++i) {
-    Eigen::Vector4d z;
-    for (double& value : z) value = normal(random);
+  for (const Eigen::Vector4d& z : standard) {
     for (const double sign : {1.0, -1.0}) {
       const Eigen::Vector4d step = sign * (root * z);
       SimilarityFit& draw = draws.emplace_back(fit);
@@ -78,14 +86,16 @@ void AddTo(const AlignmentEvidence& evidence,
 std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,
                                double tolerance_m) {
+  const std::vector<Eigen::Vector4d> standard = StandardDraws();
   std::vector<Frame> frames;
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.probability < kMinProbability) break;
     double rest = hypothesis.probability;
     if (hypothesis.stayed != 0) {
-      const std::vector<SimilarityFit> draws =
-          i < kMaxDrawn ? Draws(hypothesis.fit) : std::vector<SimilarityFit>{hypothesis.fit};
+      const std::vector<SimilarityFit> draws = i < kMaxDrawn
+                                                   ? Draws(hypothesis.fit, standard)
+                                                   : std::vector<SimilarityFit>{hypothesis.fit};
       const double each = hypothesis.probability / static_cast<double>(draws.size());
       for (const SimilarityFit& draw : draws) {
         const auto end =

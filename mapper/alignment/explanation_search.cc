@@ -11,8 +11,6 @@
 #include <numbers>
 #include <queue>
 #include <random>
-#include <set>
-#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
@@ -33,7 +31,7 @@ constexpr double kPairGate = 4.0;
 // Bodies that move go on facing about the same way in half of all cases. [rad]
 constexpr double kSameHeadingSd = 0.2;
 
-// Where the maxima are so many, a pair within one of them is no other start.
+// Of more matches, a pair that a maximum contains starts no search of its own.
 constexpr int kManyMatches = 15;
 
 MatchSet Bit(int match) { return MatchSet{1} << match; }

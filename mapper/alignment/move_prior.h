@@ -7,8 +7,8 @@ namespace shiftmap {
 
 /// How landmarks move between two maps, before their positions are compared.
 struct MovePrior {
-  /// Probability that fewer than two of the landmarks in common stayed, so that nothing but how
-  /// landmarks move tells how the maps lie to each other. All other numbers are equally likely.
+  /// Probability that fewer than two of the landmarks in common stayed, which determine no
+  /// transform. All larger numbers are equally likely.
   double none_stayed = 0.02;
 
   /// A landmark that moves goes near with this probability, else anywhere in the area.

@@ -12,8 +12,8 @@ namespace shiftmap {
 ///
 /// Sandwich estimate with clusters (Liang and Zeger 1986): each of B stretches of time has
 /// residuals e_b that by themselves move the modes by δ_b = H⁻¹ J_bᵀ e_b, and Σ_b δ_b δ_bᵀ
-/// estimates the covariance whatever the residuals of a stretch have in common. With Q a basis of
-/// what is left of the modes without moving, turning and growing the map,
+/// estimates the covariance whatever the residuals of a stretch have in common. With Q a basis
+/// of the changes of the modes that do not translate, rotate or scale the map,
 ///
 ///   factor = s(e) / mean over draws of s(ε - J H⁻¹ Jᵀ ε),   s(e) = Σ_b ‖Qᵀ δ_b‖² in (Qᵀ P Q)⁻¹,
 ///

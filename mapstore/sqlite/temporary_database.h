@@ -8,9 +8,9 @@
 
 namespace shiftmap {
 
-/// The path of a database beside another file, to be written and then renamed to it. What is there
-/// at the end of the object is removed, with the journal that SQLite may leave beside it; what a
-/// killed process left is removed by the next that writes to the destination.
+/// A path for a database beside its destination, to be written and then renamed. The destructor
+/// removes a file that was not renamed, and its journal; Create() removes those of a process that
+/// was killed.
 ///
 /// Not an AtomicFile itself: SQLite opens its database by name, and its locks and those of an
 /// AtomicFile may be the same on a shared disk.

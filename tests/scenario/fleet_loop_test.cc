@@ -16,19 +16,7 @@ namespace {
 
 class FleetLoopTest : public ::testing::TestWithParam<int> {
  protected:
-  FleetLoopTest()
-      : world_({"--seed",
-                std::to_string(GetParam()),
-                "--shifts",
-                "4",
-                "--groups",
-                "20",
-                "--modes",
-                "3",
-                "--mode-change-probability",
-                "0.4",
-                "--duration-s",
-                "120"}) {
+  FleetLoopTest() : world_(RestlessSite(GetParam())) {
     RunForJson("shiftmap-mapper", Build("start.db", {0, 1}));
   }
 

@@ -34,18 +34,7 @@ class WaitingRunsTest : public ::testing::Test {
     return Json::parse(built.out)["waiting"];
   }
 
-  World world_{{"--seed",
-                "24",
-                "--shifts",
-                "4",
-                "--groups",
-                "20",
-                "--modes",
-                "3",
-                "--mode-change-probability",
-                "0.4",
-                "--duration-s",
-                "120"}};
+  World world_{RestlessSite(24)};
 };
 
 TEST_F(WaitingRunsTest, AreRememberedUntilTheyAreTakenUp) {

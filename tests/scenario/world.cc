@@ -25,6 +25,21 @@ std::vector<World::TrueMode> World::Modes(int run) const {
   return modes;
 }
 
+Arguments RestlessSite(int seed) {
+  return {"--seed",
+          std::to_string(seed),
+          "--shifts",
+          "4",
+          "--groups",
+          "20",
+          "--modes",
+          "3",
+          "--mode-change-probability",
+          "0.4",
+          "--duration-s",
+          "120"};
+}
+
 std::vector<std::vector<std::string>> ReadCsv(const std::string& path) {
   std::istringstream text(ReadFile(path));
   std::vector<std::vector<std::string>> rows;

@@ -38,6 +38,9 @@ class World {
   TempDir folder_;
 };
 
+/// Options of a site where two in five of 20 landmarks move between shifts: four shifts of 2 min.
+Arguments RestlessSite(int seed);
+
 /// Rows of a CSV file without quotes, its header left out. Aborts if it cannot be read.
 std::vector<std::vector<std::string>> ReadCsv(const std::string& path);
 
