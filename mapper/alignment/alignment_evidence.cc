@@ -9,6 +9,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
 #include "mapstore/geometry/se2.h"
@@ -92,8 +93,9 @@ double AlignmentEvidence::Variance(int match) const {
 
 double AlignmentEvidence::LogStaying(int stayed) const {
   const auto count = static_cast<double>(groups_.size());
-  const double log_choose =
-      std::lgamma(count + 1.0) - std::lgamma(stayed + 1.0) - std::lgamma(count - stayed + 1.0);
+  const double log_choose = Eigen::numext::lgamma(count + 1.0) -
+                            Eigen::numext::lgamma(stayed + 1.0) -
+                            Eigen::numext::lgamma(count - stayed + 1.0);
   return std::log1p(-prior_.none_stayed) - std::log(count - 1.0) - log_choose;
 }
 

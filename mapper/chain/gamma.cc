@@ -22,9 +22,10 @@ double Bisect(double low, double high, const Function& function) {
 
 double Gamma::MeanLog() const { return Eigen::numext::digamma(shape) - std::log(exposure_s); }
 
+// std::lgamma writes a global, and threads would race for it.
 double Gamma::LogDensityOfLog(double log_rate) const {
   return shape * (std::log(exposure_s) + log_rate) - exposure_s * std::exp(log_rate) -
-         std::lgamma(shape);
+         Eigen::numext::lgamma(shape);
 }
 
 double Gamma::Quantile(double probability) const {

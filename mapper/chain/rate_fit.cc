@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numbers>
+#include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
 #include "mapper/chain/chain_expectations.h"
@@ -125,7 +126,7 @@ void Conclude(const Posterior& posterior, const Gamma& prior, double log_posteri
   // exact for a chain seen at every time.
   for (Eigen::Index i = 0; i < fit->log_rates.size(); ++i) {
     const double shape = 1.0 / fit->covariance(i, i);
-    fit->log_marginal += std::lgamma(shape) - (shape - 0.5) * std::log(shape) + shape -
+    fit->log_marginal += Eigen::numext::lgamma(shape) - (shape - 0.5) * std::log(shape) + shape -
                          0.5 * std::log(2.0 * std::numbers::pi);
   }
 }
