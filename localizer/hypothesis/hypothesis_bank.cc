@@ -75,7 +75,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
       held_since_(snapshot_.groups().size()) {
   SHIFTMAP_CHECK(options.max_leaves >= 1, "max_leaves {}", options.max_leaves);
   for (const LandmarkGroup& group : snapshot_.groups()) {
-    posteriors_.push_back({Floored(group.probabilities), snapshot_.stamp()});
+    posteriors_.push_back({group.probabilities, snapshot_.stamp()});
   }
   Restart(start, stamp);
   ReserveMemory();

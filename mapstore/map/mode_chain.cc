@@ -84,19 +84,19 @@ StatusOr<ModeChain> ModeChain::FromRates(const Eigen::MatrixXd& rate_matrix) {
 
 // Q has the eigenvalues 0 (the uniform distribution) and -λ (n+1)/n (everything else), so that
 // exp(QΔt) = U + (I - U) exp(-λ (n+1)/n Δt), U = 1 1ᵀ / (n+1).
-double ModeChain::Remaining(Duration elapsed) const {
+// 1 - exp(..) would leave nothing of a short time.
+double ModeChain::Forgotten(Duration elapsed) const {
   const int modes = states() - 1;
-  if (modes == 0) return 1.0;
+  if (modes == 0) return 0.0;
   const double seconds = std::max(0.0, ToSeconds(elapsed));
-  return std::exp(-leave_rate_per_s_ * states() / modes * seconds);
+  return -std::expm1(-leave_rate_per_s_ * states() / modes * seconds);
 }
 
 Eigen::MatrixXd ModeChain::Transition(Duration elapsed) const {
   if (!uniform_) return StochasticExponential(rate_matrix_, std::max(0.0, ToSeconds(elapsed)));
-  const double remaining = Remaining(elapsed);
-  Eigen::MatrixXd transition =
-      Eigen::MatrixXd::Constant(states(), states(), (1.0 - remaining) / states());
-  transition.diagonal().array() += remaining;
+  const double forgotten = Forgotten(elapsed);
+  Eigen::MatrixXd transition = Eigen::MatrixXd::Constant(states(), states(), forgotten / states());
+  transition.diagonal().array() += 1.0 - forgotten;
   return transition;
 }
 
@@ -106,9 +106,9 @@ Eigen::VectorXd ModeChain::Propagate(const Eigen::VectorXd& probabilities, Durat
                  probabilities.size(),
                  states());
   if (!uniform_) return Transition(elapsed).transpose() * probabilities;
-  const double remaining = Remaining(elapsed);
-  const double spread = (1.0 - remaining) / states() * probabilities.sum();
-  return (remaining * probabilities).array() + spread;
+  const double forgotten = Forgotten(elapsed);
+  const double spread = forgotten / states() * probabilities.sum();
+  return ((1.0 - forgotten) * probabilities).array() + spread;
 }
 
 }  // namespace shiftmap

@@ -52,8 +52,8 @@ class ModeChain {
  private:
   ModeChain(Eigen::MatrixXd rate_matrix, double leave_rate_per_s);
 
-  // Share of the deviation from the stationary distribution that is left after `elapsed`.
-  double Remaining(Duration elapsed) const;
+  // Share of the deviation from the stationary distribution that is gone after `elapsed`.
+  double Forgotten(Duration elapsed) const;
 
   Eigen::MatrixXd rate_matrix_;
   double leave_rate_per_s_ = 0.0;
