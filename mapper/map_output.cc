@@ -10,11 +10,10 @@
 #include "mapper/modes/missed_visits.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
-
-constexpr double kMinProbability = 1e-6;
 
 // A mode of the problem that is none of the map's: it has no signature.
 constexpr int kNoPlace = -1;
@@ -66,44 +65,10 @@ Stamp LastSeen(const MapProblem& problem,
   return known;
 }
 
-// What the prior map knew of a group when it was made: its distribution over the states of the
-// problem, and the time at which that holds. A landmark at no known position may have stood at a
-// mode that is new, so these share the probability of `absent`. Without a prior, all states alike
-// at the begin of the first run.
-struct GroupStart {
-  Eigen::VectorXd probabilities;
-  Stamp stamp;
-};
-
-GroupStart StartOf(const MapProblem& problem,
-                   const std::vector<BuildMode>& modes,
-                   const LandmarkGroup* known,
-                   const std::optional<MapContent>& prior) {
-  const auto states = static_cast<Eigen::Index>(modes.size()) + 1;
-  GroupStart start{Eigen::VectorXd::Ones(states), problem.runs.front().data->begin()};
-  if (known != nullptr) {
-    start.stamp = prior->stamp;
-    const auto unknown = 1 + std::count_if(modes.begin(), modes.end(), [&](const BuildMode& mode) {
-                           return known->StateOf(mode.number) <= 0;
-                         });
-    start.probabilities.setConstant(known->probabilities[0] / static_cast<double>(unknown));
-    for (std::size_t k = 0; k < modes.size(); ++k) {
-      const int state = known->StateOf(modes[k].number);
-      if (state <= 0) continue;
-      start.probabilities[static_cast<Eigen::Index>(k) + 1] = known->probabilities[state];
-    }
-    start.probabilities = start.probabilities.cwiseMax(kMinProbability);
-  }
-  start.probabilities /= start.probabilities.sum();
-  return start;
-}
-
-// The evidence of one visit of this build, with sightings or without.
+// What a visit of this build says of a group of the map.
 struct BuildVisit {
   int run = 0;  // Index in MapProblem::runs.
-  Stamp begin;
-  Stamp end;
-  Eigen::VectorXd log_likelihoods;  // Per state, `absent` first, in the order of the map's modes.
+  VisitEvidence evidence;
 };
 
 // A group of the map and where it comes from.
@@ -111,11 +76,25 @@ struct GroupSource {
   std::size_t group = 0;             // In the problem.
   std::vector<std::size_t> order;    // The problem's modes in the order of the map's.
   std::vector<VisitRef> visits;      // In the order of time.
-  std::vector<BuildVisit> evidence;  // In the order of time, those without sightings included.
+  std::vector<BuildVisit> evidence;  // In the order of time, that without sightings included.
 };
+
+// Log-likelihoods as the ledger takes them: one visit says no more than kMaxVisitLogRatio.
+VisitEvidence MakeEvidence(const LandmarkGroup& group,
+                           Stamp begin,
+                           Stamp end,
+                           const Eigen::VectorXd& log_likelihoods) {
+  VisitEvidence evidence{group.signature, begin, end, {}, 0};
+  const double least = log_likelihoods.maxCoeff() - kMaxVisitLogRatio;
+  for (int state = 0; state < group.chain.states(); ++state) {
+    evidence.modes.push_back({group.NumberOf(state), std::max(log_likelihoods(state), least)});
+  }
+  return evidence;
+}
 
 std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
                                    const GroupSource& source,
+                                   const LandmarkGroup& group,
                                    const std::vector<MissedVisit>& missed,
                                    const ModeOptions& options) {
   const std::vector<Eigen::Index> states = StatesInOrder(source.order);
@@ -123,13 +102,17 @@ std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
   for (const VisitRef& ref : source.visits) {
     const MappingVisit& visit = VisitOf(problem, ref);
     evidence.push_back(
-        {ref.run, visit.begin, visit.end, VisitLogLikelihood(problem, ref, options)(states)});
+        {ref.run,
+         MakeEvidence(
+             group, visit.begin, visit.end, VisitLogLikelihood(problem, ref, options)(states))});
+    evidence.back().evidence.observations = std::ssize(visit.sightings);
   }
   for (const MissedVisit& visit : missed) {
-    evidence.push_back({visit.run, visit.begin, visit.end, visit.log_likelihoods(states)});
+    evidence.push_back(
+        {visit.run, MakeEvidence(group, visit.begin, visit.end, visit.log_likelihoods(states))});
   }
   std::stable_sort(evidence.begin(), evidence.end(), [](const auto& a, const auto& b) {
-    return a.begin < b.begin;
+    return a.evidence.begin < b.evidence.begin;
   });
   return evidence;
 }
@@ -168,21 +151,13 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
 }
 
 // This build's evidence of a group as rows of the ledger.
-void AddRows(const MapProblem& problem,
-             const GroupSource& source,
-             const LandmarkGroup& group,
-             std::vector<EvidenceRow>* rows) {
+std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& source) {
+  std::vector<EvidenceRow> rows;
   for (const BuildVisit& visit : source.evidence) {
-    const MappingRun& run = *problem.runs[static_cast<std::size_t>(visit.run)].data;
-    EvidenceRow row{
-        run.sha256,
-        {group.signature, visit.begin, visit.end, {{kAbsent, visit.log_likelihoods[0]}}}};
-    for (std::size_t i = 0; i < group.modes.size(); ++i) {
-      row.evidence.modes.push_back(
-          {group.modes[i].number, visit.log_likelihoods[static_cast<Eigen::Index>(i) + 1]});
-    }
-    rows->push_back(std::move(row));
+    rows.push_back(
+        {problem.runs[static_cast<std::size_t>(visit.run)].data->sha256, visit.evidence});
   }
+  return rows;
 }
 
 // Gives the groups the chains that the ledger and this build's visits speak for. A known group that
@@ -193,8 +168,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> evidence = options.chains.ledger;
-  for (std::size_t i = 0; i < sources.size(); ++i) {
-    AddRows(problem, sources[i], (*groups)[i], &evidence);
+  for (const GroupSource& source : sources) {
+    for (EvidenceRow& row : RowsOf(problem, source)) evidence.push_back(std::move(row));
   }
   GroupChainOptions learning = options.chains.learning;
   learning.leave_rate_per_s = options.modes.leave_rate_per_s;
@@ -210,32 +185,33 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
 }
 
 // The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13,
-// 14). Visits that began before the prior's stamp come late, and do not overrule what is newer.
+// 14). What the prior map knows is a statement at its stamp.
 void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
                       const std::optional<MapContent>& prior,
                       Stamp end,
                       LandmarkGroup* group) {
+  std::vector<EvidenceRow> older = RowsOf(problem, source);
+  std::vector<EvidenceRow> newer;
+  ModeState state = StationaryStart(*group, problem.runs.front().data->begin());
   const LandmarkGroup* known = FindGroup(prior, group->signature);
-  const GroupStart start = StartOf(problem, problem.modes[source.group], known, prior);
-  group->probabilities = start.probabilities(StatesInOrder(source.order));
-  ModeState late = StationaryStart(*group, start.stamp);
-  ModeState now = StartModes(*group, start.stamp);
-  const auto filter = [&](auto first, auto last, ModeState* state) {
-    for (auto visit = first; visit != last; ++visit) {
-      AddVisit(*group, visit->begin, visit->end, visit->log_likelihoods, state);
+  if (known != nullptr) {
+    const auto first_newer = std::find_if(older.begin(), older.end(), [&](const EvidenceRow& row) {
+      return row.evidence.begin >= prior->stamp;
+    });
+    newer.assign(first_newer, older.end());
+    older.erase(first_newer, older.end());
+  }
+  state = FilterModes(*group, std::move(state), std::move(older));
+  if (known != nullptr) {
+    std::vector<StatedMode> stated;
+    for (int i = 0; i < known->chain.states(); ++i) {
+      stated.push_back({known->NumberOf(i), known->probabilities(i)});
     }
-  };
-  const auto first = source.evidence.begin();
-  const auto newer =
-      std::partition_point(first, source.evidence.end(), [&](const BuildVisit& visit) {
-        return visit.begin < start.stamp;
-      });
-  filter(first, newer, &late);
-  if (newer != first) AddLateVisits(*group, late, &now);
-  filter(newer, source.evidence.end(), &now);
-  group->probabilities = ProbabilitiesAt(*group, now, end).cwiseMax(kMinProbability);
-  group->probabilities /= group->probabilities.sum();
+    AddStatement(*group, CarriedProbabilities(*group, stated), prior->stamp, &state);
+    state = FilterModes(*group, std::move(state), std::move(newer));
+  }
+  group->probabilities = ProbabilitiesAt(*group, state, end);
 }
 
 // The end of the newest run, but not ahead of the clock, and not before the prior map.
@@ -343,8 +319,9 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
     if (problem.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
     sources.push_back(
         {g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g]), {}});
-    sources.back().evidence = EvidenceOf(problem, sources.back(), missed[g], options.modes);
     content.groups.push_back(MakeGroup(problem, signatures, sources.back(), prior, options.modes));
+    sources.back().evidence =
+        EvidenceOf(problem, sources.back(), content.groups.back(), missed[g], options.modes);
     for (const std::size_t k : sources.back().order) {
       place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
           modes++;
@@ -357,6 +334,12 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   }
   for (std::size_t i = 0; i < sources.size(); ++i) {
     SetProbabilities(problem, sources[i], prior, content.stamp, &content.groups[i]);
+  }
+  output.evidence.resize(problem.runs.size());
+  for (GroupSource& source : sources) {
+    for (BuildVisit& visit : source.evidence) {
+      output.evidence[static_cast<std::size_t>(visit.run)].push_back(std::move(visit.evidence));
+    }
   }
   SetCovariance(mode_covariance, place, modes, &content);
   return output;

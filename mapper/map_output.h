@@ -8,6 +8,7 @@
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
 #include "mapstore/core/ids.h"
+#include "mapstore/map/evidence.h"
 #include "mapstore/map/joint_covariance.h"
 #include "mapstore/map/map_snapshot.h"
 #include "proto/core/status.h"
@@ -18,6 +19,10 @@ namespace shiftmap {
 struct MapOutput {
   MapContent content;
   std::vector<GroupChain> chains;  ///< One per group; none if chains are not learned.
+
+  /// What the visits of each run say of the groups, visits without sightings included: rows for the
+  /// ledger.
+  std::vector<std::vector<VisitEvidence>> evidence;
 };
 
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the

@@ -9,6 +9,7 @@
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
+#include "mapstore/map/evidence.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -30,13 +31,16 @@ struct MappedRun {
   OdometryCalibration odometry;
   SensorBias sensor_bias = SensorBias::Zero();
   std::vector<StampedPose> trajectory;  ///< At the key frames.
+
+  /// What its visits say of the map's landmarks, those without sightings included.
+  std::vector<VisitEvidence> evidence;
 };
 
 /// T_map_vehicle of a run at its first odometry sample: from its first key frame, back along the
 /// odometry.
 Se2 StartPose(const BuildRun& run);
 
-/// What became of run `index` of a solved problem.
+/// What became of run `index` of a solved problem, but for its evidence.
 MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);
 
 }  // namespace shiftmap

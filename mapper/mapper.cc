@@ -425,6 +425,7 @@ Status Conclude(const std::vector<Signature>& signatures,
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));
   for (std::size_t i = 0; i < problem->runs.size(); ++i) {
     result->runs.push_back(MakeMappedRun(*problem, i));
+    result->runs.back().evidence = std::move(output.evidence[i]);
   }
   for (const std::vector<BuildMode>& group : problem->modes) {
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;

@@ -185,14 +185,6 @@ StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,
   return state_->Load(area, version, {.at = at, .latest = state_->LatestStamp()});
 }
 
-StatusOr<MapSnapshot> MapStore::LoadPrior(const std::string& area,
-                                          VersionNumber version,
-                                          const std::set<std::string>& without_runs) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  return state_->Load(
-      area, version, {.latest = state_->LatestStamp(), .without_runs = without_runs});
-}
-
 StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNumber version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());

@@ -25,9 +25,8 @@ namespace shiftmap {
 /// what shifts reported.
 ///
 /// Versions are immutable; *published* is a pointer to one of them, per area. Mode probabilities
-/// are derived: the version's own are the chain's distribution before any report, and the ledger's
-/// evidence rows are filtered forward over them in the order of time, whatever order they arrived
-/// in (model and formats: mapstore/README.md).
+/// are derived: the ledger's rows, of mapped runs and of shifts, are filtered forward in the order
+/// of time, whatever order they arrived in (model and formats: mapstore/README.md).
 ///
 /// Every write is one durable transaction: after OK it survives a power failure, after an error the
 /// store is as before. Threads: one thread per object; several processes may use one file.
@@ -91,7 +90,9 @@ class MapStore {
 
   /// Adds a version and, if asked, publishes it; creates the area if it is new.
   /// Errors also: kInvalidArgument if ValidateMapContent fails, or the content's stamp is ahead of
-  /// the clock, or before its parent's (unless that is ahead of the clock itself); kDataLoss if a
+  /// the clock, or before its parent's (unless that is ahead of the clock itself), or the runs'
+  /// evidence is not of the content and of the runs, or is there although the version states its
+  /// probabilities, or is of a run that an ancestor has mapped; kDataLoss if a
   /// version of the area has a parent that is not an older version of it; kAborted if
   /// `options.publish` and the published version is not `options.parent` (nothing is written then).
   /// CommitOptions::replace: of a version without a parent.
@@ -124,27 +125,21 @@ class MapStore {
                                    std::optional<VersionNumber> to = std::nullopt,
                                    bool dry_run = false);
 
-  /// A version as it was committed: probabilities before any report.
+  /// A version as it was committed: with the probabilities that it states, before any report, or
+  /// with its chains' stationary distributions if it states none.
   StatusOr<MapSnapshot> LoadVersion(const std::string& area, VersionNumber version);
 
   /// A version with the probabilities that the ledger implies at a time; which rows count, and how:
   /// mapstore/README.md.
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
-  ///                 there is none; visits that begin after the clock's time with the tolerance do
-  ///                 not count. Visits that begin after `at` do not count. Without evidence, a time
-  ///                 before the stamp gives the distribution at the stamp.
+  ///                 that is later; visits that begin after the clock's time with the tolerance do
+  ///                 not count. Reported visits that begin after `at` do not count. A time before
+  ///                 the version's stamp gives the distribution at its stamp.
   /// Errors also: kNotFound if the file is a snapshot whose ledger begins after `at`.
   StatusOr<MapSnapshot> LoadAt(const std::string& area,
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);
-
-  /// A version as the prior of a build from logs: as LoadAt without a time, as if no report about
-  /// these logs had come. The build sees the visits of its logs itself; none may count twice.
-  /// @param without_runs  SHA-256 of logs.
-  StatusOr<MapSnapshot> LoadPrior(const std::string& area,
-                                  VersionNumber version,
-                                  const std::set<std::string>& without_runs);
 
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
@@ -166,11 +161,11 @@ class MapStore {
   StatusOr<std::vector<ReportSummary>> Reports(const std::string& area,
                                                std::optional<VersionNumber> version = std::nullopt);
 
-  /// What the ledger says of the landmarks of a version over all time: the rows of reports against
-  /// it, its ancestors and its descendants, one report per log. Other than for LoadAt, what the
-  /// version's own probabilities account for is there too: rates are learned from the whole past.
-  /// By signature, then in the order of time.
-  /// @param without_runs  SHA-256 of logs; reports about them are left out.
+  /// What the ledger says of the landmarks of a version over all time: one set of rows per run,
+  /// mapped by it or an ancestor, or else reported against it, its ancestors and its descendants.
+  /// Other than for LoadAt, what a statement accounts for is there too: rates are learned from the
+  /// whole past. By signature, then in the order of time.
+  /// @param without_runs  SHA-256 of logs; what tells of them is left out.
   StatusOr<std::vector<EvidenceRow>> Evidence(const std::string& area,
                                               VersionNumber version,
                                               const std::set<std::string>& without_runs = {});

@@ -2,12 +2,15 @@
 //
 // The writing half of MapStore: each function is one durable transaction.
 #include <algorithm>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/mapped_rows.h"
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
@@ -62,29 +65,42 @@ Status CheckOrder(Stamp stamp, Stamp parent, Stamp latest, const std::string& pa
                          ToSecondsSinceEpoch(parent));
 }
 
+// What is said of a run counts once.
+Status CheckNewRuns(Database& database, const VersionRow& parent, const Provenance& provenance) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::set<std::string> known,
+                            ReadRunHashes(database, parent.version_id));
+  for (const RunRecord& run : provenance.runs) {
+    if (known.insert(run.sha256).second) continue;
+    return InvalidArgument("{}: run '{}' is mapped already", database.name(), run.name);
+  }
+  return OkStatus();
+}
+
 // Adds the rows of a version. Returns its row.
 StatusOr<VersionRow> InsertWholeVersion(Database& database,
                                         std::int64_t area_id,
                                         const MapContent& content,
                                         const Provenance& provenance,
+                                        bool states_probabilities,
                                         VersionRow version) {
   SHIFTMAP_ASSIGN_OR_RETURN(version.number, NextVersionNumber(database, area_id));
-  SHIFTMAP_ASSIGN_OR_RETURN(version.version_id,
-                            InsertVersion(database,
-                                          area_id,
-                                          version.number,
-                                          version.parent_version_id,
-                                          version.ledger_position,
-                                          version.content_hash,
-                                          content,
-                                          provenance));
-  SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, version.version_id, provenance.runs));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      version,
+      InsertVersion(
+          database, area_id, std::move(version), states_probabilities, content, provenance));
+  SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
   for (const RunRecord& run : provenance.runs) {
     SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run.sha256));
   }
   SHIFTMAP_RETURN_IF_ERROR(
       InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
   return version;
+}
+
+bool HasEvidence(const Provenance& provenance) {
+  return std::any_of(provenance.runs.begin(), provenance.runs.end(), [](const RunRecord& run) {
+    return !run.evidence.empty();
+  });
 }
 
 Status InsertWaiting(Database& database,
@@ -129,8 +145,15 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                             content.stamp,
                                             state_->clock(),
                                             state_->clock_tolerance_s));
+  if (options.states_probabilities && HasEvidence(provenance)) {
+    return InvalidArgument("{}: evidence of runs beside a statement", state_->AreaName(area));
+  }
+  if (const Status fits = CheckRunEvidence(provenance.runs, content); !fits.ok()) {
+    return InvalidArgument("{}: {}", state_->AreaName(area), Message(fits));
+  }
   VersionRow version;
-  version.content_hash = ContentHash(content);
+  version.content_hash =
+      options.states_probabilities ? ContentHash(content) : GeometryHash(content);
   version.stamp = content.stamp;
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
@@ -140,6 +163,10 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
                               GetVersion(database, area, area_row.area_id, *options.parent));
     version.parent_version_id = parent.version_id;
+    version.statement_version_id = parent.statement_version_id;
+    if (!options.states_probabilities) {
+      SHIFTMAP_RETURN_IF_ERROR(CheckNewRuns(database, parent, provenance));
+    }
     SHIFTMAP_RETURN_IF_ERROR(CheckOrder(content.stamp,
                                         parent.stamp,
                                         state_->LatestStamp(),
@@ -157,11 +184,20 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   if (options.ledger_position) {
     version.ledger_position = std::min(version.ledger_position, *options.ledger_position);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      version,
-      InsertWholeVersion(database, area_row.area_id, content, provenance, std::move(version)));
+  SHIFTMAP_ASSIGN_OR_RETURN(version,
+                            InsertWholeVersion(database,
+                                               area_row.area_id,
+                                               content,
+                                               provenance,
+                                               options.states_probabilities,
+                                               std::move(version)));
   if (options.publish) {
     SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, "publish"));
+    SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database,
+                                               area_row.area_id,
+                                               version,
+                                               state_->checkpoint_rows,
+                                               state_->VersionName(area, version.number)));
   }
   SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(database, area_row.area_id, options.waiting));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
@@ -280,7 +316,6 @@ StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
   }
   SHIFTMAP_RETURN_IF_ERROR(KeepCheckpoints(database,
                                            area_row.area_id,
-                                           version,
                                            inserted,
                                            result.evidence_rows,
                                            published,

@@ -10,6 +10,7 @@
 
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/evidence.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -25,6 +26,10 @@ struct RunRecord {
   Stamp begin;
   Stamp end;
   std::vector<TrajectoryPose> trajectory;  ///< Thinned for pictures; may be empty.
+
+  /// What its visits say of the version's landmarks, in any order. Goes into the ledger, and does
+  /// not come back with the provenance.
+  std::vector<VisitEvidence> evidence = {};
 };
 
 /// Where a version comes from.
@@ -48,9 +53,14 @@ struct CommitOptions {
 
   bool publish = true;
 
-  /// MapSnapshot::ledger_position of the prior: the reports that the content's probabilities
-  /// account for up to its stamp. Nothing: all that the store holds when it commits.
+  /// Of a statement, MapSnapshot::ledger_position: the reports that it accounts for. Nothing: all
+  /// that the store holds when it commits.
   std::optional<LedgerPosition> ledger_position = std::nullopt;
+
+  /// False: the version's probabilities are derived, from what the ledger holds and the runs'
+  /// evidence adds; the content's own are not stored. True: they are a statement, as of an import,
+  /// which accounts for all that was known of the line up to the content's stamp.
+  bool states_probabilities = true;
 
   /// Runs that wait for another build.
   std::vector<UnplacedRun> waiting = {};
@@ -83,7 +93,7 @@ struct VersionSummary {
 
 /// Why an evidence row of the ledger does not count for a map version. It is kept all the same.
 enum class SetAside {
-  kInMap,       ///< The version's own probabilities account for it.
+  kInMap,       ///< The probabilities that the version, or an ancestor, states account for it.
   kRunInMap,    ///< The version was built from the log that the report is about.
   kSameRun,     ///< Another report about the same log counts.
   kOtherLine,   ///< Made against a version that is neither ancestor nor descendant.

@@ -60,7 +60,6 @@ struct BuildOptions {
 struct PriorMap {
   std::optional<VersionNumber> version;
   std::optional<MapContent> content;
-  std::optional<LedgerPosition> ledger_position;
   std::set<std::string> run_hashes;   // Of the runs that are in it already.
   std::vector<UnplacedRun> waiting;   // Of earlier builds.
   std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
@@ -102,22 +101,17 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   return prior;
 }
 
-// Loads what shifts reported, but not about the logs of the build: it sees their visits itself,
-// with all modes, and none may count twice.
-Status LoadReports(const BuildOptions& options,
-                   const std::vector<MapperInput>& inputs,
-                   const Context& context,
-                   PriorMap* prior) {
-  if (!prior->version) return OkStatus();
+// Loads what the ledger says of the landmarks, but not of the runs of the build: it sees their
+// visits itself, with all modes, and none may count twice.
+Status LoadEvidence(const BuildOptions& options,
+                    const std::vector<MapperInput>& inputs,
+                    const Context& context,
+                    PriorMap* prior) {
+  if (!prior->version || options.no_learned_rates) return OkStatus();
   std::set<std::string> runs;
   for (const MapperInput& input : inputs) runs.insert(input.sha256);
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
-                            store.LoadPrior(options.area, *prior->version, runs));
-  prior->content = snapshot.content();
-  prior->ledger_position = snapshot.ledger_position();
-  if (options.no_learned_rates) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
   return OkStatus();
 }
@@ -180,8 +174,13 @@ Provenance MakeProvenance(const BuildOptions& options, const MapperResult& resul
                                  .dump();
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
-    provenance.runs.push_back(
-        {run.name, run.sha256, run.vehicle, run.begin, run.end, Thinned(run.trajectory)});
+    provenance.runs.push_back({run.name,
+                               run.sha256,
+                               run.vehicle,
+                               run.begin,
+                               run.end,
+                               Thinned(run.trajectory),
+                               run.evidence});
   }
   return provenance;
 }
@@ -299,7 +298,7 @@ StatusOr<std::optional<CommitResult>> Write(const BuildOptions& options,
   commit_options.parent = prior.version;
   commit_options.publish = !options.no_publish;
   commit_options.replace = options.prior == "none";
-  commit_options.ledger_position = prior.ledger_position;
+  commit_options.states_probabilities = false;
   commit_options.waiting = Unplaced(result);
   SHIFTMAP_ASSIGN_OR_RETURN(
       CommitResult commit,
@@ -314,7 +313,7 @@ Status Build(const BuildOptions& options, Context& context) {
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
-  SHIFTMAP_RETURN_IF_ERROR(LoadReports(options, runs.inputs, context, &prior));
+  SHIFTMAP_RETURN_IF_ERROR(LoadEvidence(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
   const std::vector<UnplacedRun> not_given = NotGiven(std::move(prior.waiting), runs.inputs);

@@ -2,6 +2,9 @@
 #include "mapstore/maintenance/compact.h"
 
 #include <filesystem>
+#include <optional>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "mapstore/schema/store_file.h"
@@ -61,8 +64,7 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
   std::vector<LedgerView> views;
   for (const std::int64_t version_id : versions) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
-    SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, version));
-    views.push_back(std::move(view));
+    views.emplace_back(database, version);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
@@ -76,13 +78,45 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
     bool counts = false;
     for (LedgerView& view : views) {
       SHIFTMAP_ASSIGN_OR_RETURN(
-          const LedgerView::Verdict verdict,
-          view.Judge(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
-      counts = counts || verdict.standing != LedgerView::Standing::kSetAside;
+          const std::optional<SetAside> aside,
+          view.JudgeReported(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
+      counts = counts || !aside;
       if (counts) break;
     }
     if (!counts) spent.push_back({rows.Int64(0), rows.Int64(1), rows.Int64(2), rows.Text(3)});
   }
+}
+
+// Deletes mapped rows of visits that ended before `before` and that count for none of the versions.
+// Returns how many.
+StatusOr<std::int64_t> DeleteSpentMapped(Database& database,
+                                         std::int64_t area_id,
+                                         const std::vector<std::int64_t>& versions,
+                                         Stamp before) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::vector<std::int64_t> mapping,
+      ReadIds(
+          database, "SELECT DISTINCT version_id FROM mapped_evidence WHERE area_id = ?1", area_id));
+  std::set<std::int64_t> spent(mapping.begin(), mapping.end());
+  for (const std::int64_t version_id : versions) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
+    LedgerView view(database, version);
+    for (const std::int64_t by : mapping) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view.CountsMapped(by));
+      if (counts) spent.erase(by);
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement erase,
+      database.Prepare("DELETE FROM mapped_evidence WHERE area_id = ?1 AND version_id = ?2 "
+                       "AND begin_ns < ?3 AND end_ns < ?3"));
+  std::int64_t rows = 0;
+  for (const std::int64_t by : spent) {
+    erase.Bind(area_id, by, ToNanoseconds(before));
+    SHIFTMAP_RETURN_IF_ERROR(erase.Execute());
+    rows += database.Changes();
+  }
+  return rows;
 }
 
 Status CompactEvidence(Database& database,
@@ -100,7 +134,9 @@ Status CompactEvidence(Database& database,
     erase.Bind(area_id, key.begin_ns, key.end_ns, key.report_id, key.signature);
     SHIFTMAP_RETURN_IF_ERROR(erase.Execute());
   }
-  result->evidence_rows += static_cast<std::int64_t>(spent.size());
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t mapped,
+                            DeleteSpentMapped(database, area_id, versions, before));
+  result->evidence_rows += static_cast<std::int64_t>(spent.size()) + mapped;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement decisions,
       database.Prepare("DELETE FROM decision WHERE report_id IN (SELECT report_id "

@@ -63,10 +63,7 @@ Status VerifyVersion(Database& database,
       continue;
     }
     if (!(*stored)->rows_stored) continue;  // What it was made from is elsewhere.
-    if (!filter) {
-      filter.emplace(database, area_id, version, *content);
-      SHIFTMAP_RETURN_IF_ERROR(filter->StartFromVersion());
-    }
+    if (!filter) filter.emplace(database, area_id, version, *content);
     SHIFTMAP_RETURN_IF_ERROR(filter->AdvanceTo(before).status());
     if (!Same(filter->states(), (*stored)->states)) {
       defects->Add("ledger_checkpoint",

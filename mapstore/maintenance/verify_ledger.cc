@@ -38,7 +38,7 @@ Status VerifyReports(Database& database, DefectList* defects) {
       "shift_report",
       "SELECT uuid, 'more than one report about its run counts' FROM (SELECT min(uuid) AS uuid "
       "FROM shift_report r JOIN version v USING (version_id) WHERE run_hash <> '' AND "
-      "superseded = 0 GROUP BY area_id, run_hash HAVING count(*) > 1)",
+      "superseded = 0 GROUP BY area_id, run_hash, vehicle HAVING count(*) > 1)",
       defects));
   SHIFTMAP_RETURN_IF_ERROR(AddRows(
       database,
@@ -46,7 +46,7 @@ Status VerifyReports(Database& database, DefectList* defects) {
       "SELECT r.uuid, 'counts in place of a report against an older version' FROM shift_report r "
       "JOIN version v USING (version_id) JOIN shift_report o ON o.run_hash = r.run_hash "
       "JOIN version ov ON ov.version_id = o.version_id WHERE r.run_hash <> '' AND r.superseded = 0 "
-      "AND o.superseded = 1 AND ov.area_id = v.area_id AND "
+      "AND o.superseded = 1 AND ov.area_id = v.area_id AND o.vehicle = r.vehicle AND "
       "(ov.number, o.uuid) < (v.number, r.uuid)",
       defects));
   return AddRows(database,
@@ -85,6 +85,38 @@ Status VerifyEvidence(Database& database, DefectList* defects) {
     if (problem == nullptr) continue;
     defects->Add("visit_evidence",
                  fmt::format("report {}, '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
+                 problem);
+  }
+}
+
+Status VerifyMappedEvidence(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT r.name, e.signature, e.begin_ns, e.end_ns, "
+                       "coalesce(e.area_id = v.area_id, 0), "
+                       "v.content_stored = 0 OR EXISTS (SELECT 1 FROM version_run vr "
+                       "WHERE vr.version_id = e.version_id AND vr.run_id = e.run_id), "
+                       "e.log_likelihoods FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
+                       "LEFT JOIN version v ON v.version_id = e.version_id"));
+  rows.Bind();
+  std::vector<VisitEvidence::ModeLogLikelihood> modes;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    ++defects->result().evidence_rows;
+    const char* problem = nullptr;
+    if (rows.Int64(4) == 0) {
+      problem = "its area is not that of its version";
+    } else if (rows.Int64(5) == 0) {
+      problem = "its run is not of its version";
+    } else if (rows.Int64(3) < rows.Int64(2)) {
+      problem = "ends before it begins";
+    } else if (!UnpackLogLikelihoods(rows.Blob(6), &modes)) {
+      problem = "log-likelihoods are damaged";
+    }
+    if (problem == nullptr) continue;
+    defects->Add("mapped_evidence",
+                 fmt::format("run '{}', '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
                  problem);
   }
 }
@@ -138,7 +170,9 @@ Status FindFutureStamps(Database& database, DefectList* defects) {
                   now,
                   defects));
   return CountFuture(database,
-                     "SELECT count(*), max(end_ns), 'visits' FROM visit_evidence WHERE end_ns > ?1",
+                     "SELECT count(*), max(end_ns), 'visits' FROM (SELECT end_ns "
+                     "FROM visit_evidence UNION ALL SELECT end_ns FROM mapped_evidence) "
+                     "WHERE end_ns > ?1",
                      now,
                      defects);
 }
@@ -146,6 +180,7 @@ Status FindFutureStamps(Database& database, DefectList* defects) {
 Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
+  SHIFTMAP_RETURN_IF_ERROR(VerifyMappedEvidence(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
               "decision",

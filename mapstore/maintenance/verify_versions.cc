@@ -90,9 +90,13 @@ Status VerifyVersions(Database& database, DefectList* defects) {
                                                 "FROM shift_report"));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
-      database.Prepare("SELECT v.version_id, a.name, p.area_id = v.area_id AND p.number < v.number "
-                       "FROM version v JOIN area a USING (area_id) LEFT JOIN version p "
-                       "ON p.version_id = v.parent_version_id ORDER BY v.version_id"));
+      database.Prepare(
+          "SELECT v.version_id, a.name, "
+          "p.area_id = v.area_id AND p.number < v.number, "
+          "v.content_stored = 0 OR v.statement_version_id IS v.version_id "
+          "OR p.content_stored = 0 OR v.statement_version_id IS p.statement_version_id "
+          "FROM version v JOIN area a USING (area_id) LEFT JOIN version p "
+          "ON p.version_id = v.parent_version_id ORDER BY v.version_id"));
   rows.Bind();
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
@@ -102,6 +106,9 @@ Status VerifyVersions(Database& database, DefectList* defects) {
     const std::string key = VersionKey(rows.Text(1), version.number);
     if (version.parent_version_id && rows.Int64(2) == 0) {
       defects->Add("version", key, "its parent is not an older version of the area");
+    }
+    if (rows.Int64(3) == 0) {
+      defects->Add("version", key, "the statement that holds is neither its own nor its parent's");
     }
     if (version.ledger_position.value() < 0 ||
         (version.content_stored && version.ledger_position.value() > reports)) {

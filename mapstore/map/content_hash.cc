@@ -81,11 +81,9 @@ void AddExtensions(const MapContent& content, RowHasher& rows) {
   }
 }
 
-}  // namespace
-
-std::string ContentHash(const MapContent& content) {
+std::string Hash(const MapContent& content, bool with_probabilities) {
   RowHasher rows;
-  rows.Add(std::string("shiftmap content 1"));
+  rows.Add(std::string(with_probabilities ? "shiftmap content 1" : "shiftmap content 2"));
   rows.Add(ToNanoseconds(content.stamp));
   rows.Add(static_cast<std::int64_t>(content.groups.size()));
   for (const LandmarkGroup& group : content.groups) {
@@ -93,6 +91,7 @@ std::string ContentHash(const MapContent& content) {
     rows.Add(group.chain.leave_rate_per_s());
     rows.Add(static_cast<std::int64_t>(group.modes.size()));
     for (const Mode& mode : group.modes) rows.Add(mode);
+    if (!with_probabilities) continue;
     for (const double probability : group.probabilities) rows.Add(probability);
   }
   rows.Add(static_cast<std::int64_t>(content.covariance.cross_blocks().size()));
@@ -107,5 +106,11 @@ std::string ContentHash(const MapContent& content) {
   AddExtensions(content, rows);
   return rows.HexDigest();
 }
+
+}  // namespace
+
+std::string ContentHash(const MapContent& content) { return Hash(content, true); }
+
+std::string GeometryHash(const MapContent& content) { return Hash(content, false); }
 
 }  // namespace shiftmap

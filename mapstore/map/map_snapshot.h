@@ -16,7 +16,7 @@
 
 namespace shiftmap {
 
-/// What a map version says: the part of it that its content hash covers.
+/// What a map version says: its content hash covers it, the probabilities only if they are stated.
 struct MapContent {
   std::vector<LandmarkGroup> groups;  ///< By ascending signature, each once, none anonymous.
 
@@ -46,6 +46,9 @@ Status ValidateMapContent(const MapContent& content);
 /// SHA-256 in hex over the canonical rows of `content`: the same for equal content, whatever the
 /// order of insertion or the layout of the file it is stored in. Numbers enter bit by bit.
 std::string ContentHash(const MapContent& content);
+
+/// The same without the groups' probabilities: of content whose probabilities are derived.
+std::string GeometryHash(const MapContent& content);
 
 /// A version of an area's map as readers see it: immutable, in memory, without any I/O.
 ///

@@ -30,7 +30,7 @@ Duration Elapsed(Stamp from, Stamp to) {
 }
 
 auto OrderOf(const EvidenceRow& row) {
-  return std::tie(row.evidence.begin, row.evidence.end, row.report_uuid);
+  return std::tie(row.evidence.begin, row.evidence.end, row.source);
 }
 
 // Eigen's vectorized exp(-inf) is a denormal number; an impossible mode must stay at exactly 0.
@@ -106,17 +106,37 @@ void AddVisit(const LandmarkGroup& group,
   state->stamp = std::max(state->stamp, end);
 }
 
-void AddLateVisits(const LandmarkGroup& group, const ModeState& late, ModeState* start) {
-  const Eigen::VectorXd stationary = StationaryStart(group, start->stamp).log_probabilities;
-  const Eigen::VectorXd known = Log(ProbabilitiesAt(group, late, start->stamp));
-  Eigen::VectorXd updated = start->log_probabilities;
-  for (Eigen::Index state = 0; state < updated.size(); ++state) {
-    if (stationary(state) != kImpossible) updated(state) += known(state) - stationary(state);
+Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
+                                     const std::vector<StatedMode>& stated) {
+  SHIFTMAP_CHECK(!stated.empty(), "nothing is stated of '{}'", group.signature.text());
+  Eigen::VectorXd probabilities = Eigen::VectorXd::Zero(group.chain.states());
+  std::vector<bool> named(static_cast<std::size_t>(group.chain.states()));
+  for (const StatedMode& mode : stated) {
+    const int state = group.CarriedStateOf(mode.number);
+    if (state < 0) continue;
+    probabilities(state) += mode.probability;
+    named[static_cast<std::size_t>(state)] = true;
   }
-  // Late visits that exclude all that is known say that one of them is wrong: not which.
-  if (updated.maxCoeff() == kImpossible) return;
-  Normalize(&updated);
-  start->log_probabilities = updated;
+  for (std::size_t state = 0; state < named.size(); ++state) {
+    if (named[state]) continue;
+    probabilities(static_cast<Eigen::Index>(state)) = stated.front().probability;
+  }
+  return probabilities;
+}
+
+void AddStatement(const LandmarkGroup& group,
+                  const Eigen::VectorXd& probabilities,
+                  Stamp stamp,
+                  ModeState* state) {
+  const Eigen::VectorXd stationary = StationaryStart(group, stamp).log_probabilities;
+  Eigen::VectorXd ratio = Log(probabilities);
+  for (Eigen::Index i = 0; i < ratio.size(); ++i) {
+    if (stationary(i) != kImpossible) ratio(i) -= stationary(i);
+  }
+  ModeState stated = *state;
+  AddVisit(group, stamp, stamp, ratio, &stated);
+  // What excludes all that is stated says that one of the two is wrong: not which.
+  if (stated.log_probabilities.maxCoeff() != kImpossible) *state = std::move(stated);
 }
 
 ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {

@@ -36,7 +36,7 @@ bool StateLogLikelihoods(const LandmarkGroup& group,
                          const std::vector<VisitEvidence::ModeLogLikelihood>& evidence,
                          Eigen::VectorXd* values);
 
-/// Where filtering starts: the group's own probabilities.
+/// The group's own probabilities.
 ModeState StartModes(const LandmarkGroup& group, Stamp stamp);
 
 /// One visit of a filter that goes through them in the order of time: T-IV (13, 14).
@@ -51,26 +51,37 @@ void AddVisit(const LandmarkGroup& group,
               const Eigen::VectorXd& log_likelihoods,
               ModeState* state);
 
-/// Lets a start account for visits that were over before its stamp, but that it does not know of.
-///
-/// p(x | known, late) is about p(x | known) p(late | x), because the chain forgets: exact if the
-/// chain is reversible and nothing known lies between the late visits and the stamp. And p(late |
-/// x) is p(x | late) / π(x), the late visits' own filter from the stationary distribution π, moved
-/// to the stamp. So a visit long ago says nothing, and newer knowledge is not overruled by older.
-///
-/// @param late  Result of AddVisit over the late visits, from StationaryStart.
-void AddLateVisits(const LandmarkGroup& group, const ModeState& late, ModeState* start);
+/// The probability of a mode as somebody states it.
+struct StatedMode {
+  ModeNumber number;
+  double probability = 0.0;
+};
 
-/// The chain's stationary distribution.
+/// What is stated of a group when it had other modes, per state: a mode that was merged gives its
+/// probability to the mode that stands for it, one that was not known gets that of `absent`.
+/// @param stated  `absent` first.
+Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
+                                     const std::vector<StatedMode>& stated);
+
+/// A statement: somebody claims probabilities p for a time. It is evidence like a visit's, with the
+/// likelihood p / π, π the chain's stationary distribution: after StationaryStart and nothing else
+/// the result is p itself, and older visits count for what the chain has not forgotten since.
+/// @param probabilities  Size states; sums to 1.
+void AddStatement(const LandmarkGroup& group,
+                  const Eigen::VectorXd& probabilities,
+                  Stamp stamp,
+                  ModeState* state);
+
+/// The chain's stationary distribution: where filtering starts if nothing is stated.
 ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp);
 
 /// One row of the evidence ledger.
 struct EvidenceRow {
-  std::string report_uuid;
+  std::string source;  ///< UUID of the report, or SHA-256 of the mapped run.
   VisitEvidence evidence;
 };
 
-/// The rows by (begin, end, report UUID), each once.
+/// The rows by (begin, end, source), each once.
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows);
 
 /// AddVisit over all rows that do not favour a mode that the group does not have.

@@ -112,21 +112,13 @@ Status InsertCheckpoint(Database& database,
   return row.Execute();
 }
 
-StatusOr<int> DeleteCheckpointsAfter(Database& database,
-                                     std::int64_t area_id,
-                                     std::int64_t version_id,
-                                     Stamp begin) {
-  int deleted = 0;
-  for (const char* sql :
-       {"DELETE FROM ledger_checkpoint WHERE area_id = ?1 AND before_ns > ?3",
-        "DELETE FROM ledger_checkpoint WHERE area_id = ?1 AND version_id IN (SELECT version_id "
-        "FROM version WHERE area_id = ?1 AND stamp_ns >= ?3 AND version_id <> ?2)"}) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare(sql));
-    statement.Bind(area_id, version_id, ToNanoseconds(begin));
-    SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
-    deleted += database.Changes();
-  }
-  return deleted;
+StatusOr<int> DeleteCheckpointsAfter(Database& database, std::int64_t area_id, Stamp begin) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement statement,
+      database.Prepare("DELETE FROM ledger_checkpoint WHERE area_id = ?1 AND before_ns > ?2"));
+  statement.Bind(area_id, ToNanoseconds(begin));
+  SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
+  return database.Changes();
 }
 
 }  // namespace shiftmap

@@ -42,12 +42,8 @@ Status InsertCheckpoint(Database& database,
                         std::int64_t version_id,
                         const Checkpoint& checkpoint);
 
-/// Deletes what a visit that begins at `begin` makes wrong, for all versions of an area:
-/// checkpoints after it, and all of versions that it may be late for. Returns how many.
-/// @param version_id  What the visit was reported against.
-StatusOr<int> DeleteCheckpointsAfter(Database& database,
-                                     std::int64_t area_id,
-                                     std::int64_t version_id,
-                                     Stamp begin);
+/// Deletes what a visit that begins at `begin` makes wrong: the checkpoints after it, of all
+/// versions of an area. Returns how many.
+StatusOr<int> DeleteCheckpointsAfter(Database& database, std::int64_t area_id, Stamp begin);
 
 }  // namespace shiftmap

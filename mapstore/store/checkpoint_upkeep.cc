@@ -12,6 +12,10 @@ namespace {
 
 constexpr std::int64_t kRowsPerGroup = 2;
 
+// A new version filters years of rows: its checkpoints are dense only at the end, where they are
+// asked for.
+constexpr std::int64_t kCheckpointsOfRest = 8;
+
 // Rows between the checkpoints of a version, and from its newest one to the end.
 StatusOr<std::int64_t> Spacing(Database& database,
                                std::int64_t version_id,
@@ -41,6 +45,18 @@ StatusOr<std::int64_t> AddRowsSinceCheckpoint(Database& database,
   return query.Int64(0);
 }
 
+// Rows of visits that begin at `from` or later.
+StatusOr<std::int64_t> CountRows(Database& database, std::int64_t area_id, Stamp from) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT (SELECT count(*) FROM visit_evidence WHERE area_id = ?1 "
+                       "AND begin_ns >= ?2) + (SELECT count(*) FROM mapped_evidence "
+                       "WHERE area_id = ?1 AND begin_ns >= ?2)"));
+  query.Bind(area_id, ToNanoseconds(from));
+  SHIFTMAP_RETURN_IF_ERROR(query.Step().status());
+  return query.Int64(0);
+}
+
 // Begin of the row that comes `rows` after the first one that begins at `from` or later.
 StatusOr<std::optional<Stamp>> BeginAfter(Database& database,
                                           std::int64_t area_id,
@@ -49,22 +65,9 @@ StatusOr<std::optional<Stamp>> BeginAfter(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("SELECT begin_ns FROM visit_evidence WHERE area_id = ?1 AND begin_ns >= ?2 "
-                       "ORDER BY begin_ns LIMIT 1 OFFSET ?3"));
+                       "UNION ALL SELECT begin_ns FROM mapped_evidence WHERE area_id = ?1 "
+                       "AND begin_ns >= ?2 ORDER BY begin_ns LIMIT 1 OFFSET ?3"));
   query.Bind(area_id, ToNanoseconds(from), rows);
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
-  if (!found) return std::optional<Stamp>();
-  return std::optional<Stamp>(StampFromNanoseconds(query.Int64(0)));
-}
-
-// Begin of the row with `rows` rows after it.
-StatusOr<std::optional<Stamp>> BeginFromEnd(Database& database,
-                                            std::int64_t area_id,
-                                            std::int64_t rows) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement query,
-      database.Prepare("SELECT begin_ns FROM visit_evidence WHERE area_id = ?1 "
-                       "ORDER BY begin_ns DESC LIMIT 1 OFFSET ?2"));
-  query.Bind(area_id, rows);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) return std::optional<Stamp>();
   return std::optional<Stamp>(StampFromNanoseconds(query.Int64(0)));
@@ -74,7 +77,6 @@ StatusOr<std::optional<Stamp>> BeginFromEnd(Database& database,
 
 Status KeepCheckpoints(Database& database,
                        std::int64_t area_id,
-                       const VersionRow& reported,
                        const InsertedReport& inserted,
                        std::int64_t rows_added,
                        const std::optional<VersionRow>& published,
@@ -82,15 +84,12 @@ Status KeepCheckpoints(Database& database,
                        const std::string& owner) {
   int deleted = 0;
   if (inserted.first_visit && !inserted.superseded) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        deleted,
-        DeleteCheckpointsAfter(database, area_id, reported.version_id, *inserted.first_visit));
+    SHIFTMAP_ASSIGN_OR_RETURN(deleted,
+                              DeleteCheckpointsAfter(database, area_id, *inserted.first_visit));
   }
   if (inserted.replaced && inserted.replaced->first_visit) {
     SHIFTMAP_ASSIGN_OR_RETURN(
-        const int also,
-        DeleteCheckpointsAfter(
-            database, area_id, inserted.replaced->version_id, *inserted.replaced->first_visit));
+        const int also, DeleteCheckpointsAfter(database, area_id, *inserted.replaced->first_visit));
     deleted += also;
   }
   if (!published) {
@@ -115,19 +114,21 @@ Status ExtendCheckpoints(Database& database,
                          const std::string& owner) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t spacing,
                             Spacing(database, version.version_id, checkpoint_rows));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> last,
-                            BeginFromEnd(database, area_id, spacing));
-  if (!last) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadContent(database, version, owner));
   LedgerFilter filter(database, area_id, version, content);
   SHIFTMAP_RETURN_IF_ERROR(filter.Start(std::nullopt));
-  while (filter.before() < *last) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> next,
-                              BeginAfter(database, area_id, filter.before(), spacing));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::int64_t left, CountRows(database, area_id, filter.before()));
+  while (left > spacing) {
+    const std::int64_t step = std::max(spacing, left / kCheckpointsOfRest);
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const std::optional<Stamp> next,
+        BeginAfter(database, area_id, filter.before(), std::min(step, left - spacing)));
+    if (!next) break;
     // Visits that begin together stay together.
-    const Stamp at_least = filter.before() + Duration(1);
-    const Stamp before = next ? std::clamp(*next, at_least, std::max(at_least, *last)) : *last;
-    SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(before).status());
+    const Stamp before = std::max(*next, filter.before() + Duration(1));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t taken, filter.AdvanceTo(before));
+    left -= taken;
+    if (taken == 0) continue;
     SHIFTMAP_RETURN_IF_ERROR(InsertCheckpoint(
         database, area_id, version.version_id, {filter.before(), true, filter.states()}));
   }

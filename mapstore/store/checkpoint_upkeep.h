@@ -24,7 +24,6 @@ namespace shiftmap {
 /// @param owner            Starts messages about the published version.
 Status KeepCheckpoints(Database& database,
                        std::int64_t area_id,
-                       const VersionRow& reported,
                        const InsertedReport& inserted,
                        std::int64_t rows_added,
                        const std::optional<VersionRow>& published,

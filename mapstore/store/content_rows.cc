@@ -15,21 +15,16 @@ Status InsertGroups(Database& database, std::int64_t version_id, const MapConten
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement group_row,
       database.Prepare("INSERT INTO landmark_group (version_id, group_index, signature, "
-                       "leave_rate_per_s, absent_probability) VALUES (?1, ?2, ?3, ?4, ?5)"));
+                       "leave_rate_per_s) VALUES (?1, ?2, ?3, ?4)"));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement mode_row,
       database.Prepare("INSERT INTO mode (version_id, group_index, number, x_m, y_m, cov_xx_m2, "
-                       "cov_xy_m2, cov_yy_m2, last_seen_ns, probability) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"));
+                       "cov_xy_m2, cov_yy_m2, last_seen_ns) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)"));
   std::int64_t group_index = 0;
   for (const LandmarkGroup& group : content.groups) {
-    group_row.Bind(version_id,
-                   group_index,
-                   group.signature.text(),
-                   group.chain.leave_rate_per_s(),
-                   group.probabilities(0));
+    group_row.Bind(version_id, group_index, group.signature.text(), group.chain.leave_rate_per_s());
     SHIFTMAP_RETURN_IF_ERROR(group_row.Execute());
-    Eigen::Index state = 0;
     for (const Mode& mode : group.modes) {
       mode_row.Bind(version_id,
                     group_index,
@@ -39,8 +34,7 @@ Status InsertGroups(Database& database, std::int64_t version_id, const MapConten
                     mode.cov_p_map_landmark(0, 0),
                     mode.cov_p_map_landmark(0, 1),
                     mode.cov_p_map_landmark(1, 1),
-                    ToNanoseconds(mode.last_seen),
-                    group.probabilities(++state));
+                    ToNanoseconds(mode.last_seen));
       SHIFTMAP_RETURN_IF_ERROR(mode_row.Execute());
     }
     ++group_index;
@@ -145,7 +139,7 @@ Status ReadGroups(Database& database,
                   std::vector<double>& leave_rates) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
-      database.Prepare("SELECT signature, leave_rate_per_s, absent_probability FROM landmark_group "
+      database.Prepare("SELECT signature, leave_rate_per_s FROM landmark_group "
                        "WHERE version_id = ?1 ORDER BY group_index"));
   rows.Bind(version_id);
   for (;;) {
@@ -153,22 +147,20 @@ Status ReadGroups(Database& database,
     if (!row) return OkStatus();
     LandmarkGroup group;
     group.signature = Signature(rows.Text(0));
-    group.probabilities = Eigen::VectorXd::Constant(1, rows.Double(2));
     leave_rates.push_back(rows.Double(1));
     groups.push_back(std::move(group));
   }
 }
 
-// Adds the modes to their groups; `probabilities` gets theirs in the same order.
+// Adds the modes to their groups.
 Status ReadModes(Database& database,
                  std::int64_t version_id,
                  const std::string& owner,
-                 std::vector<LandmarkGroup>& groups,
-                 std::vector<double>& probabilities) {
+                 std::vector<LandmarkGroup>& groups) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
       database.Prepare("SELECT group_index, number, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, "
-                       "last_seen_ns, probability FROM mode WHERE version_id = ?1 "
+                       "last_seen_ns FROM mode WHERE version_id = ?1 "
                        "ORDER BY group_index, number"));
   rows.Bind(version_id);
   for (;;) {
@@ -179,7 +171,6 @@ Status ReadModes(Database& database,
       return DataLoss("{}: a mode of group {}, there are {}", owner, group_index, groups.size());
     }
     groups[static_cast<std::size_t>(group_index)].modes.push_back(ReadMode(rows, 1));
-    probabilities.push_back(rows.Double(8));
   }
 }
 
@@ -298,12 +289,9 @@ Status ReadContentRows(Database& database,
                        const std::string& owner,
                        MapContent& content) {
   std::vector<double> leave_rates;
-  std::vector<double> probabilities;
   SHIFTMAP_RETURN_IF_ERROR(ReadGroups(database, version_id, content.groups, leave_rates));
-  SHIFTMAP_RETURN_IF_ERROR(ReadModes(database, version_id, owner, content.groups, probabilities));
+  SHIFTMAP_RETURN_IF_ERROR(ReadModes(database, version_id, owner, content.groups));
   std::vector<Eigen::Matrix2d> diagonal;
-  diagonal.reserve(probabilities.size());
-  auto probability = probabilities.cbegin();
   for (std::size_t i = 0; i < content.groups.size(); ++i) {
     LandmarkGroup& group = content.groups[i];
     if (!(leave_rates[i] >= 0.0) || !std::isfinite(leave_rates[i])) {
@@ -311,10 +299,6 @@ Status ReadContentRows(Database& database,
           "{}: group '{}': leave rate {}", owner, group.signature.text(), leave_rates[i]);
     }
     group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), leave_rates[i]);
-    group.probabilities.conservativeResize(group.chain.states());
-    for (Eigen::Index state = 1; state < group.chain.states(); ++state) {
-      group.probabilities(state) = *probability++;
-    }
     for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
   }
   SHIFTMAP_RETURN_IF_ERROR(ReadMerged(database, version_id, owner, content.groups));

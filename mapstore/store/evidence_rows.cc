@@ -12,32 +12,35 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
                                                     std::int64_t area_id,
                                                     const VersionRow& version,
                                                     const std::set<std::string>& without_runs) {
-  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, version));
+  LedgerView view(database, version);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT e.begin_ns, e.end_ns, e.version_id, e.signature, e.log_likelihoods, "
-                       "e.observation_count, r.uuid, r.run_hash "
+      database.Prepare("SELECT e.signature, e.begin_ns, e.end_ns, r.uuid, e.report_id, "
+                       "e.version_id, r.run_hash, e.log_likelihoods, e.observation_count "
                        "FROM visit_evidence e JOIN shift_report r USING (report_id) "
-                       "WHERE e.area_id = ?1 AND r.superseded = 0 "
-                       "ORDER BY e.signature, e.begin_ns, e.end_ns, r.uuid"));
+                       "WHERE e.area_id = ?1 UNION ALL "
+                       "SELECT e.signature, e.begin_ns, e.end_ns, r.sha256, 0, "
+                       "e.version_id, r.sha256, e.log_likelihoods, e.observation_count "
+                       "FROM mapped_evidence e JOIN run r USING (run_id) "
+                       "WHERE e.area_id = ?1 ORDER BY 1, 2, 3, 4"));
   query.Bind(area_id);
   std::vector<EvidenceRow> rows;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
     if (!found) return rows;
-    if (without_runs.contains(query.Text(7))) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool on_line, view.IsOnLine(query.Int64(2)));
-    if (!on_line) continue;
+    if (without_runs.contains(query.Text(6))) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool tells, view.TellsOfPast(query.Int64(4), query.Int64(5)));
+    if (!tells) continue;
     EvidenceRow row;
-    row.report_uuid = query.Text(6);
-    row.evidence.signature = Signature(query.Text(3));
-    row.evidence.begin = StampFromNanoseconds(query.Int64(0));
-    row.evidence.end = StampFromNanoseconds(query.Int64(1));
-    row.evidence.observations = query.Int64(5);
-    if (!UnpackLogLikelihoods(query.Blob(4), &row.evidence.modes)) {
+    row.source = query.Text(3);
+    row.evidence.signature = Signature(query.Text(0));
+    row.evidence.begin = StampFromNanoseconds(query.Int64(1));
+    row.evidence.end = StampFromNanoseconds(query.Int64(2));
+    row.evidence.observations = query.Int64(8);
+    if (!UnpackLogLikelihoods(query.Blob(7), &row.evidence.modes)) {
       return DataLoss("{}: evidence of '{}' at {:.6f} s is damaged",
                       database.name(),
-                      query.Text(3),
+                      query.Text(0),
                       ToSecondsSinceEpoch(row.evidence.begin));
     }
     rows.push_back(std::move(row));

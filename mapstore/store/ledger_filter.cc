@@ -2,7 +2,6 @@
 #include "mapstore/store/ledger_filter.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "mapstore/map/mode_filter.h"
@@ -10,12 +9,6 @@
 
 namespace shiftmap {
 namespace {
-
-// The rows of a stretch of time, in the order in which the chains are filtered.
-constexpr const char* kSelectRows =
-    "SELECT begin_ns, end_ns, report_id, version_id, signature, log_likelihoods "
-    "FROM visit_evidence WHERE area_id = ?1 AND begin_ns >= ?2 AND begin_ns < ?3 "
-    "ORDER BY begin_ns, end_ns, report_id, signature";
 
 // The first stamp after `at`; times at the end of what a stamp can hold stay.
 Stamp After(Stamp at) { return at == Stamp::max() ? at : at + Duration(1); }
@@ -26,104 +19,139 @@ LedgerFilter::LedgerFilter(Database& database,
                            std::int64_t area_id,
                            const VersionRow& version,
                            const MapContent& content)
-    : database_(&database), area_id_(area_id), version_(version), content_(&content) {
+    : database_(&database),
+      area_id_(area_id),
+      version_(version),
+      content_(&content),
+      view_(database, version) {
   group_index_.reserve(content.groups.size());
   for (std::size_t i = 0; i < content.groups.size(); ++i) {
     group_index_.emplace(content.groups[i].signature.text(), static_cast<int>(i));
   }
+  StartFromNothing();
 }
 
-Status LedgerFilter::ReadView() {
-  if (view_) return OkStatus();
-  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(*database_, version_));
-  view_.emplace(std::move(view));
-  return OkStatus();
+void LedgerFilter::StartFromNothing() {
+  before_ = Stamp::min();
+  statement_taken_ = false;
+  states_.groups.assign(content_->groups.size(), std::nullopt);
+  states_.newest_end.reset();
 }
 
-Status LedgerFilter::Start(std::optional<Stamp> at, const std::set<std::string>& without_runs) {
-  if (!without_runs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(ReadView());
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool any, view_->SetRunsAside(without_runs));
-    // Checkpoints hold what is set aside.
-    if (any) return StartFromVersion();
-  }
+Status LedgerFilter::Start(std::optional<Stamp> at) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       std::optional<Checkpoint> checkpoint,
       FindCheckpoint(*database_, area_id_, version_.version_id, at, *content_));
-  if (!checkpoint) return StartFromVersion();
-  SHIFTMAP_RETURN_IF_ERROR(ReadView());
+  StartFromNothing();
+  if (!checkpoint) return OkStatus();
   before_ = checkpoint->before;
   states_ = std::move(checkpoint->states);
-  return OkStatus();
-}
-
-Status LedgerFilter::StartFromVersion() {
-  SHIFTMAP_RETURN_IF_ERROR(ReadView());
-  SHIFTMAP_ASSIGN_OR_RETURN(const LedgerView::Bounds bounds, view_->FindBounds());
-  before_ = bounds.first_visit;
-  states_.groups.assign(content_->groups.size(), std::nullopt);
-  states_.newest_end.reset();
-  return bounds.first_late_visit ? AddLate(*bounds.first_late_visit) : OkStatus();
-}
-
-Status LedgerFilter::AddLate(Stamp first) {
-  std::vector<std::optional<ModeState>> late(content_->groups.size());
-  SHIFTMAP_ASSIGN_OR_RETURN(Statement rows, database_->Prepare(kSelectRows));
-  rows.Bind(area_id_, ToNanoseconds(first), ToNanoseconds(After(version_.stamp)));
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
-    if (!row) break;
-    SHIFTMAP_RETURN_IF_ERROR(AddRow(rows, &late, true));
-  }
-  for (std::size_t i = 0; i < late.size(); ++i) {
-    if (!late[i]) continue;
-    const LandmarkGroup& group = content_->groups[i];
-    states_.groups[i] = StartModes(group, version_.stamp);
-    AddLateVisits(group, *late[i], &*states_.groups[i]);
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
+  statement_taken_ = stated && *stated < before_;
   return OkStatus();
 }
 
 StatusOr<std::int64_t> LedgerFilter::AdvanceTo(Stamp before) {
-  std::int64_t count = 0;
-  if (before <= before_) return count;
-  SHIFTMAP_ASSIGN_OR_RETURN(Statement rows, database_->Prepare(kSelectRows));
-  rows.Bind(area_id_, ToNanoseconds(before_), ToNanoseconds(before));
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
-    if (!row) break;
-    ++count;
-    SHIFTMAP_RETURN_IF_ERROR(AddRow(rows, &states_.groups, false));
+  std::int64_t rows = 0;
+  if (before <= before_) return rows;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
+  if (stated && !statement_taken_ && *stated < before) {
+    SHIFTMAP_ASSIGN_OR_RETURN(rows, TakeRows(*stated, *stated));
+    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(*stated));
   }
-  before_ = before;
-  return count;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t more, TakeRows(before, before));
+  return rows + more;
 }
 
-Status LedgerFilter::AddRow(const Statement& row,
-                            std::vector<std::optional<ModeState>>* states,
-                            bool late) {
-  const Stamp begin = StampFromNanoseconds(row.Int64(0));
-  const Stamp end = StampFromNanoseconds(row.Int64(1));
-  SHIFTMAP_ASSIGN_OR_RETURN(const LedgerView::Verdict verdict,
-                            view_->Judge(row.Int64(2), row.Int64(3), begin));
-  const auto wanted = late ? LedgerView::Standing::kLate : LedgerView::Standing::kCounts;
-  if (verdict.standing != wanted) return OkStatus();
-  const int index = GroupOf(row.Blob(4));
+StatusOr<Stamp> LedgerFilter::Finish(const LedgerQuery& query) {
+  const Stamp last = query.at.value_or(query.latest);
+  const Stamp own = version_.stamp <= query.latest ? version_.stamp : Stamp::min();
+  const Stamp until = std::max(last, own);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
+  if (stated && !statement_taken_ && *stated <= until) {
+    SHIFTMAP_RETURN_IF_ERROR(TakeRows(std::min(*stated, After(last)), *stated).status());
+    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(*stated));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(TakeRows(After(last), After(until)).status());
+  Stamp end = query.at ? until : std::max(states_.newest_end.value_or(Stamp::min()), own);
+  if (!states_.newest_end) end = std::max(end, stated.value_or(own));
+  if (stated && !statement_taken_) {
+    // It is ahead of the clock, and holds all the same.
+    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(std::min(*stated, end)));
+  }
+  return end;
+}
+
+StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      LedgerCursor cursor,
+      LedgerCursor::Make(*database_, area_id_, before_, before, mapped_before));
+  for (std::int64_t count = 0;; ++count) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const LedgerRow* const row, cursor.Next());
+    if (row == nullptr) {
+      before_ = std::max(before_, mapped_before);
+      return count;
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, Counts(*row));
+    if (counts) SHIFTMAP_RETURN_IF_ERROR(TakeRow(*row));
+  }
+}
+
+StatusOr<bool> LedgerFilter::Counts(const LedgerRow& row) {
+  if (row.report_id == 0) return view_.CountsMapped(row.version_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason,
+                            view_.JudgeReported(row.report_id, row.version_id, row.begin));
+  return !reason;
+}
+
+Status LedgerFilter::TakeRow(const LedgerRow& row) {
+  const int index = GroupOf(row.signature);
   if (index < 0) return OkStatus();
-  if (!UnpackLogLikelihoods(row.Blob(5), &modes_)) {
+  const LandmarkGroup& group = content_->groups[static_cast<std::size_t>(index)];
+  if (!UnpackLogLikelihoods(row.log_likelihoods, &modes_)) {
     return DataLoss("{}: evidence of '{}' at {:.6f} s is damaged",
                     database_->name(),
-                    row.Text(4),
-                    ToSecondsSinceEpoch(begin));
+                    group.signature.text(),
+                    ToSecondsSinceEpoch(row.begin));
   }
-  const LandmarkGroup& group = content_->groups[static_cast<std::size_t>(index)];
   if (!StateLogLikelihoods(group, modes_, &log_likelihoods_)) return OkStatus();
-  std::optional<ModeState>& state = (*states)[static_cast<std::size_t>(index)];
+  std::optional<ModeState>& state = states_.groups[static_cast<std::size_t>(index)];
   if (!state) {
-    state = late ? StationaryStart(group, version_.stamp) : StartModes(group, version_.stamp);
+    const bool own = statement_taken_ && version_.states_probabilities();
+    state = own ? StartModes(group, version_.stamp) : StationaryStart(group, row.begin);
   }
-  AddVisit(group, begin, end, log_likelihoods_, &*state);
-  if (!late) states_.newest_end = std::max(states_.newest_end.value_or(end), end);
+  AddVisit(group, row.begin, row.end, log_likelihoods_, &*state);
+  states_.newest_end = std::max(states_.newest_end.value_or(row.end), row.end);
+  return OkStatus();
+}
+
+StatusOr<std::optional<Stamp>> LedgerFilter::StatementStamp() {
+  if (version_.states_probabilities()) return std::optional(version_.stamp);
+  if (!version_.statement_version_id) return std::optional<Stamp>();
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersionById(*database_, *version_.statement_version_id));
+  return std::optional(row.stamp);
+}
+
+// A group of which no row tells has the version's own probabilities, and needs no state for them.
+Status LedgerFilter::TakeStatement(Stamp stamp) {
+  statement_taken_ = true;
+  const std::vector<LandmarkGroup>& groups = content_->groups;
+  if (version_.states_probabilities()) {
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      std::optional<ModeState>& state = states_.groups[i];
+      if (state) AddStatement(groups[i], groups[i].probabilities, stamp, &*state);
+    }
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
+                            ReadStatement(*database_, *version_.statement_version_id, groups));
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (!stated[i]) continue;
+    std::optional<ModeState>& state = states_.groups[i];
+    if (!state) state = StationaryStart(groups[i], stamp);
+    AddStatement(groups[i], *stated[i], stamp, &*state);
+  }
   return OkStatus();
 }
 
@@ -139,25 +167,23 @@ Status ApplyLedger(Database& database,
                    MapContent* content) {
   LedgerFilter filter(database, area_id, version, *content);
   const Stamp last = query.at.value_or(query.latest);
-  Status started = filter.Start(last, query.without_runs);
+  Status started = filter.Start(last);
   if (!query.at && started.code() == StatusCode::kNotFound) {
     // The clock is behind a snapshot's begin: its begin is the nearest there is.
-    started = filter.Start(std::nullopt, query.without_runs);
+    started = filter.Start(std::nullopt);
   }
   SHIFTMAP_RETURN_IF_ERROR(started);
-  SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(After(last)).status());
-  const LedgerStates& states = filter.states();
+  SHIFTMAP_ASSIGN_OR_RETURN(const Stamp stamp, filter.Finish(query));
   const Stamp own = content->stamp;
-  content->stamp = states.newest_end ? query.at.value_or(*states.newest_end)
-                                     : std::max(own, query.at.value_or(own));
   for (std::size_t i = 0; i < content->groups.size(); ++i) {
     LandmarkGroup& group = content->groups[i];
-    if (states.groups[i]) {
-      group.probabilities = ProbabilitiesAt(group, *states.groups[i], content->stamp);
-    } else if (content->stamp > own) {
-      group.probabilities = group.chain.Propagate(group.probabilities, content->stamp - own);
+    if (const std::optional<ModeState>& state = filter.states().groups[i]) {
+      group.probabilities = ProbabilitiesAt(group, *state, stamp);
+    } else if (stamp > own) {
+      group.probabilities = group.chain.Propagate(group.probabilities, stamp - own);
     }
   }
+  content->stamp = stamp;
   return OkStatus();
 }
 

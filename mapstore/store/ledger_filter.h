@@ -3,8 +3,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <set>
-#include <string>
 #include <string_view>
 #include <unordered_map>
 #include <vector>
@@ -13,14 +11,25 @@
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
 
+/// The time that a reader asks for.
+struct LedgerQuery {
+  /// Nothing: the newest end of the visits that count, or the version's stamp if that is later.
+  std::optional<Stamp> at = std::nullopt;
+
+  /// What is later is a wrong clock's: without `at`, visits that begin later do not count, and a
+  /// version's own later stamp is no bound.
+  Stamp latest = Stamp::max();
+};
+
 /// Filters the probabilities of a version's groups over the ledger, T-IV (5, 13, 14), all groups in
-/// one pass in the order of time: late visits first, on the version's own distribution, then what
-/// counts in its turn.
+/// one pass in the order of time, from the chains' stationary distributions on. The statement that
+/// holds for the version, if there is one, is evidence at its stamp.
 ///
 /// Cost: a checkpoint, then the rows after it.
 /// Threads: one. Lifetime: the database's and the content's, inside one transaction.
@@ -31,17 +40,21 @@ class LedgerFilter {
                const VersionRow& version,
                const MapContent& content);
 
-  /// Begins at the newest checkpoint that holds no visit after `at`, or at the version's own
-  /// probabilities.
-  /// @param without_runs  SHA-256 of logs; reports about them do not count.
-  Status Start(std::optional<Stamp> at, const std::set<std::string>& without_runs = {});
+  /// Begins at the newest checkpoint that holds no visit after `at`, or before all rows.
+  Status Start(std::optional<Stamp> at);
 
-  /// Begins at the version's own probabilities, as if there were no checkpoints.
-  Status StartFromVersion();
+  /// Begins before all rows, as if there were no checkpoints.
+  void StartFromNothing();
 
-  /// Takes the visits that count and begin before `before`, from where it stands. Returns how many
-  /// rows it read.
+  /// Takes the visits that count and begin before `before`, from where it stands, and the statement
+  /// if that is on the way. Returns how many rows it read.
   StatusOr<std::int64_t> AdvanceTo(Stamp before);
+
+  /// Goes on to what a reader asks for, and returns the time at which the probabilities then hold.
+  /// The version knows the runs that it and its ancestors mapped, whatever the time asked for: none
+  /// is before its stamp. Of reported visits those count that begin at `query.at` or before.
+  /// Nothing goes on from here.
+  StatusOr<Stamp> Finish(const LedgerQuery& query);
 
   /// All visits that begin before this are in states().
   Stamp before() const { return before_; }
@@ -49,9 +62,11 @@ class LedgerFilter {
   const LedgerStates& states() const { return states_; }
 
  private:
-  Status ReadView();
-  Status AddLate(Stamp first);
-  Status AddRow(const Statement& row, std::vector<std::optional<ModeState>>* states, bool late);
+  StatusOr<std::int64_t> TakeRows(Stamp before, Stamp mapped_before);
+  StatusOr<bool> Counts(const LedgerRow& row);
+  Status TakeRow(const LedgerRow& row);
+  StatusOr<std::optional<Stamp>> StatementStamp();
+  Status TakeStatement(Stamp stamp);
   int GroupOf(std::string_view signature) const;
 
   Database* database_;
@@ -59,29 +74,19 @@ class LedgerFilter {
   VersionRow version_;
   const MapContent* content_;
   std::unordered_map<std::string_view, int> group_index_;
-  std::optional<LedgerView> view_;
+  LedgerView view_;
   LedgerStates states_;
   Stamp before_ = Stamp::min();
+  bool statement_taken_ = false;
 
   // Kept for their memory.
   std::vector<VisitEvidence::ModeLogLikelihood> modes_;
   Eigen::VectorXd log_likelihoods_;
 };
 
-/// The evidence that a reader asks for.
-struct LedgerQuery {
-  /// The time of the probabilities; nothing: the newest end of the visits that count.
-  std::optional<Stamp> at = std::nullopt;
-
-  /// Without `at`, visits that begin later do not count.
-  Stamp latest = Stamp::max();
-
-  /// SHA-256 of logs; reports about them do not count.
-  std::set<std::string> without_runs = {};
-};
-
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at
-/// which they hold: `at`, or else the newest end of the visits that count.
+/// which they hold: `at`, or else the newest end of the visits that count, or the version's stamp
+/// if that is later.
 Status ApplyLedger(Database& database,
                    std::int64_t area_id,
                    const VersionRow& version,

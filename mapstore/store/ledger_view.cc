@@ -1,132 +1,110 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/ledger_view.h"
 
-#include <algorithm>
+#include <utility>
 
 namespace shiftmap {
 
-StatusOr<LedgerView> LedgerView::Make(Database& database, const VersionRow& version) {
-  LedgerView view(database, version);
-  view.relations_.emplace(version.version_id, Relation::kOwn);
-  SHIFTMAP_RETURN_IF_ERROR(view.ReadSetAsideReports());
-  return view;
+StatusOr<std::optional<SetAside>> LedgerView::JudgeReported(std::int64_t report_id,
+                                                            std::int64_t version_id,
+                                                            Stamp begin) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
+  if (whole.reason) return whole.reason;
+  if (place.relation == Relation::kOther) return std::optional(SetAside::kOtherLine);
+  const bool known = place.before_statement && begin <= statement_->stamp &&
+                     report_id <= statement_->ledger_position.value();
+  return known ? std::optional(SetAside::kInMap) : std::nullopt;
 }
 
-Status LedgerView::ReadSetAsideReports() {
-  {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement query,
-        database_->Prepare("SELECT report_id FROM shift_report WHERE superseded = 1"));
-    query.Bind();
-    for (;;) {
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-      if (!row) break;
-      set_aside_.emplace(query.Int64(0), SetAside::kSameRun);
-    }
-  }
-  // What was known when the version was made is in it, whatever else is true of it.
+StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
+  return (place.relation == Relation::kSelf || place.relation == Relation::kAncestor) &&
+         !place.before_statement && !place.at_statement;
+}
+
+StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
+  if (place.relation == Relation::kOther) return false;
+  if (report_id == 0) return place.relation != Relation::kDescendant;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
+  return whole.reason != SetAside::kSameRun && !whole.mapped_rows;
+}
+
+StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
+  const auto found = reports_.find(report_id);
+  if (found != reports_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement query,
-      database_->Prepare("SELECT report_id, version_id FROM mapped_report WHERE report_id > ?1"));
-  query.Bind(version_.ledger_position.value());
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return OkStatus();
-    const std::int64_t report_id = query.Int64(0);
-    const std::int64_t built = query.Int64(1);
-    SHIFTMAP_ASSIGN_OR_RETURN(const Relation relation, RelationTo(built));
-    if (built == version_.version_id || relation == Relation::kAncestor) {
-      set_aside_.emplace(report_id, SetAside::kRunInMap);
-    }
-  }
-}
-
-StatusOr<bool> LedgerView::SetRunsAside(const std::set<std::string>& runs) {
-  SHIFTMAP_ASSIGN_OR_RETURN(Statement query,
-                            database_->Prepare("SELECT report_id FROM shift_report "
-                                               "WHERE run_hash = ?1 AND run_hash <> ''"));
-  bool any = false;
-  for (const std::string& run : runs) {
-    query.Bind(run);
-    for (;;) {
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-      if (!row) break;
-      any = set_aside_.emplace(query.Int64(0), SetAside::kRunInMap).second || any;
-    }
-  }
-  return any;
-}
-
-// Reports against the version or a descendant came after it was made.
-StatusOr<LedgerView::Bounds> LedgerView::FindBounds() {
+      Statement report,
+      database_->Prepare("SELECT superseded FROM shift_report WHERE report_id = ?1"));
+  report.Bind(report_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
+  Whole whole;
+  if (there && report.Int64(0) != 0) whole.reason = SetAside::kSameRun;
   SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement query,
-      database_->Prepare("SELECT report_id, version_id, first_visit_ns FROM shift_report "
-                         "INDEXED BY shift_report_position "
-                         "WHERE report_id > ?1 AND first_visit_ns IS NOT NULL"));
-  query.Bind(version_.ledger_position.value());
-  Bounds bounds{version_.stamp, std::nullopt};
+      Statement mapped,
+      database_->Prepare("SELECT version_id FROM mapped_report WHERE report_id = ?1"));
+  mapped.Bind(report_id);
   for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return bounds;
-    const Stamp begin = StampFromNanoseconds(query.Int64(2));
-    SHIFTMAP_ASSIGN_OR_RETURN(const Verdict verdict, Judge(query.Int64(0), query.Int64(1), begin));
-    if (verdict.standing == Standing::kCounts) {
-      bounds.first_visit = std::min(bounds.first_visit, begin);
-    } else if (verdict.standing == Standing::kLate) {
-      bounds.first_late_visit = std::min(bounds.first_late_visit.value_or(begin), begin);
-    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, mapped.Step());
+    if (!row) break;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(mapped.Int64(0)));
+    if (place.relation != Relation::kSelf && place.relation != Relation::kAncestor) continue;
+    const bool stated = place.before_statement || place.at_statement;
+    whole.mapped_rows = whole.mapped_rows || !stated;
+    // What a statement knew is in it, whatever else is true of it.
+    if (stated && report_id <= statement_->ledger_position.value()) continue;
+    if (!whole.reason) whole.reason = SetAside::kRunInMap;
   }
+  reports_.emplace(report_id, whole);
+  return whole;
 }
 
-StatusOr<LedgerView::Verdict> LedgerView::Judge(std::int64_t report_id,
-                                                std::int64_t version_id,
-                                                Stamp begin) {
-  if (!set_aside_.empty()) {
-    const auto found = set_aside_.find(report_id);
-    if (found != set_aside_.end()) return Verdict{Standing::kSetAside, found->second};
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const Relation relation, RelationTo(version_id));
-  if (relation == Relation::kOther) return Verdict{Standing::kSetAside, SetAside::kOtherLine};
-  if (relation == Relation::kOwn || begin > version_.stamp) return Verdict{Standing::kCounts, {}};
-  if (report_id > version_.ledger_position.value()) return Verdict{Standing::kLate, {}};
-  return Verdict{Standing::kSetAside, SetAside::kInMap};
-}
-
-StatusOr<bool> LedgerView::IsOnLine(std::int64_t version_id) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const Relation relation, RelationTo(version_id));
-  return relation != Relation::kOther;
-}
-
-StatusOr<LedgerView::Relation> LedgerView::RelationTo(std::int64_t version_id) {
-  const auto found = relations_.find(version_id);
-  if (found != relations_.end()) return found->second;
+StatusOr<LedgerView::Place> LedgerView::PlaceOf(std::int64_t version_id) {
+  const auto found = places_.find(version_id);
+  if (found != places_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow other, GetVersionById(*database_, version_id));
-  Relation relation = Relation::kOther;
-  if (other.number < version_.number) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool above, IsAncestor(other, version_));
-    if (above) relation = Relation::kAncestor;
-  } else {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool below, IsAncestor(version_, other));
-    if (below) relation = Relation::kOwn;
+  Place place;
+  SHIFTMAP_ASSIGN_OR_RETURN(place.relation, RelationTo(other));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, StatementRow());
+  if (statement != nullptr) {
+    place.at_statement = version_id == statement->version_id;
+    place.before_statement =
+        place.relation == Relation::kAncestor && other.number < statement->number;
   }
-  relations_.emplace(version_id, relation);
-  return relation;
+  places_.emplace(version_id, place);
+  return place;
+}
+
+StatusOr<const VersionRow*> LedgerView::StatementRow() {
+  if (!version_.statement_version_id) return static_cast<const VersionRow*>(nullptr);
+  if (!statement_) {
+    SHIFTMAP_ASSIGN_OR_RETURN(statement_,
+                              GetVersionById(*database_, *version_.statement_version_id));
+  }
+  return &*statement_;
 }
 
 // Parents have smaller numbers; a damaged file in which they do not must end too.
-StatusOr<bool> LedgerView::IsAncestor(const VersionRow& ancestor, VersionRow descendant) {
-  while (descendant.number > ancestor.number && descendant.parent_version_id) {
-    if (*descendant.parent_version_id == ancestor.version_id) return true;
-    SHIFTMAP_ASSIGN_OR_RETURN(VersionRow parent,
-                              GetVersionById(*database_, *descendant.parent_version_id));
-    if (parent.number >= descendant.number) {
+StatusOr<LedgerView::Relation> LedgerView::RelationTo(const VersionRow& other) {
+  if (other.version_id == version_.version_id) return Relation::kSelf;
+  const bool older = other.number < version_.number;
+  VersionRow at = older ? top_ : other;
+  const VersionNumber last = older ? other.number : version_.number;
+  while (at.number > last && at.parent_version_id) {
+    SHIFTMAP_ASSIGN_OR_RETURN(VersionRow parent, GetVersionById(*database_, *at.parent_version_id));
+    if (parent.number >= at.number) {
       return DataLoss(
-          "{}: version row {}: its parent is not older", database_->name(), descendant.version_id);
+          "{}: version row {}: its parent is not older", database_->name(), at.version_id);
     }
-    descendant = std::move(parent);
+    at = std::move(parent);
+    if (older) ancestors_.insert(at.version_id);
   }
-  return false;
+  if (!older) {
+    return at.version_id == version_.version_id ? Relation::kDescendant : Relation::kOther;
+  }
+  top_ = std::move(at);
+  return ancestors_.contains(other.version_id) ? Relation::kAncestor : Relation::kOther;
 }
 
 }  // namespace shiftmap

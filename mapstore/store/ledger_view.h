@@ -3,10 +3,8 @@
 
 #include <cstdint>
 #include <optional>
-#include <set>
-#include <string>
 #include <unordered_map>
-#include <vector>
+#include <unordered_set>
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/sqlite/database.h"
@@ -16,65 +14,69 @@
 
 namespace shiftmap {
 
-/// Which rows of the ledger count for a version, and how.
+/// Which rows of the ledger count for a version. All that count do so in the order of time.
 ///
-///   reported against the version itself or a descendant       counts, in the order of time
-///   against an ancestor, visit began after the version's stamp  counts, in the order of time
-///   against an ancestor, began earlier, report known when the
-///   version was made (report_id <= ledger_position)             set aside: kInMap
-///   against an ancestor, began earlier, report came later       late: AddLateVisits
-///   against any other version                                   set aside: kOtherLine
+///   mapped by the version or an ancestor                       counts
+///   reported against the version, an ancestor or a descendant  counts, but not
+///     if another report about the run counts                   kSameRun
+///     if the version or an ancestor mapped the run             kRunInMap
+///   anything else                                              kOtherLine
 ///
-/// and whatever the version, not if the report is superseded (kSameRun), or about a log that the
-/// version or an ancestor was built from (kRunInMap). Groups and modes are not looked at here.
+/// Where the version, or the nearest ancestor that does, states probabilities, these account for
+/// what was mapped up to it, and for what was reported against its ancestors, was known to it
+/// (report_id <= ledger_position) and began up to its stamp: kInMap. Groups and modes are not
+/// looked at here.
 ///
+/// Cost: what it is asked about; a report or version asked about again costs nothing.
 /// Threads: one. Lifetime: the database's, inside one transaction.
 class LedgerView {
  public:
-  static StatusOr<LedgerView> Make(Database& database, const VersionRow& version);
+  LedgerView(Database& database, const VersionRow& version)
+      : database_(&database), version_(version), top_(version) {}
 
-  /// Sets the reports about these logs aside, as kRunInMap. Returns whether one of them counted.
-  /// @param runs  SHA-256 of logs.
-  StatusOr<bool> SetRunsAside(const std::set<std::string>& runs);
-
-  enum class Standing { kCounts, kLate, kSetAside };
-  struct Verdict {
-    Standing standing;
-    SetAside reason;  ///< If set aside.
-  };
-
+  /// Why a row of a report does not count; nothing if it does.
   /// @param version_id  The report's.
-  StatusOr<Verdict> Judge(std::int64_t report_id, std::int64_t version_id, Stamp begin);
+  StatusOr<std::optional<SetAside>> JudgeReported(std::int64_t report_id,
+                                                  std::int64_t version_id,
+                                                  Stamp begin);
 
-  /// True if a report against `version_id` speaks of the version's own mode numbers: that is the
-  /// version, an ancestor or a descendant.
-  StatusOr<bool> IsOnLine(std::int64_t version_id);
+  /// Whether a row that a version mapped counts.
+  StatusOr<bool> CountsMapped(std::int64_t version_id);
 
-  /// Where in the ledger the rows are that do not stand aside.
-  struct Bounds {
-    Stamp first_visit;  ///< Visits that count in the order of time do not begin before this,
-    std::optional<Stamp> first_late_visit;  ///< late ones not before this, if there are any.
-  };
-
-  /// Cost: a look at each report that came after the version.
-  StatusOr<Bounds> FindBounds();
+  /// Whether a row of the ledger tells of the past of the version's chains. What a statement
+  /// accounts for does too.
+  /// @param report_id  0: the row is mapped.
+  StatusOr<bool> TellsOfPast(std::int64_t report_id, std::int64_t version_id);
 
  private:
-  enum class Relation { kOwn, kAncestor, kOther };
+  enum class Relation { kSelf, kAncestor, kDescendant, kOther };
 
-  LedgerView(Database& database, const VersionRow& version)
-      : database_(&database), version_(version) {}
+  /// Of a version to the view's, and whether a statement of the line accounts for what was known.
+  struct Place {
+    Relation relation = Relation::kOther;
+    bool before_statement = false;  ///< An ancestor of the version whose statement holds.
+    bool at_statement = false;      ///< That version itself.
+  };
 
-  Status ReadSetAsideReports();
-  StatusOr<Relation> RelationTo(std::int64_t version_id);
+  StatusOr<Place> PlaceOf(std::int64_t version_id);
+  StatusOr<Relation> RelationTo(const VersionRow& other);
+  StatusOr<const VersionRow*> StatementRow();
 
-  /// True if `ancestor` is met on the way up from `descendant`, which has the larger number.
-  StatusOr<bool> IsAncestor(const VersionRow& ancestor, VersionRow descendant);
+  /// What is true of all rows of a report.
+  struct Whole {
+    std::optional<SetAside> reason;  ///< Why it stands aside.
+    bool mapped_rows = false;        ///< The ledger has rows of its run, mapped for this version.
+  };
+
+  StatusOr<Whole> JudgeWhole(std::int64_t report_id);
 
   Database* database_;
   VersionRow version_;
-  std::unordered_map<std::int64_t, Relation> relations_;
-  std::unordered_map<std::int64_t, SetAside> set_aside_;  // By report.
+  VersionRow top_;                              // The oldest ancestor that was read,
+  std::unordered_set<std::int64_t> ancestors_;  // and all from the version to it.
+  std::optional<VersionRow> statement_;
+  std::unordered_map<std::int64_t, Place> places_;
+  std::unordered_map<std::int64_t, Whole> reports_;
 };
 
 }  // namespace shiftmap

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "mapstore/store/blob.h"
+#include "mapstore/store/mapped_rows.h"
 
 namespace shiftmap {
 namespace {
@@ -53,7 +54,10 @@ StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
 
 }  // namespace
 
-Status InsertRuns(Database& database, std::int64_t version_id, const std::vector<RunRecord>& runs) {
+Status InsertRuns(Database& database,
+                  std::int64_t area_id,
+                  std::int64_t version_id,
+                  const std::vector<RunRecord>& runs) {
   for (const RunRecord& run : runs) {
     SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t run_id, FindOrInsertRun(database, run));
     // The same run named twice is one run.
@@ -64,6 +68,8 @@ Status InsertRuns(Database& database, std::int64_t version_id, const std::vector
     const std::string trajectory = PackTrajectory(run.trajectory);
     row.Bind(version_id, run_id, BlobView{trajectory});
     SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+    SHIFTMAP_RETURN_IF_ERROR(
+        InsertMappedEvidence(database, area_id, version_id, run_id, run.evidence));
   }
   return OkStatus();
 }

@@ -12,8 +12,12 @@
 
 namespace shiftmap {
 
-/// Names the runs that a version was built from. A run that an earlier version used is kept once.
-Status InsertRuns(Database& database, std::int64_t version_id, const std::vector<RunRecord>& runs);
+/// Names the runs that a version was built from, and adds their evidence to the ledger. A run that
+/// an earlier version used is kept once.
+Status InsertRuns(Database& database,
+                  std::int64_t area_id,
+                  std::int64_t version_id,
+                  const std::vector<RunRecord>& runs);
 
 /// Tool, configuration, seed and runs of a version. `owner` starts the messages.
 StatusOr<Provenance> ReadProvenance(Database& database,

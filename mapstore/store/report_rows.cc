@@ -102,21 +102,22 @@ Status InsertSightings(Database& database,
   return OkStatus();
 }
 
-// Of several reports about one log a single one counts: that against the lowest version, then that
-// of the lowest UUID, whatever the order in which they came.
+// Of several reports of a vehicle about one log a single one counts: that against the lowest
+// version, then that of the lowest UUID, whatever the order in which they came.
 Status DecideAmongSameRun(Database& database,
                           std::int64_t area_id,
                           const VersionRow& version,
                           const std::string& uuid,
-                          const std::string& run_hash,
+                          const ShiftReport& report,
                           InsertedReport* inserted) {
-  if (run_hash.empty()) return OkStatus();
+  if (report.run_hash.empty()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement other,
       database.Prepare("SELECT report_id, r.version_id, first_visit_ns, number, uuid "
                        "FROM shift_report r JOIN version v USING (version_id) "
-                       "WHERE run_hash = ?1 AND area_id = ?2 AND superseded = 0"));
-  other.Bind(run_hash, area_id);
+                       "WHERE run_hash = ?1 AND area_id = ?2 AND vehicle = ?3 "
+                       "AND superseded = 0"));
+  other.Bind(report.run_hash, area_id, report.vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, other.Step());
   if (!found) return OkStatus();
   const auto counted = std::make_tuple(VersionNumber(other.Int64(3)), other.Text(4));
@@ -153,8 +154,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   for (const VisitEvidence& evidence : report.evidence) {
     inserted.first_visit = std::min(inserted.first_visit.value_or(evidence.begin), evidence.begin);
   }
-  SHIFTMAP_RETURN_IF_ERROR(
-      DecideAmongSameRun(database, area_id, version, uuid, report.run_hash, &inserted));
+  SHIFTMAP_RETURN_IF_ERROR(DecideAmongSameRun(database, area_id, version, uuid, report, &inserted));
   std::optional<std::int64_t> first_visit_ns;
   if (inserted.first_visit) first_visit_ns = ToNanoseconds(*inserted.first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(

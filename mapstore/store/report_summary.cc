@@ -70,13 +70,14 @@ StatusOr<std::vector<SetAsideRows>> CountSetAside(Database& database,
                                                   const InsertedReport& inserted,
                                                   const ShiftReport& report,
                                                   ModeNumbers* numbers) {
-  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, published));
+  LedgerView view(database, published);
   Counts counts;
   for (const VisitEvidence& evidence : report.evidence) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const LedgerView::Verdict verdict,
-                              view.Judge(inserted.report_id, reported.version_id, evidence.begin));
-    if (verdict.standing == LedgerView::Standing::kSetAside) {
-      ++counts[verdict.reason];
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const std::optional<SetAside> aside,
+        view.JudgeReported(inserted.report_id, reported.version_id, evidence.begin));
+    if (aside) {
+      ++counts[*aside];
       continue;
     }
     SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkGroup* const group,
@@ -96,7 +97,7 @@ StatusOr<std::vector<ReportSummary>> SummarizeReports(Database& database,
                             ReadReports(database, area_id, &index_of_id));
   std::unordered_map<std::string, const LandmarkGroup*> groups;
   for (const LandmarkGroup& group : content.groups) groups.emplace(group.signature.text(), &group);
-  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(database, version));
+  LedgerView view(database, version);
   std::vector<Counts> counts(reports.size());
   std::vector<VisitEvidence::ModeLogLikelihood> modes;
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -114,12 +115,9 @@ StatusOr<std::vector<ReportSummary>> SummarizeReports(Database& database,
     }
     ++reports[report->second].evidence_rows;
     SHIFTMAP_ASSIGN_OR_RETURN(
-        const LedgerView::Verdict verdict,
-        view.Judge(rows.Int64(0), rows.Int64(1), StampFromNanoseconds(rows.Int64(2))));
-    std::optional<SetAside> reason;
-    if (verdict.standing == LedgerView::Standing::kSetAside) {
-      reason = verdict.reason;
-    } else {
+        std::optional<SetAside> reason,
+        view.JudgeReported(rows.Int64(0), rows.Int64(1), StampFromNanoseconds(rows.Int64(2))));
+    if (!reason) {
       if (!UnpackLogLikelihoods(rows.Blob(4), &modes)) {
         return DataLoss("{}: evidence of '{}' is damaged", database.name(), rows.Text(3));
       }

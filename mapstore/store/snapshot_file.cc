@@ -30,8 +30,12 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
         "SELECT * FROM source.anonymous_landmark WHERE version_id = ?1",
         "INSERT INTO main.vehicle_calibration "
         "SELECT * FROM source.vehicle_calibration WHERE version_id = ?1",
+        "INSERT INTO main.stated_probability SELECT * FROM source.stated_probability "
+        "WHERE version_id = (SELECT statement_version_id FROM source.version "
+        "WHERE version_id = ?1)",
         "INSERT INTO main.run SELECT * FROM source.run WHERE run_id IN "
-        "(SELECT run_id FROM source.version_run WHERE version_id = ?1)",
+        "(SELECT run_id FROM source.version_run WHERE version_id = ?1 UNION "
+        "SELECT run_id FROM main.mapped_evidence)",
         "INSERT INTO main.version_run (version_id, run_id, trajectory) "
         "SELECT version_id, run_id, x'' FROM source.version_run WHERE version_id = ?1"}) {
     SHIFTMAP_RETURN_IF_ERROR(Run(snapshot, sql, version_id));
@@ -45,13 +49,13 @@ struct CopiedRows {
   std::set<std::int64_t> versions;
 };
 
-// Copies the rows that count and begin at `from` or later.
-StatusOr<CopiedRows> CopyEvidence(Database& source,
-                                  Database& snapshot,
-                                  std::int64_t area_id,
-                                  const VersionRow& version,
-                                  Stamp from) {
-  SHIFTMAP_ASSIGN_OR_RETURN(LedgerView view, LedgerView::Make(source, version));
+// Copies the reported rows that count and begin at `from` or later.
+Status CopyReported(Database& source,
+                    Database& snapshot,
+                    std::int64_t area_id,
+                    Stamp from,
+                    LedgerView* view,
+                    CopiedRows* copied) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
       source.Prepare("SELECT begin_ns, end_ns, report_id, signature, version_id, "
@@ -63,18 +67,17 @@ StatusOr<CopiedRows> CopyEvidence(Database& source,
                        "signature, version_id, observation_count, log_likelihoods) "
                        "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
   rows.Bind(area_id, ToNanoseconds(from));
-  CopiedRows copied;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
-    if (!row) return copied;
+    if (!row) return OkStatus();
     const std::int64_t report_id = rows.Int64(2);
     const std::int64_t version_id = rows.Int64(4);
     SHIFTMAP_ASSIGN_OR_RETURN(
-        const LedgerView::Verdict verdict,
-        view.Judge(report_id, version_id, StampFromNanoseconds(rows.Int64(0))));
-    if (verdict.standing == LedgerView::Standing::kSetAside) continue;
-    copied.reports.insert(report_id);
-    copied.versions.insert(version_id);
+        const std::optional<SetAside> aside,
+        view->JudgeReported(report_id, version_id, StampFromNanoseconds(rows.Int64(0))));
+    if (aside) continue;
+    copied->reports.insert(report_id);
+    copied->versions.insert(version_id);
     insert.Bind(area_id,
                 rows.Int64(0),
                 rows.Int64(1),
@@ -84,6 +87,34 @@ StatusOr<CopiedRows> CopyEvidence(Database& source,
                 rows.Int64(5),
                 BlobView{rows.Blob(6)});
     SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
+  }
+}
+
+// The same of the mapped rows.
+Status CopyMapped(Database& source,
+                  Database& snapshot,
+                  std::int64_t area_id,
+                  Stamp from,
+                  LedgerView* view,
+                  CopiedRows* copied) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement versions,
+                            source.Prepare("SELECT DISTINCT version_id FROM mapped_evidence "
+                                           "WHERE area_id = ?1 AND begin_ns >= ?2"));
+  versions.Bind(area_id, ToNanoseconds(from));
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, versions.Step());
+    if (!row) return OkStatus();
+    const std::int64_t version_id = versions.Int64(0);
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view->CountsMapped(version_id));
+    if (!counts) continue;
+    copied->versions.insert(version_id);
+    SHIFTMAP_RETURN_IF_ERROR(Run(snapshot,
+                                 "INSERT INTO main.mapped_evidence SELECT * "
+                                 "FROM source.mapped_evidence WHERE area_id = ?1 "
+                                 "AND begin_ns >= ?2 AND version_id = ?3",
+                                 area_id,
+                                 ToNanoseconds(from),
+                                 version_id));
   }
 }
 
@@ -109,8 +140,11 @@ Status CopyVersions(Database& source,
     if (version_id == version.version_id) continue;
     SHIFTMAP_RETURN_IF_ERROR(
         Run(snapshot,
-            "UPDATE main.version SET content_stored = 0, configuration = '' WHERE version_id = ?1",
-            version_id));
+            "UPDATE main.version SET content_stored = 0, configuration = '', "
+            "statement_version_id = NULL WHERE version_id = ?1 AND version_id <> "
+            "coalesce(?2, 0)",
+            version_id,
+            version.statement_version_id));
   }
   return snapshot.Execute(
       "UPDATE main.version SET parent_version_id = NULL "
@@ -136,8 +170,11 @@ Status CopyRows(Database& source,
     SHIFTMAP_RETURN_IF_ERROR(InsertCheckpoint(snapshot, area_id, version.version_id, *checkpoint));
   }
   const Stamp from = checkpoint ? checkpoint->before : Stamp::min();
-  SHIFTMAP_ASSIGN_OR_RETURN(const CopiedRows copied,
-                            CopyEvidence(source, snapshot, area_id, version, from));
+  LedgerView view(source, version);
+  CopiedRows copied;
+  if (version.statement_version_id) copied.versions.insert(*version.statement_version_id);
+  SHIFTMAP_RETURN_IF_ERROR(CopyReported(source, snapshot, area_id, from, &view, &copied));
+  SHIFTMAP_RETURN_IF_ERROR(CopyMapped(source, snapshot, area_id, from, &view, &copied));
   for (const std::int64_t report_id : copied.reports) {
     SHIFTMAP_RETURN_IF_ERROR(
         Run(snapshot,

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/map/mode_filter.h"
 #include "mapstore/store/content_rows.h"
 
 namespace shiftmap {
@@ -19,6 +20,7 @@ VersionRow ReadVersionRow(const Statement& row) {
   version.content_stored = row.Int64(4) != 0;
   version.stamp = StampFromNanoseconds(row.Int64(5));
   version.ledger_position = LedgerPosition(row.Int64(6));
+  if (!row.IsNull(7)) version.statement_version_id = row.Int64(7);
   return version;
 }
 
@@ -38,6 +40,50 @@ Status ReadCalibration(Database& database, std::int64_t version_id, Calibration&
   int column = 0;
   for (double* value : CalibrationValues(&calibration)) *value = row.Double(column++);
   return OkStatus();
+}
+
+// The probabilities that a version states, or else its chains' stationary distributions.
+Status SetOwnProbabilities(Database& database,
+                           const VersionRow& version,
+                           const std::string& owner,
+                           MapContent* content) {
+  if (!version.states_probabilities()) {
+    for (LandmarkGroup& group : content->groups) {
+      group.probabilities = StationaryStart(group, content->stamp).log_probabilities.array().exp();
+    }
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
+                            ReadStatement(database, version.version_id, content->groups));
+  for (std::size_t i = 0; i < stated.size(); ++i) {
+    LandmarkGroup& group = content->groups[i];
+    if (!stated[i]) return DataLoss("{}: group '{}': no statement", owner, group.signature.text());
+    group.probabilities = *stated[i];
+  }
+  return OkStatus();
+}
+
+Status InsertStatement(Database& database,
+                       std::int64_t version_id,
+                       const std::vector<LandmarkGroup>& groups) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO stated_probability (version_id, signature, mode, probability) "
+                       "VALUES (?1, ?2, ?3, ?4)"));
+  for (const LandmarkGroup& group : groups) {
+    for (int state = 0; state < group.chain.states(); ++state) {
+      row.Bind(version_id,
+               group.signature.text(),
+               group.NumberOf(state).value(),
+               group.probabilities(state));
+      SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement version,
+                            database.Prepare("UPDATE version SET statement_version_id = version_id "
+                                             "WHERE version_id = ?1"));
+  version.Bind(version_id);
+  return version.Execute();
 }
 
 }  // namespace
@@ -69,7 +115,8 @@ StatusOr<VersionRow> GetVersion(Database& database,
       Statement query,
       database.Prepare(
           "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position FROM version WHERE area_id = ?1 AND number = ?2"));
+          "stamp_ns, ledger_position, statement_version_id FROM version WHERE area_id = ?1 AND "
+          "number = ?2"));
   query.Bind(area_id, number.value());
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
@@ -83,7 +130,7 @@ StatusOr<VersionRow> GetVersionById(Database& database, std::int64_t version_id)
       Statement query,
       database.Prepare(
           "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position FROM version WHERE version_id = ?1"));
+          "stamp_ns, ledger_position, statement_version_id FROM version WHERE version_id = ?1"));
   query.Bind(version_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) return DataLoss("{}: no version row {}", database.name(), version_id);
@@ -100,7 +147,9 @@ StatusOr<MapContent> ReadContent(Database& database,
   content.stamp = version.stamp;
   SHIFTMAP_RETURN_IF_ERROR(ReadCalibration(database, version.version_id, content.calibration));
   SHIFTMAP_RETURN_IF_ERROR(ReadContentRows(database, version.version_id, owner, content));
-  const std::string hash = ContentHash(content);
+  SHIFTMAP_RETURN_IF_ERROR(SetOwnProbabilities(database, version, owner, &content));
+  const std::string hash =
+      version.states_probabilities() ? ContentHash(content) : GeometryHash(content);
   if (hash != version.content_hash) {
     return DataLoss("{}: content hash {}, expected {}", owner, hash, version.content_hash);
   }
@@ -110,20 +159,51 @@ StatusOr<MapContent> ReadContent(Database& database,
   return content;
 }
 
-StatusOr<std::int64_t> InsertVersion(Database& database,
-                                     std::int64_t area_id,
-                                     VersionNumber number,
-                                     std::optional<std::int64_t> parent_version_id,
-                                     LedgerPosition ledger_position,
-                                     const std::string& content_hash,
-                                     const MapContent& content,
-                                     const Provenance& provenance) {
+StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
+    Database& database, std::int64_t version_id, const std::vector<LandmarkGroup>& groups) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT signature, mode, probability FROM stated_probability "
+                       "WHERE version_id = ?1 ORDER BY signature, mode"));
+  rows.Bind(version_id);
+  std::vector<std::vector<StatedMode>> modes(groups.size());
+  std::size_t i = 0;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) break;
+    // Groups are in the order of the signatures' bytes too.
+    while (i < groups.size() && groups[i].signature.text() < rows.Blob(0)) ++i;
+    if (i == groups.size()) break;
+    if (groups[i].signature.text() != rows.Blob(0)) continue;
+    const StatedMode mode{ModeNumber(rows.Int64(1)), rows.Double(2)};
+    if (!(mode.probability >= 0.0 && mode.probability <= 1.0)) {
+      return DataLoss("{}: version row {}: stated probability {} of '{}'",
+                      database.name(),
+                      version_id,
+                      mode.probability,
+                      rows.Text(0));
+    }
+    modes[i].push_back(mode);
+  }
+  std::vector<std::optional<Eigen::VectorXd>> stated(groups.size());
+  for (i = 0; i < groups.size(); ++i) {
+    if (!modes[i].empty()) stated[i] = CarriedProbabilities(groups[i], modes[i]);
+  }
+  return stated;
+}
+
+StatusOr<VersionRow> InsertVersion(Database& database,
+                                   std::int64_t area_id,
+                                   VersionRow version,
+                                   bool states_probabilities,
+                                   const MapContent& content,
+                                   const Provenance& provenance) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare(
           "INSERT INTO version (area_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position, created_ns, tool, configuration, seed, odometry_scale_v, "
-          "odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
+          "stamp_ns, ledger_position, statement_version_id, created_ns, tool, configuration, seed, "
+          "odometry_scale_v, odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
           "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
           "sensor_sd_bearing_rad, sensor_sd_position_m, "
           "sensor_range_curvature_per_rad2, sensor_mean_squared_bearing_rad2, sensor_max_range_m, "
@@ -131,15 +211,16 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
           "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
           "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26, "
-          "?27)"));
+          "?27, ?28)"));
   std::apply(
       [&](const auto&... calibration) {
         row.Bind(area_id,
-                 number.value(),
-                 parent_version_id,
-                 content_hash,
+                 version.number.value(),
+                 version.parent_version_id,
+                 version.content_hash,
                  ToNanoseconds(content.stamp),
-                 ledger_position.value(),
+                 version.ledger_position.value(),
+                 version.statement_version_id,
                  ToNanoseconds(SystemNow()),
                  provenance.tool,
                  provenance.configuration,
@@ -148,9 +229,12 @@ StatusOr<std::int64_t> InsertVersion(Database& database,
       },
       CalibrationValues(content.calibration));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
-  const std::int64_t version_id = database.LastInsertRowId();
-  SHIFTMAP_RETURN_IF_ERROR(InsertContentRows(database, version_id, content));
-  return version_id;
+  version.version_id = database.LastInsertRowId();
+  SHIFTMAP_RETURN_IF_ERROR(InsertContentRows(database, version.version_id, content));
+  if (!states_probabilities) return version;
+  version.statement_version_id = version.version_id;
+  SHIFTMAP_RETURN_IF_ERROR(InsertStatement(database, version.version_id, content.groups));
+  return version;
 }
 
 }  // namespace shiftmap

@@ -26,7 +26,12 @@ struct VersionRow {
   std::string content_hash;
   bool content_stored = true;
   Stamp stamp;
-  LedgerPosition ledger_position;
+  LedgerPosition ledger_position;  ///< Of its statement, if it makes one.
+
+  /// Whose statement holds for the version: its own, or the nearest ancestor's.
+  std::optional<std::int64_t> statement_version_id;
+
+  bool states_probabilities() const { return statement_version_id == version_id; }
 };
 
 /// The area by name, or nothing.
@@ -44,20 +49,27 @@ StatusOr<VersionRow> GetVersion(Database& database,
 /// Errors: kDataLoss if there is none: rows refer to it.
 StatusOr<VersionRow> GetVersionById(Database& database, std::int64_t version_id);
 
-/// The version's content, verified against its hash. `owner` starts the messages.
+/// The version's content, verified against its hash. Probabilities that it does not state are those
+/// of the chains' stationary distributions. `owner` starts the messages.
 /// Errors: kDataLoss if it does not verify; kNotFound if the file has only the version's row.
 StatusOr<MapContent> ReadContent(Database& database,
                                  const VersionRow& version,
                                  const std::string& owner);
 
-/// Adds a version row and its content. Returns the row's id.
-StatusOr<std::int64_t> InsertVersion(Database& database,
-                                     std::int64_t area_id,
-                                     VersionNumber number,
-                                     std::optional<std::int64_t> parent_version_id,
-                                     LedgerPosition ledger_position,
-                                     const std::string& content_hash,
-                                     const MapContent& content,
-                                     const Provenance& provenance);
+/// What a version says of its groups' probabilities, for groups that have other modes since: a mode
+/// that it does not have gets the probability of `absent`. By `groups`; nothing for one that it
+/// does not have.
+StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
+    Database& database, std::int64_t version_id, const std::vector<LandmarkGroup>& groups);
+
+/// Adds a version row and its content; with its statement if `states_probabilities`, else that of
+/// its parent holds. Returns the row with its id.
+/// @param version  Without its id.
+StatusOr<VersionRow> InsertVersion(Database& database,
+                                   std::int64_t area_id,
+                                   VersionRow version,
+                                   bool states_probabilities,
+                                   const MapContent& content,
+                                   const Provenance& provenance);
 
 }  // namespace shiftmap

@@ -113,8 +113,8 @@ TEST_F(ModeLawTest, FilteringInTwoStagesIsFilteringOnce) {
     std::vector<EvidenceRow> rows = Rows(group, 10);
     const ModeState expected = FilterModes(group, StartModes(group, StampFromSeconds(0.0)), rows);
     std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
-      return std::tie(a.evidence.begin, a.evidence.end, a.report_uuid) <
-             std::tie(b.evidence.begin, b.evidence.end, b.report_uuid);
+      return std::tie(a.evidence.begin, a.evidence.end, a.source) <
+             std::tie(b.evidence.begin, b.evidence.end, b.source);
     });
     const auto middle = rows.begin() + 5;
     const ModeState checkpoint =

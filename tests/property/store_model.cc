@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/property/store_model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <tuple>
 #include <utility>
@@ -8,6 +10,28 @@
 #include "mapstore/map/mode_filter.h"
 
 namespace shiftmap::testing {
+namespace {
+
+// What another version's content says of a group's states; nothing if it does not have the group.
+std::optional<Eigen::VectorXd> Claim(const LandmarkGroup& group, const MapContent& content) {
+  for (const LandmarkGroup& other : content.groups) {
+    if (other.signature != group.signature) continue;
+    Eigen::VectorXd claim = Eigen::VectorXd::Zero(group.chain.states());
+    for (int state = 0; state < group.chain.states(); ++state) {
+      bool named = false;
+      for (int k = 0; k < other.chain.states(); ++k) {
+        if (group.CarriedStateOf(other.NumberOf(k)) != state) continue;
+        claim(state) += other.probabilities(k);
+        named = true;
+      }
+      if (!named) claim(state) = other.probabilities(0);
+    }
+    return claim;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
 
 std::size_t StoreModel::Commit(Version version) {
   versions_.push_back(std::move(version));
@@ -41,51 +65,86 @@ bool StoreModel::IsSuperseded(std::size_t report) const {
   const ShiftReport& mine = reports_[report];
   return !mine.run_hash.empty() &&
          std::any_of(reports_.begin(), reports_.end(), [&](const ShiftReport& other) {
-           return other.run_hash == mine.run_hash &&
+           return other.run_hash == mine.run_hash && other.vehicle == mine.vehicle &&
                   std::tie(other.version, other.uuid) < std::tie(mine.version, mine.uuid);
          });
 }
 
-StoreModel::Use StoreModel::UseOf(std::size_t report,
-                                  const VisitEvidence& visit,
-                                  std::size_t version) const {
-  const auto reported = static_cast<std::size_t>(reports_[report].version.value() - 1);
-  const bool known = report < versions_[version].reports_known;
-  if (IsSuperseded(report)) return Use::kNot;
-  for (std::size_t built = 0; built < versions_.size() && !known; ++built) {
-    const std::vector<std::string>& runs = versions_[built].run_hashes;
-    const bool has = std::find(runs.begin(), runs.end(), reports_[report].run_hash) != runs.end();
-    if (has && (built == version || IsAncestor(built, version))) return Use::kNot;
-  }
-  if (reported == version || IsAncestor(version, reported)) return Use::kInOrder;
-  if (!IsAncestor(reported, version)) return Use::kNot;
-  if (visit.begin > versions_[version].content.stamp) return Use::kInOrder;
-  return known ? Use::kNot : Use::kLate;
+bool StoreModel::IsInLine(std::size_t upper, std::size_t version) const {
+  return upper == version || IsAncestor(upper, version);
 }
 
-std::vector<Eigen::VectorXd> StoreModel::ProbabilitiesAt(std::size_t version, Stamp at) const {
-  const MapContent& content = versions_[version].content;
-  std::vector<Eigen::VectorXd> probabilities;
-  for (const LandmarkGroup& group : content.groups) {
-    std::vector<EvidenceRow> in_order;
-    std::vector<EvidenceRow> late;
-    for (std::size_t i = 0; i < reports_.size(); ++i) {
-      for (const VisitEvidence& visit : reports_[i].evidence) {
-        if (visit.signature != group.signature) continue;
-        const Use use = UseOf(i, visit, version);
-        if (use == Use::kInOrder && visit.begin <= at) {
-          in_order.push_back({reports_[i].uuid, visit});
-        } else if (use == Use::kLate) {
-          late.push_back({reports_[i].uuid, visit});
+std::optional<std::size_t> StoreModel::StatementOf(std::size_t version) const {
+  std::optional<std::size_t> at = version;
+  while (at && !versions_[*at].states) at = versions_[*at].parent;
+  return at;
+}
+
+bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::size_t version) const {
+  const std::optional<std::size_t> statement = StatementOf(version);
+  const bool known = statement && report < versions_[*statement].reports_known;
+  if (IsSuperseded(report)) return false;
+  for (std::size_t built = 0; built < versions_.size(); ++built) {
+    if (!IsInLine(built, version)) continue;
+    if (known && IsInLine(built, *statement)) continue;
+    for (const RunRecord& run : versions_[built].runs) {
+      if (run.sha256 == reports_[report].run_hash) return false;
+    }
+  }
+  const auto reported = static_cast<std::size_t>(reports_[report].version.value() - 1);
+  if (!IsInLine(reported, version)) return IsAncestor(version, reported);
+  return !(known && IsAncestor(reported, *statement) &&
+           visit.begin <= versions_[*statement].content.stamp);
+}
+
+std::vector<EvidenceRow> StoreModel::RowsOf(const LandmarkGroup& group,
+                                            std::size_t version,
+                                            Stamp at) const {
+  std::vector<EvidenceRow> rows;
+  const auto add = [&](const std::string& source, const VisitEvidence& visit) {
+    if (visit.signature == group.signature) rows.push_back({source, visit});
+  };
+  for (std::size_t i = 0; i < reports_.size(); ++i) {
+    for (const VisitEvidence& visit : reports_[i].evidence) {
+      if (visit.begin <= at && Counts(i, visit, version)) add(reports_[i].uuid, visit);
+    }
+  }
+  const std::optional<std::size_t> statement = StatementOf(version);
+  for (std::size_t built = 0; built < versions_.size(); ++built) {
+    if (!IsInLine(built, version) || (statement && IsInLine(built, *statement))) continue;
+    for (const RunRecord& run : versions_[built].runs) {
+      for (const VisitEvidence& visit : run.evidence) {
+        if (visit.begin <= std::max(at, versions_[version].content.stamp)) {
+          add(fmt::format("{} {}", built, run.sha256), visit);
         }
       }
     }
-    ModeState state = StartModes(group, content.stamp);
-    if (!late.empty()) {
-      AddLateVisits(group, FilterModes(group, StationaryStart(group, content.stamp), late), &state);
+  }
+  return rows;
+}
+
+std::vector<Eigen::VectorXd> StoreModel::ProbabilitiesAt(std::size_t version, Stamp at) const {
+  const Stamp end = std::max(at, versions_[version].content.stamp);
+  const std::optional<std::size_t> statement = StatementOf(version);
+  std::vector<Eigen::VectorXd> probabilities;
+  for (const LandmarkGroup& group : versions_[version].content.groups) {
+    std::vector<EvidenceRow> rows = RowsOf(group, version, at);
+    ModeState state = StationaryStart(group, at);
+    if (statement) {
+      const MapContent& stated = versions_[*statement].content;
+      std::vector<EvidenceRow> older;
+      std::erase_if(rows, [&](const EvidenceRow& row) {
+        const bool is_older = row.evidence.begin < stated.stamp;
+        if (is_older) older.push_back(row);
+        return is_older;
+      });
+      state = FilterModes(group, state, older);
+      if (const auto claim = Claim(group, stated)) {
+        AddStatement(group, *claim, stated.stamp, &state);
+      }
     }
-    state = FilterModes(group, state, in_order);
-    probabilities.push_back(shiftmap::ProbabilitiesAt(group, state, at));
+    state = FilterModes(group, state, rows);
+    probabilities.push_back(shiftmap::ProbabilitiesAt(group, state, end));
   }
   return probabilities;
 }

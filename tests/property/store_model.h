@@ -9,6 +9,8 @@
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/mode_filter.h"
+#include "mapstore/store_types.h"
 
 namespace shiftmap::testing {
 
@@ -20,8 +22,9 @@ class StoreModel {
   struct Version {
     MapContent content;
     std::optional<std::size_t> parent;  // Index in versions(); the number is the index + 1.
-    std::size_t reports_known = 0;      // Reports that it accounts for, in the order of arrival.
-    std::vector<std::string> run_hashes;
+    bool states = true;                 // Its content's probabilities are a statement,
+    std::size_t reports_known = 0;      // which accounts for so many reports, in order of arrival.
+    std::vector<RunRecord> runs;
     bool stored = true;
   };
 
@@ -41,9 +44,11 @@ class StoreModel {
   std::vector<Eigen::VectorXd> ProbabilitiesAt(std::size_t version, Stamp at) const;
 
  private:
-  enum class Use { kNot, kInOrder, kLate };
-  Use UseOf(std::size_t report, const VisitEvidence& visit, std::size_t version) const;
+  bool Counts(std::size_t report, const VisitEvidence& visit, std::size_t version) const;
+  std::optional<std::size_t> StatementOf(std::size_t version) const;
   bool IsAncestor(std::size_t ancestor, std::size_t version) const;
+  bool IsInLine(std::size_t upper, std::size_t version) const;
+  std::vector<EvidenceRow> RowsOf(const LandmarkGroup& group, std::size_t version, Stamp at) const;
   bool IsSuperseded(std::size_t report) const;
 
   std::vector<Version> versions_;

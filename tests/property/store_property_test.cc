@@ -88,8 +88,8 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   void Commit() {
     StoreModel::Version version;
     CommitOptions options;
-    const bool derived = model_.published() && Chance(0.85);
-    if (derived) {
+    const bool child = model_.published() && Chance(0.85);
+    if (child) {
       const std::size_t parent = *model_.published();
       version.parent = parent;
       options.parent = NumberOf(parent);
@@ -102,8 +102,9 @@ class StoreHistory : public ::testing::TestWithParam<int> {
       version.content.stamp = RandomStamp();
     }
     version.reports_known = model_.reports().size();
-    if (derived && Chance(0.5)) {
-      // The mapper read its prior some reports ago.
+    version.states = options.states_probabilities = Chance(0.4);
+    if (child && version.states && Chance(0.5)) {
+      // The statement's author read the ledger some reports ago.
       const auto missed = static_cast<std::size_t>(Below(3));
       version.reports_known =
           std::max(version.reports_known - std::min(missed, version.reports_known),
@@ -111,19 +112,48 @@ class StoreHistory : public ::testing::TestWithParam<int> {
       options.ledger_position =
           LedgerPosition(static_cast<LedgerPosition::Value>(version.reports_known));
     }
-    Provenance provenance;
-    if (Chance(0.3)) {
-      version.run_hashes.push_back(RunHash());
-      provenance.runs.push_back({"run", version.run_hashes[0], "truck", begin_, begin_, {}});
+    if (Chance(0.3)) version.runs.push_back(RandomRun(RunHash(), version.content, version.states));
+    // More runs than reports are about.
+    if (Chance(0.5)) {
+      version.runs.push_back(
+          RandomRun(fmt::format("{:064x}", ++runs_), version.content, version.states));
     }
     options.publish = Chance(0.8);
     const StatusOr<CommitResult> result =
-        store_->Commit("mine", version.content, provenance, options);
+        store_->Commit("mine", version.content, {"test", "", 0, version.runs}, options);
+    if (!version.states && version.parent && Maps(*version.parent, version.runs)) {
+      EXPECT_THAT(result, StatusIs(StatusCode::kInvalidArgument, "is mapped already"));
+      return;
+    }
     ASSERT_THAT(result, IsOk());
     hashes_.push_back(result->content_hash);
     const std::size_t index = model_.Commit(std::move(version));
     ASSERT_EQ(result->version, NumberOf(index));
     if (options.publish) model_.Publish(index);
+  }
+
+  RunRecord RandomRun(const std::string& hash, const MapContent& content, bool states) {
+    RunRecord run{"run", hash, "truck", begin_, begin_ + std::chrono::hours(72), {}, {}};
+    Stamp begin = RandomStamp();
+    for (int i = states ? 0 : Below(6); i > 0; --i) {
+      begin += std::chrono::seconds(1 + Below(2000));
+      const auto group = static_cast<std::size_t>(Below(static_cast<int>(content.groups.size())));
+      run.evidence.push_back(RandomEvidence(
+          random_, content.groups[group], begin, begin + std::chrono::seconds(Below(3000))));
+    }
+    return run;
+  }
+
+  // Whether a version, or an ancestor, has mapped one of the runs.
+  bool Maps(std::size_t version, const std::vector<RunRecord>& runs) {
+    for (std::optional<std::size_t> at = version; at; at = model_.versions()[*at].parent) {
+      for (const RunRecord& known : model_.versions()[*at].runs) {
+        for (const RunRecord& run : runs) {
+          if (known.sha256 == run.sha256) return true;
+        }
+      }
+    }
+    return false;
   }
 
   std::string RunHash() { return std::string(64, static_cast<char>('a' + Below(6))); }
@@ -149,7 +179,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   ShiftReport RandomReport(std::size_t version) {
     ShiftReport report;
     report.uuid = fmt::format("{:08x}-0000-4000-8000-{:012x}", Below(1 << 30), uuids_++);
-    report.vehicle = "truck";
+    report.vehicle = Chance(0.8) ? "truck" : "loader";
     report.software = "test";
     report.area = "mine";
     report.version = NumberOf(version);
@@ -252,6 +282,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   StoreModel model_;
   std::vector<std::string> hashes_;  // Of the versions.
   int uuids_ = 0;
+  int runs_ = 0;
 };
 
 TEST_P(StoreHistory, EqualsItsModel) {

@@ -218,7 +218,10 @@ TEST_F(UtiasTest, AnotherRobotDecidesTheLayoutThatHoldsAndTheMapLearnsIt) {
       MapStore::Open(dir.path() + "/maps.db", MapStore::Access::kReadWriteCreate).value();
   Provenance provenance;
   provenance.tool = "test";
-  ASSERT_THAT(store.Commit("utias", TwoRunMap().content, provenance, {}).status(), IsOk());
+  // As if the two runs had been mapped the day before the shifts: what is newer decides.
+  MapContent content = TwoRunMap().content;
+  content.stamp = LoadRun(1, 2).odometry.front().stamp - FromSeconds(86400.0);
+  ASSERT_THAT(store.Commit("utias", content, provenance, {}).status(), IsOk());
   const Survey survey;
 
   // The map's newest run is of layout 2, so that both shifts begin with the wrong layout on top.

@@ -158,12 +158,21 @@ std::string DiffText(const MapDiff& diff) {
   return text;
 }
 
+// A version with the probabilities of the time at which it was built.
+StatusOr<MapSnapshot> LoadAtOwnStamp(const std::string& area,
+                                     std::int64_t number,
+                                     MapStore* store) {
+  const VersionNumber version(number);
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built, store->LoadVersion(area, version));
+  return store->LoadAt(area, version, built.stamp());
+}
+
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            store.LoadVersion(arguments.store.area, VersionNumber(arguments.from)));
+                            LoadAtOwnStamp(arguments.store.area, arguments.from, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
-                            store.LoadVersion(arguments.store.area, VersionNumber(arguments.to)));
+                            LoadAtOwnStamp(arguments.store.area, arguments.to, &store));
   MapDiff diff = DiffMaps(from.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {

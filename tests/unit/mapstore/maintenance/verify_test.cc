@@ -22,7 +22,7 @@
 namespace shiftmap::testing {
 namespace {
 
-// A store with two versions, a run, reports, decisions, sightings and checkpoints.
+// A store with three versions, mapped runs, reports, decisions, sightings and checkpoints.
 void MakeStore(const std::string& path) {
   std::mt19937_64 random(TestSeed(31));
   MapStore::OpenOptions options;
@@ -39,6 +39,12 @@ void MakeStore(const std::string& path) {
   CommitOptions commit;
   commit.parent = first.version;
   const CommitResult second = *store.Commit("mine", content, provenance, commit);
+  commit.parent = second.version;
+  commit.publish = false;
+  commit.states_probabilities = false;
+  RunRecord mapped{"mapped", std::string(64, 'f'), "truck", At(2.0), At(9.0), {}};
+  mapped.evidence = {RandomEvidence(random, content.groups[1], At(3.0), At(4.0))};
+  ASSERT_THAT(store.Commit("mine", content, {"test", "", 0, {mapped}}, commit), IsOk());
   for (int i = 0; i < 6; ++i) {
     ShiftReport report = EmptyReport(second, "mine", i);
     report.run_hash = std::string(64, static_cast<char>('a' + i));
@@ -84,7 +90,7 @@ TEST_P(VerifyTest, FindsWhatIsWrong) {
   StatusOr<VerifyResult> before = VerifyStore(path_);
   ASSERT_THAT(before, IsOk());
   ASSERT_TRUE(before->clean()) << before->defects[0].table << before->defects[0].problem;
-  EXPECT_EQ(before->versions, 2);
+  EXPECT_EQ(before->versions, 3);
   EXPECT_EQ(before->reports, 6);
   EXPECT_GT(before->evidence_rows, 60);
   EXPECT_GT(before->checkpoints, 0);
@@ -101,7 +107,18 @@ TEST_P(VerifyTest, FindsWhatIsWrong) {
 
 const Damage kDamages[] = {
     {"Position", "UPDATE mode SET x_m = x_m + 1e-9 WHERE version_id = 1", "content hash"},
-    {"Probability", "UPDATE mode SET probability = 2 WHERE version_id = 2", "content hash"},
+    {"Probability",
+     "UPDATE stated_probability SET probability = probability / 2 WHERE version_id = 2",
+     "content hash"},
+    {"StatementOfAnother",
+     "UPDATE version SET statement_version_id = 1 WHERE number = 3",
+     "statement"},
+    {"MappedEvidence",
+     "UPDATE mapped_evidence SET log_likelihoods = x'00'",
+     "log-likelihoods are damaged"},
+    {"MappedEvidenceOfNoRun",
+     "DELETE FROM version_run WHERE version_id = 3",
+     "its run is not of its version"},
     {"GroupGone",
      "PRAGMA foreign_keys=OFF; DELETE FROM landmark_group WHERE version_id = 1 AND group_index = 3",
      "refers to a row of landmark_group"},

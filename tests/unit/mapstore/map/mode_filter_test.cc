@@ -108,41 +108,57 @@ TEST(ModeFilterTest, MergedModesSpeakForTheOneThatStandsForThem) {
   EXPECT_EQ(group.NextNumber(), ModeNumber(8));
 }
 
-// With a prior that holds nothing but the chain's stationary distribution, filtering late visits
-// alone or in their place in time is the same.
-TEST(ModeFilterTest, LateVisitsCountAsIfTheyHadComeInTime) {
-  std::mt19937_64 random(TestSeed(18));
-  for (int round = 0; round < 50; ++round) {
-    const int modes = 1 + round % 4;
-    LandmarkGroup group = RandomGroup(random, "A", modes);
-    group.chain = ModeChain::Uniform(modes, 1e-3);
-    const ModeState stationary = StationaryStart(group, At(0.0));
-    group.probabilities = Now(group, stationary);
-    std::vector<EvidenceRow> rows;
-    for (int i = 0; i < 3; ++i) {
-      rows.push_back(
-          {std::to_string(i), RandomEvidence(random, group, At(500.0 * i), At(500.0 * i + 90.0))});
+// Nothing else is known: the result is what is stated, whatever the chain.
+TEST(ModeFilterTest, AStatementAloneIsWhatItSays) {
+  std::mt19937_64 random(TestSeed(17));
+  for (int round = 0; round < 20; ++round) {
+    LandmarkGroup group = RandomGroup(random, "A", 1 + round % 4);
+    if (round % 2 == 1) {
+      const Eigen::Index states = group.chain.states();
+      Eigen::MatrixXd rates = 1e-3 * (Eigen::MatrixXd::Random(states, states).array() + 1.5);
+      rates.diagonal() -= rates.rowwise().sum();
+      group.chain = *ModeChain::FromRates(rates);
     }
-    const ModeState in_time = FilterModes(group, stationary, rows);
-    ModeState start = StartModes(group, At(2000.0));
-    AddLateVisits(group, FilterModes(group, stationary, rows), &start);
-    EXPECT_THAT(Now(group, start),
-                IsNearMatrix(ProbabilitiesAt(group, in_time, At(2000.0)), 1e-12));
+    ModeState state = StationaryStart(group, At(0.0));
+    AddStatement(group, group.probabilities, At(50.0), &state);
+    EXPECT_THAT(Now(group, state), IsNearMatrix(group.probabilities, 1e-12));
+    EXPECT_EQ(state.stamp, At(50.0));
   }
 }
 
-// Known: mode 1 since shortly before the stamp. Late: mode 2 a day earlier. The newer stands.
-TEST(ModeFilterTest, LateVisitsDoNotOverruleNewerKnowledge) {
+// To state what the chain relaxes to is to say nothing.
+TEST(ModeFilterTest, AStatementOfTheStationaryDistributionChangesNothing) {
+  std::mt19937_64 random(TestSeed(18));
+  LandmarkGroup group = RandomGroup(random, "A", 3);
+  group.chain = ModeChain::Uniform(3, 1e-3);
+  const ModeState stationary = StationaryStart(group, At(0.0));
+  const ModeState visits =
+      FilterModes(group, stationary, {{"u", RandomEvidence(random, group, At(0.0), At(90.0))}});
+  ModeState state = visits;
+  AddStatement(group, Now(group, stationary), At(200.0), &state);
+  EXPECT_THAT(Now(group, state), IsNearMatrix(ProbabilitiesAt(group, visits, At(200.0)), 1e-12));
+}
+
+// Stated: mode 1 since shortly before. A day earlier a visit said mode 2. The newer stands.
+TEST(ModeFilterTest, OlderVisitsDoNotOverruleAStatement) {
   std::mt19937_64 random(TestSeed(19));
   LandmarkGroup group = RandomGroup(random, "A", 2);
   group.chain = ModeChain::Uniform(2, 1e-5);
-  group.probabilities = Eigen::Vector3d(1e-9, 1.0 - 2e-9, 1e-9);
-  VisitEvidence late = RandomEvidence(random, group, At(0.0), At(10.0));
-  late.modes = {{kAbsent, -40.0}, {ModeNumber(1), -40.0}, {ModeNumber(2), 0.0}};
-  ModeState start = StartModes(group, At(86'400.0));
-  AddLateVisits(
-      group, FilterModes(group, StationaryStart(group, start.stamp), {{"u", late}}), &start);
-  EXPECT_GT(Now(group, start)(1), 1.0 - 1e-7);
+  VisitEvidence old = RandomEvidence(random, group, At(0.0), At(10.0));
+  old.modes = {{kAbsent, -40.0}, {ModeNumber(1), -40.0}, {ModeNumber(2), 0.0}};
+  ModeState state = FilterModes(group, StationaryStart(group, At(0.0)), {{"u", old}});
+  AddStatement(group, Eigen::Vector3d(1e-9, 1.0 - 2e-9, 1e-9), At(86'400.0), &state);
+  EXPECT_GT(Now(group, state)(1), 1.0 - 1e-7);
+}
+
+TEST(ModeFilterTest, StatedModesAreCarriedToTheModesOfNow) {
+  std::mt19937_64 random(TestSeed(20));
+  LandmarkGroup group = RandomGroup(random, "A", 2);
+  group.modes[1].number = ModeNumber(5);
+  group.merged = {{ModeNumber(2), ModeNumber(1)}};
+  EXPECT_EQ(
+      CarriedProbabilities(group, {{kAbsent, 0.1}, {ModeNumber(1), 0.3}, {ModeNumber(2), 0.4}}),
+      Eigen::Vector3d(0.1, 0.7, 0.1));
 }
 
 TEST(ModeFilterTest, NoTimePassesInsideOverlappingVisits) {

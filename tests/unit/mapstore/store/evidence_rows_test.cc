@@ -67,7 +67,7 @@ TEST_F(EvidenceRowsTest, CarryWhatWasReported) {
   ASSERT_THAT(rows, IsOk());
   ASSERT_EQ(rows->size(), 1u);
   const EvidenceRow& row = rows->front();
-  EXPECT_EQ(row.report_uuid, EmptyReport(version, "a", 4).uuid);
+  EXPECT_EQ(row.source, EmptyReport(version, "a", 4).uuid);
   EXPECT_EQ(row.evidence.signature, Signature("A"));
   EXPECT_EQ(row.evidence.end, At(4.5));
   EXPECT_EQ(row.evidence.observations, 1);
@@ -90,6 +90,24 @@ TEST_F(EvidenceRowsTest, CountEachLogOnce) {
   EXPECT_THAT(Begins(second), ElementsAre(10.0, 20.0));
   EXPECT_THAT(Begins(second, {driven}), ElementsAre(10.0));
   EXPECT_THAT(Begins(second, {built, driven}), ElementsAre());
+}
+
+// A mapped run has rows of its own; the report about it counts where it is not mapped.
+TEST_F(EvidenceRowsTest, OfAMappedRunAreThoseOfTheVersionThatMappedIt) {
+  const std::string mapped(64, 'a');
+  const CommitResult first = Commit(std::nullopt, 0.0, {});
+  Return(first, 10, mapped);
+  RunRecord run{"run", mapped, "truck 1", At(5.0), At(50.0), {}};
+  run.evidence = {TwoStateEvidence(At(11.0), At(12.0), 0.0, 1.0)};
+  CommitOptions options;
+  options.parent = first.version;
+  options.publish = false;
+  options.states_probabilities = false;
+  const CommitResult second =
+      *store_.Commit("a", TwoStateContent(1e-3, 0.7, At(100.0)), {"test", "", 0, {run}}, options);
+  EXPECT_THAT(Begins(second), ElementsAre(11.0));
+  EXPECT_THAT(Begins(second, {mapped}), ElementsAre());
+  EXPECT_THAT(Begins(first), ElementsAre(10.0));
 }
 
 TEST_F(EvidenceRowsTest, OfAVersionThatIsNotThereAreAnError) {

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Versions whose probabilities are derived: mapped runs and reports as one memory.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <variant>
+#include <vector>
+
+#include "mapstore/map_store.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tests/unit/mapstore/store/store_test_util.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using ::testing::IsEmpty;
+
+constexpr double kRate = 1e-3;
+
+class MappedEvidenceTest : public ::testing::Test {
+ protected:
+  static std::string Hash(int run) { return fmt::format("{:064x}", run + 1); }
+
+  // One visit of 'A' per 100 s; what it says of mode 1 against absent depends on the run.
+  static double RatioOf(int run) { return 2.0 * std::sin(1.7 * run + 0.4); }
+
+  static RunRecord Run(int run) {
+    RunRecord record{fmt::format("run {}", run),
+                     Hash(run),
+                     "truck 1",
+                     At(100.0 * run),
+                     At(100.0 * run + 90.0),
+                     {}};
+    record.evidence = {
+        TwoStateEvidence(At(100.0 * run + 10.0), At(100.0 * run + 30.0), 0.0, RatioOf(run))};
+    return record;
+  }
+
+  static MapContent Content(int last_run) {
+    return TwoStateContent(kRate, 0.5, At(100.0 * last_run + 90.0));
+  }
+
+  static CommitOptions Derived(std::optional<VersionNumber> parent) {
+    CommitOptions options;
+    options.parent = parent;
+    options.states_probabilities = false;
+    return options;
+  }
+
+  // A report about a run that says something else than mapping it does.
+  static ShiftReport Report(const CommitResult& version, int run) {
+    ShiftReport report = EmptyReport(version, "a", run);
+    report.run_hash = Hash(run);
+    report.evidence = {
+        TwoStateEvidence(At(100.0 * run + 5.0), At(100.0 * run + 35.0), 0.0, -RatioOf(run))};
+    return report;
+  }
+
+  // The chain by hand: P(mode 1) after the runs' visits, from one half on, `seconds` after the
+  // last.
+  static double ByHand(const std::vector<int>& runs, double seconds) {
+    double p = 0.5;
+    double end = 0.0;
+    for (const int run : runs) {
+      const double gap = 100.0 * run + 10.0 - end;
+      p = 0.5 + (p - 0.5) * std::exp(-2.0 * kRate * gap);
+      p = p * std::exp(RatioOf(run)) / (p * std::exp(RatioOf(run)) + 1.0 - p);
+      end = 100.0 * run + 30.0;
+    }
+    return 0.5 + (p - 0.5) * std::exp(-2.0 * kRate * seconds);
+  }
+
+  TempDir dir_;
+  MapStore store_ = OpenStore(dir_.File("a.db"));
+
+  CommitResult Map(std::vector<int> runs, std::optional<VersionNumber> parent) {
+    Provenance provenance;
+    for (const int run : runs) provenance.runs.push_back(Run(run));
+    const int last = *std::max_element(runs.begin(), runs.end());
+    const auto result = store_.Commit("a", Content(last), provenance, Derived(parent));
+    EXPECT_THAT(result, IsOk());
+    return *result;
+  }
+
+  double At1(std::optional<Stamp> at, std::optional<VersionNumber> version = std::nullopt) {
+    const auto map = store_.LoadAt("a", version, at);
+    EXPECT_THAT(map, IsOk());
+    return map->groups()[0].probabilities(1);
+  }
+};
+
+TEST_F(MappedEvidenceTest, ProbabilitiesAreThoseOfTheVisitsByHand) {
+  const CommitResult first = Map({0, 1}, std::nullopt);
+  EXPECT_NEAR(At1(At(190.0)), ByHand({0, 1}, 60.0), 1e-12);
+  EXPECT_EQ(store_.LoadAt("a")->stamp(), At(190.0));
+  const CommitResult second = Map({2, 3}, first.version);
+  EXPECT_NEAR(At1(At(390.0)), ByHand({0, 1, 2, 3}, 60.0), 1e-12);
+  // A version knows what it mapped, also for who asks for an earlier time.
+  EXPECT_EQ(At1(At(95.0)), At1(At(390.0)));
+  EXPECT_EQ(store_.LoadAt("a", std::nullopt, At(95.0))->stamp(), At(390.0));
+  // The parent does not know the later runs.
+  EXPECT_NEAR(At1(At(390.0), first.version), ByHand({0, 1}, 260.0), 1e-12);
+  EXPECT_EQ(store_.LoadVersion("a", second.version)->groups()[0].probabilities(1), 0.5);
+}
+
+// Grouped in any way into builds, returned before or after: the same bits.
+TEST_F(MappedEvidenceTest, BuildsAndReturnsInAnyOrderGiveTheSameBits) {
+  std::mt19937_64 random(TestSeed(3));
+  std::vector<double> results;
+  for (int round = 0; round < 24; ++round) {
+    store_ = OpenStore(dir_.File(fmt::format("round {}", round)));
+    CommitResult newest = *store_.Commit("a", Content(0), {}, Derived(std::nullopt));
+    const CommitResult first = newest;
+    // Runs 0 to 5 are mapped, in order but in builds of any size; 0 to 7 are reported.
+    std::vector<int> reports{0, 1, 2, 3, 4, 5, 6, 7};
+    std::shuffle(reports.begin(), reports.end(), random);
+    int next = 0;
+    while (next < 6 || !reports.empty()) {
+      if (next < 6 && (reports.empty() || random() % 2 == 0)) {
+        std::vector<int> runs;
+        for (int size = 1 + static_cast<int>(random() % 3); size > 0 && next < 6; --size) {
+          runs.push_back(next++);
+        }
+        newest = Map(runs, newest.version);
+      } else {
+        const bool old = random() % 2 == 0;
+        ASSERT_THAT(store_.Return(Report(old ? first : newest, reports.back())), IsOk());
+        reports.pop_back();
+      }
+    }
+    results.push_back(At1(At(1000.0)));
+    EXPECT_EQ(results.back(), results.front());
+  }
+  // Of the reports only those about runs that no version mapped say anything.
+  double p = ByHand({0, 1, 2, 3, 4, 5}, 605.0 - 530.0);
+  for (const int run : {6, 7}) {
+    p = p * std::exp(-RatioOf(run)) / (p * std::exp(-RatioOf(run)) + 1.0 - p);
+    const double until = run == 6 ? 705.0 - 635.0 : 1000.0 - 735.0;
+    p = 0.5 + (p - 0.5) * std::exp(-2.0 * kRate * until);
+  }
+  EXPECT_NEAR(results.front(), p, 1e-12);
+}
+
+TEST_F(MappedEvidenceTest, ARollbackTakesTheMappedRunsBackAndTheirReportsCount) {
+  const CommitResult first = Map({0}, std::nullopt);
+  ASSERT_THAT(store_.Return(Report(first, 1)), IsOk());
+  const double before = At1(At(500.0));
+  const CommitResult second = Map({1}, first.version);
+  EXPECT_NE(At1(At(500.0)), before);
+  ASSERT_THAT(store_.Rollback("a"), IsOk());
+  EXPECT_EQ(At1(At(500.0)), before);
+  EXPECT_NEAR(At1(At(500.0), second.version), ByHand({0, 1}, 370.0), 1e-12);
+}
+
+// Delete everything that is derived, and load again.
+TEST_F(MappedEvidenceTest, CheckpointsChangeNoBit) {
+  MapStore::OpenOptions options;
+  options.access = MapStore::Access::kReadWriteCreate;
+  options.checkpoint_rows = 2;
+  store_ = *MapStore::Open(dir_.File("dense.db"), options);
+  MapStore plain = OpenStore(dir_.File("plain.db"));
+  std::optional<VersionNumber> parent;
+  for (int run = 0; run < 20; ++run) {
+    parent = Map({run}, parent).version;
+    const auto same =
+        plain.Commit("a",
+                     Content(run),
+                     {"", "", 0, {Run(run)}},
+                     Derived(run == 0 ? std::nullopt : std::optional(VersionNumber(run))));
+    ASSERT_THAT(same, IsOk());
+    for (const double at : {50.0, 100.0 * run + 20.0, 3000.0}) {
+      EXPECT_EQ(At1(At(at)), plain.LoadAt("a", std::nullopt, At(at))->groups()[0].probabilities(1));
+    }
+  }
+}
+
+TEST_F(MappedEvidenceTest, OnlyAVehiclesOwnReportStandsForItsRun) {
+  const CommitResult first = Map({0}, std::nullopt);
+  const ShiftReport honest = Report(first, 3);
+  ASSERT_THAT(store_.Return(honest), IsOk());
+  const double known = At1(At(900.0));
+  // The lowest UUID, the same log, another vehicle, and nothing to say.
+  ShiftReport forged = EmptyReport(first, "a", 0);
+  forged.uuid = "00000000-0000-0000-0000-000000000000";
+  forged.run_hash = honest.run_hash;
+  forged.vehicle = "truck 666";
+  EXPECT_THAT(store_.Return(forged)->set_aside, IsEmpty());
+  EXPECT_EQ(At1(At(900.0)), known);
+}
+
+TEST_F(MappedEvidenceTest, EvidenceThatDoesNotFitIsRefusedWhole) {
+  const CommitResult first = Map({0}, std::nullopt);
+  const auto refused = [&](const RunRecord& run, const CommitOptions& options, const char* why) {
+    EXPECT_THAT(store_.Commit("a", Content(5), {"", "", 0, {run}}, options),
+                StatusIs(StatusCode::kInvalidArgument, why));
+  };
+  const CommitOptions derived = Derived(first.version);
+  RunRecord run = Run(0);
+  refused(run, derived, "run 'run 0' is mapped already");
+  CommitOptions states = derived;
+  states.states_probabilities = true;
+  refused(Run(1), states, "beside a statement");
+  run = Run(1);
+  run.evidence[0].signature = Signature("B");
+  refused(run, derived, "evidence of 'B': the map does not have it");
+  run = Run(1);
+  run.evidence[0].modes.push_back({ModeNumber(2), 0.0});
+  refused(run, derived, "a mode that the map does not have");
+  run = Run(1);
+  run.evidence[0].modes[1].log_likelihood = 51.0;
+  refused(run, derived, "too far apart");
+  run = Run(1);
+  run.evidence[0].modes[1].log_likelihood = std::nan("");
+  refused(run, derived, "finite");
+  run = Run(1);
+  run.evidence[0].end = run.end + Duration(1);
+  refused(run, derived, "not within the run");
+  EXPECT_EQ(store_.Versions("a")->size(), 1u);
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
