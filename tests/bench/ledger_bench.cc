@@ -45,6 +45,17 @@ class Fleet {
     version_ = *std::move(version);
   }
 
+  // Adds a version that goes on from the fleet's, as a nightly build does, and filters the whole
+  // ledger for it. The fleet stays on its own.
+  void Build() {
+    CommitOptions options;
+    options.parent = version_.version;
+    options.states_probabilities = false;
+    const StatusOr<CommitResult> built = store_->Commit(kArea, content_, {}, options);
+    SHIFTMAP_CHECK(built.ok(), "{}", Message(built.status()));
+    SHIFTMAP_CHECK(store_->Rollback(kArea).ok(), "no rollback");
+  }
+
   MapStore& store() { return *store_; }
   std::string path() const { return dir_.File("a.db"); }
   int reports() const { return reports_; }
@@ -153,6 +164,13 @@ void BM_ReturnIntoLedger(benchmark::State& state) {
   SetCounters(fleet, state);
 }
 BENCHMARK(BM_ReturnIntoLedger)->Apply(Sizes)->Iterations(200);
+
+void BM_PublishABuild(benchmark::State& state) {
+  Fleet& fleet = FleetAt(state);
+  for (auto _ : state) fleet.Build();
+  SetCounters(fleet, state);
+}
+BENCHMARK(BM_PublishABuild)->Apply(Sizes)->Iterations(3);
 
 }  // namespace
 }  // namespace shiftmap::testing
