@@ -9,6 +9,7 @@
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/evidence_rows.h"
+#include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/ledger_filter.h"
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
@@ -20,6 +21,8 @@ namespace shiftmap {
 
 const char* Describe(SetAside reason) {
   switch (reason) {
+    case SetAside::kExcluded:
+      return "its run is excluded";
     case SetAside::kInMap:
       return "the map accounts for it";
     case SetAside::kRunInMap:
@@ -243,6 +246,21 @@ StatusOr<std::vector<EvidenceRow>> MapStore::Evidence(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
   return ReadLineEvidence(database, area_row.area_id, row, without_runs);
+}
+
+StatusOr<std::vector<Exclusion>> MapStore::Exclusions(const std::string& area) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, area));
+  return ReadExclusions(state_->database, area_row.area_id);
+}
+
+StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& area,
+                                                            VersionNumber version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(database, area, area_row.area_id, version));
+  return FindExcludedRuns(database, area_row.area_id, row.version_id);
 }
 
 StatusOr<std::vector<AuditEntry>> MapStore::AuditLog(const std::optional<std::string>& area) {

@@ -170,6 +170,26 @@ class MapStore {
                                               VersionNumber version,
                                               const std::set<std::string>& without_runs = {});
 
+  /// Takes a run, or the runs of a vehicle, out of an area's memory: whatever is derived is as if
+  /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
+  /// were made from them stay in their versions (ExcludedRunsOf).
+  /// @param exclusion  Its run may be the first digits of what the store knows; of a report about a
+  ///                   log, the log is excluded.
+  /// Errors also: kInvalidArgument if it names neither or both, the run may be several, or there is
+  /// no reason; kNotFound if the run is none; kAlreadyExists if it is excluded already.
+  Status Exclude(const std::string& area, Exclusion exclusion, bool dry_run = false);
+
+  /// Takes an exclusion back: all numbers are as they were.
+  /// Errors also: kNotFound if it is not excluded.
+  Status Include(const std::string& area, Exclusion exclusion, bool dry_run = false);
+
+  /// All exclusions of an area, those of runs first.
+  StatusOr<std::vector<Exclusion>> Exclusions(const std::string& area);
+
+  /// Names of the runs that a version or its ancestors mapped and that are excluded now: its
+  /// positions still rest on them.
+  StatusOr<std::vector<std::string>> ExcludedRunsOf(const std::string& area, VersionNumber version);
+
   /// Every write, oldest first; of one area, or of the whole store.
   StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt);
 

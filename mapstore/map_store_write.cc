@@ -9,7 +9,9 @@
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
+#include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/mapped_rows.h"
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
@@ -172,13 +174,15 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                         state_->LatestStamp(),
                                         state_->VersionName(area, parent.number)));
   }
-  const bool compare = options.parent || !options.replace;
-  if (options.publish && compare && area_row.published != options.parent) {
+  const std::optional<VersionNumber> expected =
+      options.expected ? options.expected : options.parent;
+  const bool compare = expected || !options.replace;
+  if (options.publish && compare && area_row.published != expected) {
     return MakeStatus(StatusCode::kAborted,
                       "{}: {} is published, expected {}",
                       state_->AreaName(area),
                       DescribeVersion(area_row.published),
-                      DescribeVersion(options.parent));
+                      DescribeVersion(expected));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(version.ledger_position, ReadLedgerPosition(database));
   if (options.ledger_position) {
@@ -268,6 +272,67 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
       ExtendCheckpoints(database, area_row.area_id, at, state_->checkpoint_rows, owner));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   return at.number;
+}
+
+Status MapStore::State::ChangeExclusion(const std::string& area,
+                                        Exclusion exclusion,
+                                        bool exclude,
+                                        bool dry_run) {
+  if (exclusion.run.empty() == exclusion.vehicle.empty()) {
+    return InvalidArgument("{}: expected either a run or a vehicle to exclude", AreaName(area));
+  }
+  if (exclude && exclusion.reason.empty()) {
+    return InvalidArgument("{}: expected a reason", AreaName(area));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? Read() : Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t partial,
+      database.QueryInt64("SELECT count(*) FROM ledger_checkpoint WHERE rows_stored = 0"));
+  if (partial > 0) return FailedPrecondition("{}: a snapshot takes no exclusion", database.name());
+  if (!exclusion.run.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, exclusion.run));
+  }
+  const std::string subject = exclusion.vehicle.empty()
+                                  ? fmt::format("run {}", exclusion.run)
+                                  : fmt::format("vehicle '{}'", exclusion.vehicle);
+  if (dry_run) return OkStatus();
+  if (exclude) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool added,
+                              InsertExclusion(database, area_row.area_id, exclusion));
+    if (!added) {
+      return MakeStatus(
+          StatusCode::kAlreadyExists, "{}: {}: is excluded already", AreaName(area), subject);
+    }
+  } else {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool deleted,
+                              DeleteExclusion(database, area_row.area_id, exclusion));
+    if (!deleted) return NotFound("{}: {}: is not excluded", AreaName(area), subject);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(
+      DeleteCheckpointsAfter(database, area_row.area_id, Stamp::min()).status());
+  if (area_row.published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, PublishedRow(area, area_row));
+    SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database,
+                                               area_row.area_id,
+                                               published,
+                                               checkpoint_rows,
+                                               VersionName(area, published.number)));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+      database,
+      area_row.area_id,
+      exclude ? "exclude" : "include",
+      exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason)));
+  return transaction.Commit();
+}
+
+Status MapStore::Exclude(const std::string& area, Exclusion exclusion, bool dry_run) {
+  return state_->ChangeExclusion(area, std::move(exclusion), true, dry_run);
+}
+
+Status MapStore::Include(const std::string& area, Exclusion exclusion, bool dry_run) {
+  return state_->ChangeExclusion(area, std::move(exclusion), false, dry_run);
 }
 
 Status MapStore::CheckClock(const ShiftReport& report) const {

@@ -47,6 +47,15 @@ struct UnplacedRun {
   Stamp since;  ///< When a build first said so; set by the store.
 };
 
+/// What an operator takes out of an area's memory: a run, or all runs of a vehicle since a time.
+struct Exclusion {
+  std::string run;      ///< SHA-256 of the log, or UUID of a report; empty: it is about a vehicle.
+  std::string vehicle;  ///< Empty: it is about a run.
+  Stamp since;          ///< Of a vehicle: runs that begin then or later.
+  std::string reason;
+  Stamp excluded;  ///< Set by the store.
+};
+
 struct CommitOptions {
   /// The version the content was made from; nothing for a map without a prior.
   std::optional<VersionNumber> parent;
@@ -64,6 +73,10 @@ struct CommitOptions {
 
   /// Runs that wait for another build.
   std::vector<UnplacedRun> waiting = {};
+
+  /// The version that must be published now; nothing: the parent. Another one if the parent is the
+  /// newest ancestor that is made from no excluded run.
+  std::optional<VersionNumber> expected = std::nullopt;
 
   /// Whether a version without a parent is published whatever is; otherwise only if none is.
   bool replace = true;
@@ -93,6 +106,7 @@ struct VersionSummary {
 
 /// Why an evidence row of the ledger does not count for a map version. It is kept all the same.
 enum class SetAside {
+  kExcluded,    ///< An operator took its run, or its vehicle, out.
   kInMap,       ///< The probabilities that the version, or an ancestor, states account for it.
   kRunInMap,    ///< The version was built from the log that the report is about.
   kSameRun,     ///< Another report about the same log counts.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -59,9 +60,11 @@ struct BuildOptions {
 // The version that a build starts from.
 struct PriorMap {
   std::optional<VersionNumber> version;
+  std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
   std::optional<MapContent> content;
   std::set<std::string> run_hashes;   // Of the runs that are in it already.
   std::vector<UnplacedRun> waiting;   // Of earlier builds.
+  std::vector<Exclusion> exclusions;  // What an operator took out of the area's memory.
   std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
 };
 
@@ -78,6 +81,30 @@ bool IsPriorName(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && number > 0;
 }
 
+// The newest of a version and its ancestors that no excluded run went into.
+StatusOr<VersionNumber> NewestWithoutExcluded(const std::string& area,
+                                              VersionNumber version,
+                                              MapStore* store,
+                                              const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (VersionNumber at = version;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
+    if (runs.empty()) return at;
+    context.Warn(fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
+                             at.value(),
+                             runs.front()));
+    const auto summary = std::find_if(
+        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
+    if (summary == versions.end() || !summary->parent) {
+      return FailedPrecondition(
+          "area '{}': every version of the line is made from excluded runs; --prior none starts "
+          "anew",
+          area);
+    }
+    at = *summary->parent;
+  }
+}
+
 StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context) {
   PriorMap prior;
   std::error_code error;
@@ -87,10 +114,19 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   // Opened even without a prior: what is no store is better known before the work than after it.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
+    return area.area == options.area;
+  });
+  if (known) {
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
+  }
   if (options.prior == "none") return prior;
   if (options.prior == "published") {
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.version, store.PublishedVersion(options.area));
-    if (!prior.version) return prior;
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
+    if (!prior.published) return prior;
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        prior.version, NewestWithoutExcluded(options.area, *prior.published, &store, context));
   } else {
     prior.version = VersionNumber(std::stoll(options.prior));
   }
@@ -99,6 +135,28 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
   SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, store.RunHashes(options.area, *prior.version));
   SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   return prior;
+}
+
+// Leaves out logs that are excluded.
+Status LeaveOutExcluded(const std::string& area,
+                        const std::vector<Exclusion>& exclusions,
+                        LoadedRuns* runs) {
+  for (const Exclusion& exclusion : exclusions) {
+    std::erase_if(runs->inputs, [&](const MapperInput& input) {
+      const Stamp begin = input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp;
+      const bool excluded =
+          exclusion.vehicle.empty()
+              ? input.sha256 == exclusion.run
+              : input.run.info.vehicle == exclusion.vehicle && begin >= exclusion.since;
+      if (excluded) runs->rejected.push_back({input.name, "excluded: " + exclusion.reason});
+      return excluded;
+    });
+  }
+  if (!runs->inputs.empty()) return OkStatus();
+  return FailedPrecondition("area '{}': no log to build from; first: run '{}': {}",
+                            area,
+                            runs->rejected.front().name,
+                            runs->rejected.front().reason);
 }
 
 // Loads what the ledger says of the landmarks, but not of the runs of the build: it sees their
@@ -296,6 +354,7 @@ StatusOr<std::optional<CommitResult>> Write(const BuildOptions& options,
   }
   CommitOptions commit_options;
   commit_options.parent = prior.version;
+  commit_options.expected = prior.published;
   commit_options.publish = !options.no_publish;
   commit_options.replace = options.prior == "none";
   commit_options.states_probabilities = false;
@@ -313,6 +372,7 @@ Status Build(const BuildOptions& options, Context& context) {
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
+  SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
   SHIFTMAP_RETURN_IF_ERROR(LoadEvidence(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));

@@ -80,7 +80,7 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
       SHIFTMAP_ASSIGN_OR_RETURN(
           const std::optional<SetAside> aside,
           view.JudgeReported(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
-      counts = counts || !aside;
+      counts = counts || !aside || aside == SetAside::kExcluded;
       if (counts) break;
     }
     if (!counts) spent.push_back({rows.Int64(0), rows.Int64(1), rows.Int64(2), rows.Text(3)});
@@ -102,8 +102,8 @@ StatusOr<std::int64_t> DeleteSpentMapped(Database& database,
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
     LedgerView view(database, version);
     for (const std::int64_t by : mapping) {
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view.CountsMapped(by));
-      if (counts) spent.erase(by);
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool maps, view.Maps(by));
+      if (maps) spent.erase(by);
     }
   }
   SHIFTMAP_ASSIGN_OR_RETURN(

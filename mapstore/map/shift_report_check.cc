@@ -27,19 +27,6 @@ bool IsLowerHex(char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'
 
 bool IsHex(char c) { return IsLowerHex(c) || (c >= 'A' && c <= 'F'); }
 
-bool IsUuid(std::string_view text) {
-  if (text.size() != kUuidLength) return false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool dash = i == 8 || i == 13 || i == 18 || i == 23;
-    if (dash ? text[i] != '-' : !IsHex(text[i])) return false;
-  }
-  return true;
-}
-
-bool IsSha256Hex(std::string_view text) {
-  return text.size() == kSha256HexLength && std::all_of(text.begin(), text.end(), IsLowerHex);
-}
-
 Status CheckNumber(std::string_view field, double value) {
   if (std::abs(value) <= kMaxMagnitude) return OkStatus();
   return InvalidArgument("{}: {}, expected a finite number up to {}", field, value, kMaxMagnitude);
@@ -249,6 +236,19 @@ void EraseExcess(const char* reason,
 }
 
 }  // namespace
+
+bool IsUuid(std::string_view text) {
+  if (text.size() != kUuidLength) return false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool dash = i == 8 || i == 13 || i == 18 || i == 23;
+    if (dash ? text[i] != '-' : !IsHex(text[i])) return false;
+  }
+  return true;
+}
+
+bool IsSha256Hex(std::string_view text) {
+  return text.size() == kSha256HexLength && std::all_of(text.begin(), text.end(), IsLowerHex);
+}
 
 Status CheckReportText(std::string_view field, std::string_view text) {
   if (text.empty()) return InvalidArgument("{}: empty", field);

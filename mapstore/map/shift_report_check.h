@@ -19,6 +19,12 @@ inline constexpr std::size_t kMaxReportBytes = std::size_t{64} << 20;
 /// says, log_likelihood of the best mode - log_likelihood of the worst. [nat]
 inline constexpr double kMaxVisitLogRatio = 50.0;
 
+/// RFC 4122 text form, in letters of either case.
+bool IsUuid(std::string_view text);
+
+/// 64 hex digits, in lower case.
+bool IsSha256Hex(std::string_view text);
+
 /// Checks a name as a report holds it: not empty, UTF-8, at most kMaxReportTextBytes.
 /// Errors: kInvalidArgument, starting with `field`.
 Status CheckReportText(std::string_view field, std::string_view text);

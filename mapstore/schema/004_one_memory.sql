@@ -41,6 +41,18 @@ CREATE TABLE mapped_evidence (
   PRIMARY KEY (area_id, begin_ns, end_ns, version_id, run_id, signature)
 ) STRICT, WITHOUT ROWID;
 
+-- What an operator took out of an area's memory: a run, or the runs of a vehicle. It is deleted when
+-- it is taken back; `audit` tells of both.
+CREATE TABLE exclusion (
+  area_id     INTEGER NOT NULL REFERENCES area,
+  run         TEXT NOT NULL,     -- SHA-256 of the log, or UUID of a report without one; or empty
+  vehicle     TEXT NOT NULL,     -- empty if it is about a run
+  since_ns    INTEGER NOT NULL,  -- of a vehicle: runs that begin then or later; else 0
+  reason      TEXT NOT NULL,
+  excluded_ns INTEGER NOT NULL,  -- clock of the machine that wrote
+  PRIMARY KEY (area_id, run, vehicle)
+) STRICT, WITHOUT ROWID;
+
 -- A report is about a run of its vehicle: one about another vehicle's log stands for itself.
 UPDATE shift_report SET superseded = 0;
 UPDATE shift_report SET superseded = 1

@@ -16,11 +16,11 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("SELECT e.signature, e.begin_ns, e.end_ns, r.uuid, e.report_id, "
-                       "e.version_id, r.run_hash, e.log_likelihoods, e.observation_count "
+                       "e.version_id, r.run_hash, e.log_likelihoods, e.observation_count, 0 "
                        "FROM visit_evidence e JOIN shift_report r USING (report_id) "
                        "WHERE e.area_id = ?1 UNION ALL "
                        "SELECT e.signature, e.begin_ns, e.end_ns, r.sha256, 0, "
-                       "e.version_id, r.sha256, e.log_likelihoods, e.observation_count "
+                       "e.version_id, r.sha256, e.log_likelihoods, e.observation_count, e.run_id "
                        "FROM mapped_evidence e JOIN run r USING (run_id) "
                        "WHERE e.area_id = ?1 ORDER BY 1, 2, 3, 4"));
   query.Bind(area_id);
@@ -29,7 +29,8 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
     if (!found) return rows;
     if (without_runs.contains(query.Text(6))) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool tells, view.TellsOfPast(query.Int64(4), query.Int64(5)));
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool tells,
+                              view.TellsOfPast(query.Int64(4), query.Int64(9), query.Int64(5)));
     if (!tells) continue;
     EvidenceRow row;
     row.source = query.Text(3);

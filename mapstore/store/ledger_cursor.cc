@@ -9,12 +9,13 @@ StatusOr<LedgerCursor> LedgerCursor::Make(
     Database& database, std::int64_t area_id, Stamp from, Stamp before, Stamp mapped_before) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement reported,
-      database.Prepare("SELECT begin_ns, end_ns, report_id, version_id, signature, log_likelihoods "
-                       "FROM visit_evidence WHERE area_id = ?1 AND begin_ns >= ?2 "
-                       "AND begin_ns < ?3 ORDER BY begin_ns, end_ns, report_id, signature"));
+      database.Prepare(
+          "SELECT begin_ns, end_ns, report_id, 0, version_id, signature, log_likelihoods "
+          "FROM visit_evidence WHERE area_id = ?1 AND begin_ns >= ?2 "
+          "AND begin_ns < ?3 ORDER BY begin_ns, end_ns, report_id, signature"));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement mapped,
-      database.Prepare("SELECT begin_ns, end_ns, 0, version_id, signature, log_likelihoods "
+      database.Prepare("SELECT begin_ns, end_ns, 0, run_id, version_id, signature, log_likelihoods "
                        "FROM mapped_evidence WHERE area_id = ?1 AND begin_ns >= ?2 "
                        "AND begin_ns < ?3 ORDER BY begin_ns, end_ns, version_id, run_id, "
                        "signature"));
@@ -34,8 +35,9 @@ Status LedgerCursor::Step(Source* source) {
                           StampFromNanoseconds(source->rows.Int64(1)),
                           source->rows.Int64(2),
                           source->rows.Int64(3),
-                          source->rows.Blob(4),
-                          source->rows.Blob(5)};
+                          source->rows.Int64(4),
+                          source->rows.Blob(5),
+                          source->rows.Blob(6)};
   return OkStatus();
 }
 

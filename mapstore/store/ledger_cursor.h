@@ -18,7 +18,8 @@ namespace shiftmap {
 struct LedgerRow {
   Stamp begin;
   Stamp end;
-  std::int64_t report_id = 0;   ///< 0: the version mapped the run.
+  std::int64_t report_id = 0;   ///< 0: the version mapped the run
+  std::int64_t run_id = 0;      ///< of this id.
   std::int64_t version_id = 0;  ///< The version driven on, or that mapped the run.
   std::string_view signature;
   std::string_view log_likelihoods;  ///< As in blob.h.

@@ -98,7 +98,7 @@ StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before)
 }
 
 StatusOr<bool> LedgerFilter::Counts(const LedgerRow& row) {
-  if (row.report_id == 0) return view_.CountsMapped(row.version_id);
+  if (row.report_id == 0) return view_.CountsMapped(row.version_id, row.run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason,
                             view_.JudgeReported(row.report_id, row.version_id, row.begin));
   return !reason;

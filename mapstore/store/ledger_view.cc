@@ -17,18 +17,59 @@ StatusOr<std::optional<SetAside>> LedgerView::JudgeReported(std::int64_t report_
   return known ? std::optional(SetAside::kInMap) : std::nullopt;
 }
 
-StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id) {
+StatusOr<bool> LedgerView::Maps(std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
   return (place.relation == Relation::kSelf || place.relation == Relation::kAncestor) &&
          !place.before_statement && !place.at_statement;
 }
 
-StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id, std::int64_t version_id) {
+StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id, std::int64_t run_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool maps, Maps(version_id));
+  if (!maps) return false;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool excluded, IsExcluded(run_id));
+  return !excluded;
+}
+
+StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
+                                       std::int64_t run_id,
+                                       std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
   if (place.relation == Relation::kOther) return false;
-  if (report_id == 0) return place.relation != Relation::kDescendant;
+  if (report_id == 0) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool excluded, IsExcluded(run_id));
+    return !excluded && place.relation != Relation::kDescendant;
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
-  return whole.reason != SetAside::kSameRun && !whole.mapped_rows;
+  return whole.reason != SetAside::kExcluded && whole.reason != SetAside::kSameRun &&
+         !whole.mapped_rows;
+}
+
+StatusOr<const ExcludedRuns*> LedgerView::Excluded() {
+  if (!excluded_) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
+    area.Bind(version_.version_id);
+    SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                              ReadExclusions(*database_, area.Int64(0)));
+    excluded_.emplace(exclusions);
+  }
+  return &*excluded_;
+}
+
+StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const ExcludedRuns* const excluded, Excluded());
+  if (excluded->empty()) return false;
+  const auto [found, is_new] = excluded_runs_.try_emplace(run_id, false);
+  if (!is_new) return found->second;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement run,
+      database_->Prepare("SELECT sha256, vehicle, begin_ns FROM run WHERE run_id = ?1"));
+  run.Bind(run_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool there, run.Step());
+  found->second =
+      there && excluded->Contains(run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2)));
+  return found->second;
 }
 
 StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
@@ -36,11 +77,19 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   if (found != reports_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement report,
-      database_->Prepare("SELECT superseded FROM shift_report WHERE report_id = ?1"));
+      database_->Prepare("SELECT superseded, run_hash, uuid, vehicle, begin_ns FROM shift_report "
+                         "WHERE report_id = ?1"));
   report.Bind(report_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
+  SHIFTMAP_ASSIGN_OR_RETURN(const ExcludedRuns* const excluded, Excluded());
   Whole whole;
   if (there && report.Int64(0) != 0) whole.reason = SetAside::kSameRun;
+  if (there && !excluded->empty()) {
+    const std::string run = report.Text(1).empty() ? report.Text(2) : report.Text(1);
+    if (excluded->Contains(run, report.Text(3), StampFromNanoseconds(report.Int64(4)))) {
+      whole.reason = SetAside::kExcluded;
+    }
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement mapped,
       database_->Prepare("SELECT version_id FROM mapped_report WHERE report_id = ?1"));

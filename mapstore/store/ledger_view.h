@@ -8,6 +8,7 @@
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/sqlite/database.h"
+#include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/version_rows.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
@@ -21,6 +22,8 @@ namespace shiftmap {
 ///     if another report about the run counts                   kSameRun
 ///     if the version or an ancestor mapped the run             kRunInMap
 ///   anything else                                              kOtherLine
+///
+/// and nothing of a run that an operator excluded (kExcluded).
 ///
 /// Where the version, or the nearest ancestor that does, states probabilities, these account for
 /// what was mapped up to it, and for what was reported against its ancestors, was known to it
@@ -40,13 +43,16 @@ class LedgerView {
                                                   std::int64_t version_id,
                                                   Stamp begin);
 
-  /// Whether a row that a version mapped counts.
-  StatusOr<bool> CountsMapped(std::int64_t version_id);
+  /// Whether the rows that a version mapped count, but for runs that are excluded.
+  StatusOr<bool> Maps(std::int64_t version_id);
+
+  /// Whether the rows of a run that a version mapped count.
+  StatusOr<bool> CountsMapped(std::int64_t version_id, std::int64_t run_id);
 
   /// Whether a row of the ledger tells of the past of the version's chains. What a statement
   /// accounts for does too.
-  /// @param report_id  0: the row is mapped.
-  StatusOr<bool> TellsOfPast(std::int64_t report_id, std::int64_t version_id);
+  /// @param report_id, run_id  As LedgerRow has them.
+  StatusOr<bool> TellsOfPast(std::int64_t report_id, std::int64_t run_id, std::int64_t version_id);
 
  private:
   enum class Relation { kSelf, kAncestor, kDescendant, kOther };
@@ -69,6 +75,8 @@ class LedgerView {
   };
 
   StatusOr<Whole> JudgeWhole(std::int64_t report_id);
+  StatusOr<bool> IsExcluded(std::int64_t run_id);
+  StatusOr<const ExcludedRuns*> Excluded();
 
   Database* database_;
   VersionRow version_;
@@ -77,6 +85,8 @@ class LedgerView {
   std::optional<VersionRow> statement_;
   std::unordered_map<std::int64_t, Place> places_;
   std::unordered_map<std::int64_t, Whole> reports_;
+  std::unordered_map<std::int64_t, bool> excluded_runs_;
+  std::optional<ExcludedRuns> excluded_;
 };
 
 }  // namespace shiftmap

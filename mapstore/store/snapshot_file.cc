@@ -97,24 +97,27 @@ Status CopyMapped(Database& source,
                   Stamp from,
                   LedgerView* view,
                   CopiedRows* copied) {
-  SHIFTMAP_ASSIGN_OR_RETURN(Statement versions,
-                            source.Prepare("SELECT DISTINCT version_id FROM mapped_evidence "
-                                           "WHERE area_id = ?1 AND begin_ns >= ?2"));
-  versions.Bind(area_id, ToNanoseconds(from));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement runs,
+      source.Prepare("SELECT DISTINCT version_id, run_id FROM mapped_evidence "
+                     "WHERE area_id = ?1 AND begin_ns >= ?2"));
+  runs.Bind(area_id, ToNanoseconds(from));
   for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, versions.Step());
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, runs.Step());
     if (!row) return OkStatus();
-    const std::int64_t version_id = versions.Int64(0);
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view->CountsMapped(version_id));
+    const std::int64_t version_id = runs.Int64(0);
+    const std::int64_t run_id = runs.Int64(1);
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view->CountsMapped(version_id, run_id));
     if (!counts) continue;
     copied->versions.insert(version_id);
     SHIFTMAP_RETURN_IF_ERROR(Run(snapshot,
                                  "INSERT INTO main.mapped_evidence SELECT * "
                                  "FROM source.mapped_evidence WHERE area_id = ?1 "
-                                 "AND begin_ns >= ?2 AND version_id = ?3",
+                                 "AND begin_ns >= ?2 AND version_id = ?3 AND run_id = ?4",
                                  area_id,
                                  ToNanoseconds(from),
-                                 version_id));
+                                 version_id,
+                                 run_id));
   }
 }
 

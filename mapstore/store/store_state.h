@@ -50,6 +50,9 @@ struct MapStore::State {
   /// The mode numbers of a version that is committed.
   StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);
 
+  /// MapStore::Exclude and Include.
+  Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);
+
   /// Moves the published pointer inside a transaction. @param action  For the audit log.
   Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);
 };

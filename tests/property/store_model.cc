@@ -70,6 +70,13 @@ bool StoreModel::IsSuperseded(std::size_t report) const {
          });
 }
 
+bool StoreModel::IsExcluded(const std::string& run, const std::string& vehicle, Stamp begin) const {
+  return std::any_of(exclusions_.begin(), exclusions_.end(), [&](const Exclusion& exclusion) {
+    return exclusion.vehicle.empty() ? exclusion.run == run
+                                     : exclusion.vehicle == vehicle && exclusion.since <= begin;
+  });
+}
+
 bool StoreModel::IsInLine(std::size_t upper, std::size_t version) const {
   return upper == version || IsAncestor(upper, version);
 }
@@ -83,6 +90,10 @@ std::optional<std::size_t> StoreModel::StatementOf(std::size_t version) const {
 bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::size_t version) const {
   const std::optional<std::size_t> statement = StatementOf(version);
   const bool known = statement && report < versions_[*statement].reports_known;
+  const ShiftReport& mine = reports_[report];
+  if (IsExcluded(mine.run_hash.empty() ? mine.uuid : mine.run_hash, mine.vehicle, mine.begin)) {
+    return false;
+  }
   if (IsSuperseded(report)) return false;
   for (std::size_t built = 0; built < versions_.size(); ++built) {
     if (!IsInLine(built, version)) continue;
@@ -113,6 +124,7 @@ std::vector<EvidenceRow> StoreModel::RowsOf(const LandmarkGroup& group,
   for (std::size_t built = 0; built < versions_.size(); ++built) {
     if (!IsInLine(built, version) || (statement && IsInLine(built, *statement))) continue;
     for (const RunRecord& run : versions_[built].runs) {
+      if (IsExcluded(run.sha256, run.vehicle, run.begin)) continue;
       for (const VisitEvidence& visit : run.evidence) {
         if (visit.begin <= std::max(at, versions_[version].content.stamp)) {
           add(fmt::format("{} {}", built, run.sha256), visit);

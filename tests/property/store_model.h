@@ -31,6 +31,11 @@ class StoreModel {
   std::size_t Commit(Version version);
   void Return(const ShiftReport& report);
   void Publish(std::size_t version) { published_ = version; }
+  void Exclude(const Exclusion& exclusion) { exclusions_.push_back(exclusion); }
+  void Include(std::size_t index) {
+    exclusions_.erase(exclusions_.begin() + static_cast<std::ptrdiff_t>(index));
+  }
+  const std::vector<Exclusion>& exclusions() const { return exclusions_; }
 
   /// Leaves the content of the newest `keep` versions and of the published one.
   void Compact(std::size_t keep);
@@ -50,9 +55,11 @@ class StoreModel {
   bool IsInLine(std::size_t upper, std::size_t version) const;
   std::vector<EvidenceRow> RowsOf(const LandmarkGroup& group, std::size_t version, Stamp at) const;
   bool IsSuperseded(std::size_t report) const;
+  bool IsExcluded(const std::string& run, const std::string& vehicle, Stamp begin) const;
 
   std::vector<Version> versions_;
   std::vector<ShiftReport> reports_;
+  std::vector<Exclusion> exclusions_;
   std::optional<std::size_t> published_;
 };
 

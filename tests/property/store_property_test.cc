@@ -236,6 +236,33 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     model_.Compact(static_cast<std::size_t>(policy.keep_versions));
   }
 
+  void ExcludeOrInclude() {
+    if (model_.versions().empty()) return;
+    if (!model_.exclusions().empty() && Chance(0.5)) {
+      const auto index =
+          static_cast<std::size_t>(Below(static_cast<int>(model_.exclusions().size())));
+      ASSERT_THAT(store_->Include("mine", model_.exclusions()[index]), IsOk());
+      model_.Include(index);
+      return;
+    }
+    Exclusion exclusion;
+    exclusion.reason = "test";
+    if (Chance(0.3)) {
+      exclusion.vehicle = Chance(0.5) ? "truck" : "loader";
+      exclusion.since = begin_ + std::chrono::seconds(Chance(0.5) ? 0 : 1);
+    } else if (Chance(0.5) && !model_.reports().empty()) {
+      const auto index = static_cast<std::size_t>(Below(static_cast<int>(model_.reports().size())));
+      const ShiftReport& report = model_.reports()[index];
+      exclusion.run = report.run_hash.empty() ? report.uuid : report.run_hash;
+    } else {
+      exclusion.run = Chance(0.5) ? RunHash() : fmt::format("{:064x}", 1 + Below(runs_ + 1));
+    }
+    const Status status = store_->Exclude("mine", exclusion);
+    if (status.code() == StatusCode::kAlreadyExists) return;
+    ASSERT_THAT(status, IsOk());
+    model_.Exclude(exclusion);
+  }
+
   void Export() {
     if (!model_.published()) return;
     const std::string path = dir_.File("snapshot");
@@ -303,6 +330,8 @@ TEST_P(StoreHistory, EqualsItsModel) {
       Reopen();
     } else if (choice < 91) {
       Export();
+    } else if (choice < 95) {
+      ExcludeOrInclude();
     } else {
       Compare();
     }

@@ -160,6 +160,36 @@ TEST_P(OneMemoryTest, RunsInOneBuildOrNightByNightSayTheSame) {
   ExpectSame("pairs", batch, Groups("pairs.db"));
 }
 
+// A run that should not have been mapped: the next build goes on from before it, and ends where a
+// store ends that never had it.
+TEST_P(OneMemoryTest, AnExcludedRunIsTakenBackByTheNextBuild) {
+  for (const int night : {0, 1, 2}) Build("taken_back.db", {night});
+  const Json runs = RunForJson("shiftmap-inspect",
+                               {"runs",
+                                "--store",
+                                world_.File("taken_back.db"),
+                                "--area",
+                                "floor",
+                                "--version",
+                                "2"})["runs"];
+  ASSERT_EQ(runs.size(), 1u);
+  RunForJson("shiftmap-inspect",
+             {"exclude",
+              "--store",
+              world_.File("taken_back.db"),
+              "--area",
+              "floor",
+              "--reason",
+              "tyre changed on the way",
+              runs[0]["sha256"]});
+  // Logs of 1 and 2 are given again; 1 is left out, 2 is mapped anew.
+  Build("taken_back.db", {1, 2, 3});
+
+  Build("never.db", {0});
+  Build("never.db", {2, 3});
+  EXPECT_EQ(Groups("taken_back.db"), Groups("never.db"));
+}
+
 INSTANTIATE_TEST_SUITE_P(Worlds, OneMemoryTest, ::testing::Values(31, 32, 33));
 
 }  // namespace

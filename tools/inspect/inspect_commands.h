@@ -9,11 +9,12 @@ namespace shiftmap {
 void AddInspectCommands(Application* application);
 
 // The same by what they are about. Those of the last two write.
-void AddListCommands(Application* application);     ///< areas, versions, runs, sightings
-void AddLedgerCommands(Application* application);   ///< reports, audit
-void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
-void AddPictureCommands(Application* application);  ///< export, plot
-void AddVersionCommands(Application* application);  ///< diff, publish, rollback
+void AddListCommands(Application* application);       ///< areas, versions, runs, sightings
+void AddLedgerCommands(Application* application);     ///< reports, audit
+void AddExclusionCommands(Application* application);  ///< exclude, include, exclusions
+void AddMapCommands(Application* application);        ///< show, modes, history, vehicles
+void AddPictureCommands(Application* application);    ///< export, plot
+void AddVersionCommands(Application* application);    ///< diff, publish, rollback
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate
 

@@ -110,6 +110,7 @@ void AddPictureCommands(Application* application) {
 void AddInspectCommands(Application* application) {
   AddListCommands(application);
   AddLedgerCommands(application);
+  AddExclusionCommands(application);
   AddMapCommands(application);
   AddPictureCommands(application);
   AddVersionCommands(application);

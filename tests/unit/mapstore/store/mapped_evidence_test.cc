@@ -18,7 +18,9 @@
 namespace shiftmap::testing {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 constexpr double kRate = 1e-3;
 
@@ -191,6 +193,57 @@ TEST_F(MappedEvidenceTest, OnlyAVehiclesOwnReportStandsForItsRun) {
   forged.vehicle = "truck 666";
   EXPECT_THAT(store_.Return(forged)->set_aside, IsEmpty());
   EXPECT_EQ(At1(At(900.0)), known);
+}
+
+// The oracle is a store to which the run, or the vehicle, never came.
+TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
+  const CommitResult first = Map({0, 1, 2}, std::nullopt);
+  ShiftReport honest = Report(first, 4);
+  honest.vehicle = "truck 2";
+  ShiftReport lie = Report(first, 5);
+  lie.vehicle = "liar";
+  lie.run_hash.clear();  // A live stream.
+  for (const ShiftReport& report : {honest, lie}) ASSERT_THAT(store_.Return(report), IsOk());
+  const double all = At1(At(900.0));
+
+  MapStore never = OpenStore(dir_.File("never.db"));
+  ASSERT_THAT(never.Commit("a", Content(2), {"", "", 0, {Run(0), Run(2)}}, Derived(std::nullopt)),
+              IsOk());
+  ASSERT_THAT(never.Return(honest), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "slipped", {}}), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {"", "liar", At(-1e6), "lies", {}}), IsOk());
+  EXPECT_EQ(At1(At(900.0)),
+            never.LoadAt("a", std::nullopt, At(900.0))->groups()[0].probabilities(1));
+  EXPECT_EQ(store_.Evidence("a", first.version)->size(), 3u);
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 1"));
+  const std::vector<ReportSummary> reports = *store_.Reports("a");
+  ASSERT_THAT(reports, SizeIs(2));
+  EXPECT_THAT(reports[0].set_aside, IsEmpty());
+  ASSERT_THAT(reports[1].set_aside, SizeIs(1));
+  EXPECT_EQ(reports[1].set_aside[0].reason, SetAside::kExcluded);
+  EXPECT_EQ((*store_.Exclusions("a"))[0].reason, "slipped");
+
+  ASSERT_THAT(store_.Include("a", {"", "liar", {}, "", {}}), IsOk());
+  EXPECT_THAT(store_.Include("a", {"", "liar", {}, "", {}}),
+              StatusIs(StatusCode::kNotFound, "vehicle 'liar': is not excluded"));
+  ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+  EXPECT_EQ(At1(At(900.0)), all);
+  // By the UUID of the live shift alone, and since a time after it.
+  ASSERT_THAT(store_.Exclude("a", {lie.uuid, "", {}, "lies", {}}), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {"", "truck 2", At(10'000.0), "worn", {}}), IsOk());
+  const double without = At1(At(900.0));
+  EXPECT_NE(without, all);
+  EXPECT_THAT(store_.Exclude("a", {lie.uuid, "", {}, "lies", {}}),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded already"));
+  EXPECT_THAT(store_.Exclude("a", {"", "", {}, "why", {}}),
+              StatusIs(StatusCode::kInvalidArgument, "either a run or a vehicle"));
+  EXPECT_THAT(store_.Exclude("a", {Hash(2), "", {}, "", {}}),
+              StatusIs(StatusCode::kInvalidArgument, "a reason"));
+  EXPECT_THAT(store_.Exclude("a", {"run 1", "", {}, "why", {}}),
+              StatusIs(StatusCode::kNotFound, "no run 'run 1'"));
+  EXPECT_THAT(store_.Exclude("a", {"0000000", "", {}, "why", {}}),
+              StatusIs(StatusCode::kInvalidArgument, "more than one run"));
+  EXPECT_EQ(At1(At(900.0)), without);
 }
 
 TEST_F(MappedEvidenceTest, EvidenceThatDoesNotFitIsRefusedWhole) {

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/store/exclusion_rows.h"
+
+#include <utility>
+
+#include "mapstore/core/clock.h"
+#include "mapstore/map/shift_report_check.h"
+
+namespace shiftmap {
+
+StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database, std::int64_t area_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT run, vehicle, since_ns, reason, excluded_ns FROM exclusion "
+                       "WHERE area_id = ?1 ORDER BY vehicle, run"));
+  query.Bind(area_id);
+  std::vector<Exclusion> exclusions;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return exclusions;
+    exclusions.push_back({query.Text(0),
+                          query.Text(1),
+                          StampFromNanoseconds(query.Int64(2)),
+                          query.Text(3),
+                          StampFromNanoseconds(query.Int64(4))});
+  }
+}
+
+StatusOr<bool> InsertExclusion(Database& database,
+                               std::int64_t area_id,
+                               const Exclusion& exclusion) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO exclusion (area_id, run, vehicle, since_ns, reason, "
+                       "excluded_ns) VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO NOTHING"));
+  row.Bind(area_id,
+           exclusion.run,
+           exclusion.vehicle,
+           exclusion.vehicle.empty() ? std::int64_t{0} : ToNanoseconds(exclusion.since),
+           exclusion.reason,
+           ToNanoseconds(SystemNow()));
+  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  return database.Changes() > 0;
+}
+
+StatusOr<bool> DeleteExclusion(Database& database,
+                               std::int64_t area_id,
+                               const Exclusion& exclusion) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("DELETE FROM exclusion WHERE area_id = ?1 AND run = ?2 AND vehicle = ?3"));
+  row.Bind(area_id, exclusion.run, exclusion.vehicle);
+  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  return database.Changes() > 0;
+}
+
+StatusOr<std::string> FindRun(Database& database, const std::string& text) {
+  if (IsSha256Hex(text)) return text;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT sha256 FROM run WHERE substr(sha256, 1, length(?1)) = ?1 UNION "
+                       "SELECT iif(run_hash = '', uuid, run_hash) FROM shift_report "
+                       "WHERE substr(uuid, 1, length(?1)) = ?1 "
+                       "OR substr(run_hash, 1, length(?1)) = ?1"));
+  query.Bind(text);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) {
+    return NotFound(
+        "{}: no run '{}': expected a log's SHA-256 or a report's UUID, or how it begins",
+        database.name(),
+        text);
+  }
+  std::string run = query.Text(0);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool another, query.Step());
+  if (!another) return run;
+  return InvalidArgument("{}: more than one run begins with '{}'", database.name(), text);
+}
+
+ExcludedRuns::ExcludedRuns(const std::vector<Exclusion>& exclusions) {
+  for (const Exclusion& exclusion : exclusions) {
+    if (exclusion.vehicle.empty()) {
+      runs_.insert(exclusion.run);
+    } else {
+      vehicles_.emplace(exclusion.vehicle, exclusion.since);
+    }
+  }
+}
+
+bool ExcludedRuns::Contains(const std::string& run, const std::string& vehicle, Stamp begin) const {
+  if (runs_.contains(run)) return true;
+  const auto since = vehicles_.find(vehicle);
+  return since != vehicles_.end() && begin >= since->second;
+}
+
+StatusOr<std::vector<std::string>> FindExcludedRuns(Database& database,
+                                                    std::int64_t area_id,
+                                                    std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                            ReadExclusions(database, area_id));
+  const ExcludedRuns excluded(exclusions);
+  std::vector<std::string> names;
+  if (excluded.empty()) return names;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
+                       "SELECT parent_version_id FROM version JOIN line USING (version_id) "
+                       "WHERE parent_version_id IS NOT NULL) "
+                       "SELECT DISTINCT sha256, vehicle, begin_ns, name FROM line "
+                       "JOIN version_run USING (version_id) JOIN run USING (run_id) "
+                       "ORDER BY begin_ns, name"));
+  query.Bind(version_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return names;
+    if (excluded.Contains(query.Text(0), query.Text(1), StampFromNanoseconds(query.Int64(2)))) {
+      names.push_back(query.Text(3));
+    }
+  }
+}
+
+}  // namespace shiftmap
