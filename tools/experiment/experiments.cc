@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/experiments.h"
 
+#include "tools/experiment/alignments_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
@@ -15,6 +16,7 @@
 namespace shiftmap {
 
 void AddExperiments(Application* application) {
+  AddAlignmentsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
   AddLocalizerConsistencyExperiment(application);
