@@ -174,24 +174,39 @@ class PairDraw {
 
   void DrawPrior(std::size_t count) {
     Scatter(count);
-    const std::size_t stayed = dice_.Coin(prior_.none_stayed) ? Integer(0, 1) : Integer(2, count);
-    std::vector<std::size_t> order = Order(count);
-    order.resize(count - stayed);
-    for (const std::size_t i : order) after_[i] = MovedAsPrior(before_[i]);
-    moved_ = order.size();
     scale_sd_ = prior_.sd_scale;
-    if (order.size() < 3 || !dice_.Coin(prior_.group_share)) return;
-    // A body: the first one and those within its reach.
-    std::size_t reach = 3;
-    while (reach < order.size() && dice_.Coin(prior_.group_continue)) ++reach;
-    SortByDistance(before_[order.front()], &order);
     std::vector<std::size_t> body;
-    for (std::size_t i = 0; i < reach; ++i) {
-      if (dice_.Coin(prior_.group_along)) body.push_back(order[i]);
-    }
-    const Eigen::Vector2d from = before_[order.front()];
+    std::vector<std::size_t> moved;
+    // Of what does not fit together all is drawn again.
+    do {
+      const std::size_t stayed = dice_.Coin(prior_.none_stayed) ? Integer(0, 1) : Integer(2, count);
+      moved = Order(count);
+      moved.resize(count - stayed);
+      body.clear();
+    } while (dice_.Coin(prior_.group_share) && !DrawBody(moved, &body));
+    for (const std::size_t i : moved) after_[i] = MovedAsPrior(before_[i]);
+    moved_ = moved.size();
+    if (body.empty()) return;
+    const Eigen::Vector2d from = before_[body.front()];
     const double turn = dice_.Coin(0.5) ? 0.2 * dice_.Normal() : dice_.Uniform(-kPi, kPi);
     MoveBody(body, from, MovedAsPrior(from), turn);
+  }
+
+  // A centre and most of the nearest landmarks; false if that is no body of some that moved.
+  bool DrawBody(const std::vector<std::size_t>& moved, std::vector<std::size_t>* body) {
+    std::vector<std::size_t> nearest = Order(before_.size());
+    const std::size_t centre = nearest.front();
+    SortByDistance(before_[centre], &nearest);
+    std::size_t reach = 3;
+    while (dice_.Coin(prior_.group_continue)) ++reach;
+    if (reach > nearest.size()) return false;
+    for (std::size_t i = 0; i < reach; ++i) {
+      if (dice_.Coin(prior_.group_along)) body->push_back(nearest[i]);
+    }
+    return body->size() >= 3 && body->front() == centre &&
+           std::all_of(body->begin(), body->end(), [&](std::size_t i) {
+             return std::find(moved.begin(), moved.end(), i) != moved.end();
+           });
   }
 
   void SortByDistance(const Eigen::Vector2d& from, std::vector<std::size_t>* landmarks) {
@@ -243,8 +258,9 @@ class PairDraw {
         before_.push_back(centres.back() + Eigen::Vector2d(x, y));
       }
     }
+    constexpr std::size_t kBeside = 4;
     const std::size_t in_racks = before_.size();
-    Scatter(std::max(count, in_racks));
+    Scatter(std::max(count, in_racks + kBeside));
     std::vector<std::size_t> order = Order(before_.size());
     order.erase(
         std::remove_if(order.begin(), order.end(), [&](std::size_t i) { return i < in_racks; }),

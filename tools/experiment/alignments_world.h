@@ -48,7 +48,8 @@ struct AlignmentPair {
 /// Draws a pair: a square of 8 to 20 m with 5 to 40 landmarks (`kPrior`: 5 to 14). Of a landmark
 /// that moved the length of the move is Rayleigh with a scale of 0.2 to 2 m, or it is anywhere,
 /// half each; 10 to 100 % moved where the world does not say otherwise. A rack is 3 to 6 landmarks
-/// within 1.5 m; of the landmarks beside racks 0 to 100 % moved.
+/// within 1.5 m; there are four landmarks or more beside racks, 0 to 100 % of which moved. Racks
+/// that change places are turned by a half or not.
 ///
 /// The errors of each map are drawn from the covariance that the methods are given: a path across
 /// the site bends at eight places, by up to 0.03 rad in all (sd), the scale has sd 1 % and each
