@@ -13,10 +13,11 @@ namespace shiftmap {
 /// One frame that the other map may have in the reference, and the most likely set of landmarks
 /// that stayed in it.
 struct Explanation {
-  Alignment alignment;        ///< Its signatures are those that stayed; none: fewer than two did.
-  std::vector<int> moved;     ///< Groups, ascending.
-  std::vector<int> together;  ///< Of these, those that moved as one body, if that is more likely.
-  double probability = 0.0;   ///< Of the frame, over all sets of landmarks that lead to it.
+  Alignment alignment;     ///< Its signatures are those that stayed; none: fewer than two did.
+  std::vector<int> moved;  ///< Groups, ascending.
+  std::vector<int>
+      together;  ///< Of these, those of the likeliest body, if one is likelier than none.
+  double probability = 0.0;  ///< Of the frame, over all sets of landmarks that lead to it.
 
   bool nothing_stayed() const { return alignment.signatures.empty(); }
 };

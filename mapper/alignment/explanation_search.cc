@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/alignment/explanation_search.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -10,11 +8,10 @@
 #include <map>
 #include <numbers>
 #include <queue>
-#include <random>
 #include <unordered_set>
 #include <utility>
 
-#include "mapstore/geometry/se2.h"
+#include "mapper/alignment/all_moved.h"
 
 namespace shiftmap {
 namespace {
@@ -33,6 +30,14 @@ constexpr double kSameHeadingSd = 0.2;
 
 // Of more matches, a pair that a maximum contains starts no search of its own.
 constexpr int kManyMatches = 15;
+
+// Landmarks that agree and may have moved together.
+struct Body {
+  MatchSet matches = 0;
+  SimilarityFit fit;
+  double log_density = 0.0;       // Of the prior and all positions, were it anywhere.
+  double against_anywhere = 0.0;  // The same, against each landmark anywhere by itself.
+};
 
 MatchSet Bit(int match) { return MatchSet{1} << match; }
 
@@ -59,7 +64,10 @@ class Search {
     for (Hypothesis& hypothesis : found) {
       const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
       if (hypothesis.stayed != 0 && (maximum || hypothesis.log_score > first - limits_.window)) {
-        MoveTogether(&hypothesis);
+        hypothesis.log_score += LogBodies(hypothesis.stayed,
+                                          &hypothesis.fit,
+                                          scores_.at(hypothesis.stayed).log_moved,
+                                          &hypothesis.together);
       }
       total = LogSum(total, hypothesis.log_score);
     }
@@ -211,171 +219,92 @@ class Search {
            e_.log_area() + std::log(0.5 + 0.5 * same_heading);
   }
 
-  // Adds that some of the landmarks that moved did so together, over sets that agree.
-  void MoveTogether(Hypothesis* hypothesis) {
-    if (prior_.group_share <= 0.0) return;
-    const std::vector<double> log_moved = Score(hypothesis->stayed).log_moved;
+  // Sets that agree and leave out the landmarks of `taken`, the most telling ones.
+  const std::vector<Body>& BodiesBeside(MatchSet taken) {
+    constexpr double kWindow = 20.0;  // [nats]
+    const auto known = bodies_.find(taken);
+    if (known != bodies_.end()) return known->second;
+    std::vector<Body> bodies;
     std::unordered_set<MatchSet> tried;
-    double total = kNever;
-    double best = 0.0;
     for (const MatchSet maximum : maxima_) {
-      const MatchSet together = Without(maximum, hypothesis->stayed);
-      if (std::popcount(together) < kMinTogether || !tried.insert(together).second) continue;
-      const SetScore& body = Score(together);
-      double gain = body.log_evidence + LogTogether(together) + LogWent(body.fit, hypothesis->fit);
-      for (int k = 0; k < matches_; ++k) {
-        if ((together & Bit(k)) == 0) continue;
-        gain -=
-            log_moved[static_cast<std::size_t>(e_.matches()[static_cast<std::size_t>(k)].landmark)];
+      const MatchSet together = Without(maximum, taken);
+      const int count = std::popcount(together);
+      if (count < kMinTogether || !tried.insert(together).second) continue;
+      const SetScore& score = Score(together);
+      const double log_density =
+          score.log_evidence + LogTogether(together) + std::log(prior_.group_share);
+      if (!std::isfinite(log_density)) continue;
+      bodies.push_back({together, score.fit, log_density, log_density - count * e_.log_anywhere()});
+    }
+    std::sort(bodies.begin(), bodies.end(), [](const Body& x, const Body& y) {
+      return x.against_anywhere != y.against_anywhere ? x.against_anywhere > y.against_anywhere
+                                                      : x.matches < y.matches;
+    });
+    bodies.erase(std::find_if(bodies.begin(),
+                              bodies.end(),
+                              [&](const Body& body) {
+                                return body.against_anywhere <
+                                       bodies.front().against_anywhere - kWindow;
+                              }),
+                 bodies.end());
+    return bodies_.emplace(taken, std::move(bodies)).first->second;
+  }
+
+  // log of how much likelier it makes the landmarks that are not in `taken` that some of them moved
+  // as bodies: none or several, each further one as probable as the first. Beside all but the
+  // likeliest no further one is looked for.
+  // @param map        What stayed; null: it does not tell where bodies went.
+  // @param log_moved  Per landmark the log density of its position if it moved by itself.
+  // @param together   The likeliest body if that is likelier than none. May be null.
+  double LogBodies(MatchSet taken,
+                   const SimilarityFit* map,
+                   const std::vector<double>& log_moved,
+                   MatchSet* together) {
+    if (prior_.group_share <= 0.0) return 0.0;
+    const double log_no_more = std::log1p(-prior_.group_share);
+    double others = kNever;
+    double best = kNever;
+    MatchSet best_matches = 0;
+    for (const Body& body : BodiesBeside(taken)) {
+      double gain = body.log_density + (map == nullptr ? 0.0 : LogWent(body.fit, *map));
+      for (MatchSet left = body.matches; left != 0; left &= left - 1) {
+        gain -= log_moved[static_cast<std::size_t>(
+            e_.matches()[static_cast<std::size_t>(std::countr_zero(left))].landmark)];
       }
-      gain += std::log(prior_.group_share);
-      total = LogSum(total, gain);
+      others = LogSum(others, std::min(best, gain));
       if (gain <= best) continue;
       best = gain;
-      hypothesis->together = together;
+      best_matches = body.matches;
     }
-    hypothesis->log_score += LogSum(std::log1p(-prior_.group_share), total);
+    if (best <= 0.0) return LogSum(log_no_more, log_no_more + LogSum(others, best));
+    if (together != nullptr) *together = best_matches;
+    const double more = LogBodies(taken | best_matches, map, log_moved, nullptr);
+    return LogSum(LogSum(log_no_more, log_no_more + others), best + more);
   }
 
   // Fewer than two landmarks stayed: all are anywhere, or near where they were under some
   // transform, or some moved together.
   Hypothesis NothingStayed() {
-    double together = kNever;
-    for (const MatchSet maximum : maxima_) {
-      const int count = std::popcount(maximum);
-      if (count < kMinTogether || prior_.group_share <= 0.0) continue;
-      together =
-          LogSum(together,
-                 Score(maximum).log_evidence + LogTogether(maximum) +
-                     (landmarks_ - count) * e_.log_anywhere() + std::log(prior_.group_share));
-    }
+    const double near =
+        LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + std::log1p(-prior_.group_share);
+    const std::vector<double> anywhere(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
+    const double bodies = landmarks_ * e_.log_anywhere() + LogBodies(0, nullptr, anywhere, nullptr);
     Hypothesis nothing;
-    nothing.log_score = LogSum(LogAllMoved(), together) + std::log(prior_.none_stayed);
+    nothing.log_score = LogSum(near, bodies) + std::log(prior_.none_stayed);
     return nothing;
   }
 
-  // A Gaussian over rigid transforms: (centre_other, yaw_rad) of `fit`.
-  struct Proposal {
-    SimilarityFit fit;
-    Eigen::LLT<Eigen::Matrix3d> information;
-
-    double LogDensity(const Eigen::Vector3d& offset) const {
-      const Eigen::Vector3d z = information.matrixU() * offset;
-      return -0.5 * z.squaredNorm() - 1.5 * std::log(kTwoPi) +
-             information.matrixLLT().diagonal().array().log().sum();
+  std::vector<SimilarityFit> LikeliestFits() {
+    constexpr std::size_t kMost = 8;
+    std::vector<std::pair<double, MatchSet>> by_score;
+    for (const MatchSet maximum : maxima_) {
+      by_score.emplace_back(-Score(maximum).log_score, maximum);
     }
-  };
-
-  // log of the integral over rigid transforms, uniform over the area and all headings, that all
-  // landmarks moved: importance sampling from Gaussians around where most moved little.
-  double LogAllMoved() {
-    constexpr std::size_t kStarts = 8;
-    constexpr int kDraws = 64;  // Of each.
-    std::vector<std::pair<double, MatchSet>> starts;
-    for (const MatchSet maximum : maxima_) starts.emplace_back(-Score(maximum).log_score, maximum);
-    std::sort(starts.begin(), starts.end());
-    if (starts.size() > kStarts) starts.resize(kStarts);
-    if (starts.empty()) return landmarks_ * e_.log_anywhere();
-    std::vector<Proposal> proposals;
-    for (const auto& [score, start] : starts)
-      proposals.push_back(AroundLeastMoves(Score(start).fit));
-    std::mt19937_64 random(1);
-    std::normal_distribution<double> normal;
-    double total = kNever;
-    for (const Proposal& proposal : proposals) {
-      for (int i = 0; i < kDraws; ++i) {
-        const Eigen::Vector3d z(normal(random), normal(random), normal(random));
-        const Eigen::Vector3d step = proposal.information.matrixU().solve(z);
-        SimilarityFit x = proposal.fit;
-        x.centre_other += step.head<2>();
-        x.yaw_rad += step[2];
-        double log_density = -e_.log_area() - std::log(kTwoPi);
-        for (int landmark = 0; landmark < landmarks_; ++landmark) {
-          log_density += LogMoved(landmark, x);
-        }
-        double log_proposal = kNever;
-        for (const Proposal& other : proposals) {
-          Eigen::Vector3d offset;
-          offset << x * other.fit.centre_reference - other.fit.centre_other,
-              std::remainder(x.yaw_rad - other.fit.yaw_rad, kTwoPi);
-          log_proposal = LogSum(log_proposal, other.LogDensity(offset));
-        }
-        // Each has as many draws: of their mixture.
-        total = LogSum(total, log_density - log_proposal + std::log(std::ssize(proposals)));
-      }
-    }
-    return LogSum(total - std::log(static_cast<double>(kDraws * proposals.size())),
-                  landmarks_ * e_.log_anywhere());
-  }
-
-  // Expectation and maximization over how far each landmark moved, from a start; the Gaussian there
-  // is widened to reach what lies around.
-  Proposal AroundLeastMoves(SimilarityFit fit) const {
-    constexpr int kIterations = 12;
-    constexpr double kWider = 2.0;
-    fit.log_scale = 0.0;
-    Eigen::Matrix3d information;
-    for (int i = 0; i < kIterations; ++i) {
-      information = 1e-6 * Eigen::Matrix3d::Identity();
-      Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-      for (int landmark = 0; landmark < landmarks_; ++landmark) {
-        AddNear(landmark, fit, &information, &gradient);
-      }
-      const Eigen::Vector3d step = information.llt().solve(gradient);
-      fit.centre_other += step.head<2>();
-      fit.yaw_rad += step[2];
-    }
-    return {fit, Eigen::LLT<Eigen::Matrix3d>(information / (kWider * kWider))};
-  }
-
-  // log density of a landmark that moved near or anywhere, from any of its modes.
-  double LogMoved(int landmark, const SimilarityFit& fit) const {
-    const auto [first, end] = e_.MatchesOf(landmark);
-    double log_density = kNever;
-    for (int k = first; k < end; ++k) {
-      const Eigen::Vector2d r = e_.PositionInOther(k) - fit * e_.PositionInReference(k);
-      log_density =
-          LogSum(log_density, e_.LogMovedBy(r, e_.Variance(k) * Eigen::Matrix2d::Identity()));
-    }
-    return log_density - std::log(static_cast<double>(end - first));
-  }
-
-  // The same with Gaussian densities of near moves, which have one maximum.
-  void AddNear(int landmark,
-               const SimilarityFit& fit,
-               Eigen::Matrix3d* information,
-               Eigen::Vector3d* gradient) const {
-    const std::pair<int, int> of_landmark = e_.MatchesOf(landmark);
-    const int modes = of_landmark.second - of_landmark.first;
-    const double log_each =
-        std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / modes);
-    double total = e_.log_anywhere();
-    const auto visit_all = [&](const auto& visit) {
-      for (int k = of_landmark.first; k < of_landmark.second; ++k) {
-        const Eigen::Vector2d q = fit * e_.PositionInReference(k) - fit.centre_other;
-        const Eigen::Vector2d r = e_.PositionInOther(k) - fit.centre_other - q;
-        for (const double sd : prior_.near_sd_m) {
-          const double variance = sd * sd + e_.Variance(k);
-          visit(q,
-                r,
-                variance,
-                log_each - 0.5 * r.squaredNorm() / variance - std::log(kTwoPi * variance));
-        }
-      }
-    };
-    visit_all([&](const auto&, const auto&, double, double log_density) {
-      total = LogSum(total, log_density);
-    });
-    visit_all([&](const Eigen::Vector2d& q,
-                  const Eigen::Vector2d& r,
-                  double variance,
-                  double log_density) {
-      const double weight = std::exp(log_density - total) / variance;
-      Eigen::Matrix<double, 2, 3> jacobian;
-      jacobian << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
-      *information += weight * jacobian.transpose() * jacobian;
-      *gradient += weight * jacobian.transpose() * r;
-    });
+    std::sort(by_score.begin(), by_score.end());
+    if (by_score.size() > kMost) by_score.resize(kMost);
+    std::vector<SimilarityFit> fits;
+    for (const auto& [score, maximum] : by_score) fits.push_back(Score(maximum).fit);
+    return fits;
   }
 
   const AlignmentEvidence& e_;
@@ -386,6 +315,7 @@ class Search {
   std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
   std::unordered_set<MatchSet> climbed_;
   std::vector<MatchSet> maxima_;
+  std::map<MatchSet, std::vector<Body>> bodies_;  // By what they leave out.
 };
 
 }  // namespace

@@ -19,6 +19,7 @@ namespace shiftmap {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::SizeIs;
 
 constexpr double kArea = 100.0;
 constexpr double kDecided = 0.99;
@@ -376,6 +377,28 @@ TEST(ExplainAlignmentTest, TwoBodiesOfOneSizeAreTwoExplanations) {
   EXPECT_FALSE(explanations.frames[0].together.empty());
 }
 
+// Each of two racks that moved has more landmarks than stayed. That a rack stayed leaves three
+// bodies, one of which is not compact.
+TEST(ExplainAlignmentTest, TwoRacksThatMovedAreTwoBodies) {
+  const std::vector<Eigen::Vector2d> rack = {
+      {0.0, 0.0}, {0.9, 0.1}, {0.3, 0.8}, {1.1, 1.0}, {0.5, 0.4}};
+  std::vector<Eigen::Vector2d> before = {{0.5, 1.0}, {2.1, 9.0}, {9.3, 8.2}, {8.8, 0.7}};
+  std::vector<Eigen::Vector2d> after = before;
+  for (const Eigen::Vector2d& offset : rack) {
+    before.push_back(Eigen::Vector2d(2.0, 3.0) + offset);
+    after.push_back(Se2(3.5, 6.0, 0.3) * offset);
+  }
+  for (const Eigen::Vector2d& offset : rack) {
+    before.push_back(Eigen::Vector2d(7.0, 4.0) - offset);
+    after.push_back(Se2(6.0, 2.0, 2.5) * offset);
+  }
+  const Explanations explanations =
+      Explain(Points(before, 0.01), Points(after, 0.01), kArea, {}, {}).value();
+  EXPECT_THAT(explanations.frames[0].alignment.signatures, ElementsAre(0, 1, 2, 3));
+  EXPECT_GT(explanations.frames[0].probability, 0.9);
+  EXPECT_THAT(explanations.frames[0].together, SizeIs(5));
+}
+
 // Landmarks of the reference may have several modes, and stay at any.
 TEST(ExplainAlignmentTest, LandmarksStayAtAnyOfTheirModes) {
   std::mt19937_64 random(Seed());
@@ -400,8 +423,6 @@ TEST(ExplainAlignmentTest, TooManyMatchesAreNotExplained) {
   const Pair pair = DrawPair(kMaxMatches + 1, 0, &random);
   EXPECT_FALSE(Explain(pair.reference, pair.other, kArea, {}, {}));
 }
-
-// Of what is decided at 0.99 about one in a hundred may be wrong. The band is the binomial 99.9 %.
 
 }  // namespace
 }  // namespace shiftmap
