@@ -39,11 +39,13 @@ class CliqueSearch {
         free &= ~(Bit(vertex) | neighbours_[static_cast<std::size_t>(vertex)]);
       }
     }
-    for (auto it = coloured.rbegin(); it != coloured.rend(); ++it) {
-      if (std::popcount(clique) + it->second <= std::popcount(best_)) return;
-      Extend(clique | Bit(it->first),
-             candidates & neighbours_[static_cast<std::size_t>(it->first)]);
-      candidates &= ~Bit(it->first);
+    while (!coloured.empty()) {
+      const std::pair<int, int> last = coloured.back();
+      coloured.pop_back();
+      if (std::popcount(clique) + last.second <= std::popcount(best_)) return;
+      Extend(clique | Bit(last.first),
+             candidates & neighbours_[static_cast<std::size_t>(last.first)]);
+      candidates &= ~Bit(last.first);
     }
   }
 

@@ -232,8 +232,9 @@ class PairDraw {
     constexpr double kLeastSpacing = 0.8;  // [m]
     const double spacing = std::max(kLeastSpacing, side_ / static_cast<double>(columns));
     for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t row = i / columns;
       before_.emplace_back(spacing * static_cast<double>(i % columns),
-                           spacing * static_cast<double>(i / columns));
+                           spacing * static_cast<double>(row));
     }
     after_ = before_;
     const std::vector<std::size_t> order = Order(count);

@@ -63,7 +63,7 @@ class AllMovedTest : public testing::Test {
       Points({{-3.0, -1.0}, {2.5, -2.0}, {0.5, 3.0}, {-2.0, 2.0}, {3.0, 1.5}, {-0.5, -2.5}});
   const JointPoints other_ =
       Points({{-3.3, -0.8}, {2.5, -2.6}, {0.2, 3.2}, {-2.9, 2.6}, {-1.0, -0.5}, {-0.1, -2.5}});
-  const MovePrior prior_;
+  const MovePrior prior_{};
   const AlignmentEvidence evidence_{reference_, other_, kArea, prior_};
   const std::vector<SimilarityFit> starts_ = {evidence_.Score(0b001111).fit,
                                               evidence_.Score(0b100011).fit,
