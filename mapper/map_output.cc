@@ -185,7 +185,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
 }
 
 // The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13,
-// 14). What the prior map knows is a statement at its stamp.
+// 14). The prior map's probabilities enter as a statement at its stamp.
 void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
                       const std::optional<MapContent>& prior,

@@ -260,7 +260,16 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
                             GetVersion(database, area, area_row.area_id, version));
-  return FindExcludedRuns(database, area_row.area_id, row.version_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                            ReadExclusions(database, area_row.area_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> runs,
+                            ReadLineRuns(database, row.version_id));
+  std::vector<std::string> names;
+  for (const RunRecord& run : runs) {
+    const bool excluded = FindExclusion(exclusions, run.sha256, run.vehicle, run.begin) != nullptr;
+    if (excluded) names.push_back(run.name);
+  }
+  return names;
 }
 
 StatusOr<std::vector<AuditEntry>> MapStore::AuditLog(const std::optional<std::string>& area) {

@@ -56,6 +56,13 @@ struct Exclusion {
   Stamp excluded;  ///< Set by the store.
 };
 
+/// The first exclusion that is about a run, or null.
+/// @param run  SHA-256 of its log, or UUID of its report.
+const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
+                               const std::string& run,
+                               const std::string& vehicle,
+                               Stamp begin);
+
 struct CommitOptions {
   /// The version the content was made from; nothing for a map without a prior.
   std::optional<VersionNumber> parent;

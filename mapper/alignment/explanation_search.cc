@@ -253,7 +253,7 @@ class Search {
   // log of how much likelier it makes the landmarks that are not in `taken` that some of them moved
   // as bodies: none or several, each further one as probable as the first. Beside all but the
   // likeliest no further one is looked for.
-  // @param map        What stayed; null: it does not tell where bodies went.
+  // @param map        The transform of what stayed; null if it does not tell where bodies moved.
   // @param log_moved  Per landmark the log density of its position if it moved by itself.
   // @param together   The likeliest body if that is likelier than none. May be null.
   double LogBodies(MatchSet taken,
@@ -315,7 +315,7 @@ class Search {
   std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
   std::unordered_set<MatchSet> climbed_;
   std::vector<MatchSet> maxima_;
-  std::map<MatchSet, std::vector<Body>> bodies_;  // By what they leave out.
+  std::map<MatchSet, std::vector<Body>> bodies_;  // By the matches that they do not contain.
 };
 
 }  // namespace

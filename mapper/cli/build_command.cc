@@ -141,17 +141,16 @@ StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context
 Status LeaveOutExcluded(const std::string& area,
                         const std::vector<Exclusion>& exclusions,
                         LoadedRuns* runs) {
-  for (const Exclusion& exclusion : exclusions) {
-    std::erase_if(runs->inputs, [&](const MapperInput& input) {
-      const Stamp begin = input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp;
-      const bool excluded =
-          exclusion.vehicle.empty()
-              ? input.sha256 == exclusion.run
-              : input.run.info.vehicle == exclusion.vehicle && begin >= exclusion.since;
-      if (excluded) runs->rejected.push_back({input.name, "excluded: " + exclusion.reason});
-      return excluded;
-    });
-  }
+  std::erase_if(runs->inputs, [&](const MapperInput& input) {
+    const Exclusion* const exclusion =
+        FindExclusion(exclusions,
+                      input.sha256,
+                      input.run.info.vehicle,
+                      input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp);
+    if (exclusion == nullptr) return false;
+    runs->rejected.push_back({input.name, "excluded: " + exclusion->reason});
+    return true;
+  });
   if (!runs->inputs.empty()) return OkStatus();
   return FailedPrecondition("area '{}': no log to build from; first: run '{}': {}",
                             area,

@@ -58,67 +58,55 @@ Status VerifyReports(Database& database, DefectList* defects) {
                  defects);
 }
 
-Status VerifyEvidence(Database& database, DefectList* defects) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement rows,
-      database.Prepare("SELECT r.uuid, e.signature, e.begin_ns, e.end_ns, "
-                       "coalesce(e.version_id = r.version_id AND e.area_id = v.area_id, 0), "
-                       "coalesce(e.begin_ns >= r.first_visit_ns, 0), e.log_likelihoods "
-                       "FROM visit_evidence e LEFT JOIN shift_report r USING (report_id) "
-                       "LEFT JOIN version v ON v.version_id = r.version_id"));
+// Adds a defect for each visit that a query finds a problem with, or of which the log-likelihoods
+// do not unpack: (key, signature, begin in ns, problem or NULL, log-likelihoods).
+Status VerifyVisits(Database& database,
+                    const std::string& table,
+                    std::string_view sql,
+                    DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement rows, database.Prepare(sql));
   rows.Bind();
   std::vector<VisitEvidence::ModeLogLikelihood> modes;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
     if (!row) return OkStatus();
     ++defects->result().evidence_rows;
-    const char* problem = nullptr;
-    if (rows.Int64(4) == 0) {
-      problem = "its area or version is not that of its report";
-    } else if (rows.Int64(3) < rows.Int64(2)) {
-      problem = "ends before it begins";
-    } else if (rows.Int64(5) == 0) {
-      problem = "begins before the first visit of its report";
-    } else if (!UnpackLogLikelihoods(rows.Blob(6), &modes)) {
+    std::string problem = rows.Text(3);
+    if (problem.empty() && !UnpackLogLikelihoods(rows.Blob(4), &modes)) {
       problem = "log-likelihoods are damaged";
     }
-    if (problem == nullptr) continue;
-    defects->Add("visit_evidence",
-                 fmt::format("report {}, '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
+    if (problem.empty()) continue;
+    defects->Add(table,
+                 fmt::format("{}, '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
                  problem);
   }
 }
 
-Status VerifyMappedEvidence(Database& database, DefectList* defects) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement rows,
-      database.Prepare("SELECT r.name, e.signature, e.begin_ns, e.end_ns, "
-                       "coalesce(e.area_id = v.area_id, 0), "
-                       "v.content_stored = 0 OR EXISTS (SELECT 1 FROM version_run vr "
-                       "WHERE vr.version_id = e.version_id AND vr.run_id = e.run_id), "
-                       "e.log_likelihoods FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
-                       "LEFT JOIN version v ON v.version_id = e.version_id"));
-  rows.Bind();
-  std::vector<VisitEvidence::ModeLogLikelihood> modes;
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
-    if (!row) return OkStatus();
-    ++defects->result().evidence_rows;
-    const char* problem = nullptr;
-    if (rows.Int64(4) == 0) {
-      problem = "its area is not that of its version";
-    } else if (rows.Int64(5) == 0) {
-      problem = "its run is not of its version";
-    } else if (rows.Int64(3) < rows.Int64(2)) {
-      problem = "ends before it begins";
-    } else if (!UnpackLogLikelihoods(rows.Blob(6), &modes)) {
-      problem = "log-likelihoods are damaged";
-    }
-    if (problem == nullptr) continue;
-    defects->Add("mapped_evidence",
-                 fmt::format("run '{}', '{}' at {} ns", rows.Text(0), rows.Text(1), rows.Int64(2)),
-                 problem);
-  }
+Status VerifyEvidence(Database& database, DefectList* defects) {
+  SHIFTMAP_RETURN_IF_ERROR(
+      VerifyVisits(database,
+                   "visit_evidence",
+                   "SELECT 'report ' || coalesce(r.uuid, ''), e.signature, e.begin_ns, CASE "
+                   "WHEN NOT coalesce(e.version_id = r.version_id AND e.area_id = v.area_id, 0) "
+                   "THEN 'its area or version is not that of its report' "
+                   "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' "
+                   "WHEN NOT coalesce(e.begin_ns >= r.first_visit_ns, 0) "
+                   "THEN 'begins before the first visit of its report' END, e.log_likelihoods "
+                   "FROM visit_evidence e LEFT JOIN shift_report r USING (report_id) "
+                   "LEFT JOIN version v ON v.version_id = r.version_id",
+                   defects));
+  return VerifyVisits(
+      database,
+      "mapped_evidence",
+      "SELECT 'run ' || quote(coalesce(r.name, '')), e.signature, e.begin_ns, CASE "
+      "WHEN NOT coalesce(e.area_id = v.area_id, 0) THEN 'its area is not that of its version' "
+      "WHEN v.content_stored <> 0 AND NOT EXISTS (SELECT 1 FROM version_run vr "
+      "WHERE vr.version_id = e.version_id AND vr.run_id = e.run_id) "
+      "THEN 'its run is not of its version' "
+      "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' END, e.log_likelihoods "
+      "FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
+      "LEFT JOIN version v ON v.version_id = e.version_id",
+      defects);
 }
 
 Status VerifySightings(Database& database, DefectList* defects) {
@@ -180,7 +168,6 @@ Status FindFutureStamps(Database& database, DefectList* defects) {
 Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
-  SHIFTMAP_RETURN_IF_ERROR(VerifyMappedEvidence(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
               "decision",

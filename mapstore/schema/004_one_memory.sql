@@ -63,6 +63,10 @@ WHERE run_hash <> '' AND EXISTS (
   WHERE o.run_hash = shift_report.run_hash AND o.vehicle = shift_report.vehicle
     AND ov.area_id = v.area_id AND (ov.number, o.uuid) < (v.number, shift_report.uuid));
 
+-- Whether a report counts is looked up report by report.
+DROP INDEX shift_report_position;
+DROP INDEX shift_report_superseded;
+
 -- Filtered in another way.
 DELETE FROM ledger_checkpoint;
 UPDATE area SET rows_since_checkpoint =

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/exclusion_rows.h"
 
-#include <utility>
+#include <algorithm>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
@@ -76,46 +76,16 @@ StatusOr<std::string> FindRun(Database& database, const std::string& text) {
   return InvalidArgument("{}: more than one run begins with '{}'", database.name(), text);
 }
 
-ExcludedRuns::ExcludedRuns(const std::vector<Exclusion>& exclusions) {
-  for (const Exclusion& exclusion : exclusions) {
-    if (exclusion.vehicle.empty()) {
-      runs_.insert(exclusion.run);
-    } else {
-      vehicles_.emplace(exclusion.vehicle, exclusion.since);
-    }
-  }
-}
-
-bool ExcludedRuns::Contains(const std::string& run, const std::string& vehicle, Stamp begin) const {
-  if (runs_.contains(run)) return true;
-  const auto since = vehicles_.find(vehicle);
-  return since != vehicles_.end() && begin >= since->second;
-}
-
-StatusOr<std::vector<std::string>> FindExcludedRuns(Database& database,
-                                                    std::int64_t area_id,
-                                                    std::int64_t version_id) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
-                            ReadExclusions(database, area_id));
-  const ExcludedRuns excluded(exclusions);
-  std::vector<std::string> names;
-  if (excluded.empty()) return names;
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement query,
-      database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
-                       "SELECT parent_version_id FROM version JOIN line USING (version_id) "
-                       "WHERE parent_version_id IS NOT NULL) "
-                       "SELECT DISTINCT sha256, vehicle, begin_ns, name FROM line "
-                       "JOIN version_run USING (version_id) JOIN run USING (run_id) "
-                       "ORDER BY begin_ns, name"));
-  query.Bind(version_id);
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return names;
-    if (excluded.Contains(query.Text(0), query.Text(1), StampFromNanoseconds(query.Int64(2)))) {
-      names.push_back(query.Text(3));
-    }
-  }
+const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
+                               const std::string& run,
+                               const std::string& vehicle,
+                               Stamp begin) {
+  const auto found =
+      std::find_if(exclusions.begin(), exclusions.end(), [&](const Exclusion& exclusion) {
+        return exclusion.vehicle.empty() ? exclusion.run == run
+                                         : exclusion.vehicle == vehicle && begin >= exclusion.since;
+      });
+  return found == exclusions.end() ? nullptr : &*found;
 }
 
 }  // namespace shiftmap

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -30,25 +28,5 @@ StatusOr<bool> DeleteExclusion(Database& database,
 /// the report's UUID; or the only one that the store knows by these first digits.
 /// Errors: kInvalidArgument if it may be several; kNotFound if it is none.
 StatusOr<std::string> FindRun(Database& database, const std::string& text);
-
-/// Answers whether a run is excluded.
-class ExcludedRuns {
- public:
-  explicit ExcludedRuns(const std::vector<Exclusion>& exclusions);
-
-  bool empty() const { return runs_.empty() && vehicles_.empty(); }
-
-  /// @param run  SHA-256 of its log, or UUID of its report.
-  bool Contains(const std::string& run, const std::string& vehicle, Stamp begin) const;
-
- private:
-  std::set<std::string> runs_;
-  std::map<std::string, Stamp> vehicles_;  // Since when.
-};
-
-/// Names of the runs that a version or its ancestors mapped and that are excluded now.
-StatusOr<std::vector<std::string>> FindExcludedRuns(Database& database,
-                                                    std::int64_t area_id,
-                                                    std::int64_t version_id);
 
 }  // namespace shiftmap

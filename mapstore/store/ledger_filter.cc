@@ -46,40 +46,40 @@ Status LedgerFilter::Start(std::optional<Stamp> at) {
   if (!checkpoint) return OkStatus();
   before_ = checkpoint->before;
   states_ = std::move(checkpoint->states);
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
-  statement_taken_ = stated && *stated < before_;
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, view_.StatementRow());
+  statement_taken_ = statement != nullptr && statement->stamp < before_;
   return OkStatus();
 }
 
 StatusOr<std::int64_t> LedgerFilter::AdvanceTo(Stamp before) {
-  std::int64_t rows = 0;
-  if (before <= before_) return rows;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
-  if (stated && !statement_taken_ && *stated < before) {
-    SHIFTMAP_ASSIGN_OR_RETURN(rows, TakeRows(*stated, *stated));
-    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(*stated));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t more, TakeRows(before, before));
-  return rows + more;
+  if (before <= before_) return std::int64_t{0};
+  return Take(before, before);
 }
 
 StatusOr<Stamp> LedgerFilter::Finish(const LedgerQuery& query) {
   const Stamp last = query.at.value_or(query.latest);
   const Stamp own = version_.stamp <= query.latest ? version_.stamp : Stamp::min();
   const Stamp until = std::max(last, own);
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> stated, StatementStamp());
-  if (stated && !statement_taken_ && *stated <= until) {
-    SHIFTMAP_RETURN_IF_ERROR(TakeRows(std::min(*stated, After(last)), *stated).status());
-    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(*stated));
-  }
-  SHIFTMAP_RETURN_IF_ERROR(TakeRows(After(last), After(until)).status());
+  SHIFTMAP_RETURN_IF_ERROR(Take(After(last), After(until)).status());
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, view_.StatementRow());
   Stamp end = query.at ? until : std::max(states_.newest_end.value_or(Stamp::min()), own);
-  if (!states_.newest_end) end = std::max(end, stated.value_or(own));
-  if (stated && !statement_taken_) {
+  if (!states_.newest_end) end = std::max(end, statement != nullptr ? statement->stamp : own);
+  if (statement != nullptr && !statement_taken_) {
     // It is ahead of the clock, and holds all the same.
-    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(std::min(*stated, end)));
+    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(std::min(statement->stamp, end)));
   }
   return end;
+}
+
+StatusOr<std::int64_t> LedgerFilter::Take(Stamp before, Stamp mapped_before) {
+  std::int64_t rows = 0;
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, view_.StatementRow());
+  if (statement != nullptr && !statement_taken_ && statement->stamp < mapped_before) {
+    SHIFTMAP_ASSIGN_OR_RETURN(rows, TakeRows(std::min(statement->stamp, before), statement->stamp));
+    SHIFTMAP_RETURN_IF_ERROR(TakeStatement(statement->stamp));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t more, TakeRows(before, mapped_before));
+  return rows + more;
 }
 
 StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before) {
@@ -123,14 +123,6 @@ Status LedgerFilter::TakeRow(const LedgerRow& row) {
   AddVisit(group, row.begin, row.end, log_likelihoods_, &*state);
   states_.newest_end = std::max(states_.newest_end.value_or(row.end), row.end);
   return OkStatus();
-}
-
-StatusOr<std::optional<Stamp>> LedgerFilter::StatementStamp() {
-  if (version_.states_probabilities()) return std::optional(version_.stamp);
-  if (!version_.statement_version_id) return std::optional<Stamp>();
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
-                            GetVersionById(*database_, *version_.statement_version_id));
-  return std::optional(row.stamp);
 }
 
 // A group of which no row tells has the version's own probabilities, and needs no state for them.

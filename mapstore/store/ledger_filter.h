@@ -62,10 +62,11 @@ class LedgerFilter {
   const LedgerStates& states() const { return states_; }
 
  private:
+  // Rows in the order of time, and the statement in its place among them. Returns the rows read.
+  StatusOr<std::int64_t> Take(Stamp before, Stamp mapped_before);
   StatusOr<std::int64_t> TakeRows(Stamp before, Stamp mapped_before);
   StatusOr<bool> Counts(const LedgerRow& row);
   Status TakeRow(const LedgerRow& row);
-  StatusOr<std::optional<Stamp>> StatementStamp();
   Status TakeStatement(Stamp stamp);
   int GroupOf(std::string_view signature) const;
 

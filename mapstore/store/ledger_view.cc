@@ -12,15 +12,15 @@ StatusOr<std::optional<SetAside>> LedgerView::JudgeReported(std::int64_t report_
   SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
   if (whole.reason) return whole.reason;
   if (place.relation == Relation::kOther) return std::optional(SetAside::kOtherLine);
-  const bool known = place.before_statement && begin <= statement_->stamp &&
-                     report_id <= statement_->ledger_position.value();
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, StatementRow());
+  const bool known = place.before_statement && begin <= statement->stamp &&
+                     report_id <= statement->ledger_position.value();
   return known ? std::optional(SetAside::kInMap) : std::nullopt;
 }
 
 StatusOr<bool> LedgerView::Maps(std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
-  return (place.relation == Relation::kSelf || place.relation == Relation::kAncestor) &&
-         !place.before_statement && !place.at_statement;
+  return place.in_line() && !place.stated();
 }
 
 StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id, std::int64_t run_id) {
@@ -44,22 +44,20 @@ StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
          !whole.mapped_rows;
 }
 
-StatusOr<const ExcludedRuns*> LedgerView::Excluded() {
-  if (!excluded_) {
+StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
+  if (!exclusions_) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
     area.Bind(version_.version_id);
     SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
-                              ReadExclusions(*database_, area.Int64(0)));
-    excluded_.emplace(exclusions);
+    SHIFTMAP_ASSIGN_OR_RETURN(exclusions_, ReadExclusions(*database_, area.Int64(0)));
   }
-  return &*excluded_;
+  return &*exclusions_;
 }
 
 StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const ExcludedRuns* const excluded, Excluded());
-  if (excluded->empty()) return false;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
+  if (exclusions->empty()) return false;
   const auto [found, is_new] = excluded_runs_.try_emplace(run_id, false);
   if (!is_new) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -68,7 +66,9 @@ StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
   run.Bind(run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, run.Step());
   found->second =
-      there && excluded->Contains(run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2)));
+      there &&
+      FindExclusion(*exclusions, run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2))) !=
+          nullptr;
   return found->second;
 }
 
@@ -81,12 +81,13 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
                          "WHERE report_id = ?1"));
   report.Bind(report_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
-  SHIFTMAP_ASSIGN_OR_RETURN(const ExcludedRuns* const excluded, Excluded());
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
   Whole whole;
   if (there && report.Int64(0) != 0) whole.reason = SetAside::kSameRun;
-  if (there && !excluded->empty()) {
+  if (there && !exclusions->empty()) {
     const std::string run = report.Text(1).empty() ? report.Text(2) : report.Text(1);
-    if (excluded->Contains(run, report.Text(3), StampFromNanoseconds(report.Int64(4)))) {
+    const Stamp begin = StampFromNanoseconds(report.Int64(4));
+    if (FindExclusion(*exclusions, run, report.Text(3), begin) != nullptr) {
       whole.reason = SetAside::kExcluded;
     }
   }
@@ -94,15 +95,15 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
       Statement mapped,
       database_->Prepare("SELECT version_id FROM mapped_report WHERE report_id = ?1"));
   mapped.Bind(report_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, StatementRow());
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, mapped.Step());
     if (!row) break;
     SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(mapped.Int64(0)));
-    if (place.relation != Relation::kSelf && place.relation != Relation::kAncestor) continue;
-    const bool stated = place.before_statement || place.at_statement;
-    whole.mapped_rows = whole.mapped_rows || !stated;
+    if (!place.in_line()) continue;
+    whole.mapped_rows = whole.mapped_rows || !place.stated();
     // What a statement knew is in it, whatever else is true of it.
-    if (stated && report_id <= statement_->ledger_position.value()) continue;
+    if (place.stated() && report_id <= statement->ledger_position.value()) continue;
     if (!whole.reason) whole.reason = SetAside::kRunInMap;
   }
   reports_.emplace(report_id, whole);
@@ -126,6 +127,7 @@ StatusOr<LedgerView::Place> LedgerView::PlaceOf(std::int64_t version_id) {
 }
 
 StatusOr<const VersionRow*> LedgerView::StatementRow() {
+  if (version_.states_probabilities()) return &version_;
   if (!version_.statement_version_id) return static_cast<const VersionRow*>(nullptr);
   if (!statement_) {
     SHIFTMAP_ASSIGN_OR_RETURN(statement_,

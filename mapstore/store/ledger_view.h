@@ -5,6 +5,7 @@
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
+#include <vector>
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/sqlite/database.h"
@@ -54,19 +55,26 @@ class LedgerView {
   /// @param report_id, run_id  As LedgerRow has them.
   StatusOr<bool> TellsOfPast(std::int64_t report_id, std::int64_t run_id, std::int64_t version_id);
 
+  /// The version whose statement holds; null if none does.
+  StatusOr<const VersionRow*> StatementRow();
+
  private:
   enum class Relation { kSelf, kAncestor, kDescendant, kOther };
 
-  /// Of a version to the view's, and whether a statement of the line accounts for what was known.
+  /// A version, seen from the view's.
   struct Place {
     Relation relation = Relation::kOther;
     bool before_statement = false;  ///< An ancestor of the version whose statement holds.
     bool at_statement = false;      ///< That version itself.
+
+    bool in_line() const { return relation == Relation::kSelf || relation == Relation::kAncestor; }
+
+    /// What it mapped is in the statement.
+    bool stated() const { return before_statement || at_statement; }
   };
 
   StatusOr<Place> PlaceOf(std::int64_t version_id);
   StatusOr<Relation> RelationTo(const VersionRow& other);
-  StatusOr<const VersionRow*> StatementRow();
 
   /// What is true of all rows of a report.
   struct Whole {
@@ -76,7 +84,7 @@ class LedgerView {
 
   StatusOr<Whole> JudgeWhole(std::int64_t report_id);
   StatusOr<bool> IsExcluded(std::int64_t run_id);
-  StatusOr<const ExcludedRuns*> Excluded();
+  StatusOr<const std::vector<Exclusion>*> Exclusions();
 
   Database* database_;
   VersionRow version_;
@@ -86,7 +94,7 @@ class LedgerView {
   std::unordered_map<std::int64_t, Place> places_;
   std::unordered_map<std::int64_t, Whole> reports_;
   std::unordered_map<std::int64_t, bool> excluded_runs_;
-  std::optional<ExcludedRuns> excluded_;
+  std::optional<std::vector<Exclusion>> exclusions_;
 };
 
 }  // namespace shiftmap

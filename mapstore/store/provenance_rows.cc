@@ -90,21 +90,34 @@ StatusOr<Provenance> ReadProvenance(Database& database,
   return provenance;
 }
 
-StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id) {
+StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
                        "SELECT parent_version_id FROM version JOIN line USING (version_id) "
                        "WHERE parent_version_id IS NOT NULL) "
-                       "SELECT sha256 FROM line JOIN version_run USING (version_id) "
-                       "JOIN run USING (run_id)"));
+                       "SELECT DISTINCT name, sha256, vehicle, begin_ns, end_ns FROM line "
+                       "JOIN version_run USING (version_id) JOIN run USING (run_id) "
+                       "ORDER BY begin_ns, name"));
   query.Bind(version_id);
-  std::set<std::string> hashes;
-  while (true) {
+  std::vector<RunRecord> runs;
+  for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return hashes;
-    hashes.insert(query.Text(0));
+    if (!row) return runs;
+    runs.push_back({query.Text(0),
+                    query.Text(1),
+                    query.Text(2),
+                    StampFromNanoseconds(query.Int64(3)),
+                    StampFromNanoseconds(query.Int64(4)),
+                    {}});
   }
+}
+
+StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> runs, ReadLineRuns(database, version_id));
+  std::set<std::string> hashes;
+  for (const RunRecord& run : runs) hashes.insert(run.sha256);
+  return hashes;
 }
 
 }  // namespace shiftmap

@@ -24,7 +24,11 @@ StatusOr<Provenance> ReadProvenance(Database& database,
                                     std::int64_t version_id,
                                     const std::string& owner);
 
-/// RunRecord::sha256 of all runs that a version and its ancestors were built from.
+/// All runs that a version and its ancestors were built from, by begin and name, without
+/// trajectories.
+StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t version_id);
+
+/// Their RunRecord::sha256.
 StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id);
 
 }  // namespace shiftmap
