@@ -18,6 +18,7 @@ function(shiftmap_private_options target)
     target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE} -fno-omit-frame-pointer)
     # A finding ends the test that made it.
     target_compile_options(${target} PRIVATE -fno-sanitize-recover=all)
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:Clang>:-fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/tools/cmake/sanitizer_ignorelist.txt>)
     # What the sanitizers put in between hides from GCC what is initialized.
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
     target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
