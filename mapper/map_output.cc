@@ -154,8 +154,8 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
 std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& source) {
   std::vector<EvidenceRow> rows;
   for (const BuildVisit& visit : source.evidence) {
-    rows.push_back(
-        {problem.runs[static_cast<std::size_t>(visit.run)].data->sha256, visit.evidence});
+    const MappingRun& run = *problem.runs[static_cast<std::size_t>(visit.run)].data;
+    rows.push_back({run.sha256, visit.evidence, run.info.vehicle});
   }
   return rows;
 }

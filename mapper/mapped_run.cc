@@ -23,6 +23,7 @@ MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
   MappedRun mapped;
   mapped.name = run.data->name;
   mapped.sha256 = run.data->sha256;
+  mapped.uuid = run.data->info.uuid;
   mapped.vehicle = run.data->info.vehicle;
   mapped.begin = run.data->begin();
   mapped.end = run.data->end();

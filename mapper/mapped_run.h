@@ -18,6 +18,7 @@ namespace shiftmap {
 struct MappedRun {
   std::string name;
   std::string sha256;
+  std::string uuid;  ///< RunInfo::uuid.
   std::string vehicle;
   Stamp begin;
   Stamp end;

@@ -175,4 +175,8 @@ std::vector<RunChoice::LeftOut> RunChoice::Add(const std::string& id, const Buil
   return left_out;
 }
 
+void RunChoice::Remove(const std::string& id) {
+  std::erase_if(kept_, [&](const auto& kept) { return kept.first.second == id; });
+}
+
 }  // namespace shiftmap

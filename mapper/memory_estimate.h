@@ -72,6 +72,9 @@ class RunChoice {
   /// @param size  Of it alone.
   std::vector<LeftOut> Add(const std::string& id, const BuildSize& size);
 
+  /// Takes back a run that was added. What was left out beside it stays so.
+  void Remove(const std::string& id);
+
  private:
   using Key = std::pair<std::int64_t, std::string>;  // What it takes alone, and its id.
 

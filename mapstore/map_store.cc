@@ -197,14 +197,14 @@ StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNu
   return ReadProvenance(database, row.version_id, state_->VersionName(area, version));
 }
 
-StatusOr<std::set<std::string>> MapStore::RunHashes(const std::string& area,
-                                                    VersionNumber version) {
+StatusOr<std::set<std::string>> MapStore::RunIdentities(const std::string& area,
+                                                        VersionNumber version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
                             GetVersion(database, area, area_row.area_id, version));
-  return ReadRunHashes(database, row.version_id);
+  return ReadRunIdentities(database, row.version_id);
 }
 
 StatusOr<std::vector<UnplacedRun>> MapStore::WaitingRuns(const std::string& area) {
@@ -214,7 +214,7 @@ StatusOr<std::vector<UnplacedRun>> MapStore::WaitingRuns(const std::string& area
   std::set<std::string> known;
   if (area_row.published) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->PublishedRow(area, area_row));
-    SHIFTMAP_ASSIGN_OR_RETURN(known, ReadRunHashes(database, row.version_id));
+    SHIFTMAP_ASSIGN_OR_RETURN(known, ReadRunIdentities(database, row.version_id));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const auto entries, ReadAudit(database, area_row.area_id));
   std::vector<UnplacedRun> waiting;
@@ -266,7 +266,8 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
                             ReadLineRuns(database, row.version_id));
   std::vector<std::string> names;
   for (const RunRecord& run : runs) {
-    const bool excluded = FindExclusion(exclusions, run.sha256, run.vehicle, run.begin) != nullptr;
+    const bool excluded =
+        FindExclusion(exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
     if (excluded) names.push_back(run.name);
   }
   return names;

@@ -143,8 +143,9 @@ class MapStore {
 
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
-  /// RunRecord::sha256 of all runs that a version and its ancestors were built from.
-  StatusOr<std::set<std::string>> RunHashes(const std::string& area, VersionNumber version);
+  /// RunRecord::sha256 and RunRecord::identity of all runs that a version and its ancestors were
+  /// built from.
+  StatusOr<std::set<std::string>> RunIdentities(const std::string& area, VersionNumber version);
 
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing.
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if
@@ -165,7 +166,7 @@ class MapStore {
   /// mapped by it or an ancestor, or else reported against it, its ancestors and its descendants.
   /// Other than for LoadAt, what a statement accounts for is there too: rates are learned from the
   /// whole past. By signature, then in the order of time.
-  /// @param without_runs  SHA-256 of logs; what tells of them is left out.
+  /// @param without_runs  SHA-256 or RunRecord::identity; what tells of them is left out.
   StatusOr<std::vector<EvidenceRow>> Evidence(const std::string& area,
                                               VersionNumber version,
                                               const std::set<std::string>& without_runs = {});

@@ -70,9 +70,9 @@ Status CheckOrder(Stamp stamp, Stamp parent, Stamp latest, const std::string& pa
 // What is said of a run counts once.
 Status CheckNewRuns(Database& database, const VersionRow& parent, const Provenance& provenance) {
   SHIFTMAP_ASSIGN_OR_RETURN(std::set<std::string> known,
-                            ReadRunHashes(database, parent.version_id));
+                            ReadRunIdentities(database, parent.version_id));
   for (const RunRecord& run : provenance.runs) {
-    if (known.insert(run.sha256).second) continue;
+    if (!known.contains(run.sha256) && known.insert(run.identity()).second) continue;
     return InvalidArgument("{}: run '{}' is mapped already", database.name(), run.name);
   }
   return OkStatus();
@@ -92,7 +92,7 @@ StatusOr<VersionRow> InsertWholeVersion(Database& database,
           database, area_id, std::move(version), states_probabilities, content, provenance));
   SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
   for (const RunRecord& run : provenance.runs) {
-    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run.sha256));
+    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
   }
   SHIFTMAP_RETURN_IF_ERROR(
       InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
@@ -126,6 +126,15 @@ Status MapStore::State::MovePublished(std::int64_t area_id,
   update.Bind(area_id, version.version_id);
   SHIFTMAP_RETURN_IF_ERROR(update.Execute());
   return InsertAudit(database, area_id, action, std::to_string(version.number.value()));
+}
+
+// What was written is durable, and whoever reads will see an error of the ledger.
+void MapStore::State::MakeCheckpoints(const std::string& area,
+                                      std::int64_t area_id,
+                                      const VersionRow& version) {
+  ExtendCheckpoints(
+      database, area_id, version.version_id, checkpoint_rows, VersionName(area, version.number))
+      .IgnoreError();
 }
 
 StatusOr<ModeNumbers*> MapStore::State::NumbersOf(const VersionRow& version) {
@@ -197,14 +206,10 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                                std::move(version)));
   if (options.publish) {
     SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, "publish"));
-    SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database,
-                                               area_row.area_id,
-                                               version,
-                                               state_->checkpoint_rows,
-                                               state_->VersionName(area, version.number)));
   }
   SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(database, area_row.area_id, options.waiting));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  if (options.publish) state_->MakeCheckpoints(area, area_row.area_id, version);
   return CommitResult{version.number, version.content_hash};
 }
 
@@ -238,9 +243,9 @@ Status MapStore::Publish(const std::string& area,
   if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return OkStatus();
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, "publish"));
-  SHIFTMAP_RETURN_IF_ERROR(
-      ExtendCheckpoints(database, area_row.area_id, row, state_->checkpoint_rows, owner));
-  return transaction.Commit();
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  state_->MakeCheckpoints(area, area_row.area_id, row);
+  return OkStatus();
 }
 
 StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
@@ -268,9 +273,8 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return at.number;
   SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, "rollback"));
-  SHIFTMAP_RETURN_IF_ERROR(
-      ExtendCheckpoints(database, area_row.area_id, at, state_->checkpoint_rows, owner));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  state_->MakeCheckpoints(area, area_row.area_id, at);
   return at.number;
 }
 
@@ -311,20 +315,18 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   }
   SHIFTMAP_RETURN_IF_ERROR(
       DeleteCheckpointsAfter(database, area_row.area_id, Stamp::min()).status());
-  if (area_row.published) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, PublishedRow(area, area_row));
-    SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database,
-                                               area_row.area_id,
-                                               published,
-                                               checkpoint_rows,
-                                               VersionName(area, published.number)));
-  }
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
       database,
       area_row.area_id,
       exclude ? "exclude" : "include",
       exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason)));
-  return transaction.Commit();
+  std::optional<VersionRow> published;
+  if (area_row.published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(published, PublishedRow(area, area_row));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  if (published) MakeCheckpoints(area, area_row.area_id, *published);
+  return OkStatus();
 }
 
 Status MapStore::Exclude(const std::string& area, Exclusion exclusion, bool dry_run) {

@@ -30,6 +30,11 @@ struct RunRecord {
   /// What its visits say of the version's landmarks, in any order. Goes into the ledger, and does
   /// not come back with the provenance.
   std::vector<VisitEvidence> evidence = {};
+
+  std::string uuid = {};  ///< RunInfo::uuid.
+
+  /// What tells runs apart: the UUID, or else the hash.
+  const std::string& identity() const { return uuid.empty() ? sha256 : uuid; }
 };
 
 /// Where a version comes from.
@@ -49,7 +54,7 @@ struct UnplacedRun {
 
 /// What an operator takes out of an area's memory: a run, or all runs of a vehicle since a time.
 struct Exclusion {
-  std::string run;      ///< SHA-256 of the log, or UUID of a report; empty: it is about a vehicle.
+  std::string run;      ///< RunRecord::identity; empty: it is about a vehicle.
   std::string vehicle;  ///< Empty: it is about a run.
   Stamp since;          ///< Of a vehicle: runs that begin then or later.
   std::string reason;
@@ -57,7 +62,7 @@ struct Exclusion {
 };
 
 /// The first exclusion that is about a run, or null.
-/// @param run  SHA-256 of its log, or UUID of its report.
+/// @param run  RunRecord::identity, or UUID of the report of a shift that left no log.
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
                                const std::string& run,
                                const std::string& vehicle,

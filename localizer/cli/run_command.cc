@@ -91,6 +91,7 @@ class Shift {
     SHIFTMAP_RETURN_IF_ERROR(Begin(log.run.info, StampOf(events.front())));
     for (const RunEvent& event : events) SHIFTMAP_RETURN_IF_ERROR(Process(event));
     run_hash_ = log.sha256;
+    run_uuid_ = log.run.info.uuid;
     summary_.truncation = log.truncation;
     return OkStatus();
   }
@@ -106,6 +107,7 @@ class Shift {
       }
     }
     if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
+    run_uuid_ = stream.info().uuid;
     summary_.truncation = stream.truncation();
     return OkStatus();
   }
@@ -121,6 +123,7 @@ class Shift {
     report.uuid = RandomUuid();
     report.vehicle = summary_.vehicle;
     report.run_hash = run_hash_;
+    report.run_uuid = run_uuid_;
     report.software = "shiftmap-localizer " + SoftwareVersion();
     live::DropCounts dropped;
     live::AddDropped(localizer_->Statistics(), &dropped);
@@ -189,6 +192,7 @@ class Shift {
   std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
   std::string run_hash_;
+  std::string run_uuid_;
 };
 
 // Areas of a store of which the log saw more landmarks than of the one that it was localized in.

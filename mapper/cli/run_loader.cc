@@ -41,7 +41,7 @@ class Loader {
   Loader(const RunLoaderOptions& options, const Context& context)
       : options_(options),
         context_(context),
-        seen_(options.known_hashes),
+        seen_(options.known_runs),
         choice_(options.max_memory_bytes, options.prior_modes, options.threads) {}
 
   Status Load(const std::string& path);
@@ -59,6 +59,7 @@ class Loader {
   // Drops what no vehicle or sensor does.
   Status DropImplausibleItems(const std::string& path, RunLog* log);
   Status CheckName(const std::string& path, const std::string& name);
+  bool KeepLongest(const std::string& path, const RunLog& log);
 
   struct Rejection {
     std::string name;
@@ -97,6 +98,30 @@ Status Loader::CheckName(const std::string& path, const std::string& name) {
       "run logs '{}' and '{}': their trajectories would be one file", named->second, path);
 }
 
+// Of copies of one run the one that was cut off last has the others in it. False: not this one.
+bool Loader::KeepLongest(const std::string& path, const RunLog& log) {
+  const std::string& uuid = log.run.info.uuid;
+  const auto copy = std::find_if(loaded_.begin(), loaded_.end(), [&](const auto& loaded) {
+    return !uuid.empty() && loaded.second.input.run.info.uuid == uuid;
+  });
+  if (copy == loaded_.end()) return true;
+  const Run& other = copy->second.input.run;
+  const auto length = [](const Run& run) {
+    return std::make_tuple(EndOf(run), run.odometry.size());
+  };
+  const bool longer = length(other) < length(log.run);
+  const std::string kept = longer ? path : copy->second.path;
+  Reject(longer ? copy->second.path : path,
+         InvalidArgument("{}: a copy of the run, not longer than {}",
+                         LogName(longer ? copy->second.path : path),
+                         LogName(kept)));
+  if (longer) {
+    choice_.Remove(copy->first);
+    loaded_.erase(copy);
+  }
+  return longer;
+}
+
 Status Loader::Load(const std::string& path) {
   StatusOr<RunLog> log =
       ReadRunLog(path, {.max_memory_bytes = options_.max_memory_bytes / kReaderShare});
@@ -110,6 +135,16 @@ Status Loader::Load(const std::string& path) {
   }
   if (!seen_.insert(log->sha256).second) {
     Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));
+    return OkStatus();
+  }
+  const RunInfo& info = log->run.info;
+  if (options_.known_runs.contains(info.uuid)) {
+    Reject(path,
+           MakeStatus(StatusCode::kAlreadyExists, "another copy of the run is in the map already"));
+    return OkStatus();
+  }
+  if (!info.area.empty() && info.area != options_.area) {
+    Reject(path, InvalidArgument("{}: is of area '{}'", LogName(path), info.area));
     return OkStatus();
   }
   Status usable =
@@ -129,6 +164,7 @@ Status Loader::Load(const std::string& path) {
   const std::string name = std::filesystem::path(path).stem().string();
   SHIFTMAP_RETURN_IF_ERROR(CheckName(path, name));
 
+  if (!KeepLongest(path, *log)) return OkStatus();
   BuildSize size;
   AddRun(log->run, &size);
   loaded_[log->sha256] = {path, {name, log->sha256, std::move(log->run)}};

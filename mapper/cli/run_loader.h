@@ -17,9 +17,9 @@
 namespace shiftmap {
 
 struct RunLoaderOptions {
-  std::string area;                    ///< For messages.
-  std::vector<std::string> logs;       ///< Paths.
-  std::set<std::string> known_hashes;  ///< Of the logs that are in the map already.
+  std::string area;                  ///< For messages.
+  std::vector<std::string> logs;     ///< Paths.
+  std::set<std::string> known_runs;  ///< Hash and identity of the runs that are in the map already.
 
   /// Bound on the build's memory, and what it grows with beside the logs. [bytes]
   std::int64_t max_memory_bytes = 0;
@@ -39,8 +39,9 @@ struct LoadedRuns {
   std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
 };
 
-/// Reads the logs of a build. A log that is damaged, ends in the future, or takes too much memory
-/// is left out by name, so that the others need not wait for it. Of logs that are too much together
+/// Reads the logs of a build. A log that is damaged, ends in the future, names another area, is a
+/// shorter copy of another one's run, or takes too much memory is left out by name, so that the
+/// others need not wait for it. Of logs that are too much together
 /// the largest are left out, whatever their order. Warns of logs that are cut off, hold implausible
 /// items, or were recorded without a clock.
 ///

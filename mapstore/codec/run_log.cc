@@ -12,6 +12,7 @@
 #include "mapstore/core/memory_bound.h"
 #include "mapstore/core/utf8.h"
 #include "mapstore/map/sha256.h"
+#include "mapstore/map/shift_report_check.h"
 #include "proto/mcap/reader.h"
 #include "proto/mcap/writer.h"
 
@@ -52,15 +53,20 @@ std::uint64_t LogTime(Stamp stamp) {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(ToNanoseconds(stamp), 0));
 }
 
-Status CheckText(const Run& run) {
-  if (!IsUtf8(run.info.vehicle)) return InvalidArgument("vehicle is not UTF-8");
-  if (!IsUtf8(run.info.source)) return InvalidArgument("source is not UTF-8");
-  for (const Scan& scan : run.scans) {
-    for (const Observation& observation : scan.observations) {
-      if (!IsUtf8(observation.signature.text())) {
-        return InvalidArgument("scan at {:.6f} s: a signature is not UTF-8",
-                               ToSecondsSinceEpoch(scan.stamp));
-      }
+Status CheckText(const RunInfo& info) {
+  if (!IsUtf8(info.vehicle)) return InvalidArgument("vehicle is not UTF-8");
+  if (!IsUtf8(info.source)) return InvalidArgument("source is not UTF-8");
+  if (!IsUtf8(info.area)) return InvalidArgument("area is not UTF-8");
+  if (!info.uuid.empty() && !IsUuid(info.uuid))
+    return InvalidArgument("uuid: not an RFC 4122 UUID");
+  return OkStatus();
+}
+
+Status CheckText(const Scan& scan) {
+  for (const Observation& observation : scan.observations) {
+    if (!IsUtf8(observation.signature.text())) {
+      return InvalidArgument("scan at {:.6f} s: a signature is not UTF-8",
+                             ToSecondsSinceEpoch(scan.stamp));
     }
   }
   return OkStatus();
@@ -134,50 +140,90 @@ Status CheckSize(const Scan& scan, const std::string& message) {
                          kMaxItemBytes);
 }
 
-Status WriteMessages(const Run& run, mcap::Writer* writer) {
-  const std::string schema = RunLogSchema();
-  const auto add_channel = [&](const RunLogTopic& topic) {
-    return writer->AddChannel(
-        writer->AddSchema(topic.schema_name, kEncoding, schema), topic.topic, kEncoding);
-  };
-  const std::uint16_t info = add_channel(kRunInfoTopic);
-  const std::uint16_t odometry = add_channel(kOdometryTopic);
-  const std::uint16_t landmarks = add_channel(kLandmarksTopic);
-
-  const std::vector<RunEvent> events = MergeEvents(run);
-  SHIFTMAP_RETURN_IF_ERROR(
-      writer->Write(info, LogTime(StampOf(events.front())), EncodeRunInfo(run.info)));
-  for (const RunEvent& event : events) {
-    const std::uint64_t time_ns = LogTime(StampOf(event));
-    if (const auto* sample = std::get_if<OdometrySample>(&event)) {
-      SHIFTMAP_RETURN_IF_ERROR(writer->Write(odometry, time_ns, EncodeOdometry(*sample)));
-      continue;
-    }
-    const Scan& scan = std::get<Scan>(event);
-    const std::string message = EncodeScan(scan);
-    SHIFTMAP_RETURN_IF_ERROR(CheckSize(scan, message));
-    SHIFTMAP_RETURN_IF_ERROR(writer->Write(landmarks, time_ns, message));
-  }
-  return writer->Finish();
+Status WriteChecked(const Run& run, const std::string& path, const RunLogWriterOptions& options) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateRun(run));
+  SHIFTMAP_ASSIGN_OR_RETURN(RunLogWriter writer, RunLogWriter::Create(path, run.info, options));
+  for (const RunEvent& event : MergeEvents(run)) SHIFTMAP_RETURN_IF_ERROR(writer.Write(event));
+  return writer.Finish();
 }
 
-Status WriteChecked(const Run& run, const std::string& path, const RunLogWriterOptions& options) {
+}  // namespace
+
+struct RunLogWriter::State {
+  State(const RunInfo& run, AtomicFile to) : info(run), file(std::move(to)) {}
+
+  RunInfo info;
+  AtomicFile file;
+  std::optional<mcap::Writer> writer;
+  std::uint16_t info_channel = 0;
+  std::uint16_t odometry_channel = 0;
+  std::uint16_t scan_channel = 0;
+  std::optional<Stamp> newest;
+  bool has_odometry = false;
+
+  std::uint16_t AddChannel(const RunLogTopic& topic) {
+    const std::uint16_t schema = writer->AddSchema(topic.schema_name, kEncoding, RunLogSchema());
+    return writer->AddChannel(schema, topic.topic, kEncoding);
+  }
+
+  Status Write(const RunEvent& event);
+};
+
+Status RunLogWriter::State::Write(const RunEvent& event) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(event));
+  const Stamp stamp = StampOf(event);
+  if (newest && stamp < *newest) {
+    return InvalidArgument("item at {:.6f} s after one at {:.6f} s",
+                           ToSecondsSinceEpoch(stamp),
+                           ToSecondsSinceEpoch(*newest));
+  }
+  const std::uint64_t time_ns = LogTime(stamp);
+  if (!newest) SHIFTMAP_RETURN_IF_ERROR(writer->Write(info_channel, time_ns, EncodeRunInfo(info)));
+  newest = stamp;
+  if (const auto* sample = std::get_if<OdometrySample>(&event)) {
+    has_odometry = true;
+    return writer->Write(odometry_channel, time_ns, EncodeOdometry(*sample));
+  }
+  const Scan& scan = std::get<Scan>(event);
+  SHIFTMAP_RETURN_IF_ERROR(CheckText(scan));
+  const std::string message = EncodeScan(scan);
+  SHIFTMAP_RETURN_IF_ERROR(CheckSize(scan, message));
+  return writer->Write(scan_channel, time_ns, message);
+}
+
+StatusOr<RunLogWriter> RunLogWriter::Create(const std::string& path,
+                                            const RunInfo& info,
+                                            const RunLogWriterOptions& options) {
   if (options.chunk_bytes < 1 || options.chunk_bytes > kMaxWriterChunkBytes) {
     return InvalidArgument(
         "chunk size {} bytes, expected 1..{}", options.chunk_bytes, kMaxWriterChunkBytes);
   }
-  SHIFTMAP_RETURN_IF_ERROR(ValidateRun(run));
-  SHIFTMAP_RETURN_IF_ERROR(CheckText(run));
+  SHIFTMAP_RETURN_IF_ERROR(CheckText(info));
   SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  mcap::Writer writer(
-      [&file](std::string_view bytes) { return file.Append(bytes); },
-      {.compression = options.compress ? mcap::Compression::kZstd : mcap::Compression::kNone,
-       .chunk_bytes = static_cast<std::uint64_t>(options.chunk_bytes)});
-  SHIFTMAP_RETURN_IF_ERROR(WriteMessages(run, &writer));
-  return file.Commit();
+  auto state = std::make_unique<State>(info, std::move(file));
+  state->writer.emplace(
+      [to = &state->file](std::string_view bytes) { return to->Append(bytes); },
+      mcap::WriterOptions{
+          .compression = options.compress ? mcap::Compression::kZstd : mcap::Compression::kNone,
+          .chunk_bytes = static_cast<std::uint64_t>(options.chunk_bytes)});
+  state->info_channel = state->AddChannel(kRunInfoTopic);
+  state->odometry_channel = state->AddChannel(kOdometryTopic);
+  state->scan_channel = state->AddChannel(kLandmarksTopic);
+  return RunLogWriter(std::move(state));
 }
 
-}  // namespace
+RunLogWriter::RunLogWriter(std::unique_ptr<State> state) : state_(std::move(state)) {}
+RunLogWriter::RunLogWriter(RunLogWriter&&) noexcept = default;
+RunLogWriter& RunLogWriter::operator=(RunLogWriter&&) noexcept = default;
+RunLogWriter::~RunLogWriter() = default;
+
+Status RunLogWriter::Write(const RunEvent& event) { return state_->Write(event); }
+
+Status RunLogWriter::Finish() {
+  if (!state_->has_odometry) return InvalidArgument("no odometry");
+  SHIFTMAP_RETURN_IF_ERROR(state_->writer->Finish());
+  return state_->file.Commit();
+}
 
 struct RunLogStream::State {
   std::string path;

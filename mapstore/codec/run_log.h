@@ -46,6 +46,31 @@ Status WriteRunLog(const Run& run,
                    const std::string& path,
                    const RunLogWriterOptions& options = {});
 
+/// Writes a run log item by item, in constant memory. The same items give the same bytes as
+/// WriteRunLog. What is not finished leaves nothing behind.
+/// Errors: as WriteRunLog.
+class RunLogWriter {
+ public:
+  static StatusOr<RunLogWriter> Create(const std::string& path,
+                                       const RunInfo& info,
+                                       const RunLogWriterOptions& options = {});
+
+  RunLogWriter(RunLogWriter&&) noexcept;
+  RunLogWriter& operator=(RunLogWriter&&) noexcept;
+  ~RunLogWriter();
+
+  /// Appends an item. Errors also: kInvalidArgument if it is older than the one before.
+  Status Write(const RunEvent& event);
+
+  /// Places the file. Errors also: kInvalidArgument if there was no odometry. Call once, last.
+  Status Finish();
+
+ private:
+  struct State;
+  explicit RunLogWriter(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
 /// Reads a run log item by item, from a file or a pipe, in constant memory, in the order of the
 /// file: that of one chunk, of 64 MiB at most. Items are checked by ValidateEvent; order is the
 /// consumer's business.

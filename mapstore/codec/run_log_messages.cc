@@ -6,6 +6,7 @@
 
 #include "mapstore/codec/parse_proto.h"
 #include "mapstore/codec/run_log_proto.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
@@ -78,6 +79,8 @@ std::string EncodeRunInfo(const RunInfo& info) {
   proto::RunInfo message;
   message.set_vehicle(info.vehicle);
   message.set_source(info.source);
+  message.set_run_uuid(info.uuid);
+  message.set_area(info.area);
   return message.SerializeAsString();
 }
 
@@ -134,7 +137,11 @@ StatusOr<Scan> FromProto(const proto::LandmarkScan& in) {
 StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes) {
   proto::RunInfo message;
   SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, &message));
-  return RunInfo{message.vehicle(), message.source()};
+  if (!message.run_uuid().empty() && !IsUuid(message.run_uuid())) {
+    return InvalidArgument("run_uuid: neither empty nor an RFC 4122 UUID");
+  }
+  return RunInfo{
+      message.vehicle(), message.source(), LowerCaseUuid(message.run_uuid()), message.area()};
 }
 
 StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes) {

@@ -96,6 +96,7 @@ ShiftReport FromProto(const proto::ShiftReport& in) {
   report.version = VersionNumber(in.version());
   report.content_hash = in.content_hash();
   report.run_hash = in.run_hash();
+  report.run_uuid = in.run_uuid();
   report.software = in.software();
   report.begin = StampFromNanoseconds(in.begin_ns());
   report.end = StampFromNanoseconds(in.end_ns());
@@ -141,6 +142,7 @@ std::string EncodeShiftReport(const ShiftReport& report) {
   out.set_version(report.version.value());
   out.set_content_hash(report.content_hash);
   out.set_run_hash(report.run_hash);
+  out.set_run_uuid(report.run_uuid);
   out.set_software(report.software);
   out.set_begin_ns(ToNanoseconds(report.begin));
   out.set_end_ns(ToNanoseconds(report.end));

@@ -11,6 +11,12 @@
 namespace shiftmap {
 namespace {
 
+bool Same(const std::optional<VehicleTurn>& a, const std::optional<VehicleTurn>& b) {
+  if (!a || !b) return a.has_value() == b.has_value();
+  return a->vehicle == b->vehicle && a->log_odds == b->log_odds && a->right == b->right &&
+         a->mistaken == b->mistaken && a->own == b->own;
+}
+
 bool Same(const LedgerStates& a, const LedgerStates& b) {
   if (a.newest_end != b.newest_end || a.groups.size() != b.groups.size()) return false;
   for (std::size_t i = 0; i < a.groups.size(); ++i) {
@@ -19,7 +25,7 @@ bool Same(const LedgerStates& a, const LedgerStates& b) {
     const ModeState& left = *a.groups[i];
     const ModeState& right = *b.groups[i];
     if (left.stamp != right.stamp || left.started != right.started ||
-        left.log_probabilities != right.log_probabilities) {
+        left.log_probabilities != right.log_probabilities || !Same(left.turn, right.turn)) {
       return false;
     }
   }

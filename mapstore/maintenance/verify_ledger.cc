@@ -37,25 +37,26 @@ Status VerifyReports(Database& database, DefectList* defects) {
       database,
       "shift_report",
       "SELECT uuid, 'more than one report about its run counts' FROM (SELECT min(uuid) AS uuid "
-      "FROM shift_report r JOIN version v USING (version_id) WHERE run_hash <> '' AND "
-      "superseded = 0 GROUP BY area_id, run_hash, vehicle HAVING count(*) > 1)",
+      "FROM shift_report r JOIN version v USING (version_id) WHERE "
+      "superseded = 0 GROUP BY area_id, identity, vehicle HAVING count(*) > 1)",
       defects));
   SHIFTMAP_RETURN_IF_ERROR(AddRows(
       database,
       "shift_report",
       "SELECT r.uuid, 'counts in place of a report against an older version' FROM shift_report r "
-      "JOIN version v USING (version_id) JOIN shift_report o ON o.run_hash = r.run_hash "
-      "JOIN version ov ON ov.version_id = o.version_id WHERE r.run_hash <> '' AND r.superseded = 0 "
+      "JOIN version v USING (version_id) JOIN shift_report o ON o.identity = r.identity "
+      "JOIN version ov ON ov.version_id = o.version_id WHERE r.superseded = 0 "
       "AND o.superseded = 1 AND ov.area_id = v.area_id AND o.vehicle = r.vehicle AND "
       "(ov.number, o.uuid) < (v.number, r.uuid)",
       defects));
-  return AddRows(database,
-                 "mapped_report",
-                 "SELECT uuid, 'is not about a run of the version' FROM mapped_report m "
-                 "JOIN shift_report r USING (report_id) WHERE NOT EXISTS (SELECT 1 FROM run "
-                 "JOIN version_run vr USING (run_id) WHERE sha256 = r.run_hash "
-                 "AND vr.version_id = m.version_id)",
-                 defects);
+  return AddRows(
+      database,
+      "mapped_report",
+      "SELECT uuid, 'is not about a run of the version' FROM mapped_report m "
+      "JOIN shift_report r USING (report_id) WHERE NOT EXISTS (SELECT 1 FROM run "
+      "JOIN version_run vr USING (run_id) WHERE "
+      "(run.identity = r.identity OR sha256 = r.run_hash) AND vr.version_id = m.version_id)",
+      defects);
 }
 
 // Adds a defect for each visit that a query finds a problem with, or of which the log-likelihoods

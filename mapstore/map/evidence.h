@@ -61,6 +61,7 @@ struct ShiftReport {
   VersionNumber version;     ///< The map version driven on,
   std::string content_hash;  ///< and its content hash.
   std::string run_hash;      ///< SHA-256 of the run log in hex; empty for a live stream.
+  std::string run_uuid;      ///< Of the run, as its log has it; empty if that has none.
   std::string software;      ///< Name and version of what made the report.
   Stamp begin;               ///< First and last stamp of the shift.
   Stamp end;

@@ -2,6 +2,7 @@
 #include "mapstore/map/mode_chain.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
@@ -10,6 +11,9 @@
 
 namespace shiftmap {
 namespace {
+
+// Long against the time between any two changes, short enough not to overflow.
+constexpr Duration kForever = std::chrono::hours(24 * 365 * 200);
 
 // exp(Q t) by scaling and squaring, with rows that are distributions to the last bit.
 Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double seconds) {
@@ -38,7 +42,10 @@ Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double secon
 }  // namespace
 
 ModeChain::ModeChain(Eigen::MatrixXd rate_matrix, double leave_rate_per_s)
-    : rate_matrix_(std::move(rate_matrix)), leave_rate_per_s_(leave_rate_per_s) {}
+    : rate_matrix_(std::move(rate_matrix)), leave_rate_per_s_(leave_rate_per_s) {
+  const Eigen::Index states = rate_matrix_.rows();
+  stationary_.setConstant(states, 1.0 / static_cast<double>(states));
+}
 
 ModeChain ModeChain::Uniform(int modes, double leave_rate_per_s) {
   SHIFTMAP_CHECK(
@@ -79,6 +86,7 @@ StatusOr<ModeChain> ModeChain::FromRates(const Eigen::MatrixXd& rate_matrix) {
   const double mean_leave_rate = -rates.diagonal().mean();
   ModeChain chain(std::move(rates), mean_leave_rate);
   chain.uniform_ = false;
+  chain.stationary_ = chain.Propagate(chain.stationary_, kForever);
   return chain;
 }
 

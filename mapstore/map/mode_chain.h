@@ -41,6 +41,10 @@ class ModeChain {
   /// Q, (n+1) x (n+1); rows sum to 0, off-diagonal entries are >= 0. [1/s]
   const Eigen::MatrixXd& rate_matrix() const { return rate_matrix_; }
 
+  /// Where the uniform distribution relaxes to: itself if the chain is uniform. Size n+1; sums
+  /// to 1.
+  const Eigen::VectorXd& stationary() const { return stationary_; }
+
   /// Π(Δt): row-stochastic, (n+1) x (n+1), at any Δt from nanoseconds to centuries. A negative Δt
   /// counts as zero: a chain is not run backwards. Closed form if uniform, else by scaling and
   /// squaring.
@@ -56,6 +60,7 @@ class ModeChain {
   double Forgotten(Duration elapsed) const;
 
   Eigen::MatrixXd rate_matrix_;
+  Eigen::VectorXd stationary_;
   double leave_rate_per_s_ = 0.0;
   bool uniform_ = true;
 };

@@ -2,22 +2,19 @@
 #include "mapstore/map/mode_filter.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <tuple>
 #include <utility>
 
+#include "mapstore/map/sha256.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr double kImpossible = -std::numeric_limits<double>::infinity();
-
-// Long against the time between any two changes, short enough not to overflow.
-constexpr Duration kForever = std::chrono::hours(24 * 365 * 200);
 
 // Zero for what is not later. Stores of older versions have stamps further apart than a Duration
 // can say.
@@ -26,11 +23,11 @@ Duration Elapsed(Stamp from, Stamp to) {
   const auto elapsed_ns = static_cast<std::uint64_t>(ToNanoseconds(to)) -
                           static_cast<std::uint64_t>(ToNanoseconds(from));
   return Duration(static_cast<std::int64_t>(
-      std::min(elapsed_ns, static_cast<std::uint64_t>(kForever.count()))));
+      std::min(elapsed_ns, static_cast<std::uint64_t>(Duration::max().count()))));
 }
 
 auto OrderOf(const EvidenceRow& row) {
-  return std::tie(row.evidence.begin, row.evidence.end, row.source);
+  return std::tie(row.evidence.begin, row.evidence.end, row.vehicle, row.source);
 }
 
 // Eigen's vectorized exp(-inf) is a denormal number; an impossible mode must stay at exactly 0.
@@ -42,19 +39,52 @@ Eigen::VectorXd Log(const Eigen::VectorXd& values) {
   return values.unaryExpr([](double value) { return std::log(value); });
 }
 
-// Subtracts log Σ exp. Nothing left to normalize stays as it is.
-void Normalize(Eigen::VectorXd* log_probabilities) {
+// Subtracts log Σ exp, and returns it. Nothing left to normalize stays as it is.
+double Normalize(Eigen::VectorXd* log_probabilities) {
   const double largest = log_probabilities->maxCoeff();
-  if (largest == kImpossible) return;
+  if (largest == kImpossible) return kImpossible;
   double sum = 0.0;
   for (double& value : *log_probabilities) {
     value -= largest;
     sum += std::exp(value);
   }
   log_probabilities->array() -= std::log(sum);
+  return largest + std::log(sum);
+}
+
+// Moves the chain forward to a time.
+void MoveTo(const ModeChain& chain, Stamp stamp, ModeState* state) {
+  if (stamp <= state->stamp || chain.leave_rate_per_s() == 0.0) return;
+  const Duration elapsed = Elapsed(state->stamp, stamp);
+  Eigen::MatrixXd reversed;  // Πᵀ, which costs more than what it is used for.
+  if (!chain.uniform()) reversed = chain.Transition(elapsed).transpose();
+  const auto move = [&](Eigen::VectorXd* log_probabilities) {
+    const Eigen::VectorXd before = Exp(*log_probabilities);
+    *log_probabilities = Log(chain.uniform() ? chain.Propagate(before, elapsed)
+                                             : Eigen::VectorXd(reversed * before));
+  };
+  if (!state->turn) {
+    move(&state->log_probabilities);
+    return;
+  }
+  for (Eigen::VectorXd* part : {&state->turn->right, &state->turn->mistaken, &state->turn->own}) {
+    move(part);
+  }
 }
 
 }  // namespace
+
+Eigen::VectorXd VehicleTurn::LogProbabilities() const {
+  const double share = 1.0 / (1.0 + std::exp(-log_odds));
+  return Log((1.0 - share) * Exp(right) + share * Exp(mistaken));
+}
+
+std::int64_t VehicleKey(std::string_view vehicle) {
+  Sha256 hash;
+  hash.Update(vehicle);
+  const std::string digits = hash.HexDigest().substr(0, 16);
+  return static_cast<std::int64_t>(std::stoull(digits, nullptr, 16));
+}
 
 bool FavoursKnownMode(const LandmarkGroup& group,
                       const std::vector<VisitEvidence::ModeLogLikelihood>& evidence) {
@@ -85,7 +115,7 @@ bool StateLogLikelihoods(const LandmarkGroup& group,
 }
 
 ModeState StartModes(const LandmarkGroup& group, Stamp stamp) {
-  return {Log(group.probabilities), stamp, false};
+  return {Log(group.probabilities), stamp};
 }
 
 // Works on logarithms: evidence of overlapping visits may exclude a mode beyond what a double can
@@ -93,16 +123,25 @@ ModeState StartModes(const LandmarkGroup& group, Stamp stamp) {
 void AddVisit(const LandmarkGroup& group,
               Stamp begin,
               Stamp end,
+              std::int64_t vehicle,
               const Eigen::VectorXd& log_likelihoods,
               ModeState* state) {
   if (!state->started) state->stamp = std::min(state->stamp, begin);
   state->started = true;
-  if (begin > state->stamp && group.chain.leave_rate_per_s() > 0.0) {
-    state->log_probabilities =
-        Log(group.chain.Propagate(Exp(state->log_probabilities), Elapsed(state->stamp, begin)));
+  if (state->turn && state->turn->vehicle != vehicle) state->turn.reset();
+  MoveTo(group.chain, begin, state);
+  if (!state->turn) {
+    const Eigen::VectorXd& known = state->log_probabilities;
+    const double log_odds = std::log(kMistakeProbability) - std::log1p(-kMistakeProbability);
+    state->turn = VehicleTurn{vehicle, known, known, Log(group.chain.stationary()), log_odds};
   }
-  state->log_probabilities += log_likelihoods;
-  Normalize(&state->log_probabilities);
+  VehicleTurn& turn = *state->turn;
+  turn.own += log_likelihoods;
+  turn.right += log_likelihoods;
+  turn.log_odds += Normalize(&turn.own) - Normalize(&turn.right);
+  // The chain cannot be where the vehicle says.
+  if (turn.right.maxCoeff() == kImpossible) turn.right = turn.mistaken;
+  state->log_probabilities = turn.LogProbabilities();
   state->stamp = std::max(state->stamp, end);
 }
 
@@ -128,22 +167,26 @@ void AddStatement(const LandmarkGroup& group,
                   const Eigen::VectorXd& probabilities,
                   Stamp stamp,
                   ModeState* state) {
-  const Eigen::VectorXd stationary = StationaryStart(group, stamp).log_probabilities;
+  const Eigen::VectorXd stationary = Log(group.chain.stationary());
   Eigen::VectorXd ratio = Log(probabilities);
   for (Eigen::Index i = 0; i < ratio.size(); ++i) {
     if (stationary(i) != kImpossible) ratio(i) -= stationary(i);
   }
   ModeState stated = *state;
-  AddVisit(group, stamp, stamp, ratio, &stated);
+  stated.turn.reset();
+  if (!stated.started) stated.stamp = std::min(stated.stamp, stamp);
+  stated.started = true;
+  MoveTo(group.chain, stamp, &stated);
+  stated.log_probabilities += ratio;
   // What excludes all that is stated says that one of the two is wrong: not which.
-  if (stated.log_probabilities.maxCoeff() != kImpossible) *state = std::move(stated);
+  if (stated.log_probabilities.maxCoeff() == kImpossible) return;
+  Normalize(&stated.log_probabilities);
+  stated.stamp = std::max(stated.stamp, stamp);
+  *state = std::move(stated);
 }
 
 ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {
-  const Eigen::VectorXd uniform =
-      Eigen::VectorXd::Constant(group.chain.states(), 1.0 / group.chain.states());
-  if (group.chain.leave_rate_per_s() == 0.0) return {Log(uniform), stamp, false};
-  return {Log(group.chain.Propagate(uniform, kForever)), stamp, false};
+  return {Log(group.chain.stationary()), stamp};
 }
 
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows) {
@@ -161,7 +204,12 @@ ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<E
   Eigen::VectorXd log_likelihoods;
   for (const EvidenceRow& row : InOrder(std::move(rows))) {
     if (!StateLogLikelihoods(group, row.evidence.modes, &log_likelihoods)) continue;
-    AddVisit(group, row.evidence.begin, row.evidence.end, log_likelihoods, &start);
+    AddVisit(group,
+             row.evidence.begin,
+             row.evidence.end,
+             VehicleKey(row.vehicle),
+             log_likelihoods,
+             &start);
   }
   return start;
 }

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "mapstore/core/stamp.h"
@@ -11,11 +14,33 @@
 
 namespace shiftmap {
 
+/// Prior probability that what a vehicle says of a landmark is a mistake, until another vehicle
+/// speaks of it: misread codes, an odometer that slips, a lie.
+inline constexpr double kMistakeProbability = 1e-3;
+
+/// What one vehicle has said of a landmark since another one spoke of it, its turn: all of its
+/// visits are right, or all are mistakes. Distributions as in ModeState, at its stamp.
+struct VehicleTurn {
+  std::int64_t vehicle = 0;  ///< VehicleKey of its name.
+  Eigen::VectorXd right;     ///< If the visits are right.
+  Eigen::VectorXd mistaken;  ///< If they are mistakes: what was known before, moved on.
+  Eigen::VectorXd own;    ///< The chain filtered over the visits alone, from where it relaxes to.
+  double log_odds = 0.0;  ///< Of mistaken over right. [nat]
+
+  /// The logarithm of the mixture of right and mistaken.
+  Eigen::VectorXd LogProbabilities() const;
+};
+
+/// Stands for a vehicle's name, the same on all machines: the first 64 bits of its SHA-256.
+std::int64_t VehicleKey(std::string_view vehicle);
+
 /// The distribution of a group's chain over its states while evidence is filtered.
 struct ModeState {
   Eigen::VectorXd log_probabilities;  ///< Size states, entry 0 is `absent`. [nat]
   Stamp stamp;                        ///< They hold at this time.
   bool started = false;  ///< Evidence has come; without it the stamp may still go back.
+  /// Of the vehicle that spoke last; its mixture is log_probabilities.
+  std::optional<VehicleTurn> turn = std::nullopt;
 };
 
 /// False if evidence favours a mode that the group does not have: carried over to the others it
@@ -39,15 +64,27 @@ bool StateLogLikelihoods(const LandmarkGroup& group,
 /// The group's own probabilities.
 ModeState StartModes(const LandmarkGroup& group, Stamp stamp);
 
-/// One visit of a filter that goes through them in the order of time: T-IV (13, 14).
+/// One visit of a filter that goes through them in the order of time: T-IV (13, 14), with what one
+/// vehicle can say bounded.
 ///
-/// The chain moves to the begin of the visit, p <- Πᵀ(begin - stamp) p, then p_k <- p_k
-/// exp(log-likelihood of k), normalized, and the stamp becomes its end: a landmark does not change
-/// mode inside a visit. The chain is never run backwards: where visits overlap no time passes, and
-/// if the first begins before the prior's stamp, the prior holds at its begin.
+/// The chain moves to the begin of the visit, p <- Πᵀ(begin - stamp) p; the visit's likelihoods
+/// enter, normalized; and the stamp becomes its end: a landmark does not change mode inside a
+/// visit. The chain is never run backwards: where visits overlap no time passes, and if the first
+/// begins before the prior's stamp, the prior holds at its begin.
+///
+/// A vehicle's turn is a mistake with prior probability kMistakeProbability. A mistake says nothing
+/// of where the landmark is; its visits agree with each other as if it had its own landmark. So
+/// with r the filter that takes the visits, and q the chain filtered over the turn alone, each
+/// visit changes the odds of a mistake by Σ_k q_k exp(L_k) / Σ_k r_k exp(L_k). A vehicle that
+/// contradicts the others is believed by no more odds than 1 / kMistakeProbability, however many
+/// its visits are, and one that is alone is believed as if there were no mistakes, but for that
+/// probability.
+///
+/// @param vehicle  VehicleKey of its name.
 void AddVisit(const LandmarkGroup& group,
               Stamp begin,
               Stamp end,
+              std::int64_t vehicle,
               const Eigen::VectorXd& log_likelihoods,
               ModeState* state);
 
@@ -65,7 +102,8 @@ Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
 
 /// A statement: somebody claims probabilities p for a time. It is evidence like a visit's, with the
 /// likelihood p / π, π the chain's stationary distribution: after StationaryStart and nothing else
-/// the result is p itself, and older visits count for what the chain has not forgotten since.
+/// the result is p itself, and older visits count for what the chain has not forgotten since. Not
+/// bounded: its author is held to it. It ends a vehicle's turn.
 /// @param probabilities  Size states; sums to 1.
 void AddStatement(const LandmarkGroup& group,
                   const Eigen::VectorXd& probabilities,
@@ -79,9 +117,10 @@ ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp);
 struct EvidenceRow {
   std::string source;  ///< UUID of the report, or SHA-256 of the mapped run.
   VisitEvidence evidence;
+  std::string vehicle = {};
 };
 
-/// The rows by (begin, end, source), each once.
+/// The rows by (begin, end, vehicle, source), each once.
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows);
 
 /// AddVisit over all rows that do not favour a mode that the group does not have.

@@ -57,6 +57,9 @@ Status CheckHead(const ShiftReport& report) {
   if (!report.run_hash.empty() && !IsSha256Hex(report.run_hash)) {
     return InvalidArgument("run_hash: neither empty nor a SHA-256 in lower-case hex");
   }
+  if (!report.run_uuid.empty() && !IsUuid(report.run_uuid)) {
+    return InvalidArgument("run_uuid: neither empty nor an RFC 4122 UUID");
+  }
   for (const Stamp stamp : {report.begin, report.end}) {
     if (const Status status = ValidateStamp(stamp); !status.ok()) {
       return InvalidArgument("begin_ns, end_ns: {}", Message(status));
@@ -244,6 +247,13 @@ bool IsUuid(std::string_view text) {
     if (dash ? text[i] != '-' : !IsHex(text[i])) return false;
   }
   return true;
+}
+
+std::string LowerCaseUuid(std::string uuid) {
+  for (char& c : uuid) {
+    if (c >= 'A' && c <= 'F') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return uuid;
 }
 
 bool IsSha256Hex(std::string_view text) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <string_view>
 
 #include "mapstore/map/evidence.h"
@@ -21,6 +22,9 @@ inline constexpr double kMaxVisitLogRatio = 50.0;
 
 /// RFC 4122 text form, in letters of either case.
 bool IsUuid(std::string_view text);
+
+/// The form in which UUIDs are compared.
+std::string LowerCaseUuid(std::string uuid);
 
 /// 64 hex digits, in lower case.
 bool IsSha256Hex(std::string_view text);

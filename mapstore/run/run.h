@@ -47,7 +47,9 @@ struct Scan {
 /// Where a run comes from.
 struct RunInfo {
   std::string vehicle;
-  std::string source;  ///< E.g. "utias MRCLAM_Dataset1 robot 1".
+  std::string source;     ///< E.g. "utias MRCLAM_Dataset1 robot 1".
+  std::string uuid = {};  ///< Of the run, drawn when its log began; empty if the log has none.
+  std::string area = {};  ///< That the run is in; empty if the log does not say.
 };
 
 /// One vehicle's recorded log.

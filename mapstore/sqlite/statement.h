@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "proto/core/status.h"
@@ -37,7 +38,9 @@ class Statement {
   /// Binds all parameters in order, from ?1 on, and resets the statement to its start. A parameter
   /// that SQLite refuses makes the next Step fail.
   template <typename... Values>
-  void Bind(const Values&... values) {
+  void Bind(Values&&... values) {
+    static_assert((!std::is_same_v<Values, std::string> && ...),
+                  "a text that ends before the step");
     Reset();
     int index = 0;
     (BindAt(++index, values), ...);

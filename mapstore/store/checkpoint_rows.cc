@@ -10,6 +10,10 @@
 namespace shiftmap {
 namespace {
 
+void Add(const Eigen::VectorXd& values, BlobWriter* blob) {
+  for (const double value : values) blob->Add(value);
+}
+
 std::string PackStates(const LedgerStates& states) {
   BlobWriter blob;
   for (std::size_t i = 0; i < states.groups.size(); ++i) {
@@ -18,9 +22,37 @@ std::string PackStates(const LedgerStates& states) {
     blob.Add(static_cast<std::int64_t>(i));
     blob.Add(ToNanoseconds(state.stamp));
     blob.Add(std::int64_t{state.started ? 1 : 0});
-    for (const double value : state.log_probabilities) blob.Add(value);
+    blob.Add(std::int64_t{state.turn ? 1 : 0});
+    if (!state.turn) {
+      Add(state.log_probabilities, &blob);
+      continue;
+    }
+    blob.Add(state.turn->vehicle);
+    blob.Add(state.turn->log_odds);
+    Add(state.turn->right, &blob);
+    Add(state.turn->mistaken, &blob);
+    Add(state.turn->own, &blob);
   }
   return blob.bytes();
+}
+
+// False if the bytes do not go on with a distribution of so many states.
+bool TakeDistribution(int states, BlobReader* blob, Eigen::VectorXd* log_probabilities) {
+  if (blob->left() < static_cast<std::size_t>(states)) return false;
+  log_probabilities->resize(states);
+  for (double& value : *log_probabilities) value = blob->Double();
+  // The logarithm of a probability may be -inf, but not of all.
+  return std::abs(log_probabilities->array().exp().sum() - 1.0) < 1e-6;
+}
+
+// False if the bytes do not go on with a turn.
+bool TakeTurn(int states, BlobReader* blob, VehicleTurn* turn) {
+  if (blob->left() < 2) return false;
+  turn->vehicle = blob->Integer();
+  turn->log_odds = blob->Double();
+  return !std::isnan(turn->log_odds) && TakeDistribution(states, blob, &turn->right) &&
+         TakeDistribution(states, blob, &turn->mistaken) &&
+         TakeDistribution(states, blob, &turn->own);
 }
 
 // False if the bytes are no such BLOB for this content.
@@ -40,12 +72,13 @@ bool UnpackStates(std::string_view bytes, const MapContent& content, LedgerState
     state.stamp = StampFromNanoseconds(blob.Integer());
     state.started = blob.Integer() != 0;
     const int size = content.groups[static_cast<std::size_t>(group)].chain.states();
-    if (blob.left() < static_cast<std::size_t>(size)) return false;
-    state.log_probabilities.resize(size);
-    for (double& value : state.log_probabilities) value = blob.Double();
-    // The logarithm of a probability may be -inf, but not of all.
-    const double sum = state.log_probabilities.array().exp().sum();
-    if (!(std::abs(sum - 1.0) < 1e-6)) return false;
+    if (blob.left() < 1) return false;
+    if (blob.Integer() == 0) {
+      if (!TakeDistribution(size, &blob, &state.log_probabilities)) return false;
+    } else {
+      if (!TakeTurn(size, &blob, &state.turn.emplace())) return false;
+      state.log_probabilities = state.turn->LogProbabilities();
+    }
     states->groups[static_cast<std::size_t>(group)] = std::move(state);
   }
   return true;

@@ -17,7 +17,7 @@ namespace shiftmap {
 // large maps the rows between checkpoints are more, so that checkpoints stay small against the
 // ledger.
 
-/// Deletes the checkpoints that a report made wrong, and extends those of the published version
+/// Deletes the checkpoints that a report made wrong, and adds the next one of the published version
 /// once enough rows have come. Inside the transaction that added the report.
 /// @param published        Nothing if none is.
 /// @param checkpoint_rows  Rows between checkpoints of a small map.
@@ -30,10 +30,13 @@ Status KeepCheckpoints(Database& database,
                        std::int64_t checkpoint_rows,
                        const std::string& owner);
 
-/// Adds the checkpoints of a version up to some rows before the end of the ledger.
+/// Adds the checkpoints of a version up to some rows before the end of the ledger. Outside of any
+/// transaction: between steps of some tenths of a second others read and write, however long the
+/// ledger is. Where others write all the time it leaves off; without a checkpoint a reader takes
+/// longer.
 Status ExtendCheckpoints(Database& database,
                          std::int64_t area_id,
-                         const VersionRow& version,
+                         std::int64_t version_id,
                          std::int64_t checkpoint_rows,
                          const std::string& owner);
 

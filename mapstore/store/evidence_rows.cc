@@ -15,25 +15,29 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
   LedgerView view(database, version);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT e.signature, e.begin_ns, e.end_ns, r.uuid, e.report_id, "
-                       "e.version_id, r.run_hash, e.log_likelihoods, e.observation_count, 0 "
-                       "FROM visit_evidence e JOIN shift_report r USING (report_id) "
-                       "WHERE e.area_id = ?1 UNION ALL "
-                       "SELECT e.signature, e.begin_ns, e.end_ns, r.sha256, 0, "
-                       "e.version_id, r.sha256, e.log_likelihoods, e.observation_count, e.run_id "
-                       "FROM mapped_evidence e JOIN run r USING (run_id) "
-                       "WHERE e.area_id = ?1 ORDER BY 1, 2, 3, 4"));
+      database.Prepare(
+          "SELECT e.signature, e.begin_ns, e.end_ns, r.uuid, e.report_id, "
+          "e.version_id, r.run_hash, e.log_likelihoods, e.observation_count, 0, r.vehicle, "
+          "r.identity "
+          "FROM visit_evidence e JOIN shift_report r USING (report_id) "
+          "WHERE e.area_id = ?1 UNION ALL "
+          "SELECT e.signature, e.begin_ns, e.end_ns, r.sha256, 0, "
+          "e.version_id, r.sha256, e.log_likelihoods, e.observation_count, e.run_id, "
+          "r.vehicle, r.identity "
+          "FROM mapped_evidence e JOIN run r USING (run_id) "
+          "WHERE e.area_id = ?1 ORDER BY 1, 2, 3, 4"));
   query.Bind(area_id);
   std::vector<EvidenceRow> rows;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
     if (!found) return rows;
-    if (without_runs.contains(query.Text(6))) continue;
+    if (without_runs.contains(query.Text(6)) || without_runs.contains(query.Text(11))) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const bool tells,
                               view.TellsOfPast(query.Int64(4), query.Int64(9), query.Int64(5)));
     if (!tells) continue;
     EvidenceRow row;
     row.source = query.Text(3);
+    row.vehicle = query.Text(10);
     row.evidence.signature = Signature(query.Text(0));
     row.evidence.begin = StampFromNanoseconds(query.Int64(1));
     row.evidence.end = StampFromNanoseconds(query.Int64(2));

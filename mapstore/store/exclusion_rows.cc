@@ -55,18 +55,22 @@ StatusOr<bool> DeleteExclusion(Database& database,
 }
 
 StatusOr<std::string> FindRun(Database& database, const std::string& text) {
-  if (IsSha256Hex(text)) return text;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT sha256 FROM run WHERE substr(sha256, 1, length(?1)) = ?1 UNION "
-                       "SELECT iif(run_hash = '', uuid, run_hash) FROM shift_report "
-                       "WHERE substr(uuid, 1, length(?1)) = ?1 "
+      database.Prepare("SELECT identity FROM run WHERE substr(identity, 1, length(?1)) = ?1 "
+                       "OR substr(sha256, 1, length(?1)) = ?1 UNION "
+                       "SELECT identity FROM shift_report "
+                       "WHERE substr(identity, 1, length(?1)) = ?1 "
+                       "OR substr(uuid, 1, length(?1)) = ?1 "
                        "OR substr(run_hash, 1, length(?1)) = ?1"));
   query.Bind(text);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
+    // A log that has not come yet.
+    if (IsSha256Hex(text)) return text;
     return NotFound(
-        "{}: no run '{}': expected a log's SHA-256 or a report's UUID, or how it begins",
+        "{}: no run '{}': expected the UUID of a run or a report, a log's SHA-256, or how it "
+        "begins",
         database.name(),
         text);
   }

@@ -2,6 +2,7 @@
 #include "mapstore/store/ledger_filter.h"
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "mapstore/map/mode_filter.h"
@@ -88,12 +89,15 @@ StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before)
       LedgerCursor::Make(*database_, area_id_, before_, before, mapped_before));
   for (std::int64_t count = 0;; ++count) {
     SHIFTMAP_ASSIGN_OR_RETURN(const LedgerRow* const row, cursor.Next());
+    const bool same_time = row != nullptr && !held_.empty() && row->begin == held_.front().begin &&
+                           row->end == held_.front().end;
+    if (!same_time) TakeHeld();
     if (row == nullptr) {
       before_ = std::max(before_, mapped_before);
       return count;
     }
     SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, Counts(*row));
-    if (counts) SHIFTMAP_RETURN_IF_ERROR(TakeRow(*row));
+    if (counts) SHIFTMAP_RETURN_IF_ERROR(HoldRow(*row));
   }
 }
 
@@ -104,25 +108,39 @@ StatusOr<bool> LedgerFilter::Counts(const LedgerRow& row) {
   return !reason;
 }
 
-Status LedgerFilter::TakeRow(const LedgerRow& row) {
+Status LedgerFilter::HoldRow(const LedgerRow& row) {
   const int index = GroupOf(row.signature);
   if (index < 0) return OkStatus();
-  const LandmarkGroup& group = content_->groups[static_cast<std::size_t>(index)];
+  HeldVisit visit{static_cast<std::size_t>(index), row.begin, row.end, nullptr, {}};
+  const LandmarkGroup& group = content_->groups[visit.group];
   if (!UnpackLogLikelihoods(row.log_likelihoods, &modes_)) {
     return DataLoss("{}: evidence of '{}' at {:.6f} s is damaged",
                     database_->name(),
                     group.signature.text(),
                     ToSecondsSinceEpoch(row.begin));
   }
-  if (!StateLogLikelihoods(group, modes_, &log_likelihoods_)) return OkStatus();
-  std::optional<ModeState>& state = states_.groups[static_cast<std::size_t>(index)];
-  if (!state) {
-    const bool own = statement_taken_ && version_.states_probabilities();
-    state = own ? StartModes(group, version_.stamp) : StationaryStart(group, row.begin);
-  }
-  AddVisit(group, row.begin, row.end, log_likelihoods_, &*state);
-  states_.newest_end = std::max(states_.newest_end.value_or(row.end), row.end);
+  if (!StateLogLikelihoods(group, modes_, &visit.log_likelihoods)) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(visit.vehicle, view_.VehicleOf(row.report_id, row.run_id));
+  held_.push_back(std::move(visit));
   return OkStatus();
+}
+
+void LedgerFilter::TakeHeld() {
+  std::sort(held_.begin(), held_.end(), [](const HeldVisit& a, const HeldVisit& b) {
+    return std::tie(a.vehicle->name, a.vehicle->source) <
+           std::tie(b.vehicle->name, b.vehicle->source);
+  });
+  for (const HeldVisit& visit : held_) {
+    const LandmarkGroup& group = content_->groups[visit.group];
+    std::optional<ModeState>& state = states_.groups[visit.group];
+    if (!state) {
+      const bool own = statement_taken_ && version_.states_probabilities();
+      state = own ? StartModes(group, version_.stamp) : StationaryStart(group, visit.begin);
+    }
+    AddVisit(group, visit.begin, visit.end, visit.vehicle->key, visit.log_likelihoods, &*state);
+    states_.newest_end = std::max(states_.newest_end.value_or(visit.end), visit.end);
+  }
+  held_.clear();
 }
 
 // A group of which no row tells has the version's own probabilities, and needs no state for them.

@@ -66,7 +66,8 @@ class LedgerFilter {
   StatusOr<std::int64_t> Take(Stamp before, Stamp mapped_before);
   StatusOr<std::int64_t> TakeRows(Stamp before, Stamp mapped_before);
   StatusOr<bool> Counts(const LedgerRow& row);
-  Status TakeRow(const LedgerRow& row);
+  Status HoldRow(const LedgerRow& row);
+  void TakeHeld();
   Status TakeStatement(Stamp stamp);
   int GroupOf(std::string_view signature) const;
 
@@ -80,9 +81,18 @@ class LedgerFilter {
   Stamp before_ = Stamp::min();
   bool statement_taken_ = false;
 
-  // Kept for their memory.
-  std::vector<VisitEvidence::ModeLogLikelihood> modes_;
-  Eigen::VectorXd log_likelihoods_;
+  // A visit that counts, not taken yet: of several at the same time the order in which they came
+  // must not matter.
+  struct HeldVisit {
+    std::size_t group = 0;
+    Stamp begin;
+    Stamp end;
+    const LedgerVehicle* vehicle = nullptr;
+    Eigen::VectorXd log_likelihoods;
+  };
+  std::vector<HeldVisit> held_;  // All of the same begin and end.
+
+  std::vector<VisitEvidence::ModeLogLikelihood> modes_;  // Kept for its memory.
 };
 
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at

@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "mapstore/map/mode_filter.h"
+
 namespace shiftmap {
 
 StatusOr<std::optional<SetAside>> LedgerView::JudgeReported(std::int64_t report_id,
@@ -62,7 +64,7 @@ StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
   if (!is_new) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement run,
-      database_->Prepare("SELECT sha256, vehicle, begin_ns FROM run WHERE run_id = ?1"));
+      database_->Prepare("SELECT identity, vehicle, begin_ns FROM run WHERE run_id = ?1"));
   run.Bind(run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, run.Step());
   found->second =
@@ -72,12 +74,28 @@ StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
   return found->second;
 }
 
+StatusOr<const LedgerVehicle*> LedgerView::VehicleOf(std::int64_t report_id, std::int64_t run_id) {
+  const bool reported = report_id != 0;
+  const auto [found, is_new] =
+      reported ? report_vehicles_.try_emplace(report_id) : run_vehicles_.try_emplace(run_id);
+  LedgerVehicle& vehicle = found->second;
+  if (!is_new) return &vehicle;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database_->Prepare(reported ? "SELECT vehicle, uuid FROM shift_report WHERE report_id = ?1"
+                                  : "SELECT vehicle, sha256 FROM run WHERE run_id = ?1"));
+  query.Bind(reported ? report_id : run_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool there, query.Step());
+  if (there) vehicle = {query.Text(0), VehicleKey(query.Text(0)), query.Text(1)};
+  return &vehicle;
+}
+
 StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   const auto found = reports_.find(report_id);
   if (found != reports_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement report,
-      database_->Prepare("SELECT superseded, run_hash, uuid, vehicle, begin_ns FROM shift_report "
+      database_->Prepare("SELECT superseded, identity, vehicle, begin_ns FROM shift_report "
                          "WHERE report_id = ?1"));
   report.Bind(report_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
@@ -85,9 +103,8 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   Whole whole;
   if (there && report.Int64(0) != 0) whole.reason = SetAside::kSameRun;
   if (there && !exclusions->empty()) {
-    const std::string run = report.Text(1).empty() ? report.Text(2) : report.Text(1);
-    const Stamp begin = StampFromNanoseconds(report.Int64(4));
-    if (FindExclusion(*exclusions, run, report.Text(3), begin) != nullptr) {
+    const Stamp begin = StampFromNanoseconds(report.Int64(3));
+    if (FindExclusion(*exclusions, report.Text(1), report.Text(2), begin) != nullptr) {
       whole.reason = SetAside::kExcluded;
     }
   }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <unordered_map>
 #include <unordered_set>
 #include <vector>
@@ -15,6 +16,13 @@
 #include "proto/core/status.h"
 
 namespace shiftmap {
+
+/// Whose visits the rows of a report or a run are.
+struct LedgerVehicle {
+  std::string name;
+  std::int64_t key = 0;  ///< VehicleKey of the name.
+  std::string source;    ///< UUID of the report, or SHA-256 of the run's log.
+};
 
 /// Which rows of the ledger count for a version. All that count do so in the order of time.
 ///
@@ -55,6 +63,10 @@ class LedgerView {
   /// @param report_id, run_id  As LedgerRow has them.
   StatusOr<bool> TellsOfPast(std::int64_t report_id, std::int64_t run_id, std::int64_t version_id);
 
+  /// Whose visit a row of the ledger is. Holds as long as the view.
+  /// @param report_id, run_id  As LedgerRow has them.
+  StatusOr<const LedgerVehicle*> VehicleOf(std::int64_t report_id, std::int64_t run_id);
+
   /// The version whose statement holds; null if none does.
   StatusOr<const VersionRow*> StatementRow();
 
@@ -94,6 +106,8 @@ class LedgerView {
   std::unordered_map<std::int64_t, Place> places_;
   std::unordered_map<std::int64_t, Whole> reports_;
   std::unordered_map<std::int64_t, bool> excluded_runs_;
+  std::unordered_map<std::int64_t, LedgerVehicle> report_vehicles_;
+  std::unordered_map<std::int64_t, LedgerVehicle> run_vehicles_;
   std::optional<std::vector<Exclusion>> exclusions_;
 };
 

@@ -13,9 +13,14 @@ namespace {
 StatusOr<std::int64_t> FindOrInsertRun(Database& database, const RunRecord& run) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement insert,
-      database.Prepare("INSERT INTO run (sha256, name, vehicle, begin_ns, end_ns) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5) ON CONFLICT DO NOTHING"));
-  insert.Bind(run.sha256, run.name, run.vehicle, ToNanoseconds(run.begin), ToNanoseconds(run.end));
+      database.Prepare("INSERT INTO run (sha256, name, vehicle, begin_ns, end_ns, identity) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO NOTHING"));
+  insert.Bind(run.sha256,
+              run.name,
+              run.vehicle,
+              ToNanoseconds(run.begin),
+              ToNanoseconds(run.end),
+              run.identity());
   SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement find,
@@ -26,12 +31,17 @@ StatusOr<std::int64_t> FindOrInsertRun(Database& database, const RunRecord& run)
   return find.Int64(0);
 }
 
+// RunRecord::uuid from what identifies the run.
+std::string UuidOf(const std::string& identity, const std::string& sha256) {
+  return identity == sha256 ? "" : identity;
+}
+
 StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
                                           std::int64_t version_id,
                                           const std::string& owner) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT name, sha256, vehicle, begin_ns, end_ns, trajectory "
+      database.Prepare("SELECT name, sha256, vehicle, begin_ns, end_ns, trajectory, identity "
                        "FROM version_run JOIN run USING (run_id) WHERE version_id = ?1 "
                        "ORDER BY begin_ns, sha256, name"));
   query.Bind(version_id);
@@ -48,6 +58,7 @@ StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
     std::optional<std::vector<TrajectoryPose>> trajectory = UnpackTrajectory(query.Blob(5));
     if (!trajectory) return DataLoss("{}: run '{}': trajectory is damaged", owner, run.name);
     run.trajectory = *std::move(trajectory);
+    run.uuid = UuidOf(query.Text(6), run.sha256);
     runs.push_back(std::move(run));
   }
 }
@@ -96,7 +107,8 @@ StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t v
       database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
                        "SELECT parent_version_id FROM version JOIN line USING (version_id) "
                        "WHERE parent_version_id IS NOT NULL) "
-                       "SELECT DISTINCT name, sha256, vehicle, begin_ns, end_ns FROM line "
+                       "SELECT DISTINCT name, sha256, vehicle, begin_ns, end_ns, identity "
+                       "FROM line "
                        "JOIN version_run USING (version_id) JOIN run USING (run_id) "
                        "ORDER BY begin_ns, name"));
   query.Bind(version_id);
@@ -109,15 +121,17 @@ StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t v
                     query.Text(2),
                     StampFromNanoseconds(query.Int64(3)),
                     StampFromNanoseconds(query.Int64(4)),
-                    {}});
+                    {},
+                    {},
+                    UuidOf(query.Text(5), query.Text(1))});
   }
 }
 
-StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id) {
+StatusOr<std::set<std::string>> ReadRunIdentities(Database& database, std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> runs, ReadLineRuns(database, version_id));
-  std::set<std::string> hashes;
-  for (const RunRecord& run : runs) hashes.insert(run.sha256);
-  return hashes;
+  std::set<std::string> identities;
+  for (const RunRecord& run : runs) identities.insert({run.sha256, run.identity()});
+  return identities;
 }
 
 }  // namespace shiftmap

@@ -28,7 +28,7 @@ StatusOr<Provenance> ReadProvenance(Database& database,
 /// trajectories.
 StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t version_id);
 
-/// Their RunRecord::sha256.
-StatusOr<std::set<std::string>> ReadRunHashes(Database& database, std::int64_t version_id);
+/// Their RunRecord::sha256 and RunRecord::identity.
+StatusOr<std::set<std::string>> ReadRunIdentities(Database& database, std::int64_t version_id);
 
 }  // namespace shiftmap

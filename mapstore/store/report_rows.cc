@@ -6,17 +6,11 @@
 #include <utility>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/map/shift_report_check.h"
 #include "mapstore/store/blob.h"
 
 namespace shiftmap {
 namespace {
-
-std::string LowerCase(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
-}
 
 auto KeyOf(const VisitEvidence& visit) { return std::tie(visit.begin, visit.end, visit.signature); }
 
@@ -102,7 +96,13 @@ Status InsertSightings(Database& database,
   return OkStatus();
 }
 
-// Of several reports of a vehicle about one log a single one counts: that against the lowest
+// As shift_report.identity has it.
+std::string IdentityOf(const ShiftReport& report) {
+  if (!report.run_uuid.empty()) return LowerCaseUuid(report.run_uuid);
+  return report.run_hash.empty() ? LowerCaseUuid(report.uuid) : report.run_hash;
+}
+
+// Of several reports of a vehicle about one run a single one counts: that against the lowest
 // version, then that of the lowest UUID, whatever the order in which they came.
 Status DecideAmongSameRun(Database& database,
                           std::int64_t area_id,
@@ -110,14 +110,14 @@ Status DecideAmongSameRun(Database& database,
                           const std::string& uuid,
                           const ShiftReport& report,
                           InsertedReport* inserted) {
-  if (report.run_hash.empty()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement other,
       database.Prepare("SELECT report_id, r.version_id, first_visit_ns, number, uuid "
                        "FROM shift_report r JOIN version v USING (version_id) "
-                       "WHERE run_hash = ?1 AND area_id = ?2 AND vehicle = ?3 "
+                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3 "
                        "AND superseded = 0"));
-  other.Bind(report.run_hash, area_id, report.vehicle);
+  const std::string identity = IdentityOf(report);
+  other.Bind(identity, area_id, report.vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, other.Step());
   if (!found) return OkStatus();
   const auto counted = std::make_tuple(VersionNumber(other.Int64(3)), other.Text(4));
@@ -140,7 +140,7 @@ Status DecideAmongSameRun(Database& database,
 StatusOr<bool> HasReport(Database& database, const std::string& uuid) {
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query,
                             database.Prepare("SELECT 1 FROM shift_report WHERE uuid = ?1"));
-  const std::string key = LowerCase(uuid);
+  const std::string key = LowerCaseUuid(uuid);
   query.Bind(key);
   return query.Step();
 }
@@ -149,19 +149,20 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       std::int64_t area_id,
                                       const VersionRow& version,
                                       const ShiftReport& report) {
-  const std::string uuid = LowerCase(report.uuid);
+  const std::string uuid = LowerCaseUuid(report.uuid);
   InsertedReport inserted;
   for (const VisitEvidence& evidence : report.evidence) {
     inserted.first_visit = std::min(inserted.first_visit.value_or(evidence.begin), evidence.begin);
   }
   SHIFTMAP_RETURN_IF_ERROR(DecideAmongSameRun(database, area_id, version, uuid, report, &inserted));
+  const std::string identity = IdentityOf(report);
   std::optional<std::int64_t> first_visit_ns;
   if (inserted.first_visit) first_visit_ns = ToNanoseconds(*inserted.first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO shift_report (uuid, version_id, vehicle, run_hash, software, "
-                       "begin_ns, end_ns, received_ns, first_visit_ns, superseded) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"));
+                       "begin_ns, end_ns, received_ns, first_visit_ns, superseded, identity) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)"));
   row.Bind(uuid,
            version.version_id,
            report.vehicle,
@@ -171,18 +172,17 @@ StatusOr<InsertedReport> InsertReport(Database& database,
            ToNanoseconds(report.end),
            ToNanoseconds(SystemNow()),
            first_visit_ns,
-           inserted.superseded ? 1 : 0);
+           inserted.superseded ? 1 : 0,
+           identity);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   inserted.report_id = database.LastInsertRowId();
-  if (!report.run_hash.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement mapped,
-        database.Prepare("INSERT INTO mapped_report (report_id, version_id) "
-                         "SELECT DISTINCT ?1, version_id FROM run JOIN version_run USING (run_id) "
-                         "WHERE sha256 = ?2"));
-    mapped.Bind(inserted.report_id, report.run_hash);
-    SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement mapped,
+      database.Prepare("INSERT INTO mapped_report (report_id, version_id) "
+                       "SELECT DISTINCT ?1, version_id FROM run JOIN version_run USING (run_id) "
+                       "WHERE identity = ?2 OR (sha256 = ?3 AND ?3 <> '')"));
+  mapped.Bind(inserted.report_id, identity, report.run_hash);
+  SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
   SHIFTMAP_RETURN_IF_ERROR(
       InsertEvidence(database, area_id, inserted.report_id, version.version_id, report));
   SHIFTMAP_RETURN_IF_ERROR(InsertDecisions(database, inserted.report_id, report));
@@ -190,15 +190,13 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   return inserted;
 }
 
-Status InsertMappedReports(Database& database,
-                           std::int64_t version_id,
-                           const std::string& run_sha256) {
-  if (run_sha256.empty()) return OkStatus();
+Status InsertMappedReports(Database& database, std::int64_t version_id, const RunRecord& run) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO mapped_report (report_id, version_id) SELECT report_id, ?1 "
-                       "FROM shift_report WHERE run_hash = ?2 ON CONFLICT DO NOTHING"));
-  row.Bind(version_id, run_sha256);
+                       "FROM shift_report WHERE identity = ?2 OR (run_hash = ?3 AND ?3 <> '') "
+                       "ON CONFLICT DO NOTHING"));
+  row.Bind(version_id, run.identity(), run.sha256);
   return row.Execute();
 }
 

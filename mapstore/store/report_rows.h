@@ -36,10 +36,8 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       const VersionRow& version,
                                       const ShiftReport& report);
 
-/// Notes which reports are about logs that a version was built from.
-Status InsertMappedReports(Database& database,
-                           std::int64_t version_id,
-                           const std::string& run_sha256);
+/// Notes which reports are about a run that a version was built from.
+Status InsertMappedReports(Database& database, std::int64_t version_id, const RunRecord& run);
 
 /// The reports in the ledger so far.
 StatusOr<LedgerPosition> ReadLedgerPosition(Database& database);

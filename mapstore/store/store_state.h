@@ -53,6 +53,10 @@ struct MapStore::State {
   /// MapStore::Exclude and Include.
   Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);
 
+  /// Makes the checkpoints of a version that was published just now. Without them a reader takes
+  /// longer, nothing else.
+  void MakeCheckpoints(const std::string& area, std::int64_t area_id, const VersionRow& version);
+
   /// Moves the published pointer inside a transaction. @param action  For the audit log.
   Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);
 };

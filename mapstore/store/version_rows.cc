@@ -49,7 +49,7 @@ Status SetOwnProbabilities(Database& database,
                            MapContent* content) {
   if (!version.states_probabilities()) {
     for (LandmarkGroup& group : content->groups) {
-      group.probabilities = StationaryStart(group, content->stamp).log_probabilities.array().exp();
+      group.probabilities = group.chain.stationary();
     }
     return OkStatus();
   }

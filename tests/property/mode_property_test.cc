@@ -7,7 +7,6 @@
 #include <cmath>
 #include <random>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "mapstore/map/mode_chain.h"
@@ -39,7 +38,9 @@ class ModeLawTest : public ::testing::Test {
     for (int i = 0; i < count; ++i) {
       const Stamp begin = StampFromSeconds(std::floor(Uniform(0.0, 8.0)) * 1000.0);
       const Stamp end = begin + FromSeconds(std::floor(Uniform(0.0, 3.0)) * 900.0);
-      rows.push_back({"report " + std::to_string(i), RandomEvidence(random_, group, begin, end)});
+      const std::string vehicle = "vehicle " + std::to_string(i % 3);
+      rows.push_back(
+          {"report " + std::to_string(i), RandomEvidence(random_, group, begin, end), vehicle});
     }
     return rows;
   }
@@ -112,10 +113,7 @@ TEST_F(ModeLawTest, FilteringInTwoStagesIsFilteringOnce) {
     const LandmarkGroup group = RandomGroup(random_, "A", Modes());
     std::vector<EvidenceRow> rows = Rows(group, 10);
     const ModeState expected = FilterModes(group, StartModes(group, StampFromSeconds(0.0)), rows);
-    std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
-      return std::tie(a.evidence.begin, a.evidence.end, a.source) <
-             std::tie(b.evidence.begin, b.evidence.end, b.source);
-    });
+    rows = InOrder(std::move(rows));
     const auto middle = rows.begin() + 5;
     const ModeState checkpoint =
         FilterModes(group, StartModes(group, StampFromSeconds(0.0)), {rows.begin(), middle});

@@ -112,12 +112,15 @@ std::vector<EvidenceRow> StoreModel::RowsOf(const LandmarkGroup& group,
                                             std::size_t version,
                                             Stamp at) const {
   std::vector<EvidenceRow> rows;
-  const auto add = [&](const std::string& source, const VisitEvidence& visit) {
-    if (visit.signature == group.signature) rows.push_back({source, visit});
-  };
+  const auto add =
+      [&](const std::string& source, const VisitEvidence& visit, const std::string& vehicle) {
+        if (visit.signature == group.signature) rows.push_back({source, visit, vehicle});
+      };
   for (std::size_t i = 0; i < reports_.size(); ++i) {
     for (const VisitEvidence& visit : reports_[i].evidence) {
-      if (visit.begin <= at && Counts(i, visit, version)) add(reports_[i].uuid, visit);
+      if (visit.begin <= at && Counts(i, visit, version)) {
+        add(reports_[i].uuid, visit, reports_[i].vehicle);
+      }
     }
   }
   const std::optional<std::size_t> statement = StatementOf(version);
@@ -127,7 +130,7 @@ std::vector<EvidenceRow> StoreModel::RowsOf(const LandmarkGroup& group,
       if (IsExcluded(run.sha256, run.vehicle, run.begin)) continue;
       for (const VisitEvidence& visit : run.evidence) {
         if (visit.begin <= std::max(at, versions_[version].content.stamp)) {
-          add(fmt::format("{} {}", built, run.sha256), visit);
+          add(run.sha256, visit, run.vehicle);
         }
       }
     }

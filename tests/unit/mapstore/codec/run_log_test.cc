@@ -24,7 +24,7 @@ Run MakeRun(int samples) {
   std::mt19937_64 random(30);
   std::normal_distribution<double> normal;
   Run run;
-  run.info = {"truck 7", "simulated é"};
+  run.info = {"truck 7", "simulated é", "0f8fad5b-d9cb-469f-a165-70867728950e", "level é"};
   for (int i = 0; i < samples; ++i) {
     const Stamp stamp = StampFromNanoseconds(kBeginNs + 10'000'003LL * i);
     run.odometry.push_back({stamp, normal(random), normal(random)});
@@ -76,6 +76,8 @@ void ExpectPrefix(const Run& got, const Run& expected) {
 void ExpectEqual(const Run& got, const Run& expected) {
   EXPECT_EQ(got.info.vehicle, expected.info.vehicle);
   EXPECT_EQ(got.info.source, expected.info.source);
+  EXPECT_EQ(got.info.uuid, expected.info.uuid);
+  EXPECT_EQ(got.info.area, expected.info.area);
   EXPECT_EQ(got.odometry.size(), expected.odometry.size());
   EXPECT_EQ(got.scans.size(), expected.scans.size());
   ExpectPrefix(got, expected);

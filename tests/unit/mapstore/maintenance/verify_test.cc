@@ -137,7 +137,7 @@ const Damage kDamages[] = {
      "UPDATE shift_report SET first_visit_ns = first_visit_ns + 1 WHERE report_id = 2",
      "before the first visit"},
     {"Superseded",
-     "UPDATE shift_report SET run_hash = (SELECT run_hash FROM shift_report WHERE report_id = 1)",
+     "UPDATE shift_report SET identity = (SELECT identity FROM shift_report WHERE report_id = 1)",
      "more than one report"},
     {"MappedReport", "DELETE FROM version_run", "not about a run"},
     {"Sighting", "UPDATE sighting SET cov_xx_m2 = -1 WHERE report_id = 2", "covariance"},

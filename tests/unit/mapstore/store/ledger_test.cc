@@ -33,9 +33,39 @@ double Relaxed(double probability, double elapsed_s) {
 }
 
 // Bayes with a log-likelihood ratio of mode 1 over absent.
-double Updated(double probability, double log_ratio) {
+double Bayes(double probability, double log_ratio) {
   return probability * std::exp(log_ratio) /
          (probability * std::exp(log_ratio) + 1.0 - probability);
+}
+
+// A vehicle's turn by hand, from P(mode 1) before it on.
+struct Turn {
+  explicit Turn(double known) : right(known), mistaken(known) {}
+
+  Turn& See(double log_ratio) {
+    const auto evidence = [&](double p) { return p * std::exp(log_ratio) + 1.0 - p; };
+    odds *= evidence(own) / evidence(right);
+    own = Bayes(own, log_ratio);
+    right = Bayes(right, log_ratio);
+    return *this;
+  }
+
+  Turn& Wait(double elapsed_s) {
+    for (double* p : {&right, &mistaken, &own}) *p = Relaxed(*p, elapsed_s);
+    return *this;
+  }
+
+  double P() const { return (right + odds * mistaken) / (1.0 + odds); }
+
+  double right;
+  double mistaken;
+  double own = 0.5;
+  double odds = kMistakeProbability / (1.0 - kMistakeProbability);
+};
+
+// The one visit of a turn.
+double Updated(double probability, double log_ratio) {
+  return Turn(probability).See(log_ratio).P();
 }
 
 class LedgerTest : public ::testing::Test {
@@ -74,8 +104,9 @@ TEST_F(LedgerTest, ProbabilitiesFollowTheTwoStateChainByHand) {
                      TwoStateEvidence(At(400.0), At(420.0), -2.0, 0.25)};
   EXPECT_EQ(MustReturn(report).evidence_rows, 2);
 
-  const double first = Updated(Relaxed(0.7, 100.0), -1.5);
-  const double second = Updated(Relaxed(first, 250.0), 2.25);
+  Turn turn(Relaxed(0.7, 100.0));
+  const double first = turn.See(-1.5).P();
+  const double second = turn.Wait(250.0).See(2.25).P();
   EXPECT_NEAR(ProbabilityAt(At(50.0)), Relaxed(0.7, 50.0), 1e-12);
   EXPECT_NEAR(ProbabilityAt(At(150.0)), first, 1e-12);
   EXPECT_NEAR(ProbabilityAt(At(300.0)), Relaxed(first, 150.0), 1e-12);
@@ -91,7 +122,7 @@ TEST_F(LedgerTest, AStatementIsEvidenceBesideOlderVisits) {
   report.evidence = {TwoStateEvidence(At(-900.0), At(-800.0), 0.0, 1.0)};
   MustReturn(report);
   // The chain forgets the visit in the 800 s until the statement.
-  const double at_statement = Updated(Relaxed(Updated(0.5, 1.0), 800.0), std::log(0.7 / 0.3));
+  const double at_statement = Bayes(Relaxed(Updated(0.5, 1.0), 800.0), std::log(0.7 / 0.3));
   EXPECT_NEAR(ProbabilityAt(std::nullopt), at_statement, 1e-12);
   EXPECT_NEAR(ProbabilityAt(At(10.0)), Relaxed(at_statement, 10.0), 1e-12);
   // For an earlier time it is that at the stamp, without visits that began later than asked for.
@@ -102,9 +133,9 @@ TEST_F(LedgerTest, AStatementIsEvidenceBesideOlderVisits) {
   ShiftReport second = EmptyReport(version_, "a", 2);
   second.evidence = {TwoStateEvidence(At(-500.0), At(-400.0), 2.0, 0.0)};
   MustReturn(second);
-  const double visits = Updated(Relaxed(Updated(0.5, 1.0), 300.0), -2.0);
+  const double visits = Turn(0.5).See(1.0).Wait(300.0).See(-2.0).P();
   EXPECT_NEAR(
-      ProbabilityAt(std::nullopt), Updated(Relaxed(visits, 400.0), std::log(0.7 / 0.3)), 1e-12);
+      ProbabilityAt(std::nullopt), Bayes(Relaxed(visits, 400.0), std::log(0.7 / 0.3)), 1e-12);
 }
 
 TEST_F(LedgerTest, ArrivalOrderDoesNotMatter) {
@@ -289,6 +320,40 @@ TEST_F(LedgerTest, OfTwoReportsAboutOneRunOneCountsWhicheverCameFirst) {
   ASSERT_THAT(other.Return(first), IsOk());
   EXPECT_THAT(other.Return(second)->set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
   EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
+}
+
+// A vehicle reports its shift and leaves the log, which is localized again, and then mapped: what
+// it says counts once, whichever comes first, and as the map has it.
+TEST_F(LedgerTest, ALiveShiftAndItsLogAreOneRun) {
+  const std::string uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  ShiftReport live = EmptyReport(version_, "a", 1);
+  live.uuid = uuid;  // Its log has that.
+  ShiftReport again = EmptyReport(version_, "a", 2);
+  again.run_uuid = "0F8FAD5B-D9CB-469F-A165-70867728950E";
+  again.run_hash = std::string(64, 'b');
+  // A localizer that does not know of run UUIDs yet.
+  ShiftReport old = EmptyReport(version_, "a", 3);
+  old.run_hash = again.run_hash;
+  live.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  again.evidence = old.evidence = {TwoStateEvidence(At(810.0), At(890.0), 0.0, 2.0)};
+  EXPECT_THAT(MustReturn(again).set_aside, IsEmpty());
+  MustReturn(live);
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 810.0), 2.0), 1e-12);
+
+  RunRecord run{"run", again.run_hash, "truck 1", At(0.0), At(1000.0), {}};
+  run.uuid = uuid;
+  run.evidence = {TwoStateEvidence(At(820.0), At(880.0), 0.0, 1.0)};
+  CommitOptions options;
+  options.parent = version_.version;
+  options.states_probabilities = false;
+  const MapContent next = TwoStateContent(kRate, 0.6, At(1000.0));
+  ASSERT_THAT(store_.Commit("a", next, {"", "", 0, {run}}, options), IsOk());
+  EXPECT_THAT(MustReturn(old).set_aside, ElementsAre(IsAside(SetAside::kRunInMap, 1)));
+  EXPECT_NEAR(ProbabilityAt(At(880.0)), Relaxed(Updated(Relaxed(0.7, 820.0), 1.0), 120.0), 1e-12);
+  EXPECT_THAT(store_.Evidence("a", VersionNumber(2))->size(), 1u);
+  EXPECT_EQ(store_.RunIdentities("a", VersionNumber(2))->count(uuid), 1u);
+  ASSERT_THAT(store_.Exclude("a", {"0f8fad5b", "", {}, "slipped", {}}), IsOk());
+  EXPECT_NEAR(ProbabilityAt(At(880.0)), Relaxed(0.7, 1000.0), 1e-12);
 }
 
 TEST_F(LedgerTest, MergedModesEvidenceGoesToTheModeThatStandsForThem) {

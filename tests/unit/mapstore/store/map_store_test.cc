@@ -198,12 +198,12 @@ TEST_F(MapStoreTest, RunsOfAVersionAreThoseOfItsAncestorsToo) {
   commit({"b", "e"}, 3);
   commit({}, 2);
   const auto of = [&](int version) {
-    return store_.RunHashes("level 1", VersionNumber(version)).value();
+    return store_.RunIdentities("level 1", VersionNumber(version)).value();
   };
   EXPECT_THAT(of(1), ElementsAre("a", "b"));
   EXPECT_THAT(of(4), ElementsAre("a", "b", "d", "e"));
   EXPECT_THAT(of(5), ElementsAre("a", "b", "c"));
-  EXPECT_THAT(store_.RunHashes("level 1", VersionNumber(6)),
+  EXPECT_THAT(store_.RunIdentities("level 1", VersionNumber(6)),
               StatusIs(StatusCode::kNotFound, "no version 6"));
 }
 

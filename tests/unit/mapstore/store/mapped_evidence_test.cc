@@ -5,10 +5,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
+#include <thread>
 #include <variant>
 #include <vector>
 
+#include "mapstore/maintenance/verify.h"
+#include "mapstore/map/mode_filter.h"
 #include "mapstore/map_store.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -64,8 +68,12 @@ class MappedEvidenceTest : public ::testing::Test {
   }
 
   // The chain by hand: P(mode 1) after the runs' visits, from one half on, `seconds` after the
-  // last.
+  // last. All are of one vehicle.
   static double ByHand(const std::vector<int>& runs, double seconds) {
+    return Believed(Alone(runs, seconds));
+  }
+
+  static double Alone(const std::vector<int>& runs, double seconds) {
     double p = 0.5;
     double end = 0.0;
     for (const int run : runs) {
@@ -75,6 +83,11 @@ class MappedEvidenceTest : public ::testing::Test {
       end = 100.0 * run + 30.0;
     }
     return 0.5 + (p - 0.5) * std::exp(-2.0 * kRate * seconds);
+  }
+
+  // Where no other vehicle has spoken: what its visits say, or that they are mistakes.
+  static double Believed(double p) {
+    return (1.0 - kMistakeProbability) * p + kMistakeProbability / 2.0;
   }
 
   TempDir dir_;
@@ -139,13 +152,13 @@ TEST_F(MappedEvidenceTest, BuildsAndReturnsInAnyOrderGiveTheSameBits) {
     EXPECT_EQ(results.back(), results.front());
   }
   // Of the reports only those about runs that no version mapped say anything.
-  double p = ByHand({0, 1, 2, 3, 4, 5}, 605.0 - 530.0);
+  double p = Alone({0, 1, 2, 3, 4, 5}, 605.0 - 530.0);
   for (const int run : {6, 7}) {
     p = p * std::exp(-RatioOf(run)) / (p * std::exp(-RatioOf(run)) + 1.0 - p);
     const double until = run == 6 ? 705.0 - 635.0 : 1000.0 - 735.0;
     p = 0.5 + (p - 0.5) * std::exp(-2.0 * kRate * until);
   }
-  EXPECT_NEAR(results.front(), p, 1e-12);
+  EXPECT_NEAR(results.front(), Believed(p), 1e-12);
 }
 
 TEST_F(MappedEvidenceTest, ARollbackTakesTheMappedRunsBackAndTheirReportsCount) {
@@ -179,6 +192,36 @@ TEST_F(MappedEvidenceTest, CheckpointsChangeNoBit) {
       EXPECT_EQ(At1(At(at)), plain.LoadAt("a", std::nullopt, At(at))->groups()[0].probabilities(1));
     }
   }
+}
+
+// A version is published over a long ledger while vehicles hand in their shifts, of any age.
+TEST_F(MappedEvidenceTest, CheckpointsAreMadeWhileOthersWrite) {
+  const std::string path = dir_.File("busy.db");
+  MapStore::OpenOptions options;
+  options.access = MapStore::Access::kReadWriteCreate;
+  options.checkpoint_rows = 3;
+  store_ = *MapStore::Open(path, options);
+  std::vector<int> runs(200);
+  std::iota(runs.begin(), runs.end(), 0);
+  const CommitResult first = Map(runs, std::nullopt);
+  std::thread vehicles([&] {
+    MapStore other = *MapStore::Open(path, options);
+    std::mt19937_64 random(TestSeed(4));
+    for (int i = 0; i < 40; ++i) {
+      ShiftReport report = EmptyReport(first, "a", 1000 + i);
+      const double begin = static_cast<double>(random() % 20'000);
+      report.evidence = {TwoStateEvidence(At(begin), At(begin + 5.0), 0.0, 0.3)};
+      EXPECT_THAT(other.Return(report), IsOk());
+    }
+  });
+  for (int i = 0; i < 20; ++i) {
+    Map({200 + i}, VersionNumber(i + 1));
+  }
+  vehicles.join();
+  const StatusOr<VerifyResult> verified = VerifyStore(path);
+  ASSERT_THAT(verified, IsOk());
+  EXPECT_TRUE(verified->clean());
+  EXPECT_GT(verified->checkpoints, 20);
 }
 
 TEST_F(MappedEvidenceTest, OnlyAVehiclesOwnReportStandsForItsRun) {
