@@ -35,6 +35,7 @@ struct ServeOptions {
   // Drivers of sensors deliver out of step.
   double max_delay_s = 0.2;
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
+  std::int64_t log_quota_mib = live::ServiceOptions().max_log_bytes >> 20;
   LimitOptions limits;
 };
 
@@ -63,6 +64,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.localizer.limits = options.limits;
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
+  service.max_log_bytes = options.log_quota_mib << 20;
   service.clock = SystemNow;
   return service;
 }
@@ -118,6 +120,10 @@ void AddServeCommand(Application* application) {
               &options->max_delay_s,
               "Wait this long for odometry and scans that come late; 0: they come in order")
       .InRange(0.0, 60.0)
+      .Option("--log-quota-mib",
+              &options->log_quota_mib,
+              "Run logs of shifts are kept in the state folder up to this; 0: none")
+      .InRange(0, 1 << 30)
       .Option("--step-budget-ms", &options->step_budget_ms, "A longer step counts as an overrun")
       .InRange(1e-3, 1e6)
       .Check([options] { return CheckOptions(*options); });

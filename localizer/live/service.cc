@@ -231,9 +231,19 @@ Status Service::Do(const Stop& stop, std::vector<Event>*) {
 }
 
 Status Service::Shutdown() {
-  if (!shift_) return OkStatus();
-  std::vector<Event> ignored;
-  return Do(Stop{.save_pose = true}, &ignored);
+  Status status = OkStatus();
+  if (shift_) {
+    std::vector<Event> ignored;
+    status = Do(Stop{.save_pose = true}, &ignored);
+  }
+  CheckLogs(logs_.Finish());
+  return status;
+}
+
+// The report is safe: what was learned is not lost without the log.
+void Service::CheckLogs(const Status& status) {
+  if (status.ok()) return;
+  options_.warn(Message(status) + ", the shift has no run log");
 }
 
 void Service::CheckJournal(const Status& status) {
@@ -248,6 +258,7 @@ void Service::WriteJournal() {
 
 void Service::SyncJournal() {
   if (journal_) CheckJournal(journal_->StartSync());
+  CheckLogs(logs_.GoOn());
 }
 
 ServiceState Service::State() const {

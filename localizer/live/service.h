@@ -15,6 +15,7 @@
 #include "localizer/live/resume_mark.h"
 #include "localizer/live/saved_pose.h"
 #include "localizer/live/shift.h"
+#include "localizer/live/shift_logs.h"
 #include "localizer/live/time_line_watch.h"
 #include "localizer/localizer_options.h"
 #include "mapstore/map/map_snapshot.h"
@@ -31,6 +32,9 @@ struct ServiceOptions {
   std::string software;   ///< As ShiftReport::software.
   LocalizerOptions localizer;  ///< Valid; `initial_pose` is that of the first start.
   SavedPoseOptions saved_pose;
+
+  /// What the run logs of all shifts may take in the state folder; 0: none are kept. [byte]
+  std::int64_t max_log_bytes = std::int64_t{4} << 30;
 
   /// A step that takes longer counts as an overrun, > 0. [ms]
   double step_budget_ms = 20.0;
@@ -61,7 +65,8 @@ struct ServiceOptions {
 ///
 /// One process per state folder: it is locked. A step computes only; WriteJournal() and
 /// SyncJournal() are called between steps. Files in the state folder: `shift.journal` while a shift
-/// is under way, `shift.resuming` while one is taken up, `pose`, and `<uuid>.report`.
+/// is under way, `shift.resuming` while one is taken up, `pose`, and of each shift that has ended
+/// `<uuid>.report` and its run log (ShiftLogs).
 class Service {
  public:
   /// Loads the map and takes up a shift that was interrupted. A journal that does not fit the map
@@ -108,7 +113,9 @@ class Service {
   std::optional<HypothesisView> Hypotheses() const;
 
   explicit Service(ServiceOptions options)
-      : options_(std::move(options)), time_line_(FromSeconds(options_.max_refused_s)) {}
+      : options_(std::move(options)),
+        logs_(options_.state_dir, options_.max_log_bytes),
+        time_line_(FromSeconds(options_.max_refused_s)) {}
 
   Status Do(const OdometrySample& sample, std::vector<Event>* events);
   Status Do(const Scan& scan, std::vector<Event>* events);
@@ -149,6 +156,7 @@ class Service {
   void BeginInsteadOf(const ResumeMark& mark);
   void SetJournalAside(const Status& why);
   void CheckJournal(const Status& status);
+  void CheckLogs(const Status& status);
   std::string File(const std::string& name) const { return options_.state_dir + "/" + name; }
 
   ServiceOptions options_;
@@ -156,6 +164,7 @@ class Service {
   std::optional<MapSnapshot> map_;
   std::optional<Shift> shift_;
   std::optional<JournalFile> journal_;
+  ShiftLogs logs_;
   std::optional<PoseWithCovariance> given_start_;  // For the shift that starts next.
   std::optional<std::chrono::steady_clock::time_point> held_until_;
   TimeLineWatch time_line_;

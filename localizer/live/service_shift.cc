@@ -119,8 +119,9 @@ void Service::SavePose() {
 // is taken up again and reports under the same UUID.
 void Service::EndShift() {
   options_.inform(fmt::format("shift {} ends, report '{}'", last_uuid_, last_report_));
+  WriteJournal();
   journal_.reset();
-  unlink(File(kJournal).c_str());
+  CheckLogs(logs_.Take(File(kJournal), last_uuid_));
   shift_.reset();
   held_until_.reset();
   given_start_.reset();

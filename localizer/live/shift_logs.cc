@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/shift_logs.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "localizer/filter/event_buffer.h"
+#include "localizer/live/codec/journal_codec.h"
+#include "localizer/live/journal_file.h"
+#include "localizer/live/messages.h"
+#include "mapstore/codec/run_log.h"
+
+namespace shiftmap::live {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kLog = ".mcap";
+constexpr std::string_view kWaiting = ".journal";
+constexpr std::size_t kUuidLength = 36;
+
+// Takes the records of a journal and writes what is in them as a run log.
+class LogMaker {
+ public:
+  explicit LogMaker(std::string path) : path_(std::move(path)) {}
+
+  Status Take(std::string_view bytes) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const JournalRecord record, DecodeJournalRecord(bytes));
+    return std::visit([&](const auto& item) { return Apply(item); }, record);
+  }
+
+  Status Finish() {
+    if (order_) {
+      order_->FlushPaused();
+      SHIFTMAP_RETURN_IF_ERROR(WriteDue());
+    }
+    return has_odometry_ ? writer_->Finish() : OkStatus();
+  }
+
+ private:
+  Status Apply(const ShiftHeader& header) {
+    if (writer_) return InvalidArgument("another header");
+    const RunInfo info{header.vehicle, "shiftmap-localizer serve", header.uuid, header.area};
+    SHIFTMAP_ASSIGN_OR_RETURN(writer_, RunLogWriter::Create(path_, info));
+    if (header.max_delay_s > 0.0) order_.emplace(FromSeconds(header.max_delay_s));
+    return OkStatus();
+  }
+
+  Status Apply(const InitializePose&) { return OkStatus(); }
+
+  Status Apply(const RunEvent& item) {
+    if (!writer_) return InvalidArgument("no header, expected one first");
+    if (!order_) return Write(item);
+    order_->Add(item);
+    return WriteDue();
+  }
+
+  Status WriteDue() {
+    while (const HeldEvent* const event = order_->Next()) {
+      SHIFTMAP_RETURN_IF_ERROR(event->is_scan ? Write(event->scan) : Write(event->sample));
+    }
+    return OkStatus();
+  }
+
+  Status Write(const RunEvent& event) {
+    has_odometry_ = has_odometry_ || std::holds_alternative<OdometrySample>(event);
+    return writer_->Write(event);
+  }
+
+  std::string path_;
+  std::optional<RunLogWriter> writer_;
+  std::optional<EventBuffer> order_;
+  bool has_odometry_ = false;
+};
+
+// A file of a shift: `<uuid><ending>`.
+struct ShiftFile {
+  fs::file_time_type written;
+  fs::path path;
+  std::int64_t bytes = 0;
+};
+
+// By the time of writing. What cannot be read is not there.
+std::vector<ShiftFile> FilesOf(const std::string& folder, std::string_view ending) {
+  std::vector<ShiftFile> files;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    if (name.size() != kUuidLength + ending.size() || !name.ends_with(ending)) continue;
+    std::error_code unread;
+    ShiftFile file{at->last_write_time(unread), at->path(), 0};
+    if (unread) continue;
+    file.bytes = static_cast<std::int64_t>(at->file_size(unread));
+    if (!unread) files.push_back(std::move(file));
+  }
+  std::sort(files.begin(), files.end(), [](const ShiftFile& a, const ShiftFile& b) {
+    return std::tie(a.written, a.path) < std::tie(b.written, b.path);
+  });
+  return files;
+}
+
+void DeleteOldest(const std::string& folder, std::int64_t max_bytes) {
+  const std::vector<ShiftFile> logs = FilesOf(folder, kLog);
+  std::int64_t total = 0;
+  for (const ShiftFile& log : logs) total += log.bytes;
+  for (const ShiftFile& log : logs) {
+    if (total <= max_bytes) return;
+    std::error_code error;
+    if (fs::remove(log.path, error)) total -= log.bytes;
+  }
+}
+
+Status MakeLog(const std::string& folder, const fs::path& journal, std::int64_t max_bytes) {
+  fs::path log = journal;
+  log.replace_extension(kLog);
+  SHIFTMAP_RETURN_IF_ERROR(WriteShiftLog(journal.string(), log.string()));
+  unlink(journal.c_str());
+  DeleteOldest(folder, max_bytes);
+  return OkStatus();
+}
+
+}  // namespace
+
+Status WriteShiftLog(const std::string& journal, const std::string& log) {
+  LogMaker maker(log);
+  SHIFTMAP_RETURN_IF_ERROR(
+      ReadJournal(journal, [&](std::string_view bytes) { return maker.Take(bytes); }).status());
+  return maker.Finish();
+}
+
+Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {
+  if (max_bytes_ == 0) {
+    unlink(journal.c_str());
+    return OkStatus();
+  }
+  const std::string waiting = folder_ + "/" + uuid + std::string(kWaiting);
+  if (std::rename(journal.c_str(), waiting.c_str()) == 0) return GoOn();
+  if (errno == ENOENT) return OkStatus();  // It was set aside.
+  const Status status =
+      Unavailable("journal '{}': cannot rename: {}", journal, std::strerror(errno));
+  unlink(journal.c_str());
+  return status;
+}
+
+Status ShiftLogs::GoOn() {
+  Status before = OkStatus();
+  if (making_.valid()) {
+    if (making_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return before;
+    before = making_.get();
+  }
+  for (const ShiftFile& journal : FilesOf(folder_, kWaiting)) {
+    if (!tried_.insert(journal.path.string()).second) continue;
+    const auto make = [folder = folder_, path = journal.path, max_bytes = max_bytes_] {
+      return MakeLog(folder, path, max_bytes);
+    };
+    try {
+      making_ = std::async(std::launch::async, make);
+    } catch (const std::system_error&) {  // The process may have no more threads.
+      tried_.erase(journal.path.string());
+    }
+    break;
+  }
+  return before;
+}
+
+Status ShiftLogs::Finish() {
+  Status first = OkStatus();
+  do {
+    if (making_.valid()) making_.wait();
+    const Status status = GoOn();
+    if (first.ok()) first = status;
+  } while (making_.valid());
+  return first;
+}
+
+}  // namespace shiftmap::live
