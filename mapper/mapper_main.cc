@@ -5,6 +5,7 @@ int main(int argc, char** argv) {
   shiftmap::Application application("shiftmap-mapper",
                                     "Builds maps of places whose landmarks move");
   shiftmap::AddBuildCommand(&application);
+  shiftmap::AddNightlyCommand(&application);
   shiftmap::AddImportCommand(&application);
   return application.Main(argc, argv);
 }

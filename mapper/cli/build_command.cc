@@ -1,72 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <charconv>
 #include <chrono>
-#include <cstdio>
-#include <filesystem>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <set>
 #include <string>
-#include <thread>
-#include <utility>
 #include <vector>
 
+#include "mapper/cli/area_build.h"
 #include "mapper/cli/build_report.h"
 #include "mapper/cli/commands.h"
-#include "mapper/cli/run_loader.h"
 #include "mapper/cli/stop_signals.h"
-#include "mapper/mapper.h"
 #include "mapper/selection/selector.h"
-#include "mapstore/cli/input_options.h"
-#include "mapstore/cli/store_access.h"
-#include "mapstore/cli/version.h"
-#include "mapstore/core/clock.h"
-#include "mapstore/core/folder.h"
-#include "mapstore/core/memory_bound.h"
-#include "mapstore/map_store.h"
+#include "mapstore/core/ids.h"
 
 namespace shiftmap {
 namespace {
-
-// Poses of a run that the store keeps for pictures.
-constexpr std::size_t kStoredPoses = 2000;
-
-struct BuildOptions {
-  std::string store;
-  std::string area;
-  std::string selector = "viterbi";
-  std::string engine = "graph";
-  std::string prior = "published";
-  std::string anonymous = "ignore";
-  std::string placement = "posterior";
-  bool no_publish = false;
-  bool no_calibration = false;
-  bool no_learned_rates = false;
-  std::optional<std::int64_t> max_memory_mib;
-  LimitOptions limits;
-  double clock_tolerance_s = kDefaultClockToleranceS;
-  std::optional<std::string> trajectories;
-  std::uint64_t seed = MapperOptions().seed;
-  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  double leave_rate_per_s = ModeOptions().leave_rate_per_s;
-  std::vector<std::string> logs;
-};
-
-// The version that a build starts from.
-struct PriorMap {
-  std::optional<VersionNumber> version;
-  std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
-  std::optional<MapContent> content;
-  std::set<std::string> run_hashes;   // Of the runs that are in it already.
-  std::vector<UnplacedRun> waiting;   // Of earlier builds.
-  std::vector<Exclusion> exclusions;  // What an operator took out of the area's memory.
-  std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
-};
 
 std::vector<std::string> SelectorNames() {
   std::vector<std::string> names;
@@ -81,325 +31,17 @@ bool IsPriorName(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && number > 0;
 }
 
-// The newest of a version and its ancestors that no excluded run went into.
-StatusOr<VersionNumber> NewestWithoutExcluded(const std::string& area,
-                                              VersionNumber version,
-                                              MapStore* store,
-                                              const Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (VersionNumber at = version;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
-    if (runs.empty()) return at;
-    context.Warn(fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
-                             at.value(),
-                             runs.front()));
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
-    if (summary == versions.end() || !summary->parent) {
-      return FailedPrecondition(
-          "area '{}': every version of the line is made from excluded runs; --prior none starts "
-          "anew",
-          area);
-    }
-    at = *summary->parent;
-  }
-}
-
-StatusOr<PriorMap> LoadPrior(const BuildOptions& options, const Context& context) {
-  PriorMap prior;
-  std::error_code error;
-  const bool exists = std::filesystem::exists(options.store, error);
-  const bool needed = options.prior != "none" && options.prior != "published";
-  if (!exists && !needed) return prior;
-  // Opened even without a prior: what is no store is better known before the work than after it.
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
-  const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
-    return area.area == options.area;
-  });
-  if (known) {
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
-  }
-  if (options.prior == "none") return prior;
-  if (options.prior == "published") {
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
-    if (!prior.published) return prior;
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        prior.version, NewestWithoutExcluded(options.area, *prior.published, &store, context));
-  } else {
-    prior.version = VersionNumber(std::stoll(options.prior));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
-  prior.content = snapshot.content();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.run_hashes, store.RunHashes(options.area, *prior.version));
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
-  return prior;
-}
-
-// Leaves out logs that are excluded.
-Status LeaveOutExcluded(const std::string& area,
-                        const std::vector<Exclusion>& exclusions,
-                        LoadedRuns* runs) {
-  std::erase_if(runs->inputs, [&](const MapperInput& input) {
-    const Exclusion* const exclusion =
-        FindExclusion(exclusions,
-                      input.sha256,
-                      input.run.info.vehicle,
-                      input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp);
-    if (exclusion == nullptr) return false;
-    runs->rejected.push_back({input.name, "excluded: " + exclusion->reason});
-    return true;
-  });
-  if (!runs->inputs.empty()) return OkStatus();
-  return FailedPrecondition("area '{}': no log to build from; first: run '{}': {}",
-                            area,
-                            runs->rejected.front().name,
-                            runs->rejected.front().reason);
-}
-
-// Loads what the ledger says of the landmarks, but not of the runs of the build: it sees their
-// visits itself, with all modes, and none may count twice.
-Status LoadEvidence(const BuildOptions& options,
-                    const std::vector<MapperInput>& inputs,
-                    const Context& context,
-                    PriorMap* prior) {
-  if (!prior->version || options.no_learned_rates) return OkStatus();
-  std::set<std::string> runs;
-  for (const MapperInput& input : inputs) runs.insert(input.sha256);
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
-  return OkStatus();
-}
-
-// Nothing was written so far, and nothing will be.
-Status StoppedStatus(const BuildOptions& options) {
-  return MakeStatus(StatusCode::kCancelled,
-                    "area '{}': build stopped by {}, nothing is written",
-                    options.area,
-                    StopSignals::Received());
-}
-
-Status CheckStopped(const BuildOptions& options) {
-  return StopSignals::Received().empty() ? OkStatus() : StoppedStatus(options);
-}
-
-// The bound on a build's memory: what was asked for, or what the process can have. [bytes]
-std::int64_t MaxMemory(const BuildOptions& options) {
-  constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
-  return options.max_memory_mib ? *options.max_memory_mib * kMib : MemoryBound();
-}
-
-RunLoaderOptions LoaderOptions(const BuildOptions& options, const PriorMap& prior, Stamp now) {
-  RunLoaderOptions loader;
-  loader.area = options.area;
-  loader.logs = options.logs;
-  loader.known_hashes = prior.run_hashes;
-  loader.max_memory_bytes = MaxMemory(options);
-  loader.threads = options.threads;
-  if (prior.content) loader.prior_modes = prior.content->covariance.size();
-  loader.limits =
-      options.limits.For(prior.content ? prior.content->calibration.sensor : SensorCalibration());
-  loader.now = now;
-  loader.clock_tolerance_s = options.clock_tolerance_s;
-  loader.unique_names = options.trajectories.has_value();
-  loader.go_on = [&options] { return CheckStopped(options); };
-  return loader;
-}
-
-std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
-  const std::size_t step = trajectory.size() / kStoredPoses + 1;
-  std::vector<StampedPose> thinned;
-  for (std::size_t i = 0; i < trajectory.size(); i += step) thinned.push_back(trajectory[i]);
-  return thinned;
-}
-
-Provenance MakeProvenance(const BuildOptions& options, const MapperResult& result) {
-  Provenance provenance;
-  provenance.tool = "shiftmap-mapper " + SoftwareVersion();
-  provenance.configuration = Json{{"revision", SoftwareRevision()},
-                                  {"selector", options.selector},
-                                  {"engine", options.engine},
-                                  {"prior", options.prior},
-                                  {"anonymous", options.anonymous},
-                                  {"placement", options.placement},
-                                  {"calibrate", !options.no_calibration},
-                                  {"leave_rate_per_s", options.leave_rate_per_s},
-                                  {"learned_rates", !options.no_learned_rates},
-                                  {"vehicles", VehiclesJson(result.vehicles)}}
-                                 .dump();
-  provenance.seed = static_cast<std::int64_t>(options.seed);
-  for (const MappedRun& run : result.runs) {
-    provenance.runs.push_back({run.name,
-                               run.sha256,
-                               run.vehicle,
-                               run.begin,
-                               run.end,
-                               Thinned(run.trajectory),
-                               run.evidence});
-  }
-  return provenance;
-}
-
-Status WriteTrajectories(const std::string& folder, const MapperResult& result) {
-  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(folder));
-  for (const MappedRun& run : result.runs) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTum(run.trajectory, fmt::format("{}/{}.tum", folder, run.name)));
-  }
-  return OkStatus();
-}
-
-StatusOr<MapperOptions> MakeMapperOptions(const BuildOptions& options,
-                                          const PriorMap& prior,
-                                          Stamp now) {
-  MapperOptions mapper_options;
-  mapper_options.now = now;
-  mapper_options.clock_tolerance_s = options.clock_tolerance_s;
-  mapper_options.seed = options.seed;
-  mapper_options.threads = options.threads;
-  mapper_options.max_memory_bytes = MaxMemory(options);
-  mapper_options.calibrate = !options.no_calibration;
-  mapper_options.association.associate = options.anonymous == "associate";
-  if (options.placement == "consensus") {
-    mapper_options.confirmation = ConfirmationOptions::Never();
-  }
-  mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
-  mapper_options.chains.learn = !options.no_learned_rates;
-  mapper_options.chains.ledger = prior.evidence;
-  SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
-  mapper_options.modes.selector.seed = options.seed;
-  return mapper_options;
-}
-
-// The runs of a build that wait.
-std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
-  std::vector<UnplacedRun> unplaced;
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      unplaced.push_back({run.name, run.sha256, {}});
-    }
-  }
-  return unplaced;
-}
-
-// Runs that wait, but not of this build.
-std::vector<UnplacedRun> NotGiven(std::vector<UnplacedRun> waiting,
-                                  const std::vector<MapperInput>& inputs) {
-  std::erase_if(waiting, [&](const UnplacedRun& run) {
-    return std::any_of(inputs.begin(), inputs.end(), [&](const MapperInput& input) {
-      return input.sha256 == run.sha256;
-    });
-  });
-  return waiting;
-}
-
-void WarnOfInput(const MapperResult& result,
-                 const std::vector<UnplacedRun>& not_given,
-                 Context& context) {
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-    }
-  }
-  for (const UnplacedRun& run : not_given) {
-    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
-  }
-  for (const RejectedRun& run : result.rejected) {
-    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
-  }
-  for (const MappedRun& run : result.runs) {
-    if (run.duplicate_observations == 0) continue;
-    context.Warn(fmt::format(
-        "run '{}': {} observations of a signature at two places in one scan are left out",
-        run.name,
-        run.duplicate_observations));
-  }
-}
-
-// Shows where a build is, and stops it when a signal came.
-MapperMonitor MakeMonitor(Progress* progress) {
-  return [progress](const MapperProgress& now) {
-    std::string text = now.phase;
-    if (now.modes > 0) text += fmt::format(", {} modes", now.modes);
-    if (now.cost > 0.0) text += fmt::format(", cost {:.0f}", now.cost);
-    progress->Update(text, now.done);
-    return StopSignals::Received().empty();
-  };
-}
-
-// What cannot be written is better known before the work than after it.
-Status CheckOutputs(const BuildOptions& options) {
-  if (options.area.empty()) return InvalidArgument("--area '': expected a name");
-  if (options.trajectories) SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
-  return MapStore::CheckWritable(options.store);
-}
-
-// Adds the version, or where all runs wait only notes that.
-StatusOr<std::optional<CommitResult>> Write(const BuildOptions& options,
-                                            const PriorMap& prior,
-                                            const MapperResult& result,
-                                            const Context& context) {
-  if (options.trajectories && !result.runs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      MapStore store,
-      OpenStore(
-          options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
-  if (result.runs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(store.NoteWaiting(options.area, Unplaced(result)));
-    return std::optional<CommitResult>();
-  }
-  CommitOptions commit_options;
-  commit_options.parent = prior.version;
-  commit_options.expected = prior.published;
-  commit_options.publish = !options.no_publish;
-  commit_options.replace = options.prior == "none";
-  commit_options.states_probabilities = false;
-  commit_options.waiting = Unplaced(result);
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      CommitResult commit,
-      store.Commit(options.area, result.content, MakeProvenance(options, result), commit_options));
-  return std::optional(std::move(commit));
-}
-
-Status Build(const BuildOptions& options, Context& context) {
+Status Build(const AreaBuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
-  const Stamp now = SystemNow();
   const StopSignals signals;
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
-  SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
-  SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
-  SHIFTMAP_RETURN_IF_ERROR(LoadEvidence(options, runs.inputs, context, &prior));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
-                            MakeMapperOptions(options, prior, now));
-  const std::vector<UnplacedRun> not_given = NotGiven(std::move(prior.waiting), runs.inputs);
-  std::unique_ptr<Progress> progress = context.MakeProgress();
-  StatusOr<MapperResult> result =
-      BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
-  progress.reset();
-  // From here on it takes no time to speak of: what began to write ends.
-  if (result.ok() ? !signals.Received().empty()
-                  : result.status().code() == StatusCode::kCancelled) {
-    return StoppedStatus(options);
-  }
-  SHIFTMAP_RETURN_IF_ERROR(result.status());
-  result->rejected.insert(result->rejected.end(), runs.rejected.begin(), runs.rejected.end());
-  WarnOfInput(*result, not_given, context);
-
-  std::optional<CommitResult> commit;
-  const bool all_wait = result->runs.empty();
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(commit, Write(options, prior, *result, context));
-  }
-  Json document = BuildJson(options.area, *result, runs.dropped, not_given, commit);
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaBuild build, BuildArea(options, context));
+  Json document =
+      BuildJson(options.area, build.result, build.dropped, build.not_given, build.commit);
   document["selector"] = options.selector;
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  context.Report(document, BuildText(*result, commit));
-  if (!all_wait) return OkStatus();
+  context.Report(document, BuildText(build.result, build.commit));
+  if (!build.result.runs.empty()) return OkStatus();
   return MakeStatus(
       StatusCode::kAlreadyExists, "area '{}': every run waits, no version is made", options.area);
 }
@@ -407,7 +49,7 @@ Status Build(const BuildOptions& options, Context& context) {
 }  // namespace
 
 void AddBuildCommand(Application* application) {
-  auto options = std::make_shared<BuildOptions>();
+  auto options = std::make_shared<AreaBuildOptions>();
   Command& command = application->AddCommand(
       "build", "Build a map version from run logs", [options](Context& context) {
         return Build(*options, context);

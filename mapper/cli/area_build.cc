@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/cli/area_build.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "mapper/cli/build_report.h"
+#include "mapper/cli/run_loader.h"
+#include "mapper/cli/stop_signals.h"
+#include "mapper/selection/selector.h"
+#include "mapstore/cli/store_access.h"
+#include "mapstore/cli/version.h"
+#include "mapstore/core/folder.h"
+#include "mapstore/core/memory_bound.h"
+
+namespace shiftmap {
+namespace {
+
+// Poses of a run that the store keeps for pictures.
+constexpr std::size_t kStoredPoses = 2000;
+
+// The version that a build starts from.
+struct PriorMap {
+  std::optional<VersionNumber> version;
+  std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
+  std::optional<MapContent> content;
+  std::set<std::string> known_runs;   // Hash and identity of those that are in it already.
+  std::vector<UnplacedRun> waiting;   // Of earlier builds.
+  std::vector<Exclusion> exclusions;  // What an operator took out of the area's memory.
+  std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
+};
+
+// The newest of a version and its ancestors that no excluded run went into.
+StatusOr<VersionNumber> NewestWithoutExcluded(const std::string& area,
+                                              VersionNumber version,
+                                              MapStore* store,
+                                              const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (VersionNumber at = version;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
+    if (runs.empty()) return at;
+    context.Warn(fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
+                             at.value(),
+                             runs.front()));
+    const auto summary = std::find_if(
+        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
+    if (summary == versions.end() || !summary->parent) {
+      return FailedPrecondition(
+          "area '{}': every version of the line is made from excluded runs; --prior none starts "
+          "anew",
+          area);
+    }
+    at = *summary->parent;
+  }
+}
+
+StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
+  PriorMap prior;
+  std::error_code error;
+  const bool exists = std::filesystem::exists(options.store, error);
+  const bool needed = options.prior != "none" && options.prior != "published";
+  if (!exists && !needed) return prior;
+  // Opened even without a prior: what is no store is better known before the work than after it.
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
+    return area.area == options.area;
+  });
+  if (known) {
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
+  }
+  if (options.prior == "none") return prior;
+  if (options.prior == "published") {
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
+    if (!prior.published) return prior;
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        prior.version, NewestWithoutExcluded(options.area, *prior.published, &store, context));
+  } else {
+    prior.version = VersionNumber(std::stoll(options.prior));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
+  prior.content = snapshot.content();
+  SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.RunIdentities(options.area, *prior.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
+  return prior;
+}
+
+// Leaves out logs that are excluded.
+Status LeaveOutExcluded(const std::string& area,
+                        const std::vector<Exclusion>& exclusions,
+                        LoadedRuns* runs) {
+  std::erase_if(runs->inputs, [&](const MapperInput& input) {
+    const RunInfo& info = input.run.info;
+    const Stamp begin = input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp;
+    const Exclusion* exclusion = FindExclusion(exclusions, input.sha256, info.vehicle, begin);
+    if (exclusion == nullptr && !info.uuid.empty()) {
+      exclusion = FindExclusion(exclusions, info.uuid, info.vehicle, begin);
+    }
+    if (exclusion == nullptr) return false;
+    runs->rejected.push_back({input.name, "excluded: " + exclusion->reason});
+    return true;
+  });
+  if (!runs->inputs.empty()) return OkStatus();
+  return FailedPrecondition("area '{}': no log to build from; first: run '{}': {}",
+                            area,
+                            runs->rejected.front().name,
+                            runs->rejected.front().reason);
+}
+
+// Loads what the ledger says of the landmarks, but not of the runs of the build: it sees their
+// visits itself, with all modes, and none may count twice.
+Status LoadEvidence(const AreaBuildOptions& options,
+                    const std::vector<MapperInput>& inputs,
+                    const Context& context,
+                    PriorMap* prior) {
+  if (!prior->version || options.no_learned_rates) return OkStatus();
+  std::set<std::string> runs;
+  for (const MapperInput& input : inputs) {
+    runs.insert(input.sha256);
+    if (!input.run.info.uuid.empty()) runs.insert(input.run.info.uuid);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
+  return OkStatus();
+}
+
+// Nothing was written so far, and nothing will be.
+Status StoppedStatus(const AreaBuildOptions& options) {
+  return MakeStatus(StatusCode::kCancelled,
+                    "area '{}': build stopped by {}, nothing is written",
+                    options.area,
+                    StopSignals::Received());
+}
+
+Status CheckStopped(const AreaBuildOptions& options) {
+  return StopSignals::Received().empty() ? OkStatus() : StoppedStatus(options);
+}
+
+// The bound on a build's memory: what was asked for, or what the process can have. [bytes]
+std::int64_t MaxMemory(const AreaBuildOptions& options) {
+  constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
+  return options.max_memory_mib ? *options.max_memory_mib * kMib : MemoryBound();
+}
+
+RunLoaderOptions LoaderOptions(const AreaBuildOptions& options, const PriorMap& prior, Stamp now) {
+  RunLoaderOptions loader;
+  loader.area = options.area;
+  loader.logs = options.logs;
+  loader.known_runs = prior.known_runs;
+  loader.max_memory_bytes = MaxMemory(options);
+  loader.threads = options.threads;
+  if (prior.content) loader.prior_modes = prior.content->covariance.size();
+  loader.limits =
+      options.limits.For(prior.content ? prior.content->calibration.sensor : SensorCalibration());
+  loader.now = now;
+  loader.clock_tolerance_s = options.clock_tolerance_s;
+  loader.unique_names = options.trajectories.has_value();
+  loader.go_on = [&options] { return CheckStopped(options); };
+  return loader;
+}
+
+std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
+  const std::size_t step = trajectory.size() / kStoredPoses + 1;
+  std::vector<StampedPose> thinned;
+  for (std::size_t i = 0; i < trajectory.size(); i += step) thinned.push_back(trajectory[i]);
+  return thinned;
+}
+
+Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& result) {
+  Provenance provenance;
+  provenance.tool = "shiftmap-mapper " + SoftwareVersion();
+  provenance.configuration = Json{{"revision", SoftwareRevision()},
+                                  {"selector", options.selector},
+                                  {"engine", options.engine},
+                                  {"prior", options.prior},
+                                  {"anonymous", options.anonymous},
+                                  {"placement", options.placement},
+                                  {"calibrate", !options.no_calibration},
+                                  {"leave_rate_per_s", options.leave_rate_per_s},
+                                  {"learned_rates", !options.no_learned_rates},
+                                  {"vehicles", VehiclesJson(result.vehicles)}}
+                                 .dump();
+  provenance.seed = static_cast<std::int64_t>(options.seed);
+  for (const MappedRun& run : result.runs) {
+    provenance.runs.push_back({run.name,
+                               run.sha256,
+                               run.vehicle,
+                               run.begin,
+                               run.end,
+                               Thinned(run.trajectory),
+                               run.evidence,
+                               run.uuid});
+  }
+  return provenance;
+}
+
+Status WriteTrajectories(const std::string& folder, const MapperResult& result) {
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(folder));
+  for (const MappedRun& run : result.runs) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteTum(run.trajectory, fmt::format("{}/{}.tum", folder, run.name)));
+  }
+  return OkStatus();
+}
+
+StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
+                                          const PriorMap& prior,
+                                          Stamp now) {
+  MapperOptions mapper_options;
+  mapper_options.now = now;
+  mapper_options.clock_tolerance_s = options.clock_tolerance_s;
+  mapper_options.seed = options.seed;
+  mapper_options.threads = options.threads;
+  mapper_options.max_memory_bytes = MaxMemory(options);
+  mapper_options.calibrate = !options.no_calibration;
+  mapper_options.association.associate = options.anonymous == "associate";
+  if (options.placement == "consensus") {
+    mapper_options.confirmation = ConfirmationOptions::Never();
+  }
+  mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
+  mapper_options.chains.learn = !options.no_learned_rates;
+  mapper_options.chains.ledger = prior.evidence;
+  SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
+  mapper_options.modes.selector.seed = options.seed;
+  return mapper_options;
+}
+
+// The runs of a build that wait.
+std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
+  std::vector<UnplacedRun> unplaced;
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      unplaced.push_back({run.name, run.sha256, {}});
+    }
+  }
+  return unplaced;
+}
+
+// Runs that wait, but not of this build.
+std::vector<UnplacedRun> NotGiven(std::vector<UnplacedRun> waiting,
+                                  const std::vector<MapperInput>& inputs) {
+  std::erase_if(waiting, [&](const UnplacedRun& run) {
+    return std::any_of(inputs.begin(), inputs.end(), [&](const MapperInput& input) {
+      return input.sha256 == run.sha256;
+    });
+  });
+  return waiting;
+}
+
+void WarnOfInput(const MapperResult& result,
+                 const std::vector<UnplacedRun>& not_given,
+                 Context& context) {
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
+  }
+  for (const UnplacedRun& run : not_given) {
+    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
+  }
+  for (const RejectedRun& run : result.rejected) {
+    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
+  }
+  for (const MappedRun& run : result.runs) {
+    if (run.duplicate_observations == 0) continue;
+    context.Warn(fmt::format(
+        "run '{}': {} observations of a signature at two places in one scan are left out",
+        run.name,
+        run.duplicate_observations));
+  }
+}
+
+// Shows where a build is, and stops it when a signal came.
+MapperMonitor MakeMonitor(Progress* progress) {
+  return [progress](const MapperProgress& now) {
+    std::string text = now.phase;
+    if (now.modes > 0) text += fmt::format(", {} modes", now.modes);
+    if (now.cost > 0.0) text += fmt::format(", cost {:.0f}", now.cost);
+    progress->Update(text, now.done);
+    return StopSignals::Received().empty();
+  };
+}
+
+// What cannot be written is better known before the work than after it.
+Status CheckOutputs(const AreaBuildOptions& options) {
+  if (options.area.empty()) return InvalidArgument("--area '': expected a name");
+  if (options.trajectories) SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
+  return MapStore::CheckWritable(options.store);
+}
+
+// Adds the version, or where all runs wait only notes that.
+StatusOr<std::optional<CommitResult>> Write(const AreaBuildOptions& options,
+                                            const PriorMap& prior,
+                                            const MapperResult& result,
+                                            const Context& context) {
+  if (options.trajectories && !result.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      MapStore store,
+      OpenStore(
+          options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
+  if (result.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(store.NoteWaiting(options.area, Unplaced(result)));
+    return std::optional<CommitResult>();
+  }
+  CommitOptions commit_options;
+  commit_options.parent = prior.version;
+  commit_options.expected = prior.published;
+  commit_options.publish = !options.no_publish;
+  commit_options.replace = options.prior == "none";
+  commit_options.states_probabilities = false;
+  commit_options.waiting = Unplaced(result);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      CommitResult commit,
+      store.Commit(options.area, result.content, MakeProvenance(options, result), commit_options));
+  return std::optional(std::move(commit));
+}
+
+}  // namespace
+
+StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context) {
+  const Stamp now = SystemNow();
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
+  SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
+  SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
+  SHIFTMAP_RETURN_IF_ERROR(LoadEvidence(options, runs.inputs, context, &prior));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
+                            MakeMapperOptions(options, prior, now));
+  AreaBuild build;
+  build.not_given = NotGiven(std::move(prior.waiting), runs.inputs);
+  std::unique_ptr<Progress> progress = context.MakeProgress();
+  StatusOr<MapperResult> result =
+      BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
+  progress.reset();
+  // From here on it takes no time to speak of: what began to write ends.
+  if (result.ok() ? !StopSignals::Received().empty()
+                  : result.status().code() == StatusCode::kCancelled) {
+    return StoppedStatus(options);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(result.status());
+  build.result = *std::move(result);
+  build.dropped = std::move(runs.dropped);
+  std::vector<RejectedRun>& rejected = build.result.rejected;
+  rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
+  WarnOfInput(build.result, build.not_given, context);
+  if (!context.dry_run()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(build.commit, Write(options, prior, build.result, context));
+  }
+  return build;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "mapper/mapper.h"
+#include "mapstore/cli/context.h"
+#include "mapstore/cli/input_options.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/map_store.h"
+#include "mapstore/run/item_limits.h"
+
+namespace shiftmap {
+
+/// A build of one area: the options of `shiftmap-mapper build`.
+struct AreaBuildOptions {
+  std::string store;
+  std::string area;
+  std::string selector = "viterbi";
+  std::string engine = "graph";
+  std::string prior = "published";
+  std::string anonymous = "ignore";
+  std::string placement = "posterior";
+  bool no_publish = false;
+  bool no_calibration = false;
+  bool no_learned_rates = false;
+  std::optional<std::int64_t> max_memory_mib;
+  LimitOptions limits;
+  double clock_tolerance_s = kDefaultClockToleranceS;
+  std::optional<std::string> trajectories;
+  std::uint64_t seed = MapperOptions().seed;
+  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  double leave_rate_per_s = ModeOptions().leave_rate_per_s;
+  std::vector<std::string> logs;
+};
+
+/// What became of it.
+struct AreaBuild {
+  MapperResult result;
+  std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
+  std::vector<UnplacedRun> not_given;               ///< That wait, but not of this build.
+  std::optional<CommitResult> commit;  ///< Nothing if every run waits, or in a dry run.
+};
+
+/// Builds a map version of an area from run logs, on the map that the store has of it, and adds it
+/// to the store. Warns of what is left out or waits.
+/// Errors: as LoadRuns, BuildMap and MapStore::Commit; kCancelled if a signal came (StopSignals),
+/// nothing is written then.
+/// Precondition: a StopSignals lives.
+StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context);
+
+}  // namespace shiftmap

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "mapstore/core/stamp.h"
+#include "mapstore/run/run.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Paths of all files in a folder and its subfolders whose names have an ending, in order. Links to
+/// folders are not followed. Errors: kNotFound if there is no such folder; kUnavailable if it, or
+/// one in it, cannot be read.
+StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const std::string& ending);
+
+/// What tells a run log from others, without reading all of it.
+struct LogHead {
+  std::string path;
+  RunInfo info;
+  Stamp begin;
+  std::string sha256;  ///< Empty if the run has a UUID.
+
+  const std::string& identity() const { return info.uuid.empty() ? sha256 : info.uuid; }
+};
+
+/// Reads a run log's head; one whose run has no UUID is hashed.
+/// Errors: as RunLogStream; kInvalidArgument if it holds no item.
+StatusOr<LogHead> ReadLogHead(const std::string& path);
+
+}  // namespace shiftmap

@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The night of a fleet: what its vehicles brought back goes into the maps.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mapper/cli/area_build.h"
+#include "mapper/cli/build_report.h"
+#include "mapper/cli/commands.h"
+#include "mapper/cli/fleet_folder.h"
+#include "mapper/cli/stop_signals.h"
+#include "mapstore/cli/exit_codes.h"
+#include "mapstore/cli/store_access.h"
+#include "mapstore/codec/shift_report.h"
+#include "mapstore/core/inert_text.h"
+#include "mapstore/map/sha256.h"
+
+namespace shiftmap {
+namespace {
+
+struct NightlyOptions {
+  std::string store;
+  std::string logs;
+  std::optional<std::string> area;
+  double min_age_s = 60.0;
+  AreaBuildOptions build;
+};
+
+// One night at a time on a store. It ends with the process.
+class NightLock {
+ public:
+  static StatusOr<NightLock> Take(const std::string& store) {
+    constexpr mode_t kFileAccess = 0640;
+    const std::string path = store + ".nightly";
+    const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess);
+    if (fd < 0) return Unavailable("lock '{}': cannot be written", path);
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0) return NightLock(fd);
+    close(fd);
+    return Unavailable("map store '{}': another night is under way", store);
+  }
+
+  NightLock(NightLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  NightLock& operator=(NightLock&&) = delete;
+  ~NightLock() {
+    if (fd_ >= 0) close(fd_);
+  }
+
+ private:
+  explicit NightLock(int fd) : fd_(fd) {}
+
+  int fd_;
+};
+
+// Whether a file was written so lately that it may not be whole.
+bool IsFresh(const std::string& path, double min_age_s) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return false;
+  const Stamp written = Stamp(std::chrono::seconds(status.st_mtim.tv_sec) +
+                              std::chrono::nanoseconds(status.st_mtim.tv_nsec));
+  return SystemNow() < written + FromSeconds(min_age_s);
+}
+
+// What the night did, and what it left for a person to see.
+class Night {
+ public:
+  Night(const NightlyOptions& options, Context* context) : options_(options), context_(*context) {}
+
+  Status Run();
+
+ private:
+  struct AreaLogs {
+    std::vector<LogHead> fresh;    // No build has seen them.
+    std::vector<LogHead> waiting;  // An earlier build could not place them.
+    int excluded = 0;
+  };
+
+  Status ReturnReports();
+  Status FindLogs();
+  Status Sort(const std::string& area, std::vector<LogHead> logs);
+  Status Build(const std::string& area, const AreaLogs& logs);
+  StatusOr<std::optional<std::string>> OnlyArea();
+  void Leave(const std::string& text) {
+    context_.Attend(text);
+    left_.push_back(text);
+  }
+  void Report();
+
+  const NightlyOptions& options_;
+  Context& context_;
+  std::map<std::string, AreaLogs> areas_;
+  int reports_new_ = 0;
+  int reports_known_ = 0;
+  std::vector<std::string> left_;  // Of no area.
+  Json area_documents_ = Json::array();
+  std::string text_;
+  int versions_ = 0;
+};
+
+// A report that is refused is named every night, and keeps none of the others.
+Status Night::ReturnReports() {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
+                            FindFiles(options_.logs, ".report"));
+  std::error_code error;
+  // Without a store they are about nothing.
+  const bool exists = std::filesystem::exists(options_.store, error);
+  if (paths.empty() || !exists || context_.dry_run()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options_.store,
+                                      MapStore::Access::kReadWrite,
+                                      context_,
+                                      options_.build.clock_tolerance_s));
+  for (const std::string& path : paths) {
+    const StatusOr<ShiftReport> report = ReadShiftReport(path);
+    Status status = report.status();
+    if (status.ok()) {
+      const StatusOr<ReturnResult> result = store.Return(*report);
+      status = result.status();
+      if (status.code() == StatusCode::kUnavailable) return status;
+      if (status.ok()) ++(result->duplicate ? reports_known_ : reports_new_);
+    }
+    if (!status.ok()) Leave(fmt::format("report '{}' is left out: {}", path, Message(status)));
+  }
+  return OkStatus();
+}
+
+// The area of logs that name none: the one that was given, or the only one there is.
+StatusOr<std::optional<std::string>> Night::OnlyArea() {
+  std::error_code error;
+  if (options_.area || !std::filesystem::exists(options_.store, error)) return options_.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options_.store, MapStore::Access::kReadOnly, context_));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  if (areas.size() != 1) return std::optional<std::string>();
+  return std::optional(areas.front().area);
+}
+
+Status Night::FindLogs() {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
+                            FindFiles(options_.logs, ".mcap"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> only, OnlyArea());
+  std::map<std::string, std::vector<LogHead>> logs;
+  for (const std::string& path : paths) {
+    if (IsFresh(path, options_.min_age_s)) {
+      Leave(fmt::format("run log '{}' was written in the last {} s, and is left for another night",
+                        path,
+                        options_.min_age_s));
+      continue;
+    }
+    StatusOr<LogHead> head = ReadLogHead(path);
+    if (!head.ok()) {
+      Leave(Message(head.status()));
+      continue;
+    }
+    const std::string area = head->info.area.empty() ? only.value_or("") : head->info.area;
+    if (area.empty()) {
+      Leave(fmt::format("run log '{}' names no area: --area says which", path));
+      continue;
+    }
+    if (!options_.area || area == *options_.area) logs[area].push_back(*std::move(head));
+  }
+  for (auto& [area, of_area] : logs) SHIFTMAP_RETURN_IF_ERROR(Sort(area, std::move(of_area)));
+  return OkStatus();
+}
+
+// Which of an area's logs are not in its map.
+Status Night::Sort(const std::string& area, std::vector<LogHead> logs) {
+  std::set<std::string> mapped;
+  std::set<std::string> waiting;  // Hashes.
+  std::vector<Exclusion> exclusions;
+  std::error_code error;
+  if (std::filesystem::exists(options_.store, error)) {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                              OpenStore(options_.store, MapStore::Access::kReadOnly, context_));
+    const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(area);
+    if (published.ok()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(exclusions, store.Exclusions(area));
+      SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store.WaitingRuns(area));
+      for (const UnplacedRun& run : runs) waiting.insert(run.sha256);
+      if (*published) {
+        SHIFTMAP_ASSIGN_OR_RETURN(mapped, store.RunIdentities(area, **published));
+      }
+    } else if (published.status().code() != StatusCode::kNotFound) {
+      return published.status();
+    }
+  }
+  AreaLogs& sorted = areas_[area];
+  for (LogHead& log : logs) {
+    if (mapped.contains(log.identity())) continue;
+    if (FindExclusion(exclusions, log.identity(), log.info.vehicle, log.begin) != nullptr) {
+      ++sorted.excluded;
+      continue;
+    }
+    if (!waiting.empty() && log.sha256.empty()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
+    }
+    std::vector<LogHead>& kind = waiting.contains(log.sha256) ? sorted.waiting : sorted.fresh;
+    kind.push_back(std::move(log));
+  }
+  return OkStatus();
+}
+
+// Builds what is new of an area, with the runs that wait. One area that fails keeps none of the
+// others.
+Status Night::Build(const std::string& area, const AreaLogs& logs) {
+  Json document = {{"area", area},
+                   {"runs_new", logs.fresh.size()},
+                   {"version", nullptr},
+                   {"published", false},
+                   {"reasons", Json::array()}};
+  std::vector<std::string> reasons;
+  if (logs.fresh.empty()) {
+    for (const LogHead& log : logs.waiting) reasons.push_back(fmt::format("'{}' waits", log.path));
+    text_ += fmt::format("{}: nothing new\n", InertLine(area));
+  } else {
+    AreaBuildOptions build = options_.build;
+    build.store = options_.store;
+    build.area = area;
+    for (const std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting}) {
+      for (const LogHead& log : *kind) build.logs.push_back(log.path);
+    }
+    const StatusOr<AreaBuild> built = BuildArea(build, context_);
+    if (built.status().code() == StatusCode::kCancelled) return built.status();
+    if (!built.ok()) {
+      reasons.push_back(Message(built.status()));
+      text_ += fmt::format("{}: no version\n", InertLine(area));
+    } else {
+      for (const RejectedRun& run : built->result.rejected) {
+        reasons.push_back(fmt::format("run '{}' is left out: {}", run.name, run.reason));
+      }
+      for (const AmbiguousChange& change : built->result.ambiguous_changes) {
+        for (const AmbiguousChange::Run& run : change.runs) {
+          reasons.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+        }
+      }
+      text_ += fmt::format("{}: ", InertLine(area));
+      if (built->commit) {
+        document["version"] = built->commit->version.value();
+        document["published"] = true;
+        ++versions_;
+        text_ += fmt::format("version {} with {} runs more\n",
+                             built->commit->version.value(),
+                             built->result.runs.size());
+      } else {
+        text_ += fmt::format("{} runs, no version\n", logs.fresh.size() + logs.waiting.size());
+      }
+    }
+  }
+  for (const std::string& reason : reasons) {
+    document["reasons"].push_back(reason);
+    context_.Attend(fmt::format("area '{}': {}", area, reason));
+  }
+  area_documents_.push_back(std::move(document));
+  return OkStatus();
+}
+
+void Night::Report() {
+  context_.Report({{"areas", area_documents_},
+                   {"reports", {{"new", reports_new_}, {"known", reports_known_}}},
+                   {"left", left_}},
+                  fmt::format("{} new reports\n{}", reports_new_, text_));
+}
+
+Status Night::Run() {
+  SHIFTMAP_RETURN_IF_ERROR(ReturnReports());
+  SHIFTMAP_RETURN_IF_ERROR(FindLogs());
+  for (const auto& [area, logs] : areas_) SHIFTMAP_RETURN_IF_ERROR(Build(area, logs));
+  Report();
+  if (versions_ > 0 || reports_new_ > 0 || context_.done_code() != ExitCode::kDone ||
+      context_.dry_run()) {
+    return OkStatus();
+  }
+  return MakeStatus(StatusCode::kAlreadyExists,
+                    "map store '{}': nothing new in '{}'",
+                    options_.store,
+                    options_.logs);
+}
+
+Status Nightly(const NightlyOptions& options, Context& context) {
+  const StopSignals signals;
+  if (context.dry_run()) return Night(options, &context).Run();
+  SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const NightLock lock, NightLock::Take(options.store));
+  return Night(options, &context).Run();
+}
+
+}  // namespace
+
+void AddNightlyCommand(Application* application) {
+  auto options = std::make_shared<NightlyOptions>();
+  Command& command =
+      application->AddCommand("nightly",
+                              "Return the reports and map the runs that a fleet left in a folder",
+                              [options](Context& context) { return Nightly(*options, context); });
+  AddLimitOptions(&options->build.limits, &command);
+  AddClockToleranceOption(&options->build.clock_tolerance_s, &command);
+  command.Option("--store", &options->store, "Map store; made if there is none")
+      .Required()
+      .Option(
+          "--logs", &options->logs, "Folder with run logs and shift reports, and its subfolders")
+      .Required()
+      .Option("--area",
+              &options->area,
+              "Only this area, which is that of logs that name none; by default all, and such logs "
+              "are of the only one there is")
+      .Option("--min-age-s",
+              &options->min_age_s,
+              "Leave a log that was written since for another night: it may not be whole")
+      .InRange(0.0, 1e9)
+      .Option("--threads",
+              &options->build.threads,
+              "Threads of a build, by default as many as the machine runs; the map is the same")
+      .InRange(1, 256)
+      .Option("--max-memory-mib",
+              &options->build.max_memory_mib,
+              "Leave out the largest logs of a build that would take more; by default, than this "
+              "process can have")
+      .InRange(1.0, 1e9)
+      .Writes();
+}
+
+}  // namespace shiftmap

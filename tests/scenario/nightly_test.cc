@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The nightly job: what vehicles left in a folder goes into the maps, each run and report once.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "mapstore/codec/run_log.h"
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+#include "tests/support/status_matchers.h"
+
+namespace shiftmap::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kNothingToDo = 5;
+constexpr int kAttention = 8;
+constexpr int kTemporary = 75;
+
+class NightlyTest : public ::testing::Test {
+ protected:
+  NightlyTest() : logs_(world_.File("logs")), store_(world_.File("a.db")) {
+    fs::create_directory(logs_);
+  }
+
+  // Puts a run into the folder as a recorder on the vehicle would have written it.
+  void Bring(
+      int run,
+      const std::string& name,
+      const std::function<void(shiftmap::Run*)>& change = [](shiftmap::Run*) {}) {
+    shiftmap::Run log = ReadRunLog(world_.Log(run))->run;
+    log.info.area = "floor";
+    change(&log);
+    ASSERT_THAT(WriteRunLog(log, logs_ + "/" + name + ".mcap"), IsOk());
+  }
+
+  CommandResult Night(const Arguments& more = {"--min-age-s", "0"}) const {
+    Arguments words = {"nightly", "--store", store_, "--logs", logs_, "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCommand("shiftmap-mapper", words);
+  }
+
+  Json Show(const std::string& store) const {
+    return RunForJson("shiftmap-inspect",
+                      {"show", "--store", store, "--area", "floor", "--at", "1769000000"});
+  }
+
+  World world_{{"--shifts", "4", "--duration-s", "60", "--groups", "10", "--size-m", "20"}};
+  std::string logs_;
+  std::string store_;
+};
+
+TEST_F(NightlyTest, EachNightMapsWhatIsNew) {
+  Bring(0, "monday");
+  fs::create_directory(logs_ + "/truck");
+  Bring(1, "truck/monday");
+  CommandResult night = Night();
+  ASSERT_EQ(night.exit_code, 0) << night.err;
+  Json document = Json::parse(night.out);
+  ASSERT_EQ(document["areas"].size(), 1u);
+  EXPECT_EQ(document["areas"][0]["area"], "floor");
+  EXPECT_EQ(document["areas"][0]["runs_new"], 2);
+  EXPECT_EQ(document["areas"][0]["version"], 1);
+  EXPECT_EQ(document["areas"][0]["published"], true);
+
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+
+  // A shift comes back with its report and its log, a second one with its report alone.
+  Bring(2, "tuesday");
+  for (const int run : {2, 3}) {
+    const std::string report = logs_ + "/" + std::to_string(run) + ".report";
+    const std::string log = run == 2 ? logs_ + "/tuesday.mcap" : world_.Log(run);
+    RunForJson("shiftmap-localizer",
+               {"run", "--store", store_, "--area", "floor", "--report", report, log});
+  }
+  night = Night();
+  ASSERT_EQ(night.exit_code, 0) << night.err;
+  document = Json::parse(night.out);
+  EXPECT_EQ(document["reports"]["new"], 2);
+  EXPECT_EQ(document["areas"][0]["runs_new"], 1);
+  EXPECT_EQ(document["areas"][0]["version"], 2);
+
+  // By hand, in the same order.
+  const std::string by_hand = world_.File("by_hand.db");
+  RunForJson("shiftmap-mapper",
+             {"build",
+              "--store",
+              by_hand,
+              "--area",
+              "floor",
+              logs_ + "/monday.mcap",
+              logs_ + "/truck/monday.mcap"});
+  RunForJson("shiftmap-localizer",
+             {"return", "--store", by_hand, logs_ + "/2.report", logs_ + "/3.report"});
+  RunForJson("shiftmap-mapper",
+             {"build", "--store", by_hand, "--area", "floor", logs_ + "/tuesday.mcap"});
+  EXPECT_EQ(Show(store_), Show(by_hand));
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+// One that cannot be used is named, every night, and the others are mapped.
+TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
+  Bring(0, "good");
+  Bring(1, "other_area", [](shiftmap::Run* run) { run->info.area = "hall"; });
+  Bring(2, "no_area", [](shiftmap::Run* run) { run->info.area.clear(); });
+  std::ofstream(logs_ + "/damaged.mcap") << "nothing";
+  std::ofstream(logs_ + "/damaged.report") << "nothing";
+  for (const char* const time : {"first", "second"}) {
+    const CommandResult night = Night();
+    EXPECT_EQ(night.exit_code, kAttention) << time;
+    const Json document = Json::parse(night.out);
+    EXPECT_NE(night.err.find("damaged.mcap"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("no_area.mcap' names no area"), std::string::npos) << night.err;
+    if (time == std::string("first")) {
+      ASSERT_EQ(document["areas"].size(), 2u);
+      EXPECT_EQ(document["areas"][0]["version"], 1);
+      EXPECT_EQ(document["areas"][1]["area"], "hall");
+      EXPECT_EQ(document["areas"][1]["version"], 1);
+    } else {
+      EXPECT_NE(night.err.find("damaged.report"), std::string::npos) << night.err;
+    }
+  }
+  const CommandResult night = Night({"--area", "floor", "--min-age-s", "0"});
+  EXPECT_EQ(night.exit_code, kAttention);
+  EXPECT_EQ(Json::parse(night.out)["areas"][0]["version"], 2);  // The one that names no area.
+}
+
+TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
+  Bring(0, "good");
+  ASSERT_EQ(Night().exit_code, 0);
+  const std::string vehicle = ReadRunLog(world_.Log(1))->run.info.vehicle;
+  RunForJson("shiftmap-inspect",
+             {"exclude",
+              "--vehicle",
+              vehicle,
+              "--since",
+              "1767000000",
+              "--reason",
+              "slips",
+              "--store",
+              store_,
+              "--area",
+              "floor"});
+  Bring(1, "bad");
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+  RunForJson("shiftmap-inspect",
+             {"include", "--vehicle", vehicle, "--store", store_, "--area", "floor"});
+  EXPECT_EQ(Night().exit_code, 0);
+}
+
+TEST_F(NightlyTest, OneNightAtATime) {
+  Bring(0, "good");
+  const int fd = open((store_ + ".nightly").c_str(), O_RDWR | O_CREAT, 0600);
+  ASSERT_EQ(flock(fd, LOCK_EX), 0);
+  EXPECT_EQ(Night().exit_code, kTemporary);
+  close(fd);
+  EXPECT_EQ(Night().exit_code, 0);
+}
+
+TEST_F(NightlyTest, ALogThatMayNotBeWholeWaitsForAnotherNight) {
+  Bring(0, "good");
+  const CommandResult night = Night({"--min-age-s", "1000"});
+  EXPECT_EQ(night.exit_code, kAttention);
+  EXPECT_TRUE(Json::parse(night.out)["areas"].empty());
+  EXPECT_FALSE(fs::exists(store_));
+}
+
+// Of copies of one run the longest is mapped, once.
+TEST_F(NightlyTest, ACopyThatWasCutOffIsNoOtherRun) {
+  const auto named = [](shiftmap::Run* run) {
+    run->info.uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  };
+  const auto cut = [&](shiftmap::Run* run) {
+    named(run);
+    run->odometry.resize(run->odometry.size() / 2);
+    std::erase_if(run->scans,
+                  [&](const Scan& scan) { return scan.stamp > run->odometry.back().stamp; });
+  };
+  Bring(0, "a_cut", cut);
+  Bring(0, "whole", named);
+  Bring(0, "z_cut", cut);
+  CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention) << night.err;
+  EXPECT_NE(night.err.find("a copy of the run, not longer than"), std::string::npos) << night.err;
+  const Json runs =
+      RunForJson("shiftmap-inspect", {"runs", "--store", store_, "--area", "floor"})["runs"];
+  ASSERT_EQ(runs.size(), 1u);
+  EXPECT_EQ(runs[0]["run"], "whole");
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
