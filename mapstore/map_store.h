@@ -58,7 +58,7 @@ class MapStore {
 
     /// Evidence rows between two ledger checkpoints, for maps of few groups. Fewer make LoadAt
     /// faster and the file larger.
-    std::int64_t checkpoint_rows = 16384;
+    std::int64_t checkpoint_rows = 12288;
 
     /// The time that stamps are compared with. What would be stamped later than this, and the
     /// tolerance, is not written; what an older build let in later does not count by itself.

@@ -52,31 +52,59 @@ double Normalize(Eigen::VectorXd* log_probabilities) {
   return largest + std::log(sum);
 }
 
-// Moves the chain forward to a time.
-void MoveTo(const ModeChain& chain, Stamp stamp, ModeState* state) {
-  if (stamp <= state->stamp || chain.leave_rate_per_s() == 0.0) return;
-  const Duration elapsed = Elapsed(state->stamp, stamp);
-  Eigen::MatrixXd reversed;  // Πᵀ, which costs more than what it is used for.
-  if (!chain.uniform()) reversed = chain.Transition(elapsed).transpose();
-  const auto move = [&](Eigen::VectorXd* log_probabilities) {
-    const Eigen::VectorXd before = Exp(*log_probabilities);
-    *log_probabilities = Log(chain.uniform() ? chain.Propagate(before, elapsed)
-                                             : Eigen::VectorXd(reversed * before));
-  };
-  if (!state->turn) {
-    move(&state->log_probabilities);
-    return;
+// Moves distributions of one chain forward by the same time.
+class ChainStep {
+ public:
+  // @param elapsed  Zero: nothing moves.
+  ChainStep(const ModeChain& chain, Duration elapsed) : chain_(chain), elapsed_(elapsed) {
+    if (moves() && !chain.uniform()) reversed_ = chain.Transition(elapsed).transpose();
   }
-  for (Eigen::VectorXd* part : {&state->turn->right, &state->turn->mistaken, &state->turn->own}) {
-    move(part);
+
+  void Move(Eigen::VectorXd* probabilities) const {
+    if (!moves()) return;
+    *probabilities = chain_.uniform() ? chain_.Propagate(*probabilities, elapsed_)
+                                      : Eigen::VectorXd(reversed_ * *probabilities);
   }
+
+  void MoveLog(Eigen::VectorXd* log_probabilities) const {
+    if (!moves()) return;
+    Eigen::VectorXd probabilities = Exp(*log_probabilities);
+    Move(&probabilities);
+    *log_probabilities = Log(probabilities);
+  }
+
+ private:
+  bool moves() const { return elapsed_ > Duration::zero() && chain_.leave_rate_per_s() > 0.0; }
+
+  const ModeChain& chain_;
+  Duration elapsed_;
+  Eigen::MatrixXd reversed_;  // Πᵀ of a general chain, which costs more than what it is used for.
+};
+
+// The turn of a vehicle that has not spoken since another one did, before its first visit.
+void BeginTurn(const ModeChain& chain,
+               std::int64_t vehicle,
+               Eigen::VectorXd known,
+               VehicleTurn* turn) {
+  static const double kPriorLogOdds =
+      std::log(kMistakeProbability) - std::log1p(-kMistakeProbability);
+  turn->vehicle = vehicle;
+  turn->log_right = Log(known);
+  if (chain.uniform()) {
+    turn->log_own.setConstant(known.size(), std::log(chain.stationary()(0)));
+  } else {
+    turn->log_own = Log(chain.stationary());
+  }
+  turn->mistaken = std::move(known);
+  turn->log_odds = kPriorLogOdds;
 }
 
 }  // namespace
 
-Eigen::VectorXd VehicleTurn::LogProbabilities() const {
-  const double share = 1.0 / (1.0 + std::exp(-log_odds));
-  return Log((1.0 - share) * Exp(right) + share * Exp(mistaken));
+Eigen::VectorXd ModeState::Probabilities() const {
+  if (!turn) return Exp(log_probabilities);
+  const double share = 1.0 / (1.0 + std::exp(-turn->log_odds));
+  return (1.0 - share) * Exp(turn->log_right) + share * turn->mistaken;
 }
 
 std::int64_t VehicleKey(std::string_view vehicle) {
@@ -128,20 +156,24 @@ void AddVisit(const LandmarkGroup& group,
               ModeState* state) {
   if (!state->started) state->stamp = std::min(state->stamp, begin);
   state->started = true;
-  if (state->turn && state->turn->vehicle != vehicle) state->turn.reset();
-  MoveTo(group.chain, begin, state);
-  if (!state->turn) {
-    const Eigen::VectorXd& known = state->log_probabilities;
-    const double log_odds = std::log(kMistakeProbability) - std::log1p(-kMistakeProbability);
-    state->turn = VehicleTurn{vehicle, known, known, Log(group.chain.stationary()), log_odds};
+  const ChainStep step(group.chain, Elapsed(state->stamp, begin));
+  if (state->turn && state->turn->vehicle == vehicle) {
+    step.MoveLog(&state->turn->log_right);
+    step.MoveLog(&state->turn->log_own);
+    step.Move(&state->turn->mistaken);
+  } else {
+    Eigen::VectorXd known = state->Probabilities();
+    step.Move(&known);
+    if (!state->turn) state->turn.emplace();
+    BeginTurn(group.chain, vehicle, std::move(known), &*state->turn);
   }
   VehicleTurn& turn = *state->turn;
-  turn.own += log_likelihoods;
-  turn.right += log_likelihoods;
-  turn.log_odds += Normalize(&turn.own) - Normalize(&turn.right);
+  turn.log_own += log_likelihoods;
+  turn.log_right += log_likelihoods;
+  const double right = Normalize(&turn.log_right);
+  turn.log_odds += Normalize(&turn.log_own) - right;
   // The chain cannot be where the vehicle says.
-  if (turn.right.maxCoeff() == kImpossible) turn.right = turn.mistaken;
-  state->log_probabilities = turn.LogProbabilities();
+  if (right == kImpossible) turn.log_right = Log(turn.mistaken);
   state->stamp = std::max(state->stamp, end);
 }
 
@@ -172,17 +204,13 @@ void AddStatement(const LandmarkGroup& group,
   for (Eigen::Index i = 0; i < ratio.size(); ++i) {
     if (stationary(i) != kImpossible) ratio(i) -= stationary(i);
   }
-  ModeState stated = *state;
-  stated.turn.reset();
-  if (!stated.started) stated.stamp = std::min(stated.stamp, stamp);
-  stated.started = true;
-  MoveTo(group.chain, stamp, &stated);
-  stated.log_probabilities += ratio;
+  const Stamp before = state->started ? state->stamp : std::min(state->stamp, stamp);
+  Eigen::VectorXd known = state->Probabilities();
+  ChainStep(group.chain, Elapsed(before, stamp)).Move(&known);
+  Eigen::VectorXd log_probabilities = Log(known) + ratio;
   // What excludes all that is stated says that one of the two is wrong: not which.
-  if (stated.log_probabilities.maxCoeff() == kImpossible) return;
-  Normalize(&stated.log_probabilities);
-  stated.stamp = std::max(stated.stamp, stamp);
-  *state = std::move(stated);
+  if (Normalize(&log_probabilities) == kImpossible) return;
+  *state = {std::move(log_probabilities), std::max(before, stamp), true};
 }
 
 ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {
@@ -215,7 +243,7 @@ ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<E
 }
 
 Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at) {
-  const Eigen::VectorXd probabilities = Exp(state.log_probabilities);
+  Eigen::VectorXd probabilities = state.Probabilities();
   if (at <= state.stamp) return probabilities;
   return group.chain.Propagate(probabilities, Elapsed(state.stamp, at));
 }

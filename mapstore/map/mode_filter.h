@@ -19,16 +19,14 @@ namespace shiftmap {
 inline constexpr double kMistakeProbability = 1e-3;
 
 /// What one vehicle has said of a landmark since another one spoke of it, its turn: all of its
-/// visits are right, or all are mistakes. Distributions as in ModeState, at its stamp.
+/// visits are right, or all are mistakes. Distributions over the chain's states, at the stamp of the
+/// ModeState.
 struct VehicleTurn {
-  std::int64_t vehicle = 0;  ///< VehicleKey of its name.
-  Eigen::VectorXd right;     ///< If the visits are right.
-  Eigen::VectorXd mistaken;  ///< If they are mistakes: what was known before, moved on.
-  Eigen::VectorXd own;    ///< The chain filtered over the visits alone, from where it relaxes to.
-  double log_odds = 0.0;  ///< Of mistaken over right. [nat]
-
-  /// The logarithm of the mixture of right and mistaken.
-  Eigen::VectorXd LogProbabilities() const;
+  std::int64_t vehicle = 0;   ///< VehicleKey of its name.
+  Eigen::VectorXd log_right;  ///< If the visits are right. [nat]
+  Eigen::VectorXd log_own;    ///< By the visits alone, from where the chain relaxes to. [nat]
+  Eigen::VectorXd mistaken;   ///< If they are mistakes: what was known before, moved on.
+  double log_odds = 0.0;      ///< Of mistaken over right. [nat]
 };
 
 /// Stands for a vehicle's name, the same on all machines: the first 64 bits of its SHA-256.
@@ -36,11 +34,13 @@ std::int64_t VehicleKey(std::string_view vehicle);
 
 /// The distribution of a group's chain over its states while evidence is filtered.
 struct ModeState {
-  Eigen::VectorXd log_probabilities;  ///< Size states, entry 0 is `absent`. [nat]
+  Eigen::VectorXd log_probabilities;  ///< While there is no turn. [nat]
   Stamp stamp;                        ///< They hold at this time.
   bool started = false;  ///< Evidence has come; without it the stamp may still go back.
-  /// Of the vehicle that spoke last; its mixture is log_probabilities.
-  std::optional<VehicleTurn> turn = std::nullopt;
+  std::optional<VehicleTurn> turn = std::nullopt;  ///< Of the vehicle that spoke last.
+
+  /// Size states, entry 0 is `absent`.
+  Eigen::VectorXd Probabilities() const;
 };
 
 /// False if evidence favours a mode that the group does not have: carried over to the others it

@@ -18,8 +18,8 @@ CREATE INDEX shift_report_identity ON shift_report (identity);
 -- Filtered in another way. In ledger_checkpoint.states a group is now: group_index, stamp in ns, 1 if
 -- a visit was filtered or else 0, 1 if a vehicle's turn is open or else 0. Without a turn, per state
 -- the logarithm of its probability follows; with one, the vehicle (the first 64 bits of the SHA-256
--- of its name), the logarithm of the odds of a mistake, and three such distributions: if the visits
--- are right, if they are mistakes, and by the visits alone.
+-- of its name), the logarithm of the odds of a mistake, and three distributions: if the visits are
+-- right and by the visits alone, both logarithms, and if they are mistakes, probabilities.
 DELETE FROM ledger_checkpoint;
 UPDATE area SET rows_since_checkpoint =
   (SELECT count(*) FROM visit_evidence e WHERE e.area_id = area.area_id) +

@@ -29,20 +29,25 @@ std::string PackStates(const LedgerStates& states) {
     }
     blob.Add(state.turn->vehicle);
     blob.Add(state.turn->log_odds);
-    Add(state.turn->right, &blob);
+    Add(state.turn->log_right, &blob);
+    Add(state.turn->log_own, &blob);
     Add(state.turn->mistaken, &blob);
-    Add(state.turn->own, &blob);
   }
   return blob.bytes();
 }
 
-// False if the bytes do not go on with a distribution of so many states.
-bool TakeDistribution(int states, BlobReader* blob, Eigen::VectorXd* log_probabilities) {
+// False if the bytes do not go on with so many numbers, or what the function says.
+bool TakeNumbers(int states, BlobReader* blob, Eigen::VectorXd* values) {
   if (blob->left() < static_cast<std::size_t>(states)) return false;
-  log_probabilities->resize(states);
-  for (double& value : *log_probabilities) value = blob->Double();
+  values->resize(states);
+  for (double& value : *values) value = blob->Double();
+  return true;
+}
+
+bool TakeLogDistribution(int states, BlobReader* blob, Eigen::VectorXd* log_probabilities) {
   // The logarithm of a probability may be -inf, but not of all.
-  return std::abs(log_probabilities->array().exp().sum() - 1.0) < 1e-6;
+  return TakeNumbers(states, blob, log_probabilities) &&
+         std::abs(log_probabilities->array().exp().sum() - 1.0) < 1e-6;
 }
 
 // False if the bytes do not go on with a turn.
@@ -50,9 +55,10 @@ bool TakeTurn(int states, BlobReader* blob, VehicleTurn* turn) {
   if (blob->left() < 2) return false;
   turn->vehicle = blob->Integer();
   turn->log_odds = blob->Double();
-  return !std::isnan(turn->log_odds) && TakeDistribution(states, blob, &turn->right) &&
-         TakeDistribution(states, blob, &turn->mistaken) &&
-         TakeDistribution(states, blob, &turn->own);
+  return !std::isnan(turn->log_odds) && TakeLogDistribution(states, blob, &turn->log_right) &&
+         TakeLogDistribution(states, blob, &turn->log_own) &&
+         TakeNumbers(states, blob, &turn->mistaken) &&
+         std::abs(turn->mistaken.sum() - 1.0) < 1e-6;
 }
 
 // False if the bytes are no such BLOB for this content.
@@ -74,10 +80,9 @@ bool UnpackStates(std::string_view bytes, const MapContent& content, LedgerState
     const int size = content.groups[static_cast<std::size_t>(group)].chain.states();
     if (blob.left() < 1) return false;
     if (blob.Integer() == 0) {
-      if (!TakeDistribution(size, &blob, &state.log_probabilities)) return false;
+      if (!TakeLogDistribution(size, &blob, &state.log_probabilities)) return false;
     } else {
       if (!TakeTurn(size, &blob, &state.turn.emplace())) return false;
-      state.log_probabilities = state.turn->LogProbabilities();
     }
     states->groups[static_cast<std::size_t>(group)] = std::move(state);
   }

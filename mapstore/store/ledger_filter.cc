@@ -89,7 +89,7 @@ StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before)
       LedgerCursor::Make(*database_, area_id_, before_, before, mapped_before));
   for (std::int64_t count = 0;; ++count) {
     SHIFTMAP_ASSIGN_OR_RETURN(const LedgerRow* const row, cursor.Next());
-    const bool same_time = row != nullptr && !held_.empty() && row->begin == held_.front().begin &&
+    const bool same_time = row != nullptr && held_count_ > 0 && row->begin == held_.front().begin &&
                            row->end == held_.front().end;
     if (!same_time) TakeHeld();
     if (row == nullptr) {
@@ -111,26 +111,32 @@ StatusOr<bool> LedgerFilter::Counts(const LedgerRow& row) {
 Status LedgerFilter::HoldRow(const LedgerRow& row) {
   const int index = GroupOf(row.signature);
   if (index < 0) return OkStatus();
-  HeldVisit visit{static_cast<std::size_t>(index), row.begin, row.end, nullptr, {}};
-  const LandmarkGroup& group = content_->groups[visit.group];
+  const LandmarkGroup& group = content_->groups[static_cast<std::size_t>(index)];
   if (!UnpackLogLikelihoods(row.log_likelihoods, &modes_)) {
     return DataLoss("{}: evidence of '{}' at {:.6f} s is damaged",
                     database_->name(),
                     group.signature.text(),
                     ToSecondsSinceEpoch(row.begin));
   }
+  if (held_count_ == held_.size()) held_.emplace_back();
+  HeldVisit& visit = held_[held_count_];
   if (!StateLogLikelihoods(group, modes_, &visit.log_likelihoods)) return OkStatus();
+  visit.group = static_cast<std::size_t>(index);
+  visit.begin = row.begin;
+  visit.end = row.end;
   SHIFTMAP_ASSIGN_OR_RETURN(visit.vehicle, view_.VehicleOf(row.report_id, row.run_id));
-  held_.push_back(std::move(visit));
+  ++held_count_;
   return OkStatus();
 }
 
 void LedgerFilter::TakeHeld() {
-  std::sort(held_.begin(), held_.end(), [](const HeldVisit& a, const HeldVisit& b) {
+  const auto end = held_.begin() + static_cast<std::ptrdiff_t>(held_count_);
+  std::sort(held_.begin(), end, [](const HeldVisit& a, const HeldVisit& b) {
     return std::tie(a.vehicle->name, a.vehicle->source) <
            std::tie(b.vehicle->name, b.vehicle->source);
   });
-  for (const HeldVisit& visit : held_) {
+  for (auto at = held_.begin(); at != end; ++at) {
+    const HeldVisit& visit = *at;
     const LandmarkGroup& group = content_->groups[visit.group];
     std::optional<ModeState>& state = states_.groups[visit.group];
     if (!state) {
@@ -140,7 +146,7 @@ void LedgerFilter::TakeHeld() {
     AddVisit(group, visit.begin, visit.end, visit.vehicle->key, visit.log_likelihoods, &*state);
     states_.newest_end = std::max(states_.newest_end.value_or(visit.end), visit.end);
   }
-  held_.clear();
+  held_count_ = 0;
 }
 
 // A group of which no row tells has the version's own probabilities, and needs no state for them.

@@ -90,7 +90,8 @@ class LedgerFilter {
     const LedgerVehicle* vehicle = nullptr;
     Eigen::VectorXd log_likelihoods;
   };
-  std::vector<HeldVisit> held_;  // All of the same begin and end.
+  std::vector<HeldVisit> held_;  // The first held_count_, of the same begin and end.
+  std::size_t held_count_ = 0;   // The others are kept for their memory.
 
   std::vector<VisitEvidence::ModeLogLikelihood> modes_;  // Kept for its memory.
 };
