@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/geometry/covariance.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -89,9 +92,33 @@ Status RunRuns(const StoreArguments& arguments, Context& context) {
   return OkStatus();
 }
 
-Status RunSightings(const StoreArguments& arguments, Context& context) {
+struct SightingArguments : StoreArguments {
+  bool all = false;
+};
+
+// Whether a map has a mode of the landmark where it was seen.
+bool Explains(const MapSnapshot& map, const UnmappedSighting& sighting) {
+  static const double kGate = ChiSquareQuantile(0.999, 2);
+  const int group = map.GroupIndex(sighting.signature);
+  const bool anonymous = sighting.signature.anonymous();
+  if (!anonymous && group < 0) return false;
+  const std::vector<Mode>& modes =
+      anonymous ? map.anonymous_landmarks() : map.groups()[static_cast<std::size_t>(group)].modes;
+  return std::any_of(modes.begin(), modes.end(), [&](const Mode& mode) {
+    return SquaredMahalanobis(sighting.p_map_landmark - mode.p_map_landmark,
+                              sighting.cov_p_map_landmark + mode.cov_p_map_landmark) < kGate;
+  });
+}
+
+Status RunSightings(const SightingArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto sightings, store.Sightings(arguments.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<UnmappedSighting> sightings,
+                            store.Sightings(arguments.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(arguments.area));
+  if (published && !arguments.all) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store.LoadVersion(arguments.area, *published));
+    std::erase_if(sightings, [&](const auto& sighting) { return Explains(map, sighting); });
+  }
   Json list = Json::array();
   AlignedTable table({"signature", "x_m", "y_m", "count", "first", "last"});
   for (const UnmappedSighting& sighting : sightings) {
@@ -140,12 +167,14 @@ void AddListCommands(Application* application) {
   AddStoreOptions(runs.get(), &runs_command);
   runs_command.Option("--version", &runs->version, "Map version (default: the published one)");
 
-  auto sightings = std::make_shared<StoreArguments>();
-  AddStoreOptions(sightings.get(),
-                  &application->AddCommand(
-                      "sightings",
-                      "List what shifts saw where the map has no mode",
-                      [sightings](Context& context) { return RunSightings(*sightings, context); }));
+  auto sightings = std::make_shared<SightingArguments>();
+  Command& sightings_command = application->AddCommand(
+      "sightings", "List what shifts saw where the map has no mode", [sightings](Context& context) {
+        return RunSightings(*sightings, context);
+      });
+  AddStoreOptions(sightings.get(), &sightings_command);
+  sightings_command.Flag(
+      "--all", &sightings->all, "Also where the published map has a mode by now");
 }
 
 }  // namespace shiftmap

@@ -185,6 +185,37 @@ TEST_F(InspectCommands, TextHasALinePerMode) {
   EXPECT_EQ(Run({"runs", "--json"}).json()["runs"][0]["run"], "run_000");
 }
 
+// What a build has mapped since is no news, unless one asks for it.
+TEST_F(InspectCommands, SightingsAreThoseThatNoModeExplains) {
+  const LandmarkGroup& group = content_.groups[2];
+  UnmappedSighting mapped;
+  mapped.signature = group.signature;
+  mapped.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(0.2, -0.1);
+  mapped.cov_p_map_landmark = 0.01 * Eigen::Matrix2d::Identity();
+  mapped.count = 3;
+  mapped.first = mapped.last = content_.stamp;
+  UnmappedSighting stray = mapped;
+  stray.p_map_landmark += Eigen::Vector2d(1000.0, 0.0);
+  UnmappedSighting other = mapped;  // Another landmark at that place.
+  other.signature = Signature("nobody knows it");
+  ShiftReport report;
+  report.uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  report.vehicle = "truck-1";
+  report.area = "hall";
+  report.version = VersionNumber(2);
+  report.content_hash = content_hash_;
+  report.software = "test";
+  report.begin = report.end = content_.stamp;
+  report.sightings = {mapped, stray, other};
+  ASSERT_THAT(MapStore::Open(store_, MapStore::Access::kReadWrite)->Return(report), IsOk());
+  const Json news = Run({"sightings", "--json"}).json()["sightings"];
+  ASSERT_EQ(news.size(), 2U);
+  for (const Json& sighting : news) {
+    EXPECT_TRUE(sighting["x_m"] > 900.0 || sighting["signature"] == other.signature.text());
+  }
+  EXPECT_EQ(Run({"sightings", "--all", "--json"}).json()["sightings"].size(), 3U);
+}
+
 TEST_F(InspectCommands, HistoryOfALandmark) {
   const std::string signature = content_.groups[2].signature.text();
   const Outcome outcome = Run({"history", signature, "--json"});
