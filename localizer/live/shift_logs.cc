@@ -110,10 +110,16 @@ std::vector<ShiftFile> FilesOf(const std::string& folder, std::string_view endin
   return files;
 }
 
+// Logs leave as much of the disk free as they take: a report must find room.
 void DeleteOldest(const std::string& folder, std::int64_t max_bytes) {
   const std::vector<ShiftFile> logs = FilesOf(folder, kLog);
   std::int64_t total = 0;
   for (const ShiftFile& log : logs) total += log.bytes;
+  std::error_code unknown;
+  const fs::space_info disk = fs::space(folder, unknown);
+  if (!unknown) {
+    max_bytes = std::min(max_bytes, (static_cast<std::int64_t>(disk.available) + total) / 2);
+  }
   for (const ShiftFile& log : logs) {
     if (total <= max_bytes) return;
     std::error_code error;
@@ -122,6 +128,7 @@ void DeleteOldest(const std::string& folder, std::int64_t max_bytes) {
 }
 
 Status MakeLog(const std::string& folder, const fs::path& journal, std::int64_t max_bytes) {
+  DeleteOldest(folder, max_bytes);
   fs::path log = journal;
   log.replace_extension(kLog);
   SHIFTMAP_RETURN_IF_ERROR(WriteShiftLog(journal.string(), log.string()));
@@ -145,7 +152,10 @@ Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {
     return OkStatus();
   }
   const std::string waiting = folder_ + "/" + uuid + std::string(kWaiting);
-  if (std::rename(journal.c_str(), waiting.c_str()) == 0) return GoOn();
+  if (std::rename(journal.c_str(), waiting.c_str()) == 0) {
+    waiting_ = true;
+    return GoOn();
+  }
   if (errno == ENOENT) return OkStatus();  // It was set aside.
   const Status status =
       Unavailable("journal '{}': cannot rename: {}", journal, std::strerror(errno));
@@ -159,11 +169,14 @@ Status ShiftLogs::GoOn() {
     if (making_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return before;
     before = making_.get();
   }
+  if (!waiting_) return before;
+  waiting_ = false;
   for (const ShiftFile& journal : FilesOf(folder_, kWaiting)) {
     if (!tried_.insert(journal.path.string()).second) continue;
     const auto make = [folder = folder_, path = journal.path, max_bytes = max_bytes_] {
       return MakeLog(folder, path, max_bytes);
     };
+    waiting_ = true;
     try {
       making_ = std::async(std::launch::async, make);
     } catch (const std::system_error&) {  // The process may have no more threads.

@@ -20,7 +20,8 @@ Status WriteShiftLog(const std::string& journal, const std::string& log);
 /// state folder, made from the journal after the shift has ended, by a thread of their own. Until
 /// the log is there the journal stays, as `<uuid>.journal`, also over a restart.
 ///
-/// The oldest logs are deleted so that all take no more than a bound.
+/// The oldest logs are deleted so that all take no more than a bound, and no more than they leave
+/// free of the disk.
 ///
 /// Threads: one calls.
 class ShiftLogs {
@@ -43,6 +44,7 @@ class ShiftLogs {
  private:
   std::string folder_;
   std::int64_t max_bytes_;
+  bool waiting_ = true;          // There may be journals that were not tried.
   std::set<std::string> tried_;  // Journals.
   std::future<Status> making_;   // Invalid: none under way.
 };

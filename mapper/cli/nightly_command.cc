@@ -65,13 +65,16 @@ class NightLock {
   int fd_;
 };
 
-// Whether a file was written so lately that it may not be whole.
+// Whether a file was written so lately that it may not be whole. One that comes from a clock that
+// was far ahead is old.
 bool IsFresh(const std::string& path, double min_age_s) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return false;
   const Stamp written = Stamp(std::chrono::seconds(status.st_mtim.tv_sec) +
                               std::chrono::nanoseconds(status.st_mtim.tv_nsec));
-  return SystemNow() < written + FromSeconds(min_age_s);
+  const Stamp now = SystemNow();
+  const Duration min_age = FromSeconds(min_age_s);
+  return now < written + min_age && written < now + min_age;
 }
 
 // What the night did, and what it left for a person to see.
