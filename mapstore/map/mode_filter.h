@@ -19,8 +19,8 @@ namespace shiftmap {
 inline constexpr double kMistakeProbability = 1e-3;
 
 /// What one vehicle has said of a landmark since another one spoke of it, its turn: all of its
-/// visits are right, or all are mistakes. Distributions over the chain's states, at the stamp of the
-/// ModeState.
+/// visits are right, or all are mistakes. Distributions over the chain's states, at the stamp of
+/// the ModeState.
 struct VehicleTurn {
   std::int64_t vehicle = 0;   ///< VehicleKey of its name.
   Eigen::VectorXd log_right;  ///< If the visits are right. [nat]

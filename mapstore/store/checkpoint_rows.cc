@@ -57,8 +57,7 @@ bool TakeTurn(int states, BlobReader* blob, VehicleTurn* turn) {
   turn->log_odds = blob->Double();
   return !std::isnan(turn->log_odds) && TakeLogDistribution(states, blob, &turn->log_right) &&
          TakeLogDistribution(states, blob, &turn->log_own) &&
-         TakeNumbers(states, blob, &turn->mistaken) &&
-         std::abs(turn->mistaken.sum() - 1.0) < 1e-6;
+         TakeNumbers(states, blob, &turn->mistaken) && std::abs(turn->mistaken.sum() - 1.0) < 1e-6;
 }
 
 // False if the bytes are no such BLOB for this content.

@@ -351,8 +351,7 @@ TEST(ModeFilterTest, StampsFartherApartThanADurationAreForEver) {
   AddVisit(group, Stamp::max(), Stamp::max(), 0, Eigen::Vector3d::Zero(), &state);
   EXPECT_EQ(state.stamp, Stamp::max());
   const Eigen::Vector3d stationary = Eigen::Vector3d::Constant(1.0 / 3.0);
-  EXPECT_THAT(state.Probabilities(),
-              IsNearMatrix(stationary, 1e-12));
+  EXPECT_THAT(state.Probabilities(), IsNearMatrix(stationary, 1e-12));
   EXPECT_THAT(ProbabilitiesAt(group, StartModes(group, Stamp::min()), Stamp::max()),
               IsNearMatrix(stationary, 1e-12));
 }
