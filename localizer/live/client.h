@@ -6,7 +6,7 @@
 
 #include "localizer/live/framing.h"
 #include "localizer/live/messages.h"
-#include "localizer/live/owned_fd.h"
+#include "mapstore/core/owned_fd.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::live {

@@ -10,7 +10,7 @@
 #include "localizer/live/framing.h"
 #include "localizer/live/messages.h"
 #include "localizer/live/output_queue.h"
-#include "localizer/live/owned_fd.h"
+#include "mapstore/core/owned_fd.h"
 
 namespace shiftmap::live {
 

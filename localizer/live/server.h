@@ -8,9 +8,9 @@
 
 #include "localizer/live/client_places.h"
 #include "localizer/live/connection.h"
-#include "localizer/live/owned_fd.h"
 #include "localizer/live/service.h"
 #include "localizer/live/service_notifier.h"
+#include "mapstore/core/owned_fd.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::live {

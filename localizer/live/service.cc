@@ -240,7 +240,7 @@ Status Service::Shutdown() {
   return status;
 }
 
-// The report is safe: what was learned is not lost without the log.
+// A missing log loses no evidence: the report holds it.
 void Service::CheckLogs(const Status& status) {
   if (status.ok()) return;
   options_.warn(Message(status) + ", the shift has no run log");

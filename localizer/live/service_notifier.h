@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "localizer/live/owned_fd.h"
+#include "mapstore/core/owned_fd.h"
 
 namespace shiftmap::live {
 

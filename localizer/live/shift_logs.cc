@@ -30,7 +30,7 @@ constexpr std::string_view kLog = ".mcap";
 constexpr std::string_view kWaiting = ".journal";
 constexpr std::size_t kUuidLength = 36;
 
-// Takes the records of a journal and writes what is in them as a run log.
+// Writes the items of a journal as a run log.
 class LogMaker {
  public:
   explicit LogMaker(std::string path) : path_(std::move(path)) {}
@@ -45,7 +45,7 @@ class LogMaker {
       order_->FlushPaused();
       SHIFTMAP_RETURN_IF_ERROR(WriteDue());
     }
-    return has_odometry_ ? writer_->Finish() : OkStatus();
+    return writer_ && writer_->has_odometry() ? writer_->Finish() : OkStatus();
   }
 
  private:
@@ -61,27 +61,22 @@ class LogMaker {
 
   Status Apply(const RunEvent& item) {
     if (!writer_) return InvalidArgument("no header, expected one first");
-    if (!order_) return Write(item);
+    if (!order_) return writer_->Write(item);
     order_->Add(item);
     return WriteDue();
   }
 
   Status WriteDue() {
     while (const HeldEvent* const event = order_->Next()) {
-      SHIFTMAP_RETURN_IF_ERROR(event->is_scan ? Write(event->scan) : Write(event->sample));
+      SHIFTMAP_RETURN_IF_ERROR(event->is_scan ? writer_->Write(event->scan)
+                                              : writer_->Write(event->sample));
     }
     return OkStatus();
-  }
-
-  Status Write(const RunEvent& event) {
-    has_odometry_ = has_odometry_ || std::holds_alternative<OdometrySample>(event);
-    return writer_->Write(event);
   }
 
   std::string path_;
   std::optional<RunLogWriter> writer_;
   std::optional<EventBuffer> order_;
-  bool has_odometry_ = false;
 };
 
 // A file of a shift: `<uuid><ending>`.
@@ -91,7 +86,7 @@ struct ShiftFile {
   std::int64_t bytes = 0;
 };
 
-// By the time of writing. What cannot be read is not there.
+// Sorted by modification time. Files that cannot be read are skipped.
 std::vector<ShiftFile> FilesOf(const std::string& folder, std::string_view ending) {
   std::vector<ShiftFile> files;
   std::error_code error;

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "localizer/live/owned_fd.h"
+#include "mapstore/core/owned_fd.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::live {

@@ -5,9 +5,7 @@
 #include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -27,43 +25,42 @@
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/owned_fd.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
 namespace {
 
 struct NightlyOptions {
-  std::string store;
   std::string logs;
   std::optional<std::string> area;
   double min_age_s = 60.0;
-  AreaBuildOptions build;
+  AreaBuildOptions build;  // Of each area; `area` and `logs` are set there.
 };
 
-// One night at a time on a store. It ends with the process.
-class NightLock {
- public:
-  static StatusOr<NightLock> Take(const std::string& store) {
-    constexpr mode_t kFileAccess = 0640;
-    const std::string path = store + ".nightly";
-    const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess);
-    if (fd < 0) return Unavailable("lock '{}': cannot be written", path);
-    if (flock(fd, LOCK_EX | LOCK_NB) == 0) return NightLock(fd);
-    close(fd);
-    return Unavailable("map store '{}': another night is under way", store);
+// One night at a time on a store. The lock ends with the process.
+StatusOr<OwnedFd> LockNight(const std::string& store) {
+  constexpr mode_t kFileAccess = 0640;
+  const std::string path = store + ".nightly";
+  OwnedFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess));
+  if (fd.get() < 0) return Unavailable("lock '{}': cannot be written", path);
+  if (flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
+  return Unavailable("map store '{}': another night is under way", store);
+}
+
+// Why runs of a build are not in the map.
+std::vector<std::string> ReasonsOf(const MapperResult& result) {
+  std::vector<std::string> reasons;
+  for (const RejectedRun& run : result.rejected) {
+    reasons.push_back(fmt::format("run '{}' is left out: {}", run.name, run.reason));
   }
-
-  NightLock(NightLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  NightLock& operator=(NightLock&&) = delete;
-  ~NightLock() {
-    if (fd_ >= 0) close(fd_);
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      reasons.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
   }
-
- private:
-  explicit NightLock(int fd) : fd_(fd) {}
-
-  int fd_;
-};
+  return reasons;
+}
 
 // Whether a file was written so lately that it may not be whole. One that comes from a clock that
 // was far ahead is old.
@@ -88,14 +85,21 @@ class Night {
   struct AreaLogs {
     std::vector<LogHead> fresh;    // No build has seen them.
     std::vector<LogHead> waiting;  // An earlier build could not place them.
-    int excluded = 0;
   };
 
   Status ReturnReports();
   Status FindLogs();
-  Status Sort(const std::string& area, std::vector<LogHead> logs);
+  StatusOr<std::optional<std::string>> OnlyArea(MapStore* store);
+  Status Sort(const std::string& area, std::vector<LogHead> logs, MapStore* store);
   Status Build(const std::string& area, const AreaLogs& logs);
-  StatusOr<std::optional<std::string>> OnlyArea();
+  Status BuildNew(const std::string& area,
+                  const AreaLogs& logs,
+                  Json* document,
+                  std::vector<std::string>* reasons);
+  bool HasStore() const {
+    std::error_code error;
+    return std::filesystem::exists(options_.build.store, error);
+  }
   void Leave(const std::string& text) {
     context_.Attend(text);
     left_.push_back(text);
@@ -117,12 +121,10 @@ class Night {
 Status Night::ReturnReports() {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
                             FindFiles(options_.logs, ".report"));
-  std::error_code error;
   // Without a store they are about nothing.
-  const bool exists = std::filesystem::exists(options_.store, error);
-  if (paths.empty() || !exists || context_.dry_run()) return OkStatus();
+  if (paths.empty() || !HasStore() || context_.dry_run()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options_.store,
+                            OpenStore(options_.build.store,
                                       MapStore::Access::kReadWrite,
                                       context_,
                                       options_.build.clock_tolerance_s));
@@ -141,12 +143,10 @@ Status Night::ReturnReports() {
 }
 
 // The area of logs that name none: the one that was given, or the only one there is.
-StatusOr<std::optional<std::string>> Night::OnlyArea() {
-  std::error_code error;
-  if (options_.area || !std::filesystem::exists(options_.store, error)) return options_.area;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options_.store, MapStore::Access::kReadOnly, context_));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+// @param store  Null if there is none.
+StatusOr<std::optional<std::string>> Night::OnlyArea(MapStore* store) {
+  if (options_.area || store == nullptr) return options_.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store->Areas());
   if (areas.size() != 1) return std::optional<std::string>();
   return std::optional(areas.front().area);
 }
@@ -154,7 +154,13 @@ StatusOr<std::optional<std::string>> Night::OnlyArea() {
 Status Night::FindLogs() {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
                             FindFiles(options_.logs, ".mcap"));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> only, OnlyArea());
+  std::optional<MapStore> opened;
+  if (HasStore()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        opened, OpenStore(options_.build.store, MapStore::Access::kReadOnly, context_));
+  }
+  MapStore* const store = opened ? &*opened : nullptr;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> only, OnlyArea(store));
   std::map<std::string, std::vector<LogHead>> logs;
   for (const std::string& path : paths) {
     if (IsFresh(path, options_.min_age_s)) {
@@ -175,26 +181,26 @@ Status Night::FindLogs() {
     }
     if (!options_.area || area == *options_.area) logs[area].push_back(*std::move(head));
   }
-  for (auto& [area, of_area] : logs) SHIFTMAP_RETURN_IF_ERROR(Sort(area, std::move(of_area)));
+  for (auto& [area, of_area] : logs) {
+    SHIFTMAP_RETURN_IF_ERROR(Sort(area, std::move(of_area), store));
+  }
   return OkStatus();
 }
 
 // Which of an area's logs are not in its map.
-Status Night::Sort(const std::string& area, std::vector<LogHead> logs) {
+// @param store  Null if there is none.
+Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore* store) {
   std::set<std::string> mapped;
   std::set<std::string> waiting;  // Hashes.
   std::vector<Exclusion> exclusions;
-  std::error_code error;
-  if (std::filesystem::exists(options_.store, error)) {
-    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                              OpenStore(options_.store, MapStore::Access::kReadOnly, context_));
-    const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(area);
+  if (store != nullptr) {
+    const StatusOr<std::optional<VersionNumber>> published = store->PublishedVersion(area);
     if (published.ok()) {
-      SHIFTMAP_ASSIGN_OR_RETURN(exclusions, store.Exclusions(area));
-      SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store.WaitingRuns(area));
+      SHIFTMAP_ASSIGN_OR_RETURN(exclusions, store->Exclusions(area));
+      SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->WaitingRuns(area));
       for (const UnplacedRun& run : runs) waiting.insert(run.sha256);
       if (*published) {
-        SHIFTMAP_ASSIGN_OR_RETURN(mapped, store.RunIdentities(area, **published));
+        SHIFTMAP_ASSIGN_OR_RETURN(mapped, store->RunIdentities(area, **published));
       }
     } else if (published.status().code() != StatusCode::kNotFound) {
       return published.status();
@@ -203,10 +209,7 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs) {
   AreaLogs& sorted = areas_[area];
   for (LogHead& log : logs) {
     if (mapped.contains(log.identity())) continue;
-    if (FindExclusion(exclusions, log.identity(), log.info.vehicle, log.begin) != nullptr) {
-      ++sorted.excluded;
-      continue;
-    }
+    if (FindExclusion(exclusions, log.identity(), log.info.vehicle, log.begin) != nullptr) continue;
     if (!waiting.empty() && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
@@ -216,8 +219,37 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs) {
   return OkStatus();
 }
 
-// Builds what is new of an area, with the runs that wait. One area that fails keeps none of the
-// others.
+// Builds the new runs of an area, with those that wait. An area whose build fails is named.
+Status Night::BuildNew(const std::string& area,
+                       const AreaLogs& logs,
+                       Json* document,
+                       std::vector<std::string>* reasons) {
+  AreaBuildOptions build = options_.build;
+  build.area = area;
+  for (const std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting}) {
+    for (const LogHead& log : *kind) build.logs.push_back(log.path);
+  }
+  const StatusOr<AreaBuild> built = BuildArea(build, context_);
+  if (built.status().code() == StatusCode::kCancelled) return built.status();
+  if (!built.ok()) {
+    reasons->push_back(Message(built.status()));
+    text_ += fmt::format("{}: no version\n", InertLine(area));
+    return OkStatus();
+  }
+  *reasons = ReasonsOf(built->result);
+  if (!built->commit) {
+    text_ += fmt::format("{}: {} runs, no version\n", InertLine(area), build.logs.size());
+    return OkStatus();
+  }
+  const auto version = built->commit->version.value();
+  (*document)["version"] = version;
+  (*document)["published"] = true;
+  ++versions_;
+  text_ += fmt::format(
+      "{}: version {} with {} runs more\n", InertLine(area), version, built->result.runs.size());
+  return OkStatus();
+}
+
 Status Night::Build(const std::string& area, const AreaLogs& logs) {
   Json document = {{"area", area},
                    {"runs_new", logs.fresh.size()},
@@ -229,38 +261,7 @@ Status Night::Build(const std::string& area, const AreaLogs& logs) {
     for (const LogHead& log : logs.waiting) reasons.push_back(fmt::format("'{}' waits", log.path));
     text_ += fmt::format("{}: nothing new\n", InertLine(area));
   } else {
-    AreaBuildOptions build = options_.build;
-    build.store = options_.store;
-    build.area = area;
-    for (const std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting}) {
-      for (const LogHead& log : *kind) build.logs.push_back(log.path);
-    }
-    const StatusOr<AreaBuild> built = BuildArea(build, context_);
-    if (built.status().code() == StatusCode::kCancelled) return built.status();
-    if (!built.ok()) {
-      reasons.push_back(Message(built.status()));
-      text_ += fmt::format("{}: no version\n", InertLine(area));
-    } else {
-      for (const RejectedRun& run : built->result.rejected) {
-        reasons.push_back(fmt::format("run '{}' is left out: {}", run.name, run.reason));
-      }
-      for (const AmbiguousChange& change : built->result.ambiguous_changes) {
-        for (const AmbiguousChange::Run& run : change.runs) {
-          reasons.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-        }
-      }
-      text_ += fmt::format("{}: ", InertLine(area));
-      if (built->commit) {
-        document["version"] = built->commit->version.value();
-        document["published"] = true;
-        ++versions_;
-        text_ += fmt::format("version {} with {} runs more\n",
-                             built->commit->version.value(),
-                             built->result.runs.size());
-      } else {
-        text_ += fmt::format("{} runs, no version\n", logs.fresh.size() + logs.waiting.size());
-      }
-    }
+    SHIFTMAP_RETURN_IF_ERROR(BuildNew(area, logs, &document, &reasons));
   }
   for (const std::string& reason : reasons) {
     document["reasons"].push_back(reason);
@@ -288,15 +289,15 @@ Status Night::Run() {
   }
   return MakeStatus(StatusCode::kAlreadyExists,
                     "map store '{}': nothing new in '{}'",
-                    options_.store,
+                    options_.build.store,
                     options_.logs);
 }
 
 Status Nightly(const NightlyOptions& options, Context& context) {
   const StopSignals signals;
   if (context.dry_run()) return Night(options, &context).Run();
-  SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const NightLock lock, NightLock::Take(options.store));
+  SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const OwnedFd lock, LockNight(options.build.store));
   return Night(options, &context).Run();
 }
 
@@ -310,7 +311,7 @@ void AddNightlyCommand(Application* application) {
                               [options](Context& context) { return Nightly(*options, context); });
   AddLimitOptions(&options->build.limits, &command);
   AddClockToleranceOption(&options->build.clock_tolerance_s, &command);
-  command.Option("--store", &options->store, "Map store; made if there is none")
+  command.Option("--store", &options->build.store, "Map store; made if there is none")
       .Required()
       .Option(
           "--logs", &options->logs, "Folder with run logs and shift reports, and its subfolders")

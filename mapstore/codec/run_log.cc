@@ -219,6 +219,8 @@ RunLogWriter::~RunLogWriter() = default;
 
 Status RunLogWriter::Write(const RunEvent& event) { return state_->Write(event); }
 
+bool RunLogWriter::has_odometry() const { return state_->has_odometry; }
+
 Status RunLogWriter::Finish() {
   if (!state_->has_odometry) return InvalidArgument("no odometry");
   SHIFTMAP_RETURN_IF_ERROR(state_->writer->Finish());

@@ -62,6 +62,9 @@ class RunLogWriter {
   /// Appends an item. Errors also: kInvalidArgument if it is older than the one before.
   Status Write(const RunEvent& event);
 
+  /// Whether there was odometry, without which the items are no run log.
+  bool has_odometry() const;
+
   /// Places the file. Errors also: kInvalidArgument if there was no odometry. Call once, last.
   Status Finish();
 

@@ -49,11 +49,11 @@ Status MakeFolder(const std::string& path) {
 }
 
 StatusOr<FolderLock> FolderLock::Take(const std::string& path) {
-  FolderLock lock(open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  int failed = lock.fd_ < 0 ? -1 : 0;
+  FolderLock lock(OwnedFd(open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)));
+  int failed = lock.fd_.get() < 0 ? -1 : 0;
   if (failed == 0) {
     do {
-      failed = flock(lock.fd_, LOCK_EX);
+      failed = flock(lock.fd_.get(), LOCK_EX);
     } while (failed != 0 && errno == EINTR);
   }
   if (failed == 0) return lock;
@@ -63,12 +63,6 @@ StatusOr<FolderLock> FolderLock::Take(const std::string& path) {
                     "folder '{}': cannot be locked: {}",
                     path,
                     error.message());
-}
-
-FolderLock::FolderLock(FolderLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-FolderLock::~FolderLock() {
-  if (fd_ >= 0) close(fd_);
 }
 
 }  // namespace shiftmap

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
+#include "mapstore/core/owned_fd.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -25,14 +27,10 @@ class FolderLock {
   /// cannot be read or locked.
   static StatusOr<FolderLock> Take(const std::string& path);
 
-  FolderLock(FolderLock&& other) noexcept;
-  FolderLock& operator=(FolderLock&& other) = delete;
-  ~FolderLock();
-
  private:
-  explicit FolderLock(int fd) : fd_(fd) {}
+  explicit FolderLock(OwnedFd fd) : fd_(std::move(fd)) {}
 
-  int fd_;  // -1: moved from.
+  OwnedFd fd_;
 };
 
 }  // namespace shiftmap

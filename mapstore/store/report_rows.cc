@@ -108,7 +108,8 @@ Status DecideAmongSameRun(Database& database,
                           std::int64_t area_id,
                           const VersionRow& version,
                           const std::string& uuid,
-                          const ShiftReport& report,
+                          const std::string& identity,
+                          const std::string& vehicle,
                           InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement other,
@@ -116,8 +117,7 @@ Status DecideAmongSameRun(Database& database,
                        "FROM shift_report r JOIN version v USING (version_id) "
                        "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3 "
                        "AND superseded = 0"));
-  const std::string identity = IdentityOf(report);
-  other.Bind(identity, area_id, report.vehicle);
+  other.Bind(identity, area_id, vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, other.Step());
   if (!found) return OkStatus();
   const auto counted = std::make_tuple(VersionNumber(other.Int64(3)), other.Text(4));
@@ -154,8 +154,9 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   for (const VisitEvidence& evidence : report.evidence) {
     inserted.first_visit = std::min(inserted.first_visit.value_or(evidence.begin), evidence.begin);
   }
-  SHIFTMAP_RETURN_IF_ERROR(DecideAmongSameRun(database, area_id, version, uuid, report, &inserted));
   const std::string identity = IdentityOf(report);
+  SHIFTMAP_RETURN_IF_ERROR(
+      DecideAmongSameRun(database, area_id, version, uuid, identity, report.vehicle, &inserted));
   std::optional<std::int64_t> first_visit_ns;
   if (inserted.first_visit) first_visit_ns = ToNanoseconds(*inserted.first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(

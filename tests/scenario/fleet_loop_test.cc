@@ -17,13 +17,7 @@ namespace {
 class FleetLoopTest : public ::testing::TestWithParam<int> {
  protected:
   FleetLoopTest() : world_(RestlessSite(GetParam())) {
-    RunForJson("shiftmap-mapper", Build("start.db", {0, 1}));
-  }
-
-  Arguments Build(const std::string& store, const std::vector<int>& runs) const {
-    Arguments words = {"build", "--store", world_.File(store), "--area", "floor"};
-    for (const int run : runs) words.push_back(world_.Log(run));
-    return words;
+    RunForJson("shiftmap-mapper", world_.BuildOf("start.db", {0, 1}));
   }
 
   // Localizes a run on the map of the first two and keeps its report.
@@ -49,7 +43,7 @@ class FleetLoopTest : public ::testing::TestWithParam<int> {
       if (step.starts_with("return")) {
         RunForJson("shiftmap-localizer", {"return", "--store", world_.File(name), Report(run)});
       } else {
-        RunForJson("shiftmap-mapper", Build(name, {run}));
+        RunForJson("shiftmap-mapper", world_.BuildOf(name, {run}));
       }
     }
     return name;

@@ -23,8 +23,8 @@ namespace {
 
 class LiveAttackTest : public LiveTest {
  protected:
-  live::OwnedFd Raw(const std::string& bytes = "") const {
-    StatusOr<live::OwnedFd> fd = live::ConnectTo(socket_);
+  OwnedFd Raw(const std::string& bytes = "") const {
+    StatusOr<OwnedFd> fd = live::ConnectTo(socket_);
     EXPECT_THAT(fd, IsOk());
     if (!bytes.empty()) send(fd->get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     return *std::move(fd);
@@ -48,7 +48,7 @@ class LiveAttackTest : public LiveTest {
     const std::string frame = live::Framed(live::EncodeRequest(request));
     while (bytes.size() < 8192) bytes += frame;
     return std::thread([this, bytes, stop] {
-      const live::OwnedFd fd = Raw();
+      const OwnedFd fd = Raw();
       std::size_t at = 0;
       while (!*stop) {
         const ssize_t count =
@@ -67,14 +67,14 @@ TEST_F(LiveAttackTest, ClientsThatSayNothingLockNobodyOut) {
   live::Client listener = Connected();
   Call(&listener, live::Subscribe{.poses = true, .states = true, .decisions = true});
 
-  std::vector<live::OwnedFd> idle;
+  std::vector<OwnedFd> idle;
   const std::string half = live::Framed(std::string(200'000, 'x')).substr(0, 100'000);
   for (int i = 0; i < 64; ++i) idle.push_back(Raw(i % 2 == 0 ? "" : half));
   EXPECT_EQ(Operate("state")["running"], true);
 
   std::atomic<int> connects = 0;
   std::thread flood([&] {
-    std::vector<live::OwnedFd> open(200);
+    std::vector<OwnedFd> open(200);
     for (; connects < 1000; ++connects) open[static_cast<std::size_t>(connects) % 200] = Raw();
   });
   while (connects < 1000) EXPECT_EQ(Operate("state")["running"], true);
@@ -95,7 +95,7 @@ TEST_F(LiveAttackTest, ThirtyTwoDriversLeaveRoomForAnOperator) {
     drivers.push_back(Connected());
     Call(&drivers.back(), live::Subscribe{.poses = false, .states = true, .decisions = false});
   }
-  std::vector<live::OwnedFd> idle;
+  std::vector<OwnedFd> idle;
   for (int i = 0; i < 32; ++i) idle.push_back(Raw());
   EXPECT_EQ(Operate("state")["running"], true);
   EXPECT_EQ(Operate("stop")["running"], false);

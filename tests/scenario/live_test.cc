@@ -128,7 +128,7 @@ TEST_F(LiveTest, SubscriberGetsAPoseForEveryItem) {
 
 TEST_F(LiveTest, ServiceManagerIsTold) {
   const std::string path = folder_.File("notify");
-  const live::OwnedFd manager(socket(AF_UNIX, SOCK_DGRAM, 0));
+  const OwnedFd manager(socket(AF_UNIX, SOCK_DGRAM, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::memcpy(address.sun_path, path.data(), path.size());
@@ -161,7 +161,7 @@ TEST_F(LiveTest, HostileClientsHarmNobody) {
   const auto service = Served({"--start"});
   live::Client good = Connected();
   const auto say = [&](const std::string& bytes) {
-    StatusOr<live::OwnedFd> fd = live::ConnectTo(socket_);
+    StatusOr<OwnedFd> fd = live::ConnectTo(socket_);
     EXPECT_THAT(fd, IsOk());
     send(fd->get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     shutdown(fd->get(), SHUT_WR);

@@ -40,9 +40,7 @@ class OneMemoryTest : public ::testing::TestWithParam<int> {
                 "0.15"}) {}
 
   void Build(const std::string& store, const std::vector<int>& runs) const {
-    Arguments words = {"build", "--store", world_.File(store), "--area", "floor"};
-    for (const int run : runs) words.push_back(world_.Log(run));
-    RunForJson("shiftmap-mapper", words);
+    RunForJson("shiftmap-mapper", world_.BuildOf(store, runs));
   }
 
   void RunAndReturn(const std::string& store, int run) const {

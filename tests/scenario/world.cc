@@ -14,6 +14,12 @@ World::World(const Arguments& options) {
   RunForJson("shiftmap-sim", arguments);
 }
 
+Arguments World::BuildOf(const std::string& store, const std::vector<int>& runs) const {
+  Arguments words = {"build", "--store", File(store), "--area", "floor"};
+  for (const int run : runs) words.push_back(Log(run));
+  return words;
+}
+
 std::string World::Name(int run) const { return folder_.File(fmt::format("run_{:03}", run)); }
 
 std::vector<World::TrueMode> World::Modes(int run) const {

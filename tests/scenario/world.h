@@ -29,6 +29,9 @@ class World {
   };
   std::vector<TrueMode> Modes(int run) const;
 
+  /// Arguments of a build of runs as area "floor" into a store beside them.
+  Arguments BuildOf(const std::string& store, const std::vector<int>& runs) const;
+
   /// A path beside the runs.
   std::string File(const std::string& name) const { return folder_.File(name); }
 

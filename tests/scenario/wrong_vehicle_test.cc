@@ -22,7 +22,7 @@
 namespace shiftmap::testing {
 namespace {
 
-constexpr int kMapped = 3;  // Runs that the map is built from.
+constexpr int kMapped = 3;  // The map is built from runs 0 to 2.
 constexpr int kShifts = 9;
 
 struct Fault {
@@ -48,9 +48,7 @@ class WrongVehicleTest : public ::testing::TestWithParam<Fault> {
                 "--mode-change-probability",
                 "0.1"}) {
     for (const char* const store : {"fleet.db", "oracle.db"}) {
-      Arguments words = {"build", "--store", world_.File(store), "--area", "floor"};
-      for (int run = 0; run < kMapped; ++run) words.push_back(world_.Log(run));
-      RunForJson("shiftmap-mapper", words);
+      RunForJson("shiftmap-mapper", world_.BuildOf(store, {0, 1, 2}));
     }
   }
 

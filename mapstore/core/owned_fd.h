@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace shiftmap::live {
+namespace shiftmap {
 
 /// A file descriptor that is closed with its owner.
 class OwnedFd {
@@ -27,4 +27,4 @@ class OwnedFd {
   int fd_ = -1;
 };
 
-}  // namespace shiftmap::live
+}  // namespace shiftmap
