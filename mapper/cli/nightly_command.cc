@@ -324,6 +324,9 @@ void AddNightlyCommand(Application* application) {
               &options->min_age_s,
               "Leave a log that was written since for another night: it may not be whole")
       .InRange(0.0, 1e9)
+      .Flag("--no-learned-rates",
+            &options->build.no_learned_rates,
+            "Leave the rates of known landmarks' mode chains as they are")
       .Option("--threads",
               &options->build.threads,
               "Threads of a build, by default as many as the machine runs; the map is the same")

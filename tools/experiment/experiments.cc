@@ -8,6 +8,7 @@
 #include "tools/experiment/localizer_decisions_command.h"
 #include "tools/experiment/localizer_states_command.h"
 #include "tools/experiment/localizer_utias_command.h"
+#include "tools/experiment/nights_command.h"
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
@@ -23,6 +24,7 @@ void AddExperiments(Application* application) {
   AddLocalizerDecisionsExperiment(application);
   AddLocalizerUtiasExperiment(application);
   AddLocalizerStatesExperiment(application);
+  AddNightsExperiment(application);
   AddRecurringChainsExperiment(application);
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);

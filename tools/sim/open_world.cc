@@ -61,23 +61,29 @@ StatusOr<std::vector<SimulatedGroup>> PlaceGroups(const OpenWorldOptions& option
   return groups;
 }
 
-// Where each landmark stands in each run, before it may be away.
-std::vector<std::vector<int>> DrawModes(const OpenWorldOptions& options, Random* random) {
+// Where each landmark stands in each run.
+std::vector<std::vector<ModeNumber>> DrawStates(const OpenWorldOptions& options, Random* random) {
   const int n = options.modes_per_group;
-  std::vector<std::vector<int>> runs;
-  std::vector<int> modes(static_cast<std::size_t>(options.groups));
-  for (int& mode : modes) mode = std::uniform_int_distribution<int>(1, n)(*random);
-  for (int run = 0; run < options.runs; ++run) {
-    if (run > 0 && n > 1) {
-      for (int& mode : modes) {
-        if (!Happens(options.mode_change_probability, random)) continue;
-        const int step = std::uniform_int_distribution<int>(1, n - 1)(*random);
-        mode = (mode - 1 + step) % n + 1;
-      }
+  std::vector<std::vector<int>> modes(1,
+                                      std::vector<int>(static_cast<std::size_t>(options.groups)));
+  for (int& mode : modes[0]) mode = std::uniform_int_distribution<int>(1, n)(*random);
+  while (std::ssize(modes) < options.runs) {
+    std::vector<int>& next = modes.emplace_back(modes.back());
+    if (n == 1) continue;
+    for (int& mode : next) {
+      if (!Happens(options.mode_change_probability, random)) continue;
+      const int step = std::uniform_int_distribution<int>(1, n - 1)(*random);
+      mode = (mode - 1 + step) % n + 1;
     }
-    runs.push_back(modes);
   }
-  return runs;
+  std::vector<std::vector<ModeNumber>> states;
+  for (const std::vector<int>& of_run : modes) {
+    std::vector<ModeNumber>& run = states.emplace_back();
+    for (const int mode : of_run) {
+      run.push_back(Happens(options.absent_probability, random) ? kAbsent : ModeNumber(mode));
+    }
+  }
+  return states;
 }
 
 Observation Observe(const Signature& signature,
@@ -145,7 +151,7 @@ SimulatedRun SimulateRun(const OpenWorldOptions& options,
   Random random = MakeRandom(options.seed, index + 1);
   SimulatedRun simulated;
   simulated.active_mode = std::move(active_mode);
-  simulated.run.info = {fmt::format("vehicle-{}", index % 2 + 1),
+  simulated.run.info = {fmt::format("vehicle-{}", index % options.vehicles + 1),
                         fmt::format("shiftmap-sim open seed {} run {}", options.seed, index)};
   const double tick_s = 1.0 / options.odometry_rate_hz;
   const auto ticks = static_cast<std::int64_t>(options.duration_s * options.odometry_rate_hz);
@@ -171,6 +177,23 @@ SimulatedRun SimulateRun(const OpenWorldOptions& options,
   return simulated;
 }
 
+Status CheckStates(const OpenWorldOptions& options) {
+  if (options.states.empty()) return OkStatus();
+  if (std::ssize(options.states) != options.runs) {
+    return InvalidArgument(
+        "world: states of {} runs, expected {}", options.states.size(), options.runs);
+  }
+  for (const std::vector<ModeNumber>& run : options.states) {
+    const bool ok = std::ssize(run) == options.groups &&
+                    std::all_of(run.begin(), run.end(), [&](ModeNumber mode) {
+                      return mode.value() >= 0 && mode.value() <= options.modes_per_group;
+                    });
+    if (!ok)
+      return InvalidArgument("world: states of a run, expected a place or 0 for each landmark");
+  }
+  return OkStatus();
+}
+
 }  // namespace
 
 Status OpenWorldOptions::Validate() const {
@@ -191,6 +214,8 @@ Status OpenWorldOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(positive("size", size_m));
   SHIFTMAP_RETURN_IF_ERROR(not_negative("mode gap", mode_gap_m));
   SHIFTMAP_RETURN_IF_ERROR(positive("runs", runs));
+  SHIFTMAP_RETURN_IF_ERROR(positive("vehicles", vehicles));
+  SHIFTMAP_RETURN_IF_ERROR(CheckStates(*this));
   SHIFTMAP_RETURN_IF_ERROR(positive("duration", duration_s));
   SHIFTMAP_RETURN_IF_ERROR(positive("shift interval", shift_interval_s));
   SHIFTMAP_RETURN_IF_ERROR(probability("mode change probability", mode_change_probability));
@@ -216,14 +241,11 @@ StatusOr<SimulatedWorld> SimulateOpen(const OpenWorldOptions& options) {
   Random random = MakeRandom(options.seed, 0);
   SimulatedWorld world;
   SHIFTMAP_ASSIGN_OR_RETURN(world.groups, PlaceGroups(options, &random));
-  const std::vector<std::vector<int>> modes = DrawModes(options, &random);
+  const std::vector<std::vector<ModeNumber>> states =
+      options.states.empty() ? DrawStates(options, &random) : options.states;
   for (int run = 0; run < options.runs; ++run) {
-    std::vector<ModeNumber> active_mode;
-    for (const int mode : modes[static_cast<std::size_t>(run)]) {
-      active_mode.push_back(Happens(options.absent_probability, &random) ? kAbsent
-                                                                         : ModeNumber(mode));
-    }
-    world.runs.push_back(SimulateRun(options, world.groups, std::move(active_mode), run));
+    world.runs.push_back(
+        SimulateRun(options, world.groups, states[static_cast<std::size_t>(run)], run));
   }
   return world;
 }

@@ -24,6 +24,7 @@ struct OpenWorldOptions {
   double mode_gap_m = 2.0;  ///< Least distance between any two places. [m]
 
   int runs = 3;
+  int vehicles = 2;                   ///< That take turns, a run each. > 0.
   double duration_s = 300.0;          ///< Of each run. [s]
   double shift_interval_s = 86400.0;  ///< From the start of one run to that of the next. [s]
   Stamp start = StampFromSeconds(1767600000.0);
@@ -33,6 +34,9 @@ struct OpenWorldOptions {
 
   /// In each run each landmark is away altogether with this probability.
   double absent_probability = 0.0;
+
+  /// Where each landmark stands, by run and group, instead of what is drawn as above; empty: drawn.
+  std::vector<std::vector<ModeNumber>> states = {};
 
   double odometry_rate_hz = 20.0;
   double scan_rate_hz = 5.0;  ///< At most the odometry's; scans coincide with odometry.

@@ -54,6 +54,7 @@ void AddOptions(OpenArguments* arguments, Command* command) {
   command->Option("--size-m", &world.size_m, "Edge of the floor");
   command->Option("--mode-gap-m", &world.mode_gap_m, "Least distance between two places");
   command->Option("--runs,--shifts", &world.runs, "Number of runs");
+  command->Option("--vehicles", &world.vehicles, "Vehicles that take turns");
   command->Option("--duration-s", &world.duration_s, "Length of a run");
   command->Option("--shift-interval-s", &world.shift_interval_s, "From run to run");
   command->Option("--start-s", &arguments->start_s, "Start, seconds since the epoch");

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/nights.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "localizer/cli/commands.h"
+#include "mapper/cli/commands.h"
+#include "mapstore/codec/run_log.h"
+#include "mapstore/codec/shift_report.h"
+#include "mapstore/core/folder.h"
+#include "mapstore/map_store.h"
+#include "tools/eval/map_error.h"
+#include "tools/eval/trajectory_error.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr char kArea[] = "site";
+
+// A mode this near to a place stands for it. [m]
+constexpr double kSamePlaceM = 0.5;
+constexpr double kWrongModeM = 0.3;
+
+// Runs a command in this process.
+// @param allowed  Exit codes.
+// @return What it wrote to standard output.
+StatusOr<ExitCode> RunInProcess(void (*add)(Application*),
+                                const std::vector<std::string>& words,
+                                const std::vector<ExitCode>& allowed) {
+  Application application("shiftmap", "");
+  add(&application);
+  std::ostringstream out;
+  std::ostringstream err;
+  const ExitCode code = application.Run(words, &out, &err);
+  if (std::find(allowed.begin(), allowed.end(), code) != allowed.end()) return code;
+  return Internal("{}: exit code {}: {}", fmt::join(words, " "), static_cast<int>(code), err.str());
+}
+
+// The map of a version, in the frame of the truth.
+struct TruthMap {
+  MapSnapshot map;
+  Se2 T_truth_map;
+};
+
+class Site {
+ public:
+  Site(const NightsOptions& options,
+       NightsWorld world,
+       std::string folder,
+       std::vector<std::string> night_words)
+      : options_(options),
+        world_(std::move(world)),
+        folder_(std::move(folder)),
+        night_words_(std::move(night_words)) {}
+
+  StatusOr<NightsResult> Drive(const std::function<void(const NightResult&)>& progress);
+
+ private:
+  std::string store() const { return folder_ + "/maps.db"; }
+  std::string logs() const { return folder_ + "/logs"; }
+  const SimulatedRun& run(int index) const {
+    return world_.world.runs[static_cast<std::size_t>(index)];
+  }
+
+  StatusOr<std::optional<TruthMap>> LoadMap(int run, std::optional<Stamp> at) const;
+  void CountStates(const TruthMap& map, int index, NightResult* result);
+  Status DriveShift(int index, NightResult* result);
+  Status Night(int night, NightResult* result);
+  int TrueState(const TruthMap& map, std::size_t group, const LandmarkGroup& known, int run) const;
+
+  const NightsOptions& options_;
+  NightsWorld world_;
+  std::string folder_;
+  std::vector<std::string> night_words_;
+  std::map<std::string, int> waiting_since_;  // Night, by hash.
+  std::map<std::size_t, int> absent_since_;   // Run, by group that was removed.
+  double square_error_ = 0.0;                 // Of the day's poses. [m²]
+  int poses_ = 0;
+};
+
+// Where landmarks have stood up to a run, that included.
+std::vector<TruePlace> PlacesUntil(const SimulatedWorld& world, int run) {
+  std::vector<TruePlace> places;
+  for (std::size_t g = 0; g < world.groups.size(); ++g) {
+    const SimulatedGroup& group = world.groups[g];
+    for (std::size_t mode = 0; mode < group.modes.size(); ++mode) {
+      const bool stood = std::any_of(
+          world.runs.begin(), world.runs.begin() + run + 1, [&](const SimulatedRun& of) {
+            return of.active_mode[g] == ModeNumber(static_cast<std::int64_t>(mode) + 1);
+          });
+      if (stood) places.push_back({group.signature, group.modes[mode]});
+    }
+  }
+  return places;
+}
+
+// The published map, nothing before the first night.
+StatusOr<std::optional<TruthMap>> Site::LoadMap(int run, std::optional<Stamp> at) const {
+  std::error_code error;
+  if (!std::filesystem::exists(store(), error)) return std::optional<TruthMap>();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, maps.PublishedVersion(kArea));
+  if (!published) return std::optional<TruthMap>();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, maps.LoadAt(kArea, published, at));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const MapError fit,
+      EvaluateMap(map.groups(), PlacesUntil(world_.world, run), /*align=*/true));
+  return std::optional(TruthMap{std::move(map), fit.T_truth_map});
+}
+
+// The state of the map that holds in a run, -1 if the map does not have it.
+int Site::TrueState(const TruthMap& map,
+                    std::size_t group,
+                    const LandmarkGroup& known,
+                    int index) const {
+  const ModeNumber mode = run(index).active_mode[group];
+  if (mode == kAbsent) return 0;
+  const Eigen::Vector2d place =
+      world_.world.groups[group].modes[static_cast<std::size_t>(mode.value()) - 1];
+  int nearest = -1;
+  double distance = kSamePlaceM;
+  for (std::size_t i = 0; i < known.modes.size(); ++i) {
+    const double of_mode = (map.T_truth_map * known.modes[i].p_map_landmark - place).norm();
+    if (of_mode >= distance) continue;
+    distance = of_mode;
+    nearest = static_cast<int>(i) + 1;
+  }
+  return nearest;
+}
+
+void Site::CountStates(const TruthMap& map, int index, NightResult* result) {
+  constexpr double kSure = 20.0 / 21.0;
+  for (std::size_t g = 0; g < world_.world.groups.size(); ++g) {
+    const int known = map.map.GroupIndex(world_.world.groups[g].signature);
+    if (known < 0) continue;
+    const LandmarkGroup& group = map.map.groups()[static_cast<std::size_t>(known)];
+    const int state = TrueState(map, g, group, index);
+    if (state < 0) {
+      ++result->new_places;
+      continue;
+    }
+    const double p = group.probabilities(state);
+    Eigen::Index likeliest = 0;
+    const double p_most = group.probabilities.maxCoeff(&likeliest);
+    ++result->states;
+    result->p_true_sum += p;
+    result->log_p_true_sum += std::log(std::max(p, 1e-300));
+    if (likeliest != state) ++result->wrong_likeliest;
+    if (p_most > kSure) ++result->sure;
+    if (likeliest != state && p_most > kSure) ++result->wrong_sure;
+    const std::optional<int>& removed = world_.removed[g];
+    if (removed && *removed <= index && state == 0 && p > 0.5) absent_since_.emplace(g, index);
+  }
+}
+
+Status Site::DriveShift(int index, NightResult* result) {
+  const SimulatedRun& simulated = run(index);
+  const std::string stem = fmt::format("{}/{:04}", logs(), index);
+  Run log = simulated.run;
+  log.info.area = kArea;
+  SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, stem + ".mcap"));
+  SHIFTMAP_RETURN_IF_ERROR(WriteTum(simulated.truth, stem + ".truth.tum"));
+  const Stamp begin = log.odometry.front().stamp;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
+  if (!map) return OkStatus();
+  ++result->shifts;
+  CountStates(*map, index, result);
+  SHIFTMAP_ASSIGN_OR_RETURN(const ExitCode code,
+                            RunInProcess(AddRunCommand,
+                                         {"run",
+                                          "--store",
+                                          store(),
+                                          "--area",
+                                          kArea,
+                                          "--report",
+                                          stem + ".report",
+                                          "--trajectory",
+                                          stem + ".tum",
+                                          stem + ".mcap"},
+                                         {ExitCode::kDone, ExitCode::kNotLocalized}));
+  if (code == ExitCode::kNotLocalized) return OkStatus();
+  ++result->localized;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(stem + ".tum"));
+  for (StampedPose& pose : poses) pose.T_map_vehicle = map->T_truth_map * pose.T_map_vehicle;
+  SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError error,
+                            EvaluateTrajectory(poses, simulated.truth, {}));
+  square_error_ += error.matched * error.position_rmse_m * error.position_rmse_m;
+  poses_ += error.matched;
+  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftReport report, ReadShiftReport(stem + ".report"));
+  for (std::size_t g = 0; g < world_.world.groups.size(); ++g) {
+    const Signature& signature = world_.world.groups[g].signature;
+    for (const Decision& decision : report.decisions) {
+      if (decision.signature != signature) continue;
+      const LandmarkGroup& known =
+          map->map.groups()[static_cast<std::size_t>(map->map.GroupIndex(signature))];
+      ++result->decisions;
+      // One that stands at a new place is at none of the modes.
+      const int state = std::max(0, TrueState(*map, g, known, index));
+      if (known.StateOf(decision.mode) != state) ++result->wrong_decisions;
+    }
+  }
+  return OkStatus();
+}
+
+Status Site::Night(int night, NightResult* result) {
+  std::vector<std::string> words = {
+      "nightly", "--store", store(), "--logs", logs(), "--min-age-s", "0"};
+  words.insert(words.end(), night_words_.begin(), night_words_.end());
+  const auto begin = std::chrono::steady_clock::now();
+  SHIFTMAP_RETURN_IF_ERROR(
+      RunInProcess(
+          AddNightlyCommand, words, {ExitCode::kDone, ExitCode::kAttention, ExitCode::kNothingToDo})
+          .status());
+  result->night_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const int last = night * options_.vehicles - 1;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
+  if (map) {
+    double squares = 0.0;
+    for (const LandmarkGroup& group : map->map.groups()) {
+      for (const Mode& mode : group.modes) {
+        double distance = std::numeric_limits<double>::infinity();
+        for (const SimulatedGroup& truth : world_.world.groups) {
+          if (truth.signature != group.signature) continue;
+          for (const Eigen::Vector2d& place : truth.modes) {
+            distance = std::min(distance, (map->T_truth_map * mode.p_map_landmark - place).norm());
+          }
+        }
+        ++result->modes;
+        if (distance >= kWrongModeM) {
+          ++result->wrong_modes;
+        } else {
+          squares += distance * distance;
+        }
+      }
+    }
+    result->map_rmse_m = std::sqrt(squares / std::max(1, result->modes - result->wrong_modes));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kArea));
+  result->waiting = static_cast<int>(waiting.size());
+  for (const UnplacedRun& waits : waiting) {
+    const int since = waiting_since_.emplace(waits.sha256, night).first->second;
+    result->waited_nights = std::max(result->waited_nights, night - since + 1);
+  }
+  constexpr double kMib = 1024.0 * 1024.0;
+  result->store_mib = static_cast<double>(std::filesystem::file_size(store())) / kMib;
+  return OkStatus();
+}
+
+StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>& progress) {
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(logs()));
+  NightsResult all;
+  for (int night = 1; night <= options_.nights; ++night) {
+    NightResult& result = all.nights.emplace_back();
+    result.night = night;
+    square_error_ = 0.0;
+    poses_ = 0;
+    for (int shift = 0; shift < options_.vehicles; ++shift) {
+      SHIFTMAP_RETURN_IF_ERROR(DriveShift((night - 1) * options_.vehicles + shift, &result));
+    }
+    result.rmse_m = std::sqrt(square_error_ / std::max(1, poses_));
+    SHIFTMAP_RETURN_IF_ERROR(Night(night, &result));
+    progress(result);
+  }
+  for (std::size_t g = 0; g < world_.removed.size(); ++g) {
+    if (!world_.removed[g]) continue;
+    const auto found = absent_since_.find(g);
+    const double runs = found == absent_since_.end()
+                            ? std::numeric_limits<double>::quiet_NaN()
+                            : static_cast<double>(found->second - *world_.removed[g]);
+    all.removals.push_back(
+        {world_.world.groups[g].signature, *world_.removed[g], runs / options_.vehicles});
+  }
+  return all;
+}
+
+}  // namespace
+
+StatusOr<NightsResult> DriveNights(const NightsOptions& options,
+                                   const std::string& folder,
+                                   const std::vector<std::string>& night_words,
+                                   const std::function<void(const NightResult&)>& progress) {
+  std::error_code error;
+  if (std::filesystem::exists(folder, error)) {
+    return FailedPrecondition("folder '{}': is there already", folder);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(NightsWorld world, DrawNights(options));
+  return Site(options, std::move(world), folder, night_words).Drive(progress);
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "proto/core/status.h"
+#include "tools/experiment/nights_world.h"
+
+namespace shiftmap {
+
+/// A day of shifts and the night after it.
+struct NightResult {
+  int night = 0;  ///< From 1.
+
+  // The day, on the map of the night before.
+  int shifts = 0;
+  int localized = 0;
+  double rmse_m = 0.0;  ///< Of the poses, after the alignment of the map with the truth.
+  int decisions = 0;
+  int wrong_decisions = 0;  ///< The landmark stood elsewhere.
+
+  // When the shifts of the day began: landmarks whose true state the map has.
+  int states = 0;
+  double p_true_sum = 0.0;
+  double log_p_true_sum = 0.0;
+  int wrong_likeliest = 0;
+  int sure = 0;        ///< A state held at odds of more than 20 to 1,
+  int wrong_sure = 0;  ///< and it was another one.
+  int new_places = 0;  ///< Of landmarks: the map does not have where they stand.
+
+  // The map that the night made.
+  int modes = 0;
+  int wrong_modes = 0;      ///< 0.3 m or more from every place of their landmark.
+  double map_rmse_m = 0.0;  ///< Of the other modes.
+  int waiting = 0;          ///< Runs.
+  int waited_nights = 0;    ///< The longest of them.
+  double night_s = 0.0;     ///< On the wall.
+  double store_mib = 0.0;
+};
+
+/// A landmark that was removed, and from when on the map said so.
+struct Removal {
+  Signature signature;
+  int removed_run = 0;
+  double absent_after_days = 0.0;  ///< `absent` had more than one half; NaN: never in this time.
+};
+
+struct NightsResult {
+  std::vector<NightResult> nights;
+  std::vector<Removal> removals;
+};
+
+/// Drives the days and nights of a site with the commands that a site uses: `run` on the published
+/// map for each shift, whose log and report go into a folder, and `nightly` at the end of a day.
+/// @param folder       Where logs, reports and the store go; must not exist.
+/// @param night_words  More arguments of `nightly`.
+/// @param progress     Called after each night.
+/// Errors: what a command said that did not end as it should.
+StatusOr<NightsResult> DriveNights(const NightsOptions& options,
+                                   const std::string& folder,
+                                   const std::vector<std::string>& night_words,
+                                   const std::function<void(const NightResult&)>& progress);
+
+}  // namespace shiftmap

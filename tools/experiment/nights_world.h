@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "proto/core/status.h"
+#include "tools/sim/open_world.h"
+
+namespace shiftmap {
+
+/// A site over some weeks: every vehicle drives one shift a day.
+struct NightsOptions {
+  std::uint64_t seed = 1;
+  int nights = 30;
+  int vehicles = 5;
+  int groups = 30;
+  double size_m = 40.0;
+  double duration_s = 120.0;  ///< Of a shift.
+
+  /// Every so many days, over noon, this share of all landmarks that ever move does so at once; 0
+  /// days: never.
+  int layout_days = 0;
+  double layout_share = 0.6;
+};
+
+struct NightsWorld {
+  SimulatedWorld world;  ///< Runs in the order of time, `vehicles` a day.
+
+  /// By group: the first run in which it is gone for good; nothing if it never is.
+  std::vector<std::optional<int>> removed;
+};
+
+/// Draws a site. A landmark has three places; a quarter of them never moves, half stay 15 days in
+/// the mean at a place and a quarter 2 days; one move in ten ends away, for 3 days in the mean. One
+/// landmark in ten is removed for good in the second third of the time.
+/// Determinism: the same options give the same bits. Errors: as SimulateOpen.
+StatusOr<NightsWorld> DrawNights(const NightsOptions& options);
+
+}  // namespace shiftmap
