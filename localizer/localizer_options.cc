@@ -28,7 +28,7 @@ Status LocalizerOptions::Validate() const {
       CheckRange("fov_leave", hypotheses.fov_leave, 0.0, hypotheses.fov_enter));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("visit_gap_s", hypotheses.visit_gap_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_signatures", global_start.min_signatures, 3));
-  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_margin", global_start.min_margin, 1));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_probability", global_start.min_probability, 0.5, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));

@@ -11,6 +11,7 @@
 #include "localizer/hypothesis/leaf_reduction.h"
 #include "localizer/hypothesis/sequential_test.h"
 #include "localizer/models/detection_model.h"
+#include "localizer/models/site_area.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -71,6 +72,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       threshold_(DecisionThreshold(options.alpha)),
+      unknown_place_density_(UnknownPlaceDensity(snapshot_)),
       edge_of_view_(EdgeOfView(snapshot_.calibration().sensor)),
       held_since_(snapshot_.groups().size()) {
   SHIFTMAP_CHECK(options.max_leaves >= 1, "max_leaves {}", options.max_leaves);

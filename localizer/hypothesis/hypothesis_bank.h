@@ -125,7 +125,7 @@ class HypothesisBank {
                     GroupBelief* belief) const;
 
   double LogAbsent(const SeenObservation& seen,
-                   double log_ungated,
+                   std::optional<double> log_ungated,
                    double weight,
                    Leaf* leaf,
                    GroupBelief* belief) const;
@@ -177,9 +177,10 @@ class HypothesisBank {
   MapSnapshot snapshot_;
   HypothesisOptions options_;
   ModeGrid grid_;
-  double gate_ = 0.0;             // Chi-square quantile.
-  double threshold_ = 0.0;        // Of the sequential test.
-  Eigen::Vector2d edge_of_view_;  // Of the sector, on the left; a unit vector.
+  double gate_ = 0.0;                   // Chi-square quantile.
+  double threshold_ = 0.0;              // Of the sequential test.
+  double unknown_place_density_ = 0.0;  // UnknownPlaceDensity().
+  Eigen::Vector2d edge_of_view_;        // Of the sector, on the left; a unit vector.
   Stamp stamp_;
   LeafSet leaves_;                          // By descending weight.
   std::vector<Visit> visits_;               // Open ones, by group.

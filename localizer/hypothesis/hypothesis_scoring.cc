@@ -46,17 +46,18 @@ struct HypothesisBank::SeenObservation {
   SeenObservation(const Observation& observation,
                   int seen_group,
                   std::size_t belief,
-                  const SensorCalibration& sensor)
+                  const SensorCalibration& sensor,
+                  double unknown_place_density)
       : group(seen_group), belief_index(belief) {
     const Eigen::Matrix2d cov_z = ObservationNoise(observation, sensor);
     constexpr double kMisjudgedVariance = kMisjudgedSigmas * kMisjudgedSigmas;
     measurement = KnownMapFilter::Measure(observation, cov_z);
     misjudged = KnownMapFilter::Measure(observation, cov_z * kMisjudgedVariance);
     const double unit = SquareMetresPerUnit(observation);
-    const double any = sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2;
+    const double any = sensor.clutter_density_per_m2 + unknown_place_density;
     log_false_alarm = std::log(sensor.clutter_density_per_m2 * unit);
     log_any = std::log(any * unit);
-    new_share = sensor.new_landmark_density_per_m2 / any;
+    new_share = unknown_place_density / any;
   }
 
   int group;
@@ -71,8 +72,11 @@ struct HypothesisBank::SeenObservation {
 };
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
-  const SeenObservation seen(
-      observation, group, BeliefIndex(group), snapshot_.calibration().sensor);
+  const SeenObservation seen(observation,
+                             group,
+                             BeliefIndex(group),
+                             snapshot_.calibration().sensor,
+                             unknown_place_density_);
   ObservationOutcome outcome = Judge(seen);
   outcome.index = index;
   events_.outcomes.push_back(outcome);
@@ -138,8 +142,9 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
 //
 // One misjudged view, repeated, is at one place as well, whatever the mode: so until the landmark
 // was seen from apart, the place says no more for `absent` than `log_ungated` does for a mode.
+// Where a mode explains what is seen, nothing is misjudged.
 double HypothesisBank::LogAbsent(const SeenObservation& seen,
-                                 double log_ungated,
+                                 std::optional<double> log_ungated,
                                  double weight,
                                  Leaf* leaf,
                                  GroupBelief* belief) const {
@@ -167,7 +172,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   const double at_place = std::exp(log_at_place - total);
   const bool apart =
       (leaf->filter.T_map_vehicle().translation() - place->p_map_viewpoint).norm() > kApart;
-  const double said = apart ? total : std::min(total, weight * std::max(seen.log_any, log_ungated));
+  const double said = apart || !log_ungated ? total : std::min(total, weight * *log_ungated);
   const double started = std::exp(log_other - total) * seen.new_share;
   if (started > at_place) {
     StartPlace(seen, started, leaf, belief);
@@ -285,6 +290,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
   GroupBelief& belief = leaf->beliefs[seen.belief_index];
   const GroupBelief before = belief;
   const bool unresolved = before.resolved == GroupBelief::kUnresolved;
+  bool explained = false;
   double log_ungated_most = kLogZero;
   for (int state = 1; state < before.states(); ++state) {
     if (before.LogProbability(state) == kLogZero) continue;
@@ -300,6 +306,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
     }
     const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
     log_ungated_most = std::max(log_ungated_most, log_ungated);
+    explained = explained || score.prediction.nis <= gate_;
     if (unresolved) {
       if (score.prediction.nis < kMaxForkNis) {
         LogLikelihood(*leaf, {seen.group, state}, &score);
@@ -320,7 +327,10 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
     if (belief.resolved == 0) leaf->log_weight += weight * seen.log_any;
   } else {
     if (belief.log_p[0] != kLogZero) {
-      belief.log_p[0] += LogAbsent(seen, log_ungated_most, weight, leaf, &belief);
+      // Without a mode that is possible there is nothing to hold a place against.
+      const bool open = explained || log_ungated_most == kLogZero;
+      const auto log_ungated = open ? std::nullopt : std::optional(log_ungated_most);
+      belief.log_p[0] += LogAbsent(seen, log_ungated, weight, leaf, &belief);
     }
     leaf->log_weight += Normalize(&belief);
   }

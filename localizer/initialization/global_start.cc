@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "localizer/initialization/start_pose.h"
+#include "localizer/models/site_area.h"
 #include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
@@ -17,13 +18,15 @@ constexpr int kMaxClusters = 40;
 constexpr std::size_t kMaxRefined = 40;
 constexpr int kRefinements = 3;
 constexpr double kSigmas = 3.0;
-constexpr double kMaxResidual = 1.0;           // [m]
-constexpr double kMinBaseline = 0.8;           // [m]
-constexpr double kDifferentPosition = 1.0;     // [m]
-constexpr double kDifferentYaw = 0.35;         // [rad]
-constexpr double kMinStartVariance = 0.01;     // (0.1 m)²
-constexpr double kMinYawVariance = 0.0025;     // (0.05 rad)²
-constexpr double kMaxDriftVariance = 0.04;     // (0.2 m)²
+constexpr double kMaxResidual = 1.0;        // [m]
+constexpr double kMinBaseline = 0.8;        // [m]
+constexpr double kSamePose = 16.3;          // Chi-square quantile of 0.999, 3 dof.
+constexpr double kNoneAgrees = 0.02;        // Probability that no two landmarks stand at modes.
+constexpr double kLayoutChange = 0.5;       // Probability that modes' probabilities say nothing.
+constexpr double kMinElsewhere = 0.02;      // Probability of a landmark to be at none of its modes.
+constexpr double kMinStartVariance = 0.01;  // (0.1 m)²
+constexpr double kMinYawVariance = 0.0025;  // (0.05 rad)²
+constexpr double kMaxDriftVariance = 0.04;  // (0.2 m)²
 constexpr double kMaxYawDriftVariance = 0.01;  // (0.1 rad)²
 
 // A cluster explained by a mode.
@@ -38,12 +41,18 @@ struct Candidate {
   Se2 T_map_odom;
   Odometer reference;  // Where dead reckoning counts as exact.
   std::vector<Match> matches;
-  double log_probability = 0.0;  // Of the modes matched; breaks ties.
+  double log_probability = 0.0;                           // Of the modes matched; breaks ties.
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // Of T_map_odom·Exp(η).
+  double log_weight = 0.0;  // Against no pose that explains two landmarks.
 };
 
 bool Better(const Candidate& a, const Candidate& b) {
   if (a.matches.size() != b.matches.size()) return a.matches.size() > b.matches.size();
   return a.log_probability > b.log_probability;
+}
+
+double LogSumExp(double a, double b) {
+  return std::max(a, b) + std::log1p(std::exp(-std::abs(a - b)));
 }
 
 // Where a pair's own error puts a third landmark: grows with the distance from the pair.
@@ -81,7 +90,7 @@ Eigen::Matrix3d GaussNewtonStep(Candidate* candidate) {
 class Search {
  public:
   Search(const std::vector<SightingCluster>& clusters, const MapSnapshot& snapshot)
-      : clusters_(clusters), snapshot_(snapshot) {
+      : clusters_(clusters), snapshot_(snapshot), area_(SiteArea(snapshot)) {
     std::map<int, std::size_t> slots;
     for (const SightingCluster& cluster : clusters) {
       slots_.push_back(slots.emplace(cluster.group, slots.size()).first->second);
@@ -98,7 +107,10 @@ class Search {
     std::stable_sort(found_.begin(), found_.end(), Better);
     if (found_.size() > kMaxRefined) found_.resize(kMaxRefined);
     for (Candidate& candidate : found_) Refine(&candidate);
-    std::stable_sort(found_.begin(), found_.end(), Better);
+    std::erase_if(found_, [](const Candidate& candidate) { return candidate.matches.size() < 2; });
+    std::stable_sort(found_.begin(), found_.end(), [](const Candidate& a, const Candidate& b) {
+      return a.log_weight > b.log_weight;
+    });
     return std::move(found_);
   }
 
@@ -169,26 +181,103 @@ class Search {
   }
 
   void Refine(Candidate* candidate) {
-    for (int i = 0; i < kRefinements; ++i) {
-      const Eigen::Matrix3d information = GaussNewtonStep(candidate);
-      if (information.determinant() <= 0.0) return;
+    for (int i = 0; i < kRefinements && candidate->matches.size() >= 2; ++i) {
+      candidate->information = GaussNewtonStep(candidate);
       PairError exact;  // What is left of the pair's error is in the residuals.
       FindMatches(exact, candidate);
-      if (candidate->matches.size() < 2) return;
     }
+    const double determinant = candidate->information.determinant();
+    if (!(determinant > 0.0)) candidate->matches.clear();
+    if (candidate->matches.size() < 2) return;
+    // The pose integrated out, against a uniform prior over the map's area.
+    candidate->log_weight = LogEvidence(*candidate) + 0.5 * std::log(2.0 * M_PI) -
+                            0.5 * std::log(determinant) - std::log(area_);
+  }
+
+  // Of all signatures, against each of them seen anywhere.
+  double LogEvidence(const Candidate& candidate) const {
+    const OdometryCalibration& odometry = snapshot_.calibration().odometry;
+    double log_as_known = 0.0;
+    double log_all_alike = 0.0;
+    std::vector<bool> explained(groups_seen_);
+    for (const Match& match : candidate.matches) {
+      const SightingCluster& cluster = *match.cluster;
+      const LandmarkGroup& group = GroupOf(cluster);
+      explained[SlotOf(cluster)] = true;
+      const Eigen::Vector2d p_map = candidate.T_map_odom * cluster.p_odom;
+      const double variance =
+          cluster.variance + DriftVariance(cluster, candidate.reference, odometry);
+      double as_known = 0.0;
+      double all_alike = 0.0;
+      for (std::size_t mode = 0; mode < group.modes.size(); ++mode) {
+        const double v = variance + 0.5 * group.modes[mode].cov_p_map_landmark.trace();
+        const double squared = (group.modes[mode].p_map_landmark - p_map).squaredNorm();
+        const double density = std::exp(-0.5 * squared / v) / (2.0 * M_PI * v);
+        as_known += group.probabilities[static_cast<Eigen::Index>(mode) + 1] * density;
+        all_alike += density;
+      }
+      // One of the places that the signature was seen at is explained.
+      const double gain = area_ / ClustersOf(cluster.group);
+      const auto states = static_cast<double>(group.probabilities.size());
+      log_as_known += std::log(Elsewhere(group) + (1.0 - kMinElsewhere) * gain * as_known);
+      log_all_alike += std::log((1.0 + gain * all_alike) / states);
+    }
+    std::vector<bool> counted = explained;
+    for (const SightingCluster& cluster : clusters_) {
+      if (counted[SlotOf(cluster)]) continue;
+      counted[SlotOf(cluster)] = true;
+      const LandmarkGroup& group = GroupOf(cluster);
+      log_as_known += std::log(Elsewhere(group));
+      log_all_alike -= std::log(static_cast<double>(group.probabilities.size()));
+    }
+    return LogSumExp(std::log1p(-kLayoutChange) + log_as_known,
+                     std::log(kLayoutChange) + log_all_alike);
+  }
+
+  static double Elsewhere(const LandmarkGroup& group) {
+    return kMinElsewhere + (1.0 - kMinElsewhere) * group.probabilities[0];
+  }
+
+  std::size_t SlotOf(const SightingCluster& cluster) const {
+    return slots_[static_cast<std::size_t>(&cluster - clusters_.data())];
+  }
+
+  double ClustersOf(int group) const {
+    return static_cast<double>(
+        std::count_if(clusters_.begin(), clusters_.end(), [&](const SightingCluster& cluster) {
+          return cluster.group == group;
+        }));
   }
 
   const std::vector<SightingCluster>& clusters_;
   const MapSnapshot& snapshot_;
+  double area_;                     // [m²]
   std::vector<std::size_t> slots_;  // Per cluster: its group's number among those seen.
   std::size_t groups_seen_ = 0;
   std::vector<Candidate> found_;
 };
 
-bool ClearlyDifferent(const Candidate& a, const Candidate& b) {
-  const Eigen::Vector2d& p = a.reference.p_odom_vehicle;
-  return (a.T_map_odom * p - b.T_map_odom * p).norm() > kDifferentPosition ||
-         std::abs(WrapAngle(a.T_map_odom.yaw() - b.T_map_odom.yaw())) > kDifferentYaw;
+// The pose of a vehicle at the candidate's reference, without what dead reckoning adds.
+PoseWithCovariance PoseAtReference(const Candidate& candidate) {
+  const Se2 T_odom_vehicle(candidate.reference.p_odom_vehicle, 0.0);
+  const Eigen::Matrix3d to_vehicle = T_odom_vehicle.InverseAdjoint();
+  PoseWithCovariance pose;
+  pose.T_map_vehicle = candidate.T_map_odom * T_odom_vehicle;
+  pose.cov_T_map_vehicle =
+      Symmetrized(to_vehicle * candidate.information.inverse() * to_vehicle.transpose());
+  pose.cov_T_map_vehicle.diagonal() +=
+      Eigen::Vector3d(kMinStartVariance, kMinStartVariance, kMinYawVariance);
+  return pose;
+}
+
+// Whether a start at one pose would take the other for wrong.
+bool ClearlyDifferent(const Candidate& a, Candidate b) {
+  b.reference = a.reference;
+  const PoseWithCovariance pose_a = PoseAtReference(a);
+  const PoseWithCovariance pose_b = PoseAtReference(b);
+  return SquaredMahalanobis(pose_a.T_map_vehicle,
+                            pose_b.T_map_vehicle,
+                            pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle) > kSamePose;
 }
 
 // How wrong dead reckoning may be between where a candidate's landmarks were seen and a scan.
@@ -238,15 +327,22 @@ std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
   if (candidates.empty()) return std::nullopt;
 
   const Candidate& best = candidates.front();
+  // Of other poses each counts once, by the best of those that are the same.
+  std::vector<const Candidate*> others;
+  double odds_against = kNoneAgrees / (1.0 - kNoneAgrees) * std::exp(-best.log_weight);
+  for (const Candidate& other : candidates) {
+    const bool is_new = ClearlyDifferent(best, other) &&
+                        std::all_of(others.begin(), others.end(), [&](const Candidate* known) {
+                          return ClearlyDifferent(*known, other);
+                        });
+    if (!is_new) continue;
+    others.push_back(&other);
+    odds_against += std::exp(other.log_weight - best.log_weight);
+  }
   GlobalStart start;
   start.explained = static_cast<int>(best.matches.size());
-  for (const Candidate& other : candidates) {
-    if (!ClearlyDifferent(best, other)) continue;
-    start.runner_up = static_cast<int>(other.matches.size());
-    break;
-  }
-  if (start.explained < options.min_signatures ||
-      start.explained - start.runner_up < options.min_margin) {
+  start.probability = 1.0 / (1.0 + odds_against);
+  if (start.explained < options.min_signatures || start.probability < options.min_probability) {
     return std::nullopt;
   }
   SetPose(best, DeadReckon(window), snapshot.calibration().odometry, &start);

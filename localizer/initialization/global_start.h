@@ -14,8 +14,9 @@ namespace shiftmap {
 struct GlobalStartOptions {
   /// Signatures that must agree on a pose, >= 3: two always agree on some. [-]
   int min_signatures = 3;
-  /// By how many signatures the best pose must beat every clearly different one, >= 1. [-]
-  int min_margin = 2;
+  /// Probability that a start must have, against clearly different poses and against none that
+  /// explains two landmarks, in (0.5, 1).
+  double min_probability = 0.999;
   /// Scans older than this are forgotten while no start is found, > 0. [s]
   double window_s = 60.0;
 };
@@ -25,21 +26,22 @@ struct GlobalStart {
   PoseWithCovariance pose;  ///< At that scan.
   std::size_t scan = 0;     ///< Of the window; scans before it tell nothing.
   int explained = 0;        ///< Signatures that one of their modes explains.
-  int runner_up = 0;        ///< The same for the best clearly different pose.
+  double probability = 0.0;
 };
 
-/// Finds the vehicle on the map by consensus over (signature, mode) candidates.
+/// Finds the vehicle on the map by the posterior of poses that landmarks agree on.
 ///
 /// Every two landmarks seen, with every two modes of theirs that are as far apart as the two were
-/// seen, give a pose; its score is the number of signatures that *any* of their modes explains. The
-/// probabilities of the modes break ties only: after a change of layout the likely modes are the
-/// wrong ones. The best poses are refined by weighted least squares over what they explain.
+/// seen, give a pose. Those that explain most signatures are refined by weighted least squares over
+/// what they explain. The likelihood of a pose is that of all signatures: each was seen at a mode
+/// of its landmark, or anywhere. Modes hold as probable as the map says, or, after a change of
+/// layout, all alike. Derivation: localizer/README.md, Start.
 ///
 /// The start is as far back in the window as dead reckoning is still good for, 0.2 m and 0.1 rad,
 /// from where the landmarks were seen. A vaguer pose would follow the first landmark that moved.
 /// @param window  Scans with the motion between them; not empty.
-/// @return Nothing as long as too few signatures agree or another pose explains almost as many,
-///         or if ValidateStart() refuses it.
+/// @return Nothing as long as too few signatures agree or no pose is as probable as asked, or if
+///         ValidateStart() refuses it.
 std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
                                            const MapSnapshot& snapshot,
                                            const GlobalStartOptions& options);

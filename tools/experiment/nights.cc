@@ -12,6 +12,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <sstream>
 #include <utility>
 
@@ -23,6 +24,7 @@
 #include "mapstore/map_store.h"
 #include "tools/eval/map_error.h"
 #include "tools/eval/trajectory_error.h"
+#include "tools/sim/world_files.h"
 
 namespace shiftmap {
 namespace {
@@ -33,18 +35,26 @@ constexpr char kArea[] = "site";
 constexpr double kSamePlaceM = 0.5;
 constexpr double kWrongModeM = 0.3;
 
-// Runs a command in this process.
+struct CommandOutput {
+  ExitCode code = ExitCode::kDone;
+  Json document;
+};
+
+// Runs a command in this process, with --json.
 // @param allowed  Exit codes.
-// @return What it wrote to standard output.
-StatusOr<ExitCode> RunInProcess(void (*add)(Application*),
-                                const std::vector<std::string>& words,
-                                const std::vector<ExitCode>& allowed) {
+StatusOr<CommandOutput> RunInProcess(void (*add)(Application*),
+                                     const std::vector<std::string>& words,
+                                     const std::vector<ExitCode>& allowed) {
   Application application("shiftmap", "");
   add(&application);
   std::ostringstream out;
   std::ostringstream err;
-  const ExitCode code = application.Run(words, &out, &err);
-  if (std::find(allowed.begin(), allowed.end(), code) != allowed.end()) return code;
+  std::vector<std::string> arguments = words;
+  arguments.push_back("--json");
+  const ExitCode code = application.Run(arguments, &out, &err);
+  if (std::find(allowed.begin(), allowed.end(), code) != allowed.end()) {
+    return CommandOutput{code, Json::parse(out.str())};
+  }
   return Internal("{}: exit code {}: {}", fmt::join(words, " "), static_cast<int>(code), err.str());
 }
 
@@ -140,6 +150,17 @@ int Site::TrueState(const TruthMap& map,
   return nearest;
 }
 
+// @param poses  In the frame of the truth.
+Status CountStart(const std::vector<StampedPose>& poses,
+                  const std::vector<StampedPose>& truth,
+                  NightResult* result) {
+  constexpr double kWrongStartM = 1.0;
+  SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError first,
+                            EvaluateTrajectory(std::span(poses).first(1), truth, {}));
+  if (first.position_max_m > kWrongStartM) ++result->wrong_starts;
+  return OkStatus();
+}
+
 void Site::CountStates(const TruthMap& map, int index, NightResult* result) {
   constexpr double kSure = 20.0 / 21.0;
   for (std::size_t g = 0; g < world_.world.groups.size(); ++g) {
@@ -171,13 +192,12 @@ Status Site::DriveShift(int index, NightResult* result) {
   Run log = simulated.run;
   log.info.area = kArea;
   SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, stem + ".mcap"));
-  SHIFTMAP_RETURN_IF_ERROR(WriteTum(simulated.truth, stem + ".truth.tum"));
   const Stamp begin = log.odometry.front().stamp;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
   if (!map) return OkStatus();
   ++result->shifts;
   CountStates(*map, index, result);
-  SHIFTMAP_ASSIGN_OR_RETURN(const ExitCode code,
+  SHIFTMAP_ASSIGN_OR_RETURN(const CommandOutput output,
                             RunInProcess(AddRunCommand,
                                          {"run",
                                           "--store",
@@ -190,10 +210,12 @@ Status Site::DriveShift(int index, NightResult* result) {
                                           stem + ".tum",
                                           stem + ".mcap"},
                                          {ExitCode::kDone, ExitCode::kNotLocalized}));
-  if (code == ExitCode::kNotLocalized) return OkStatus();
+  if (output.code == ExitCode::kNotLocalized) return OkStatus();
   ++result->localized;
+  result->start_s_sum += output.document["states"]["INITIALIZING"].get<double>();
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(stem + ".tum"));
   for (StampedPose& pose : poses) pose.T_map_vehicle = map->T_truth_map * pose.T_map_vehicle;
+  SHIFTMAP_RETURN_IF_ERROR(CountStart(poses, simulated.truth, result));
   SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError error,
                             EvaluateTrajectory(poses, simulated.truth, {}));
   square_error_ += error.matched * error.position_rmse_m * error.position_rmse_m;
@@ -261,6 +283,7 @@ Status Site::Night(int night, NightResult* result) {
 
 StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>& progress) {
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(logs()));
+  SHIFTMAP_RETURN_IF_ERROR(WriteWorld(world_.world, folder_ + "/world").status());
   NightsResult all;
   for (int night = 1; night <= options_.nights; ++night) {
     NightResult& result = all.nights.emplace_back();

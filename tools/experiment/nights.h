@@ -17,7 +17,9 @@ struct NightResult {
   // The day, on the map of the night before.
   int shifts = 0;
   int localized = 0;
-  double rmse_m = 0.0;  ///< Of the poses, after the alignment of the map with the truth.
+  int wrong_starts = 0;      ///< The first pose was off by a metre or more.
+  double start_s_sum = 0.0;  ///< From the begin of a shift to its first pose. [s]
+  double rmse_m = 0.0;       ///< Of the poses, after the alignment of the map with the truth.
   int decisions = 0;
   int wrong_decisions = 0;  ///< The landmark stood elsewhere.
 
@@ -54,7 +56,7 @@ struct NightsResult {
 
 /// Drives the days and nights of a site with the commands that a site uses: `run` on the published
 /// map for each shift, whose log and report go into a folder, and `nightly` at the end of a day.
-/// @param folder       Where logs, reports and the store go; must not exist.
+/// @param folder       Where logs, reports, the store and, in `world`, the truth go; must not exist.
 /// @param night_words  More arguments of `nightly`.
 /// @param progress     Called after each night.
 /// Errors: what a command said that did not end as it should.

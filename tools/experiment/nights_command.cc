@@ -35,12 +35,12 @@ struct Driven {
 };
 
 ResultTable NightTable(const std::vector<Driven>& all) {
-  ResultTable table({"seed",        "rates",       "night",      "shifts",
-                     "localized",   "rmse_m",      "decisions",  "wrong_decisions",
-                     "states",      "p_true_mean", "log_p_true", "wrong_likeliest",
-                     "sure",        "wrong_sure",  "new_places", "modes",
-                     "wrong_modes", "map_rmse_m",  "waiting",    "waited_nights",
-                     "night_s",     "store_mib"});
+  ResultTable table({"seed",       "rates",           "night",       "shifts",
+                     "localized",  "wrong_starts",    "start_s",     "rmse_m",
+                     "decisions",  "wrong_decisions", "states",      "p_true_mean",
+                     "log_p_true", "wrong_likeliest", "sure",        "wrong_sure",
+                     "new_places", "modes",           "wrong_modes", "map_rmse_m",
+                     "waiting",    "waited_nights",   "night_s",     "store_mib"});
   for (const Driven& driven : all) {
     for (const NightResult& night : driven.result.nights) {
       table.AddRow({static_cast<double>(driven.seed),
@@ -48,6 +48,8 @@ ResultTable NightTable(const std::vector<Driven>& all) {
                     static_cast<double>(night.night),
                     static_cast<double>(night.shifts),
                     static_cast<double>(night.localized),
+                    static_cast<double>(night.wrong_starts),
+                    night.start_s_sum / night.localized,
                     night.rmse_m,
                     static_cast<double>(night.decisions),
                     static_cast<double>(night.wrong_decisions),

@@ -8,6 +8,7 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/detection_model.h"
+#include "localizer/models/site_area.h"
 #include "tests/unit/localizer/simulated_run.h"
 
 namespace shiftmap {
@@ -106,6 +107,33 @@ TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
   EXPECT_EQ(decisions[0].mode, kAbsent);
 }
 
+// From where a vehicle stands whose pose is vague, a landmark that moved looks as one at its mode
+// that was never seen from elsewhere: what both explain alike, seen again, tells nothing more.
+TEST(HypothesisBank, RepeatedSightingsDoNotTellAVaguePoseFromALandmarkThatMoved) {
+  MapContent content = OneGroup({6.0, 0.0}, {500.0, 0.0});
+  const SensorCalibration& sensor = content.calibration.sensor;
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(1.0), StampFromSeconds(1000.0));
+  const Eigen::Vector2d seen(6.0, 1.5);
+  const auto log_odds = [&] {
+    const Eigen::VectorXd p = bank.Probabilities(0);
+    return std::log(p[1] / p[0]);
+  };
+  bank.Correct(ScanOf(content, 0.0, {seen.norm(), std::atan2(seen.y(), seen.x())}));
+  // By hand: the innovation, of the pose's variance and little else, against any place of the site.
+  const double at_mode =
+      0.9 * sensor.detection_probability * std::exp(-0.5 * 1.5 * 1.5) / (2.0 * M_PI);
+  const double elsewhere =
+      0.02 * (sensor.clutter_density_per_m2 + UnknownPlaceDensity(Snapshot(content)));
+  const double first = log_odds();
+  EXPECT_NEAR(first, std::log(at_mode / elsewhere), 0.2);
+  for (int i = 1; i < 40; ++i) {
+    const BankEvents events =
+        bank.Correct(ScanOf(content, 0.3 * i, {seen.norm(), std::atan2(seen.y(), seen.x())}));
+    EXPECT_TRUE(events.decisions.empty()) << i;
+    EXPECT_NEAR(log_odds(), first, 1.0) << i;
+  }
+}
+
 // Two hypotheses by hand: the landmark is at its mode, and each sighting a misjudged one; or it is
 // at one place that no mode has. Pose and motion are exact, and a bias is the same in all
 // sightings, so the place is the mean of the sightings.
@@ -128,8 +156,8 @@ TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
 
   const Eigen::Vector2d p_true(8.3, 2.5);
   const double log_false = std::log(sensor.clutter_density_per_m2);
-  const double log_any =
-      std::log(sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2);
+  const double new_density = UnknownPlaceDensity(Snapshot(content));
+  const double log_any = std::log(sensor.clutter_density_per_m2 + new_density);
   const double log_miss = std::log(1.0 - sensor.detection_probability);
   const double log_detection = std::log(sensor.detection_probability);
   const auto log_density = [](const Eigen::Vector2d& d, double of) {
@@ -141,7 +169,7 @@ TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   double mode = std::log(group.probabilities[1]);
   double absent = std::log(group.probabilities[0]);
-  double at_place = 0.5;
+  double at_place = new_density / (sensor.clutter_density_per_m2 + new_density);
   double missed = 0.0;
   int compared = 0;
   for (int i = 0; i < 10; ++i) {
@@ -167,7 +195,7 @@ TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
       const double total = LogAdd(here, std::log1p(-at_place) + log_any);
       at_place = std::exp(here - total);
       const bool from_apart = 0.2 * i > 0.5;
-      absent += from_apart ? total : std::min(total, std::max(log_any, ungated));
+      absent += from_apart ? total : std::min(total, ungated);
     }
     mean += (p - mean) / (i + 1.0);
 
