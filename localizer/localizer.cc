@@ -280,6 +280,7 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
     health_.Add(scan.stamp, outcome.group, explained, nis);
   }
   health_.Judge();
+  if (!health_.lost() && health_.Support().Confirms()) confirmed_ = scan.stamp;
   if (!health_.lost()) {
     const PoseWithCovariance pose = bank_->best().filter.Pose();
     const auto wrong_since =
@@ -375,8 +376,9 @@ SightingCollector::PlaceState Localizer::Collect(const Observation& observation,
                         stamp);
 }
 
+// Since when it failed is known; since when it was wrong is not, but not since it was confirmed.
 void Localizer::DistrustPose() {
-  const Stamp since = health_.failing_since();
+  const Stamp since = std::min(confirmed_, health_.failing_since());
   ForgetSince(since);
   sightings_.ForgetSince(since);
   changes_.Reset();
@@ -402,10 +404,12 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   const Stamp stamp = window_[first].scan.stamp;
   if (bank_) {
     bank_->Restart(pose, stamp);
-    ForgetSince(health_.lost() ? std::min(stamp, health_.failing_since()) : stamp);
+    if (health_.lost()) DistrustPose();
+    ForgetSince(stamp);
   } else {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
+  confirmed_ = stamp;
   ++statistics_.starts;
   health_.Reset();
   changes_.Reset();

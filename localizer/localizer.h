@@ -174,6 +174,7 @@ class Localizer {
   std::optional<Stamp> begin_;                   // Of the first event.
   Stamp now_;                                    // Of the last event.
   Stamp scan_stamp_;                             // Of the last scan.
+  Stamp confirmed_;                              // The pose, last; else its start.
   std::optional<StateEvidence> mode_changed_;    // The last one.
   std::optional<StateEvidence> unknown_change_;  // The last one.
   std::set<Signature> at_two_places_;            // Of the map's.

@@ -9,7 +9,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 # The tests that run threads, in themselves or in the commands that they call.
-threaded=(shiftmap_{mcap,codec,store,live,mapper,selector_build,selection,chain,experiment,serve,nightly_builds}_test)
+threaded=(shiftmap_{mcap,codec,store,live,mapper,selector_build,selection,chain,experiment,serve,nightly,nightly_builds}_test)
 
 export UBSAN_OPTIONS=print_stacktrace=1
 export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1
@@ -44,6 +44,7 @@ case ${1:-} in
   asan)
     tools/setup.sh
     build asan
+    tools/mcap_packages.sh build/asan
     ctest --preset asan --label-exclude bench
     ;;
   tsan)

@@ -93,10 +93,7 @@ check "build without warnings" cmake --build --preset dev
 ((failed == 0)) || finish
 
 # The reference implementation of MCAP; without it its test says that it is skipped.
-mkdir -p build/dev/npm
-cp tests/unit/proto/package.json build/dev/npm/
-npm install --prefix build/dev/npm --no-audit --no-fund --silent ||
-  echo "warning: the npm packages of the MCAP reference test could not be installed"
+tools/mcap_packages.sh build/dev
 
 run_tests dev
 

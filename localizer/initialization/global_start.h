@@ -16,7 +16,7 @@ struct GlobalStartOptions {
   int min_signatures = 3;
   /// Probability that a start must have, against clearly different poses and against none that
   /// explains two landmarks, in (0.5, 1).
-  double min_probability = 0.999;
+  double min_probability = 0.9999;
   /// Scans older than this are forgotten while no start is found, > 0. [s]
   double window_s = 60.0;
 };

@@ -216,6 +216,28 @@ TEST(OpenWorld, ALagMovesTheMotionBehindTheLog) {
   }
 }
 
+TEST(OpenWorld, LandmarksStandWhereTheyAreTold) {
+  OpenWorldOptions options = SmallWorld();
+  options.runs = 2;
+  const auto all = static_cast<std::size_t>(options.groups);
+  options.states = {std::vector<ModeNumber>(all, kAbsent),
+                    std::vector<ModeNumber>(all, ModeNumber(1))};
+  const StatusOr<SimulatedWorld> world = SimulateOpen(options);
+  ASSERT_THAT(world, IsOk());
+  const auto seen = [](const SimulatedRun& run) {
+    return std::count_if(run.run.scans.begin(), run.run.scans.end(), [](const Scan& scan) {
+      return !scan.observations.empty();
+    });
+  };
+  EXPECT_EQ(seen(world->runs[0]), 0);
+  EXPECT_GT(seen(world->runs[1]), 0);
+  EXPECT_EQ(world->runs[1].active_mode, options.states[1]);
+  options.states.pop_back();
+  EXPECT_THAT(SimulateOpen(options), StatusIs(StatusCode::kInvalidArgument, "of 1 runs"));
+  options.states.emplace_back(all, ModeNumber(options.modes_per_group + 1));
+  EXPECT_THAT(SimulateOpen(options), StatusIs(StatusCode::kInvalidArgument, "a place or 0"));
+}
+
 TEST(OpenWorld, RefusesOptionsOutOfRange) {
   OpenWorldOptions options = SmallWorld();
   options.groups = 0;
