@@ -254,20 +254,7 @@ std::vector<UnplacedRun> NotGiven(std::vector<UnplacedRun> waiting,
   return waiting;
 }
 
-void WarnOfInput(const MapperResult& result,
-                 const std::vector<UnplacedRun>& not_given,
-                 Context& context) {
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-    }
-  }
-  for (const UnplacedRun& run : not_given) {
-    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
-  }
-  for (const RejectedRun& run : result.rejected) {
-    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
-  }
+void WarnOfDuplicates(const MapperResult& result, const Context& context) {
   for (const MappedRun& run : result.runs) {
     if (run.duplicate_observations == 0) continue;
     context.Warn(fmt::format(
@@ -351,11 +338,25 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   build.dropped = std::move(runs.dropped);
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
-  WarnOfInput(build.result, build.not_given, context);
+  WarnOfDuplicates(build.result, context);
   if (!context.dry_run()) {
     SHIFTMAP_ASSIGN_OR_RETURN(build.commit, Write(options, prior, build.result, context));
   }
   return build;
+}
+
+void WarnOfRuns(const AreaBuild& build, Context& context) {
+  for (const AmbiguousChange& change : build.result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
+  }
+  for (const UnplacedRun& run : build.not_given) {
+    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
+  }
+  for (const RejectedRun& run : build.result.rejected) {
+    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
+  }
 }
 
 }  // namespace shiftmap

@@ -49,10 +49,13 @@ struct AreaBuild {
 };
 
 /// Builds a map version of an area from run logs, on the map that the store has of it, and adds it
-/// to the store. Warns of what is left out or waits.
+/// to the store.
 /// Errors: as LoadRuns, BuildMap and MapStore::Commit; kCancelled if a signal came (StopSignals),
 /// nothing is written then.
 /// Precondition: a StopSignals lives.
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context);
+
+/// Says which runs are left out or wait, and why.
+void WarnOfRuns(const AreaBuild& build, Context& context);
 
 }  // namespace shiftmap

@@ -35,6 +35,7 @@ Status Build(const AreaBuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
   const StopSignals signals;
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaBuild build, BuildArea(options, context));
+  WarnOfRuns(build, context);
   Json document =
       BuildJson(options.area, build.result, build.dropped, build.not_given, build.commit);
   document["selector"] = options.selector;

@@ -6,6 +6,7 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -30,6 +31,8 @@
 
 namespace shiftmap {
 namespace {
+
+constexpr std::size_t kSha256Digits = 64;
 
 struct NightlyOptions {
   std::string logs;
@@ -206,13 +209,21 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore*
       return published.status();
     }
   }
+  // A log that has a UUID may be known by its hash, which takes a reading of the whole file.
+  const bool by_hash =
+      !waiting.empty() || std::any_of(exclusions.begin(), exclusions.end(), [](const auto& of) {
+        return of.run.size() == kSha256Digits;
+      });
+  const auto excluded = [&](const std::string& run, const LogHead& log) {
+    return FindExclusion(exclusions, run, log.info.vehicle, log.begin) != nullptr;
+  };
   AreaLogs& sorted = areas_[area];
   for (LogHead& log : logs) {
-    if (mapped.contains(log.identity())) continue;
-    if (FindExclusion(exclusions, log.identity(), log.info.vehicle, log.begin) != nullptr) continue;
-    if (!waiting.empty() && log.sha256.empty()) {
+    if (mapped.contains(log.identity()) || excluded(log.identity(), log)) continue;
+    if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
+    if (by_hash && excluded(log.sha256, log)) continue;
     std::vector<LogHead>& kind = waiting.contains(log.sha256) ? sorted.waiting : sorted.fresh;
     kind.push_back(std::move(log));
   }

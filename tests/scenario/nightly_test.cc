@@ -13,6 +13,7 @@
 #include <string>
 
 #include "mapstore/codec/run_log.h"
+#include "mapstore/codec/shift_report.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 #include "tests/support/status_matchers.h"
@@ -157,6 +158,27 @@ TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
   EXPECT_EQ(Night().exit_code, 0);
 }
 
+TEST_F(NightlyTest, ARunIsExcludedByItsHashToo) {
+  Bring(0, "good");
+  ASSERT_EQ(Night().exit_code, 0);
+  Bring(1, "bad", [](shiftmap::Run* run) {
+    run->info.uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  });
+  // A localizer of the release before sends the hash alone.
+  const std::string path = logs_ + "/bad.report";
+  RunForJson("shiftmap-localizer",
+             {"run", "--store", store_, "--area", "floor", "--report", path, logs_ + "/bad.mcap"});
+  ShiftReport report = *ReadShiftReport(path);
+  report.run_uuid.clear();
+  ASSERT_THAT(WriteShiftReport(report, path), IsOk());
+  RunForJson("shiftmap-localizer", {"return", "--store", store_, path});
+  RunForJson(
+      "shiftmap-inspect",
+      {"exclude", report.run_hash, "--reason", "slips", "--store", store_, "--area", "floor"});
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kNothingToDo) << night.err;
+}
+
 TEST_F(NightlyTest, OneNightAtATime) {
   Bring(0, "good");
   const int fd = open((store_ + ".nightly").c_str(), O_RDWR | O_CREAT, 0600);
@@ -191,6 +213,8 @@ TEST_F(NightlyTest, ACopyThatWasCutOffIsNoOtherRun) {
   CommandResult night = Night();
   EXPECT_EQ(night.exit_code, kAttention) << night.err;
   EXPECT_NE(night.err.find("a copy of the run, not longer than"), std::string::npos) << night.err;
+  const std::string left_out = "run 'a_cut' is left out";
+  EXPECT_EQ(night.err.find(left_out), night.err.rfind(left_out)) << "said twice: " << night.err;
   const Json runs =
       RunForJson("shiftmap-inspect", {"runs", "--store", store_, "--area", "floor"})["runs"];
   ASSERT_EQ(runs.size(), 1u);
