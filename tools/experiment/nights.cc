@@ -12,6 +12,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <span>
 #include <sstream>
 #include <utility>
@@ -272,6 +273,12 @@ Status Site::Night(int night, NightResult* result) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kArea));
   result->waiting = static_cast<int>(waiting.size());
+  result->unmapped = last + 1;
+  if (map) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> mapped,
+                              maps.RunIdentities(kArea, map->map.version()));
+    result->unmapped -= static_cast<int>(mapped.size());
+  }
   for (const UnplacedRun& waits : waiting) {
     const int since = waiting_since_.emplace(waits.sha256, night).first->second;
     result->waited_nights = std::max(result->waited_nights, night - since + 1);
@@ -293,7 +300,7 @@ StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>
     for (int shift = 0; shift < options_.vehicles; ++shift) {
       SHIFTMAP_RETURN_IF_ERROR(DriveShift((night - 1) * options_.vehicles + shift, &result));
     }
-    result.rmse_m = std::sqrt(square_error_ / std::max(1, poses_));
+    result.rmse_m = std::sqrt(square_error_ / poses_);
     SHIFTMAP_RETURN_IF_ERROR(Night(night, &result));
     progress(result);
   }

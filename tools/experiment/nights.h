@@ -19,7 +19,7 @@ struct NightResult {
   int localized = 0;
   int wrong_starts = 0;      ///< The first pose was off by a metre or more.
   double start_s_sum = 0.0;  ///< From the begin of a shift to its first pose. [s]
-  double rmse_m = 0.0;       ///< Of the poses, after the alignment of the map with the truth.
+  double rmse_m = 0.0;       ///< Of the poses, the map aligned with the truth; NaN: none.
   int decisions = 0;
   int wrong_decisions = 0;  ///< The landmark stood elsewhere.
 
@@ -36,7 +36,8 @@ struct NightResult {
   int modes = 0;
   int wrong_modes = 0;      ///< 0.3 m or more from every place of their landmark.
   double map_rmse_m = 0.0;  ///< Of the other modes.
-  int waiting = 0;          ///< Runs.
+  int unmapped = 0;         ///< Runs up to now that the map does not have,
+  int waiting = 0;          ///< and those of them that wait.
   int waited_nights = 0;    ///< The longest of them.
   double night_s = 0.0;     ///< On the wall.
   double store_mib = 0.0;
@@ -56,7 +57,8 @@ struct NightsResult {
 
 /// Drives the days and nights of a site with the commands that a site uses: `run` on the published
 /// map for each shift, whose log and report go into a folder, and `nightly` at the end of a day.
-/// @param folder       Where logs, reports, the store and, in `world`, the truth go; must not exist.
+/// @param folder       Where logs, reports, the store and, in `world`, the truth go; must not
+/// exist.
 /// @param night_words  More arguments of `nightly`.
 /// @param progress     Called after each night.
 /// Errors: what a command said that did not end as it should.

@@ -35,12 +35,12 @@ struct Driven {
 };
 
 ResultTable NightTable(const std::vector<Driven>& all) {
-  ResultTable table({"seed",       "rates",           "night",       "shifts",
-                     "localized",  "wrong_starts",    "start_s",     "rmse_m",
-                     "decisions",  "wrong_decisions", "states",      "p_true_mean",
-                     "log_p_true", "wrong_likeliest", "sure",        "wrong_sure",
-                     "new_places", "modes",           "wrong_modes", "map_rmse_m",
-                     "waiting",    "waited_nights",   "night_s",     "store_mib"});
+  ResultTable table(
+      {"seed",         "rates",       "night",         "shifts",          "localized",
+       "wrong_starts", "start_s",     "rmse_m",        "decisions",       "wrong_decisions",
+       "states",       "p_true_mean", "log_p_true",    "wrong_likeliest", "sure",
+       "wrong_sure",   "new_places",  "modes",         "wrong_modes",     "map_rmse_m",
+       "unmapped",     "waiting",     "waited_nights", "night_s",         "store_mib"});
   for (const Driven& driven : all) {
     for (const NightResult& night : driven.result.nights) {
       table.AddRow({static_cast<double>(driven.seed),
@@ -63,6 +63,7 @@ ResultTable NightTable(const std::vector<Driven>& all) {
                     static_cast<double>(night.modes),
                     static_cast<double>(night.wrong_modes),
                     night.map_rmse_m,
+                    static_cast<double>(night.unmapped),
                     static_cast<double>(night.waiting),
                     static_cast<double>(night.waited_nights),
                     night.night_s,
