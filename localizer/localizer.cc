@@ -280,8 +280,8 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
     health_.Add(scan.stamp, outcome.group, explained, nis);
   }
   health_.Judge();
-  if (!health_.lost() && health_.Support().Confirms()) confirmed_ = scan.stamp;
   if (!health_.lost()) {
+    if (health_.Confirms()) confirmed_ = scan.stamp;
     const PoseWithCovariance pose = bank_->best().filter.Pose();
     const auto wrong_since =
         FindWrongPose(recent_, health_, snapshot_, pose, options_.global_start, scan.stamp);

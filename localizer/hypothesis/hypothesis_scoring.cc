@@ -142,7 +142,7 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
 //
 // One misjudged view, repeated, is at one place as well, whatever the mode: so until the landmark
 // was seen from apart, the place says no more for `absent` than `log_ungated` does for a mode.
-// Where a mode explains what is seen, nothing is misjudged.
+// A sighting that gates with a mode is not misjudged: then nothing bounds what the place says.
 double HypothesisBank::LogAbsent(const SeenObservation& seen,
                                  std::optional<double> log_ungated,
                                  double weight,

@@ -7,6 +7,7 @@
 #include <map>
 #include <vector>
 
+#include "localizer/hypothesis/log_math.h"
 #include "localizer/initialization/start_pose.h"
 #include "localizer/models/site_area.h"
 #include "mapstore/geometry/angle.h"
@@ -20,7 +21,6 @@ constexpr int kRefinements = 3;
 constexpr double kSigmas = 3.0;
 constexpr double kMaxResidual = 1.0;        // [m]
 constexpr double kMinBaseline = 0.8;        // [m]
-constexpr double kSamePose = 16.3;          // Chi-square quantile of 0.999, 3 dof.
 constexpr double kNoneAgrees = 0.02;        // Probability that no two landmarks stand at modes.
 constexpr double kLayoutChange = 0.5;       // Probability that modes' probabilities say nothing.
 constexpr double kMinElsewhere = 0.02;      // Probability of a landmark to be at none of its modes.
@@ -49,10 +49,6 @@ struct Candidate {
 bool Better(const Candidate& a, const Candidate& b) {
   if (a.matches.size() != b.matches.size()) return a.matches.size() > b.matches.size();
   return a.log_probability > b.log_probability;
-}
-
-double LogSumExp(double a, double b) {
-  return std::max(a, b) + std::log1p(std::exp(-std::abs(a - b)));
 }
 
 // Where a pair's own error puts a third landmark: grows with the distance from the pair.
@@ -199,11 +195,11 @@ class Search {
     const OdometryCalibration& odometry = snapshot_.calibration().odometry;
     double log_as_known = 0.0;
     double log_all_alike = 0.0;
-    std::vector<bool> explained(groups_seen_);
+    std::vector<bool> counted(groups_seen_);
     for (const Match& match : candidate.matches) {
       const SightingCluster& cluster = *match.cluster;
       const LandmarkGroup& group = GroupOf(cluster);
-      explained[SlotOf(cluster)] = true;
+      counted[SlotOf(cluster)] = true;
       const Eigen::Vector2d p_map = candidate.T_map_odom * cluster.p_odom;
       const double variance =
           cluster.variance + DriftVariance(cluster, candidate.reference, odometry);
@@ -222,7 +218,6 @@ class Search {
       log_as_known += std::log(Elsewhere(group) + (1.0 - kMinElsewhere) * gain * as_known);
       log_all_alike += std::log((1.0 + gain * all_alike) / states);
     }
-    std::vector<bool> counted = explained;
     for (const SightingCluster& cluster : clusters_) {
       if (counted[SlotOf(cluster)]) continue;
       counted[SlotOf(cluster)] = true;
@@ -230,8 +225,8 @@ class Search {
       log_as_known += std::log(Elsewhere(group));
       log_all_alike -= std::log(static_cast<double>(group.probabilities.size()));
     }
-    return LogSumExp(std::log1p(-kLayoutChange) + log_as_known,
-                     std::log(kLayoutChange) + log_all_alike);
+    return LogAdd(std::log1p(-kLayoutChange) + log_as_known,
+                  std::log(kLayoutChange) + log_all_alike);
   }
 
   static double Elsewhere(const LandmarkGroup& group) {
@@ -257,27 +252,27 @@ class Search {
   std::vector<Candidate> found_;
 };
 
-// The pose of a vehicle at the candidate's reference, without what dead reckoning adds.
-PoseWithCovariance PoseAtReference(const Candidate& candidate) {
-  const Se2 T_odom_vehicle(candidate.reference.p_odom_vehicle, 0.0);
+// The covariance of T_map_odom · T_odom_vehicle.
+Eigen::Matrix3d CovAt(const Se2& T_odom_vehicle, const Eigen::Matrix3d& information) {
   const Eigen::Matrix3d to_vehicle = T_odom_vehicle.InverseAdjoint();
+  return to_vehicle * information.inverse() * to_vehicle.transpose();
+}
+
+// The pose of a candidate where a vehicle is in the dead-reckoned frame, as a start states it but
+// for the drift until there.
+PoseWithCovariance PoseAt(const Se2& T_odom_vehicle, const Candidate& candidate) {
   PoseWithCovariance pose;
   pose.T_map_vehicle = candidate.T_map_odom * T_odom_vehicle;
-  pose.cov_T_map_vehicle =
-      Symmetrized(to_vehicle * candidate.information.inverse() * to_vehicle.transpose());
+  pose.cov_T_map_vehicle = Symmetrized(CovAt(T_odom_vehicle, candidate.information));
   pose.cov_T_map_vehicle.diagonal() +=
       Eigen::Vector3d(kMinStartVariance, kMinStartVariance, kMinYawVariance);
   return pose;
 }
 
 // Whether a start at one pose would take the other for wrong.
-bool ClearlyDifferent(const Candidate& a, Candidate b) {
-  b.reference = a.reference;
-  const PoseWithCovariance pose_a = PoseAtReference(a);
-  const PoseWithCovariance pose_b = PoseAtReference(b);
-  return SquaredMahalanobis(pose_a.T_map_vehicle,
-                            pose_b.T_map_vehicle,
-                            pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle) > kSamePose;
+bool ClearlyDifferent(const Candidate& a, const Candidate& b) {
+  const Se2 T_odom_vehicle(a.reference.p_odom_vehicle, 0.0);
+  return ClearlyApart(PoseAt(T_odom_vehicle, a), PoseAt(T_odom_vehicle, b));
 }
 
 // How wrong dead reckoning may be between where a candidate's landmarks were seen and a scan.
@@ -305,9 +300,7 @@ void SetPose(Candidate best,
   const auto first = std::find_if_not(path.begin(), path.end() - 1, far);
   start->scan = static_cast<std::size_t>(first - path.begin());
 
-  const Eigen::Matrix3d to_vehicle = first->T_odom_vehicle.InverseAdjoint();
-  const Eigen::Matrix3d cov =
-      to_vehicle * information.inverse() * to_vehicle.transpose() * std::max(1.0, chi2 / dof);
+  const Eigen::Matrix3d cov = CovAt(first->T_odom_vehicle, information) * std::max(1.0, chi2 / dof);
   const Drift drift = DriftTo(first->odometer, best.reference, odometry);
   const double position = drift.position + kMinStartVariance;
   const Eigen::Vector3d more(position, position, drift.yaw + kMinYawVariance);

@@ -35,4 +35,10 @@ Status ValidateStart(const PoseWithCovariance& pose) {
   return OkStatus();
 }
 
+bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
+  constexpr double kQuantile = 16.3;  // Of chi-square, 3 degrees of freedom.
+  const Eigen::Matrix3d cov = a.cov_T_map_vehicle + b.cov_T_map_vehicle;
+  return SquaredMahalanobis(a.T_map_vehicle, b.T_map_vehicle, cov) > kQuantile;
+}
+
 }  // namespace shiftmap

@@ -20,4 +20,8 @@ inline constexpr double kMaxStartYawSdRad = 3.1416;
 /// Errors: kInvalidArgument with the values.
 Status ValidateStart(const PoseWithCovariance& pose);
 
+/// Whether two estimates of one pose contradict each other: their distance is beyond the 0.999
+/// quantile of what their covariances, taken as independent, allow.
+bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b);
+
 }  // namespace shiftmap

@@ -41,6 +41,8 @@ bool PoseSupport::Doubts() const { return failing >= kMinFailing && 3 * agreeing
 
 void HealthMonitor::Add(Stamp stamp, int group, bool explained, std::optional<double> nis) {
   LastSeen& last = last_[static_cast<std::size_t>(group)];
+  if (last.stamp != Stamp::min()) --(last.explained ? all_.agreeing : all_.failing);
+  ++(explained ? all_.agreeing : all_.failing);
   last.stamp = stamp;
   last.explained = explained;
   if (explained) last.agreed = stamp;
@@ -139,7 +141,10 @@ PoseSupport HealthMonitor::Support(Stamp since, int except) const {
   return support;
 }
 
+bool HealthMonitor::Confirms() const { return all_.Confirms(); }
+
 void HealthMonitor::Reset() {
+  all_ = {};
   std::fill(last_.begin(), last_.end(), LastSeen());
   tallies_.clear();
   lost_ = false;

@@ -68,6 +68,9 @@ class HealthMonitor {
   /// Of all that it goes by.
   PoseSupport Support() const { return Support(Stamp::min(), -1); }
 
+  /// Support().Confirms(), in constant time.
+  bool Confirms() const;
+
   /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
 
@@ -101,6 +104,7 @@ class HealthMonitor {
   static constexpr std::size_t kScans = 512;
 
   std::vector<LastSeen> last_;  // By group.
+  PoseSupport all_;             // Counts of last_, and nothing else.
   Tallies tallies_{kScans};     // Of scans in which something was seen.
   bool lost_ = false;
   Stamp failing_since_;

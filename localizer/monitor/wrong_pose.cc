@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "localizer/initialization/start_pose.h"
 #include "localizer/models/detection_model.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -22,9 +23,6 @@ constexpr double kMissed = 3.0;
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
 
-// Chi-square quantile of 0.999 with 3 degrees of freedom.
-constexpr double kSamePose = 16.3;
-
 // The pose of a start, moved on to the last scan of its window.
 PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<WindowScan>& window) {
   PoseWithCovariance pose = start.pose;
@@ -32,11 +30,6 @@ PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<Window
     pose = Moved(pose, window[i].motion.increment);
   }
   return pose;
-}
-
-bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
-  const Eigen::Matrix3d cov = a.cov_T_map_vehicle + b.cov_T_map_vehicle;
-  return SquaredMahalanobis(a.T_map_vehicle, b.T_map_vehicle, cov) > kSamePose;
 }
 
 // Landmarks that one who is at `pose` after the last scan would have seen and did not, by where

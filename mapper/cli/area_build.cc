@@ -346,17 +346,11 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
 }
 
 void WarnOfRuns(const AreaBuild& build, Context& context) {
-  for (const AmbiguousChange& change : build.result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      context.Attend(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-    }
-  }
+  for (const std::string& line : WaitingLines(build.result)) context.Attend(line);
   for (const UnplacedRun& run : build.not_given) {
     context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
   }
-  for (const RejectedRun& run : build.result.rejected) {
-    context.Warn(fmt::format("run '{}' is left out: {}", run.name, run.reason));
-  }
+  for (const std::string& line : LeftOutLines(build.result)) context.Warn(line);
 }
 
 }  // namespace shiftmap

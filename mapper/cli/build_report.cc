@@ -114,6 +114,24 @@ std::string WaitingReason(const UnplacedRun& run) {
   return fmt::format("since {} UTC; this build was not given its log", FormatUtc(run.since));
 }
 
+std::vector<std::string> WaitingLines(const MapperResult& result) {
+  std::vector<std::string> lines;
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      lines.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
+  }
+  return lines;
+}
+
+std::vector<std::string> LeftOutLines(const MapperResult& result) {
+  std::vector<std::string> lines;
+  for (const RejectedRun& run : result.rejected) {
+    lines.push_back(fmt::format("run '{}' is left out: {}", run.name, run.reason));
+  }
+  return lines;
+}
+
 Json VehiclesJson(const std::vector<VehicleEstimate>& vehicles) {
   Json document = Json::array();
   for (const VehicleEstimate& vehicle : vehicles) {

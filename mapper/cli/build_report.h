@@ -22,6 +22,10 @@ std::string WaitingReason(const AmbiguousChange& change);
 /// The same of one that waits since an earlier build and was not given to this one.
 std::string WaitingReason(const UnplacedRun& run);
 
+/// One line for each run of a build that waits, and for each that is left out, with the reason.
+std::vector<std::string> WaitingLines(const MapperResult& result);
+std::vector<std::string> LeftOutLines(const MapperResult& result);
+
 /// What `shiftmap-mapper build --json` says of a build.
 /// @param dropped    By the log's SHA-256.
 /// @param not_given  Runs that wait, but not of this build.

@@ -51,20 +51,6 @@ StatusOr<OwnedFd> LockNight(const std::string& store) {
   return Unavailable("map store '{}': another night is under way", store);
 }
 
-// Why runs of a build are not in the map.
-std::vector<std::string> ReasonsOf(const MapperResult& result) {
-  std::vector<std::string> reasons;
-  for (const RejectedRun& run : result.rejected) {
-    reasons.push_back(fmt::format("run '{}' is left out: {}", run.name, run.reason));
-  }
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      reasons.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-    }
-  }
-  return reasons;
-}
-
 // Whether a file was written so lately that it may not be whole. One that comes from a clock that
 // was far ahead is old.
 bool IsFresh(const std::string& path, double min_age_s) {
@@ -247,7 +233,10 @@ Status Night::BuildNew(const std::string& area,
     text_ += fmt::format("{}: no version\n", InertLine(area));
     return OkStatus();
   }
-  *reasons = ReasonsOf(built->result);
+  // Why runs of the build are not in the map.
+  *reasons = LeftOutLines(built->result);
+  const std::vector<std::string> waiting = WaitingLines(built->result);
+  reasons->insert(reasons->end(), waiting.begin(), waiting.end());
   if (!built->commit) {
     text_ += fmt::format("{}: {} runs, no version\n", InertLine(area), build.logs.size());
     return OkStatus();

@@ -88,7 +88,9 @@ class Site {
   StatusOr<std::optional<TruthMap>> LoadMap(int run, std::optional<Stamp> at) const;
   void CountStates(const TruthMap& map, int index, NightResult* result);
   Status DriveShift(int index, NightResult* result);
+  void CountModes(const TruthMap& map, NightResult* result) const;
   Status Night(int night, NightResult* result);
+  std::size_t TruthIndex(const Signature& signature) const;
   int TrueState(const TruthMap& map, std::size_t group, const LandmarkGroup& known, int run) const;
 
   const NightsOptions& options_;
@@ -129,6 +131,15 @@ StatusOr<std::optional<TruthMap>> Site::LoadMap(int run, std::optional<Stamp> at
       const MapError fit,
       EvaluateMap(map.groups(), PlacesUntil(world_.world, run), /*align=*/true));
   return std::optional(TruthMap{std::move(map), fit.T_truth_map});
+}
+
+// The index of a landmark in the world, which has all that the map has.
+std::size_t Site::TruthIndex(const Signature& signature) const {
+  const std::vector<SimulatedGroup>& groups = world_.world.groups;
+  const auto found = std::find_if(groups.begin(), groups.end(), [&](const SimulatedGroup& group) {
+    return group.signature == signature;
+  });
+  return static_cast<std::size_t>(found - groups.begin());
 }
 
 // The state of the map that holds in a run, -1 if the map does not have it.
@@ -222,19 +233,36 @@ Status Site::DriveShift(int index, NightResult* result) {
   square_error_ += error.matched * error.position_rmse_m * error.position_rmse_m;
   poses_ += error.matched;
   SHIFTMAP_ASSIGN_OR_RETURN(const ShiftReport report, ReadShiftReport(stem + ".report"));
-  for (std::size_t g = 0; g < world_.world.groups.size(); ++g) {
-    const Signature& signature = world_.world.groups[g].signature;
-    for (const Decision& decision : report.decisions) {
-      if (decision.signature != signature) continue;
-      const LandmarkGroup& known =
-          map->map.groups()[static_cast<std::size_t>(map->map.GroupIndex(signature))];
-      ++result->decisions;
-      // One that stands at a new place is at none of the modes.
-      const int state = std::max(0, TrueState(*map, g, known, index));
-      if (known.StateOf(decision.mode) != state) ++result->wrong_decisions;
-    }
+  for (const Decision& decision : report.decisions) {
+    const LandmarkGroup& known =
+        map->map.groups()[static_cast<std::size_t>(map->map.GroupIndex(decision.signature))];
+    // One that stands at a new place is at none of the modes.
+    const int state = std::max(0, TrueState(*map, TruthIndex(decision.signature), known, index));
+    ++result->decisions;
+    if (known.StateOf(decision.mode) != state) ++result->wrong_decisions;
   }
   return OkStatus();
+}
+
+// Errors of the modes against the nearest place of their landmark.
+void Site::CountModes(const TruthMap& map, NightResult* result) const {
+  double squares = 0.0;
+  for (const LandmarkGroup& group : map.map.groups()) {
+    const SimulatedGroup& truth = world_.world.groups[TruthIndex(group.signature)];
+    for (const Mode& mode : group.modes) {
+      double distance = std::numeric_limits<double>::infinity();
+      for (const Eigen::Vector2d& place : truth.modes) {
+        distance = std::min(distance, (map.T_truth_map * mode.p_map_landmark - place).norm());
+      }
+      ++result->modes;
+      if (distance >= kWrongModeM) {
+        ++result->wrong_modes;
+      } else {
+        squares += distance * distance;
+      }
+    }
+  }
+  result->map_rmse_m = std::sqrt(squares / std::max(1, result->modes - result->wrong_modes));
 }
 
 Status Site::Night(int night, NightResult* result) {
@@ -249,32 +277,12 @@ Status Site::Night(int night, NightResult* result) {
   result->night_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   const int last = night * options_.vehicles - 1;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
-  if (map) {
-    double squares = 0.0;
-    for (const LandmarkGroup& group : map->map.groups()) {
-      for (const Mode& mode : group.modes) {
-        double distance = std::numeric_limits<double>::infinity();
-        for (const SimulatedGroup& truth : world_.world.groups) {
-          if (truth.signature != group.signature) continue;
-          for (const Eigen::Vector2d& place : truth.modes) {
-            distance = std::min(distance, (map->T_truth_map * mode.p_map_landmark - place).norm());
-          }
-        }
-        ++result->modes;
-        if (distance >= kWrongModeM) {
-          ++result->wrong_modes;
-        } else {
-          squares += distance * distance;
-        }
-      }
-    }
-    result->map_rmse_m = std::sqrt(squares / std::max(1, result->modes - result->wrong_modes));
-  }
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kArea));
   result->waiting = static_cast<int>(waiting.size());
   result->unmapped = last + 1;
   if (map) {
+    CountModes(*map, result);
     SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> mapped,
                               maps.RunIdentities(kArea, map->map.version()));
     result->unmapped -= static_cast<int>(mapped.size());
