@@ -389,12 +389,12 @@ std::vector<Signature> Named(const std::vector<Signature>& signatures,
   return named;
 }
 
-AmbiguousChange Describe(const WaitingRun& run, const std::vector<Signature>& signatures) {
+AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature>& signatures) {
   constexpr double kUnlikely = 0.01;
   AmbiguousChange change;
-  change.runs = {{run.name, run.sha256}};
-  change.deciding = Named(signatures, run.explanations.deciding);
-  for (const Explanation& explanation : run.explanations.frames) {
+  for (const WaitingRuns::Run& run : waiting.runs) change.runs.push_back({run.name, run.sha256});
+  change.deciding = Named(signatures, waiting.explanations.deciding);
+  for (const Explanation& explanation : waiting.explanations.frames) {
     if (explanation.probability < kUnlikely && change.explanations.size() > 1) break;
     change.explanations.push_back({Named(signatures, explanation.alignment.signatures),
                                    Named(signatures, explanation.moved),
@@ -459,8 +459,8 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
 
   SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
-  for (const WaitingRun& run : problem.waiting) {
-    result.ambiguous_changes.push_back(Describe(run, signatures));
+  for (const WaitingRuns& waiting : problem.waiting) {
+    result.ambiguous_changes.push_back(Describe(waiting, signatures));
   }
   if (problem.runs.empty()) {  // Without a prior map one run at least is in the map.
     result.content = prior.value();

@@ -65,6 +65,7 @@ Status MapperOptions::Validate() const {
       {"max_pairs", static_cast<double>(alignment.max_pairs), Range::kOneOrMore},
       {"confirmation min_share", confirmation.min_share, Range::kNotNegative},
       {"confirmation min_probability", confirmation.min_probability, Range::kProbability},
+      {"min_probability_of_most", confirmation.min_probability_of_most, Range::kProbability},
       {"none_stayed", confirmation.prior.none_stayed, Range::kProbability},
       {"near_share", confirmation.prior.near_share, Range::kProbability},
       {"group_share", confirmation.prior.group_share, Range::kNotNegative},

@@ -61,25 +61,22 @@ struct ChainOptions {
   std::vector<EvidenceRow> ledger;
 };
 
-/// When few landmarks agree, the place of a run in the map must be confirmed against other
-/// explanations of the same modes (Explain).
+/// When few landmarks agree, or others agree at another place, the place of a run in the map must
+/// be confirmed against other explanations of the same modes (Explain).
 struct ConfirmationOptions {
-  /// A consensus of fewer signatures, or of this share of those in common or less, is confirmed; 0
-  /// for both: none is. Where more than half agree, no other frame has as many; fewer than five
-  /// agree by accident.
+  bool enabled = true;  ///< If not, every run is placed where most landmarks agree.
+
+  /// Few agree in a consensus of fewer signatures, or of this share of those in common or less: the
+  /// explanation then says which landmarks stayed, else FindDisplaced().
   int min_signatures = 5;
   double min_share = 0.5;
 
-  /// Every run is placed where most landmarks agree.
-  static ConfirmationOptions Never() {
-    ConfirmationOptions options;
-    options.min_signatures = 0;
-    options.min_share = 0.0;
-    return options;
-  }
-
   /// A frame that is less likely than this is not decided for, and the run waits.
   double min_probability = 0.99;
+
+  /// The same for the frame of a consensus in which more than few agree. That most landmarks stayed
+  /// is likelier than MovePrior has it, which takes any number of them for equally likely.
+  double min_probability_of_most = 0.9;
 
   /// Modes of a map up to which it is confirmed: its covariance is dense. Runs that are placed in
   /// larger ones are not.

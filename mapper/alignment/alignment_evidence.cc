@@ -60,18 +60,24 @@ AlignmentEvidence::AlignmentEvidence(const JointPoints& reference,
   }
   for (const auto& [group, points] : in_other) {
     const auto known = in_reference.find(group);
-    if (known == in_reference.end() || points.size() > 1) continue;
-    const auto landmark = static_cast<int>(groups_.size());
-    const auto first = static_cast<int>(matches_.size());
-    for (const int mode : known->second) matches_.push_back({landmark, mode, points.front()});
-    groups_.push_back(group);
-    of_landmark_.emplace_back(first, static_cast<int>(matches_.size()));
+    if (known == in_reference.end()) continue;
+    for (const int point : points) {
+      const auto landmark = static_cast<int>(groups_.size());
+      const auto first = static_cast<int>(matches_.size());
+      for (const int mode : known->second) matches_.push_back({landmark, mode, point});
+      groups_.push_back(group);
+      of_landmark_.emplace_back(first, static_cast<int>(matches_.size()));
+    }
   }
   if (matches_.size() > kMaxMatches) return;
   for (const Match& match : matches_) {
     MatchSet rivals = 0;
-    const auto [first, end] = MatchesOf(match.landmark);
-    for (int k = first; k < end; ++k) rivals |= MatchSet{1} << k;
+    for (std::size_t k = 0; k < matches_.size(); ++k) {
+      const Match& other_match = matches_[k];
+      if (other_match.landmark == match.landmark || other_match.reference == match.reference) {
+        rivals |= MatchSet{1} << k;
+      }
+    }
     rivals_.push_back(rivals);
   }
 }
@@ -119,7 +125,8 @@ double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matr
 // One set: the fit of the transform to what stayed, and what that predicts of the others.
 class SetEvaluation {
  public:
-  SetEvaluation(const AlignmentEvidence& evidence, MatchSet stayed) : e_(evidence) {
+  SetEvaluation(const AlignmentEvidence& evidence, MatchSet stayed)
+      : e_(evidence), stayed_(stayed) {
     std::vector<bool> has_stayed(e_.groups_.size());
     for (int k = 0; k < static_cast<int>(e_.matches_.size()); ++k) {
       if (((stayed >> k) & 1) == 0) continue;
@@ -151,7 +158,9 @@ class SetEvaluation {
       for (int k = first; k < end; ++k) {
         const auto [r, cov] = Predict(k, whitened);
         log_moved = LogSum(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
-        if (gains != nullptr) (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
+        if (gains != nullptr && (stayed_ & e_.Rivals(k)) == 0) {
+          (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
+        }
       }
       for (int k = first; gains != nullptr && k < end; ++k) {
         (*gains)[static_cast<std::size_t>(k)] += up - log_moved - LogModes(k);
@@ -168,10 +177,7 @@ class SetEvaluation {
   const Match& At(int match) const { return e_.matches_[static_cast<std::size_t>(match)]; }
 
   // log of how many modes the landmark of a match may have stayed at, equally likely.
-  double LogModes(int match) const {
-    const auto [first, end] = e_.MatchesOf(At(match).landmark);
-    return std::log(static_cast<double>(end - first));
-  }
+  double LogModes(int match) const { return std::log(static_cast<double>(e_.ModesOf(match))); }
 
   // Least squares, all matches alike.
   void Start() {
@@ -291,6 +297,7 @@ class SetEvaluation {
   }
 
   const AlignmentEvidence& e_;
+  MatchSet stayed_;
   std::vector<int> in_;     // Matches in the set.
   std::vector<int> moved_;  // Landmarks without one.
   SimilarityFit fit_;

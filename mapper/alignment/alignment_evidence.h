@@ -20,7 +20,7 @@ struct JointPoints {
 using MatchSet = std::uint64_t;
 inline constexpr int kMaxMatches = 64;
 
-/// That a landmark of the other map stayed where a mode of the reference is.
+/// That a mode of the other map is where one of the reference is: its landmark stayed, or returned.
 struct Match {
   int landmark = 0;   ///< Index in AlignmentEvidence::groups().
   int reference = 0;  ///< Index of the point in the reference.
@@ -54,15 +54,15 @@ struct SetScore {
 /// Threads: const-safe. `reference`, `other` and `prior` must outlive it.
 class AlignmentEvidence {
  public:
-  /// Groups with a mode in both maps take part, but none with several in the other map: those moved
-  /// while that was made.
+  /// Groups with a mode in both maps take part. One with several in the other map, where it moved
+  /// while that was made, is as many landmarks.
   /// @param area_m2  That the reference takes. [m²]
   AlignmentEvidence(const JointPoints& reference,
                     const JointPoints& other,
                     double area_m2,
                     const MovePrior& prior);
 
-  /// Per landmark its group.
+  /// Per landmark its group, ascending.
   const std::vector<int>& groups() const { return groups_; }
 
   const std::vector<Match>& matches() const { return matches_; }
@@ -70,10 +70,17 @@ class AlignmentEvidence {
   /// Matches of one landmark, the indices of which follow each other: [first, second).
   std::pair<int, int> MatchesOf(int landmark) const { return of_landmark_[AsSize(landmark)]; }
 
+  /// The modes of the reference that the landmark of a match may be at.
+  int ModesOf(int match) const {
+    const auto [first, end] = MatchesOf(matches_[AsSize(match)].landmark);
+    return end - first;
+  }
+
   const Eigen::Vector2d& PositionInReference(int match) const;
   const Eigen::Vector2d& PositionInOther(int match) const;
 
-  /// The matches that rule a match out: those of its landmark.
+  /// The matches that rule a match out, and itself: those of its landmark, and those with its mode
+  /// of the reference.
   MatchSet Rivals(int match) const { return rivals_[AsSize(match)]; }
 
   /// Mean variance per axis of a match's difference, the maps' errors taken as independent. [m²]
@@ -89,7 +96,7 @@ class AlignmentEvidence {
   double log_area() const { return log_area_; }
   double log_anywhere() const { return log_anywhere_; }
 
-  /// Precondition: at least two matches in range, at most one per landmark; kMaxMatches at most.
+  /// Precondition: at least two matches in range, none a rival of another; kMaxMatches at most.
   SetScore Score(MatchSet stayed) const { return Score(stayed, nullptr); }
 
   /// @param gains  Per match about what adding it, or taking it out, does to log_score; minus

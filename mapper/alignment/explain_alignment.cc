@@ -124,6 +124,7 @@ std::vector<int> GroupsOf(const AlignmentEvidence& evidence, MatchSet matches) {
     if (((matches >> k) & 1) == 0) continue;
     groups.push_back(evidence.groups()[static_cast<std::size_t>(evidence.matches()[k].landmark)]);
   }
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
   return groups;
 }
 
@@ -151,8 +152,13 @@ Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
   explanation.probability = frame.probability;
   if (frame.best->stayed != 0) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
-  std::set_difference(evidence.groups().begin(),
-                      evidence.groups().end(),
+  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
+    if (((frame.best->stayed >> k) & 1) != 0) explanation.stayed.push_back(evidence.matches()[k]);
+  }
+  std::vector<int> groups = evidence.groups();
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  std::set_difference(groups.begin(),
+                      groups.end(),
                       explanation.alignment.signatures.begin(),
                       explanation.alignment.signatures.end(),
                       std::back_inserter(explanation.moved));
@@ -165,6 +171,7 @@ std::vector<int> Deciding(const AlignmentEvidence& evidence, const Frame& x, con
     const double difference = x.stays[l] / x.probability - y.stays[l] / y.probability;
     if (std::abs(difference) > kDecidingDifference) deciding.push_back(evidence.groups()[l]);
   }
+  deciding.erase(std::unique(deciding.begin(), deciding.end()), deciding.end());
   return deciding;
 }
 

@@ -13,8 +13,9 @@ namespace shiftmap {
 /// One frame that the other map may have in the reference, and the most likely set of landmarks
 /// that stayed in it.
 struct Explanation {
-  Alignment alignment;     ///< Its signatures are those that stayed; none: fewer than two did.
-  std::vector<int> moved;  ///< Groups, ascending.
+  Alignment alignment;        ///< Its signatures are those that stayed; none: fewer than two did.
+  std::vector<Match> stayed;  ///< What stayed where.
+  std::vector<int> moved;     ///< Groups of which nothing stayed, ascending.
   std::vector<int>
       together;  ///< Of these, those of the likeliest body, if one is likelier than none.
   double probability = 0.0;  ///< Of the frame, over all sets of landmarks that lead to it.
@@ -40,9 +41,7 @@ struct Explanations {
 /// Nothing is returned for more than kMaxMatches pairs of modes of one group, or fewer than two
 /// landmarks in common. Deterministic; probabilities depend on the frames of the maps and on the
 /// order of points by less than 0.01, which random draws leave.
-/// @param reference  May have several modes of a group.
-/// @param other      Groups with several modes take no part.
-/// @param area_m2    That the reference takes. [m²]
+/// @param area_m2  That the reference takes. [m²]
 std::optional<Explanations> Explain(const JointPoints& reference,
                                     const JointPoints& other,
                                     double area_m2,

@@ -175,7 +175,7 @@ class Search {
     int centre = 0;
     for (int c = 0; c < matches_; ++c) {
       if ((together & Bit(c)) == 0) continue;
-      log_modes += std::log(static_cast<double>(std::popcount(e_.Rivals(c))));
+      log_modes += std::log(static_cast<double>(e_.ModesOf(c)));
       double reach = 0.0;
       for (int k = 0; k < matches_; ++k) {
         if ((together & Bit(k)) != 0) reach = std::max(reach, DistanceInReference(c, k));
@@ -189,7 +189,7 @@ class Search {
     double others = 0.0;  // Within reach; those of several modes by as many as are.
     for (int k = 0; k < matches_; ++k) {
       if ((together & e_.Rivals(k)) != 0 || DistanceInReference(centre, k) > radius) continue;
-      others += 1.0 / std::popcount(e_.Rivals(k));
+      others += 1.0 / e_.ModesOf(k);
     }
     return -std::log(static_cast<double>(landmarks_)) +
            (count + others - kMinTogether) * std::log(prior_.group_continue) +

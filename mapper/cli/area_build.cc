@@ -222,7 +222,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   mapper_options.calibrate = !options.no_calibration;
   mapper_options.association.associate = options.anonymous == "associate";
   if (options.placement == "consensus") {
-    mapper_options.confirmation = ConfirmationOptions::Never();
+    mapper_options.confirmation.enabled = false;
   }
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;

@@ -14,7 +14,7 @@
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
 #include "mapper/problem/rejected_run.h"
-#include "mapper/problem/waiting_run.h"
+#include "mapper/problem/waiting_runs.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/map_snapshot.h"
@@ -69,7 +69,7 @@ struct MapProblem {
   std::vector<BuildRun> runs;                 ///< By begin.
   std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
   std::vector<RejectedRun> left_out;          ///< Runs taken out again, and why (loose_runs.h).
-  std::vector<WaitingRun> waiting;  ///< Runs that have no decided place (place_submaps.h).
+  std::vector<WaitingRuns> waiting;           ///< Without a decided place (place_submaps.h).
   SensorCalibration sensor;
 
   /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.

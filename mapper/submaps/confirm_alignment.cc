@@ -37,10 +37,10 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
 
 }  // namespace
 
-bool NeedsConfirmation(const ConfirmationOptions& options,
-                       const std::vector<AlignmentPoint>& reference,
-                       const Submap& submap,
-                       const Alignment& consensus) {
+bool FewAgree(const ConfirmationOptions& options,
+              const std::vector<AlignmentPoint>& reference,
+              const Submap& submap,
+              const Alignment& consensus) {
   std::set<int> in_reference;
   for (const AlignmentPoint& point : reference) in_reference.insert(point.group);
   std::set<int> common;
@@ -50,6 +50,22 @@ bool NeedsConfirmation(const ConfirmationOptions& options,
   const auto agreeing = static_cast<double>(consensus.signatures.size());
   return agreeing < options.min_signatures ||
          agreeing <= options.min_share * static_cast<double>(common.size());
+}
+
+bool NeedsConfirmation(const MapperOptions& options,
+                       const std::vector<AlignmentPoint>& reference,
+                       double area_m2,
+                       const Submap& submap,
+                       const std::optional<Alignment>& consensus) {
+  if (!consensus || FewAgree(options.confirmation, reference, submap, *consensus)) return true;
+  if (!IsStiff(submap)) return false;
+  std::vector<AlignmentPoint> others;
+  for (const AlignmentPoint& point : submap.points) {
+    const bool agrees =
+        std::binary_search(consensus->signatures.begin(), consensus->signatures.end(), point.group);
+    if (!agrees) others.push_back(point);
+  }
+  return AlignByConsensus(reference, others, area_m2, options.alignment).has_value();
 }
 
 std::optional<Explanations> ExplainSubmap(const MapperOptions& options,
@@ -68,10 +84,25 @@ std::optional<Explanations> ExplainSubmap(const MapperOptions& options,
                  options.confirmation.limits);
 }
 
-const Explanation* Decided(const ConfirmationOptions& options, const Explanations& explanations) {
-  const Explanation& best = explanations.frames.front();
-  const bool decided = !best.nothing_stayed() && best.probability >= options.min_probability;
-  return decided ? &best : nullptr;
+bool IsSamePlace(const ConfirmationOptions& options,
+                 const Submap& submap,
+                 const Alignment& one,
+                 const Alignment& other) {
+  return std::all_of(submap.points.begin(), submap.points.end(), [&](const AlignmentPoint& point) {
+    return (one.T_reference_other * point.position - other.T_reference_other * point.position)
+               .norm() < options.limits.same_frame_m;
+  });
+}
+
+bool IsDecided(const ConfirmationOptions& options,
+               const std::vector<AlignmentPoint>& reference,
+               const Submap& submap,
+               const std::optional<Alignment>& consensus,
+               const Explanation& best) {
+  if (best.nothing_stayed()) return false;
+  const bool most = consensus && !FewAgree(options, reference, submap, *consensus) &&
+                    IsSamePlace(options, submap, best.alignment, *consensus);
+  return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
 }
 
 }  // namespace shiftmap

@@ -11,13 +11,24 @@
 
 namespace shiftmap {
 
-/// Whether so few landmarks agree in a consensus that another one may explain the submap as well
-/// (ConfirmationOptions).
+/// Whether few landmarks agree in a consensus (ConfirmationOptions).
 /// @param reference  Modes of the map.
-bool NeedsConfirmation(const ConfirmationOptions& options,
+bool FewAgree(const ConfirmationOptions& options,
+              const std::vector<AlignmentPoint>& reference,
+              const Submap& submap,
+              const Alignment& consensus);
+
+/// Whether another place may explain a submap as well as that of a consensus: few landmarks agree,
+/// or others agree at another place. Of a submap that is not stiff (IsStiff) the latter says
+/// nothing: it differs from the map by more than its covariance knows.
+/// @param reference  Modes of the map.
+/// @param area_m2    That the map takes. [m²]
+/// @param consensus  Nothing if there is none.
+bool NeedsConfirmation(const MapperOptions& options,
                        const std::vector<AlignmentPoint>& reference,
+                       double area_m2,
                        const Submap& submap,
-                       const Alignment& consensus);
+                       const std::optional<Alignment>& consensus);
 
 /// Where a submap lies in the map, by the joint covariances of both (Explain). A map that is solved
 /// from runs has the variance factor that these show, and so has the submap; of a prior map, whose
@@ -33,7 +44,18 @@ std::optional<Explanations> ExplainSubmap(const MapperOptions& options,
                                           double area_m2,
                                           const Submap& submap);
 
-/// The frame that the explanations decide for, or null.
-const Explanation* Decided(const ConfirmationOptions& options, const Explanations& explanations);
+/// Whether two alignments place a submap about alike (ExplanationLimits::same_frame_m).
+bool IsSamePlace(const ConfirmationOptions& options,
+                 const Submap& submap,
+                 const Alignment& one,
+                 const Alignment& other);
+
+/// Whether an explanation is so probable that it is decided for (ConfirmationOptions).
+/// @param best  The likeliest one.
+bool IsDecided(const ConfirmationOptions& options,
+               const std::vector<AlignmentPoint>& reference,
+               const Submap& submap,
+               const std::optional<Alignment>& consensus,
+               const Explanation& best);
 
 }  // namespace shiftmap

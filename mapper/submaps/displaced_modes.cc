@@ -25,9 +25,6 @@ constexpr double kPositionFloor = 0.03;
 // more likely.
 constexpr double kSurelyDisplaced = 3.0;
 
-// A submap whose worst mode is known to this, relative to the others, is decided on as it is. [m]
-constexpr double kStiffSd = 0.15;
-
 // A run that is bent by this a metre from where it turns is off the tangent by half its square. [m]
 constexpr double kLinear = 0.25;
 
@@ -208,7 +205,7 @@ std::vector<bool> FindDisplacedModes(const MapperOptions& options,
                                      std::vector<Encounter>* encounters) {
   std::vector<bool> displaced;
   std::vector<int> known;  // Of what the submap is to be bent onto.
-  if (WorstSd(*submap) > kStiffSd) {
+  if (!IsStiff(*submap)) {
     known = FitBentSubmap(options, map, Places(alignment, submap->problem), submap);
   } else {
     displaced = Decide(options,

@@ -21,7 +21,7 @@ namespace {
 
 // The mode of the problem that each mode of an aligned submap is, or kUnassigned.
 std::vector<int> KnownModes(const MapperOptions& options,
-                            const Alignment& alignment,
+                            const SubmapAlignment& aligned,
                             const Submap& submap,
                             const std::vector<Encounter>& encounters,
                             const std::vector<bool>& displaced,
@@ -33,23 +33,25 @@ std::vector<int> KnownModes(const MapperOptions& options,
   for (std::size_t i = 0; i < encounters.size(); ++i) {
     const Encounter& encounter = encounters[i];
     const Eigen::Vector2d& position = positions[i];
-    const bool known = MeetsPrior(problem, encounter)
-                           ? !displaced[i]
-                           : encounter.squared_m2 < gate * (alignment.PositionVariance(position) +
-                                                            2.0 * floor * floor);
+    if (aligned.stayed && (*aligned.stayed)[i] != kUnassigned) {
+      modes.push_back((*aligned.stayed)[i]);
+      continue;
+    }
+    const double variance = aligned.alignment.PositionVariance(position) + 2.0 * floor * floor;
+    const bool known =
+        MeetsPrior(problem, encounter) ? !displaced[i] : encounter.squared_m2 < gate * variance;
     modes.push_back(known ? encounter.nearest : kUnassigned);
   }
   return modes;
 }
 
-// Per mode whether it meets the prior map and its landmark is not among those that stayed.
+// Per mode whether it meets the prior map and is not among those that stayed.
 std::vector<bool> Others(const std::vector<int>& stayed,
                          const MapProblem& problem,
                          const std::vector<Encounter>& encounters) {
   std::vector<bool> others;
-  for (const Encounter& encounter : encounters) {
-    others.push_back(MeetsPrior(problem, encounter) &&
-                     !std::binary_search(stayed.begin(), stayed.end(), encounter.group));
+  for (std::size_t i = 0; i < encounters.size(); ++i) {
+    others.push_back(MeetsPrior(problem, encounters[i]) && stayed[i] == kUnassigned);
   }
   return others;
 }
@@ -75,7 +77,7 @@ bool Absorb(const MapperOptions& options,
   if (bent) {
     known = FitBentSubmap(options, *problem, aligned->places, &submap);
   } else if (aligned) {
-    known = KnownModes(options, aligned->alignment, submap, encounters, displaced, *problem);
+    known = KnownModes(options, *aligned, submap, encounters, displaced, *problem);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (std::ssize(known) - unknown < kMinTyingModes) return false;
     std::vector<bool> decided;  // With all modes of the prior at once.
@@ -104,25 +106,31 @@ bool Absorb(const MapperOptions& options,
             ? known[i]
             : AddMode(encounter.group, {position, kAbsent, displaced[i]}, problem));
   }
-  BuildRun& run = submap.problem.runs.front();
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-    int& assignment = run.assignment[v];
-    const auto group = static_cast<std::size_t>(run.data->visits[v].group);
-    if (assignment != kUnassigned)
-      assignment = becomes[group][static_cast<std::size_t>(assignment)];
+  for (BuildRun& run : submap.problem.runs) {
+    for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+      int& assignment = run.assignment[v];
+      const auto group = static_cast<std::size_t>(run.data->visits[v].group);
+      if (assignment != kUnassigned)
+        assignment = becomes[group][static_cast<std::size_t>(assignment)];
+    }
+    problem->runs.push_back(std::move(run));
   }
-  problem->runs.push_back(std::move(run));
   return true;
 }
 
-RejectedRun Rejected(const MappingRun& run, const std::string& why) {
-  std::set<int> seen;
-  for (const MappingVisit& visit : run.visits) seen.insert(visit.group);
-  return {run.name, fmt::format("{} ({} landmarks seen)", why, seen.size())};
+void Reject(const Submap& submap, const std::string& why, std::vector<RejectedRun>* rejected) {
+  for (const BuildRun& run : submap.problem.runs) {
+    std::set<int> seen;
+    for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
+    rejected->push_back({run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())});
+  }
 }
 
-RejectedRun NotAligned(const MappingRun& run) {
-  return Rejected(run, "no consistent alignment with the other runs");
+std::string NotAligned(const Submap& submap) {
+  const std::size_t runs = submap.problem.runs.size();
+  if (runs == 1) return "no consistent alignment with the other runs";
+  return fmt::format("no consistent alignment with the map, as {} runs that agree with each other",
+                     runs);
 }
 
 // Runs that are placed before they are solved together for the first time. Then again whenever they
@@ -142,31 +150,51 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
   }
 }
 
-// Whether the place of a submap is decided, which is then that of the likeliest explanation. Where
-// that is about the one of the consensus, the latter stays as it is.
-// @param explanations  Of a place that is not.
-bool Confirm(const MapperOptions& options,
-             const std::optional<MapContent>& prior,
-             const MapProblem& problem,
-             const Submap& submap,
-             SubmapAlignment* aligned,
-             std::optional<Explanations>* explanations) {
-  *explanations = ExplainSubmap(options, prior, problem, AreaOf(problem), submap);
-  if (!*explanations) return true;
-  const Explanation* decided = Decided(options.confirmation, **explanations);
-  if (decided == nullptr) return false;
-  const auto apart = [&](const AlignmentPoint& point) {
-    return (decided->alignment.T_reference_other * point.position -
-            aligned->alignment.T_reference_other * point.position)
-        .norm();
-  };
+// Per mode of a submap the mode of its group in the map where it stayed, or kUnassigned.
+std::vector<int> Stayed(const Explanation& explanation,
+                        const Submap& submap,
+                        const MapProblem& problem) {
+  const FlatModes flat(problem);
+  std::vector<int> modes(submap.points.size(), kUnassigned);
+  for (const Match& match : explanation.stayed) {
+    const auto i = static_cast<std::size_t>(match.other);
+    const auto group = static_cast<std::size_t>(submap.points[i].group);
+    modes[i] = match.reference - flat.first[group];
+  }
+  return modes;
+}
+
+// Where a submap lies, or nothing if it does not align, or in several ways.
+// @param reference     Modes of the map, those of the groups that the submap has.
+// @param explanations  Of several ways.
+std::optional<SubmapAlignment> Locate(const MapperOptions& options,
+                                      const std::optional<MapContent>& prior,
+                                      const std::vector<AlignmentPoint>& reference,
+                                      const MapProblem& problem,
+                                      const Submap& submap,
+                                      std::optional<Explanations>* explanations) {
+  const double area_m2 = AreaOf(problem);
+  std::optional<SubmapAlignment> aligned =
+      AlignSubmap(reference, submap, area_m2, options.alignment);
+  if (!options.confirmation.enabled || IsBent(submap)) return aligned;
+  const std::optional<Alignment> consensus =
+      aligned ? std::optional(aligned->alignment) : std::nullopt;
+  if (!NeedsConfirmation(options, reference, area_m2, submap, consensus)) return aligned;
+  std::optional<Explanations> found = ExplainSubmap(options, prior, problem, area_m2, submap);
+  if (!found) return aligned;
+  const Explanation& best = found->frames.front();
+  if (!IsDecided(options.confirmation, reference, submap, consensus, best)) {
+    if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
+    return std::nullopt;
+  }
+  // Where that is about the place of the consensus, the latter stays as it is.
   const bool same =
-      std::all_of(submap.points.begin(), submap.points.end(), [&](const AlignmentPoint& point) {
-        return apart(point) < options.confirmation.limits.same_frame_m;
-      });
-  if (!same) aligned->alignment = decided->alignment;
-  aligned->stayed = decided->alignment.signatures;
-  return true;
+      consensus && IsSamePlace(options.confirmation, submap, best.alignment, *consensus);
+  if (!same) aligned.emplace().alignment = best.alignment;
+  if (!same || FewAgree(options.confirmation, reference, submap, *consensus)) {
+    aligned->stayed = Stayed(best, submap, problem);
+  }
+  return aligned;
 }
 
 // Places a submap that waits, if it aligns and nothing else explains it.
@@ -176,17 +204,14 @@ void PlaceNext(const MapperOptions& options,
                WaitingSubmaps* waiting,
                MapProblem* problem,
                std::vector<RejectedRun>* rejected) {
-  const std::vector<AlignmentPoint> reference = waiting->Reference(next, *problem);
-  std::optional<SubmapAlignment> aligned =
-      AlignSubmap(reference, waiting->At(next), AreaOf(*problem), options.alignment);
-  if (!aligned) {
-    waiting->SetAside(next);
-    return;
-  }
   std::optional<Explanations> explanations;
-  if (!aligned->bent &&
-      NeedsConfirmation(options.confirmation, reference, waiting->At(next), aligned->alignment) &&
-      !Confirm(options, prior, *problem, waiting->At(next), &*aligned, &explanations)) {
+  const std::optional<SubmapAlignment> aligned = Locate(options,
+                                                        prior,
+                                                        waiting->Reference(next, *problem),
+                                                        *problem,
+                                                        waiting->At(next),
+                                                        &explanations);
+  if (!aligned) {
     waiting->SetAside(next, std::move(explanations));
     return;
   }
@@ -194,9 +219,10 @@ void PlaceNext(const MapperOptions& options,
   const Se2& T_map_submap = aligned->alignment.T_reference_other;
   MoveProblem(T_map_submap, &placed.problem);
   Rotate(T_map_submap.Rotation(), &placed.covariance);
-  const RejectedRun rejection = Rejected(*placed.problem.runs.front().data, kLooseReason);
+  std::vector<RejectedRun> rejection;
+  Reject(placed, kLooseReason, &rejection);
   if (!Absorb(options, prior, aligned, std::move(placed), problem)) {
-    rejected->push_back(rejection);
+    rejected->insert(rejected->end(), rejection.begin(), rejection.end());
   }
   waiting->Update(next, *problem);
 }
@@ -225,50 +251,61 @@ void PlaceWaiting(const MapperOptions& options,
   }
 }
 
-// A map that begins with one of the submaps.
-struct Part {
+// Submaps that agree with each other, as a map of their own.
+struct JointMap {
   MapProblem problem;
-  std::optional<std::size_t> first;
-  std::optional<Submap> first_submap;  // As it was.
-  bool open = false;                   // Others have several places in it.
+  Submap first;  // As it was.
 };
 
-// Without a prior map the submap of most landmarks is the first. It may be of another area: where
-// more runs are left than were placed, they are placed by themselves, and the larger part is the
-// map. A run that was a map by itself may lie in the larger one where explanations are open.
-void PlaceMost(const MapperOptions& options,
-               WaitingSubmaps* waiting,
-               MapProblem* problem,
-               std::vector<RejectedRun>* rejected,
-               const GoOn& go_on) {
-  const MapProblem nothing = *problem;
-  Part most{nothing, std::nullopt, std::nullopt, false};
-  std::vector<Part> beaten;
-  do {
-    Part part{nothing, std::nullopt, std::nullopt, false};
-    waiting->Recount(part.problem);
-    part.first = waiting->Largest();
-    if (!part.first) break;
-    part.first_submap = waiting->At(*part.first);
-    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*part.first), &part.problem);
-    waiting->Update(*part.first, part.problem);
-    PlaceWaiting(options, std::nullopt, waiting, &part.problem, rejected, go_on);
-    part.open = waiting->AnyOpen();
-    if (part.problem.runs.size() > most.problem.runs.size()) std::swap(part, most);
-    const std::vector<RejectedRun>& left_out = part.problem.left_out;
-    rejected->insert(rejected->end(), left_out.begin(), left_out.end());
-    if (part.problem.runs.size() == 1 && part.open) {
-      beaten.push_back(std::move(part));
-    } else {
-      for (const BuildRun& run : part.problem.runs) rejected->push_back(NotAligned(*run.data));
-    }
-    if (go_on && !go_on(most.problem)) break;
-  } while (waiting->Remaining().size() > most.problem.runs.size());
-  *problem = std::move(most.problem);
-  if (beaten.empty()) return;
-  for (Part& part : beaten) waiting->Return(*part.first, *std::move(part.first_submap));
-  waiting->Recount(*problem);
-  PlaceWaiting(options, std::nullopt, waiting, problem, rejected, go_on);
+// Joins all that waits. Each map begins with the submap of most landmarks that is left.
+// @param nothing  A problem without modes.
+std::vector<JointMap> Join(const MapperOptions& options,
+                           const MapProblem& nothing,
+                           WaitingSubmaps* waiting,
+                           std::vector<RejectedRun>* rejected,
+                           const GoOn& go_on) {
+  std::vector<JointMap> maps;
+  while (const std::optional<std::size_t> first = waiting->Largest()) {
+    JointMap map{nothing, waiting->At(*first)};
+    waiting->Recount(map.problem);
+    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*first), &map.problem);
+    waiting->Update(*first, map.problem);
+    PlaceWaiting(options, std::nullopt, waiting, &map.problem, rejected, go_on);
+    maps.push_back(std::move(map));
+    if (go_on && !go_on(maps.back().problem)) break;
+  }
+  return maps;
+}
+
+// Takes out the map of most runs, the first of several.
+MapProblem TakeLargest(std::vector<JointMap>* maps) {
+  const auto largest =
+      std::max_element(maps->begin(), maps->end(), [](const JointMap& a, const JointMap& b) {
+        return a.problem.runs.size() < b.problem.runs.size();
+      });
+  MapProblem problem = std::move(largest->problem);
+  maps->erase(largest);
+  return problem;
+}
+
+// As one submap. Nothing, and the runs are rejected, if these do not determine it.
+std::optional<Submap> ToSubmap(const MapperOptions& options,
+                               JointMap map,
+                               std::vector<RejectedRun>* rejected) {
+  MapProblem& problem = map.problem;
+  rejected->insert(rejected->end(), problem.left_out.begin(), problem.left_out.end());
+  problem.left_out.clear();
+  if (problem.runs.empty()) return std::nullopt;
+  const MappingRun* const first = map.first.problem.runs.front().data;
+  if (problem.runs.size() == 1 && problem.runs.front().data == first) return std::move(map.first);
+  SettleModes(options, &problem);
+  SolveContinuous(options, &problem);
+  std::vector<std::string> names;
+  for (const BuildRun& run : problem.runs) names.push_back(run.data->name);
+  std::optional<Submap> submap = MakeSubmap(options, std::move(problem));
+  if (submap) return submap;
+  for (std::string& name : names) rejected->push_back({std::move(name), kUndeterminedReason});
+  return std::nullopt;
 }
 
 }  // namespace
@@ -279,22 +316,32 @@ void PlaceSubmaps(const MapperOptions& options,
                   MapProblem* problem,
                   std::vector<RejectedRun>* rejected,
                   const GoOn& go_on) {
+  const bool empty = FlatModes(*problem).count == 0;
   WaitingSubmaps waiting(std::move(submaps), *problem);
-  const bool empty = std::all_of(problem->modes.begin(),
-                                 problem->modes.end(),
-                                 [](const auto& group) { return group.empty(); });
-  if (empty) {
-    PlaceMost(options, &waiting, problem, rejected, go_on);
-  } else {
+  if (!empty) PlaceWaiting(options, prior, &waiting, problem, rejected, go_on);
+  if (empty || waiting.Remaining().size() > 1) {
+    const MapProblem nothing = StartProblem(problem->modes.size(), problem->sensor);
+    std::vector<JointMap> maps = Join(options, nothing, &waiting, rejected, go_on);
+    if (empty && !maps.empty()) *problem = TakeLargest(&maps);
+    std::vector<Submap> left;
+    for (JointMap& map : maps) {
+      std::optional<Submap> submap = ToSubmap(options, std::move(map), rejected);
+      if (submap) left.push_back(*std::move(submap));
+    }
+    waiting = WaitingSubmaps(std::move(left), *problem);
     PlaceWaiting(options, prior, &waiting, problem, rejected, go_on);
   }
   for (const std::size_t i : waiting.Remaining()) {
-    const MappingRun& run = *waiting.At(i).problem.runs.front().data;
-    if (waiting.Open(i)) {
-      problem->waiting.push_back({run.name, run.sha256, *waiting.Open(i)});
-    } else {
-      rejected->push_back(NotAligned(run));
+    const Submap& submap = waiting.At(i);
+    if (!waiting.Open(i)) {
+      Reject(submap, NotAligned(submap), rejected);
+      continue;
     }
+    WaitingRuns& runs = problem->waiting.emplace_back();
+    for (const BuildRun& run : submap.problem.runs) {
+      runs.runs.push_back({run.data->name, run.data->sha256});
+    }
+    runs.explanations = *waiting.Open(i);
   }
 }
 

@@ -23,8 +23,9 @@ namespace shiftmap {
 /// - against modes that other runs of this build brought, by a gate on each.
 ///
 /// A submap of which few landmarks agree is placed only where Explain() decides for one frame
-/// (ConfirmationOptions). Else it waits, and is added to MapProblem::waiting if that is so in the
-/// end.
+/// (ConfirmationOptions). Else it waits. What is left in the end is joined where it agrees with
+/// itself, without a prior map the largest such map is the one, and the others are tried once more
+/// as one submap each. MapProblem::waiting is what has several explanations then.
 ///
 /// What aligns with nothing is rejected, and so is what the landmarks that moved leave without two
 /// that did not.

@@ -189,7 +189,7 @@ MapProblem MapByParts(const MapperOptions& options,
   MapProblem placed = StartProblem(problem.modes.size(), problem.sensor);
   std::vector<RejectedRun> rejected;
   MapperOptions placing = options;
-  placing.confirmation = ConfirmationOptions::Never();  // Within a run landmarks stay.
+  placing.confirmation.enabled = false;  // Within a run landmarks stay.
   PlaceSubmaps(placing, std::nullopt, std::move(submaps), &placed, &rejected, go_on);
   for (BuildRun& part : placed.runs) {
     parts.Place(static_cast<std::size_t>(part.data - &parts.At(0)), std::move(part.poses));

@@ -18,6 +18,11 @@ double WorstSd(const Submap& submap) {
   return worst;
 }
 
+bool IsStiff(const Submap& submap) {
+  constexpr double kStiffSd = 0.15;  // [m]
+  return WorstSd(submap) <= kStiffSd;
+}
+
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
   std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);

@@ -11,7 +11,8 @@
 
 namespace shiftmap {
 
-/// A run mapped by itself, waiting for its place in the common frame.
+/// A run mapped by itself, or several that agree with each other in one frame, waiting for a place
+/// in the map.
 struct Submap {
   MapProblem problem;
   std::vector<AlignmentPoint> points;  ///< Its modes, in the flat order of the problem.
@@ -22,12 +23,16 @@ struct Submap {
 /// has none. [m]
 double WorstSd(const Submap& submap);
 
+/// Whether a submap is known so well that its covariance, which is linear, says how it may differ
+/// from the map.
+bool IsStiff(const Submap& submap);
+
 /// The covariance of a submap's modes, as Submap::covariance, at their present values. Nothing if
 /// these have gone astray so far that there is none.
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem);
 
-/// Nothing if the run does not determine its own landmarks.
-/// @param problem  As MapSingleRun() leaves it.
+/// Nothing if the runs do not determine their own landmarks.
+/// @param problem  Solved, as MapSingleRun() leaves it.
 std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem);
 
 }  // namespace shiftmap

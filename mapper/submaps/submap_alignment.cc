@@ -16,10 +16,6 @@ constexpr double kBentSd = 0.5;
 // Modes of a part: a vehicle sees as many within a minute or two.
 constexpr int kPartModes = 24;
 
-bool IsBent(const Submap& submap) {
-  return submap.points.size() > static_cast<std::size_t>(kPartModes) && WorstSd(submap) > kBentSd;
-}
-
 // The modes of a part, with covariances relative to them as a whole.
 std::vector<AlignmentPoint> PointsOf(const Submap& submap, const std::vector<int>& part) {
   std::vector<AlignmentPoint> points;
@@ -54,6 +50,10 @@ void AddPlaces(const Alignment& alignment,
 }
 
 }  // namespace
+
+bool IsBent(const Submap& submap) {
+  return submap.points.size() > static_cast<std::size_t>(kPartModes) && WorstSd(submap) > kBentSd;
+}
 
 std::optional<SubmapAlignment> AlignSubmap(const std::vector<AlignmentPoint>& reference,
                                            const Submap& submap,

@@ -13,12 +13,16 @@ namespace shiftmap {
 /// Signatures that must agree in a part of a run: where it is bent itself, three do so by accident.
 inline constexpr std::size_t kMinPartSignatures = 4;
 
+/// Whether one rigid transform does not hold for a submap as a whole.
+bool IsBent(const Submap& submap);
+
 /// Where a submap lies in the map.
 struct SubmapAlignment {
   Alignment alignment;  ///< Of the part of the submap that tells it best.
   bool bent = false;    ///< One rigid transform does not hold for the submap as a whole.
 
-  /// Of a place that is confirmed (confirm_alignment.h): groups that stayed, ascending.
+  /// Of a place that is confirmed (confirm_alignment.h): per mode, flat, the mode of its group in
+  /// the map that it is, or kUnassigned.
   std::optional<std::vector<int>> stayed;
 
   /// Of a bent submap, where the map has the modes that agree in their own part, or nothing. Per

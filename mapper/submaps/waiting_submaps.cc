@@ -56,12 +56,6 @@ void WaitingSubmaps::SetAside(std::size_t i, std::optional<Explanations> explana
   entries_[i].explanations = std::move(explanations);
 }
 
-bool WaitingSubmaps::AnyOpen() const {
-  return std::any_of(entries_.begin(), entries_.end(), [](const Entry& entry) {
-    return entry.submap && entry.explanations;
-  });
-}
-
 Submap WaitingSubmaps::Take(std::size_t i) {
   Submap submap = std::move(*entries_[i].submap);
   entries_[i].submap.reset();

@@ -37,14 +37,8 @@ class WaitingSubmaps {
   /// Why it was set aside the last time, if several explanations fit.
   const std::optional<Explanations>& Open(std::size_t i) const { return entries_[i].explanations; }
 
-  /// Whether that is so of any that waits.
-  bool AnyOpen() const;
-
   /// It waits no longer.
   Submap Take(std::size_t i);
-
-  /// It waits again.
-  void Return(std::size_t i, Submap submap) { entries_[i].submap = std::move(submap); }
 
   /// Counts what a submap that was taken has brought to the map.
   void Update(std::size_t i, const MapProblem& problem);

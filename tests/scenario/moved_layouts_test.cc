@@ -174,6 +174,35 @@ TEST_F(MovedLayoutsTest, ARunOnTheMapOfTheOtherLayoutIsRightOrWaits) {
   EXPECT_GE(in_the_map, 6);
 }
 
+// Runs that agree with each other are held against the map as one: what one of them leaves open,
+// two together may decide.
+TEST_F(MovedLayoutsTest, TwoRunsOfTheOtherLayoutAreRightOrWaitTogether) {
+  const std::map<int, std::vector<int>> robots = {{1, {1, 2, 3}}, {2, {1, 2, 4}}};
+  int runs_in_the_map = 0;
+  for (const auto& [of_prior, of_runs] : {std::pair(1, 2), std::pair(2, 1)}) {
+    for (const int first : robots.at(of_prior)) {
+      const MapContent prior = Build({Input(of_prior, first)}).content;
+      for (const auto& [second, third] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
+        const int a = robots.at(of_runs)[second];
+        const int b = robots.at(of_runs)[third];
+        const std::string names =
+            fmt::format("s{}r{} and r{} on s{}r{}", of_runs, a, b, of_prior, first);
+        const MapperResult result =
+            BuildMap({Input(of_runs, a), Input(of_runs, b)}, prior, MapperOptions()).value();
+        const double worst_m = WorstError(result.content);
+        fmt::print("{}: {} in the map, worst mode {:.3f} m {}\n",
+                   names,
+                   result.runs.size(),
+                   worst_m,
+                   Described(result));
+        EXPECT_LT(worst_m, kRightM) << names;
+        runs_in_the_map += static_cast<int>(result.runs.size());
+      }
+    }
+  }
+  EXPECT_GE(runs_in_the_map, 22);  // Of 36; one by one 8 of 18 are.
+}
+
 TEST_F(MovedLayoutsTest, TheOrderOfRunsDoesNotMatter) {
   const MapperResult once = Build({Input(1, 1), Input(2, 4)});
   const MapperResult turned = Build({Input(2, 4), Input(1, 1)});

@@ -59,11 +59,6 @@ class PairScore {
     return frame.nothing_stayed() ? pair_.stayed < 2 : IsRight(frame.alignment);
   }
 
-  bool NeedsConfirmation(const Alignment& alignment) const {
-    return shiftmap::NeedsConfirmation(
-        options_.confirmation, pair_.reference.points, submap_, alignment);
-  }
-
   void ScorePosterior() {
     const ConfirmationOptions& options = options_.confirmation;
     const double start = ThreadProcessorSeconds();
@@ -72,10 +67,12 @@ class PairScore {
     SHIFTMAP_CHECK(explanations.has_value(), "a pair has no explanations");
     Answer& answer = Of(AlignmentMethod::kPosterior);
     answer.seconds = ThreadProcessorSeconds() - start;
-    const Explanation* decided = Decided(options, *explanations);
-    if (decided != nullptr) answer.right = IsRight(*decided);
-    outcome_.probability = explanations->frames.front().probability;
-    outcome_.is_right = IsRight(explanations->frames.front());
+    best_ = explanations->frames.front();
+    outcome_.probability = best_.probability;
+    outcome_.is_right = IsRight(best_);
+    if (IsDecided(options, pair_.reference.points, submap_, std::nullopt, best_)) {
+      answer.right = outcome_.is_right;
+    }
     for (const Explanation& frame : explanations->frames) {
       if (IsRight(frame)) outcome_.of_right += frame.probability;
     }
@@ -91,21 +88,26 @@ class PairScore {
     answer.seconds = ThreadProcessorSeconds() - start;
     if (alignment) answer.right = IsRight(*alignment);
     Of(if_sure).seconds = answer.seconds;
-    if (alignment && !NeedsConfirmation(*alignment)) Of(if_sure).right = answer.right;
+    const bool sure =
+        !NeedsConfirmation(options_, pair_.reference.points, pair_.area_m2, submap_, alignment);
+    if (sure) Of(if_sure).right = answer.right;
     return alignment;
   }
 
   void ScoreMapper(const std::optional<Alignment>& consensus) {
     Answer& answer = Of(AlignmentMethod::kMapper);
     answer = Of(AlignmentMethod::kConsensusSure);
-    if (!consensus || !NeedsConfirmation(*consensus)) return;
-    answer.right = Of(AlignmentMethod::kPosterior).right;
+    if (answer.right) return;
     answer.seconds += Of(AlignmentMethod::kPosterior).seconds;
+    if (IsDecided(options_.confirmation, pair_.reference.points, submap_, consensus, best_)) {
+      answer.right = outcome_.is_right;
+    }
   }
 
   MapperOptions options_;
   AlignmentPair pair_;
-  Submap submap_;  // The other map, as the mapper has it.
+  Submap submap_;     // The other map, as the mapper has it.
+  Explanation best_;  // The likeliest one.
   AlignmentOutcome outcome_;
 };
 

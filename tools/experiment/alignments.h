@@ -12,12 +12,12 @@
 namespace shiftmap {
 
 enum class AlignmentMethod {
-  kPosterior,      ///< Explain(), decided as the mapper does or not.
+  kPosterior,      ///< Explain(), as the mapper decides.
   kMapper,         ///< The consensus where it needs no confirmation, else the posterior.
   kConsensus,      ///< AlignByConsensus().
   kConsistency,    ///< AlignByPairwiseConsistency().
   kNonConvexity,   ///< AlignByGraduatedNonConvexity().
-  kConsensusSure,  ///< Where NeedsConfirmation() says no; so the next two.
+  kConsensusSure,  ///< Where the mapper does not confirm it; so the next two.
   kConsistencySure,
   kNonConvexitySure,
 };

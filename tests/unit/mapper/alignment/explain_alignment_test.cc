@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <random>
 #include <vector>
@@ -19,6 +20,7 @@ namespace shiftmap {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::IsSupersetOf;
 using ::testing::SizeIs;
 
 constexpr double kArea = 100.0;
@@ -84,8 +86,10 @@ struct Pair {
   std::vector<int> stayed;
 };
 
-// @param rack  So many of those that moved did so as one body that stands close together.
-Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0) {
+// @param rack   So many of those that moved did so as one body that stands close together.
+// @param twice  So many of those that stayed stood at a second place as well while each map was
+// made.
+Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0, int twice = 0) {
   std::uniform_real_distribution<double> unit;
   const double side = std::sqrt(kArea);
   const auto anywhere = [&] { return Eigen::Vector2d(side * unit(*random), side * unit(*random)); };
@@ -118,8 +122,13 @@ Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0) {
       after[at] = T_after_before * before[at];
     }
   }
+  for (int i = 0; i < twice; ++i) after.push_back(before.emplace_back(anywhere()));
   pair.reference = Points(before, 0.015);
   pair.other = Points(after, 0.015);
+  for (int i = 0; i < twice; ++i) {
+    const auto at = static_cast<std::size_t>(landmarks + i);
+    pair.reference.points[at].group = pair.other.points[at].group = i;
+  }
   AddErrors(random, &pair.reference);
   AddErrors(random, &pair.other);
   std::normal_distribution<double> normal;
@@ -226,6 +235,58 @@ TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFinds) {
     }
     EXPECT_GT(found / total, 1.0 - 1e-3) << "round " << round << ", seed " << Seed();
   }
+}
+
+// The oracle: all sets without rivals.
+TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFindsOfSeveralModesInBothMaps) {
+  std::mt19937_64 random(Seed());
+  MovePrior prior;
+  prior.group_share = 0.0;
+  for (int round = 0; round < 4; ++round) {
+    const Pair pair = DrawPair(6, 1 + round, &random, 0, 2);
+    const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
+    EXPECT_THAT(evidence.groups(), ElementsAre(0, 0, 1, 1, 2, 3, 4, 5));
+    const auto matches = static_cast<int>(evidence.matches().size());
+    ASSERT_EQ(matches, 4 + 2 * 4);
+    const auto possible = [&](MatchSet s) {
+      for (int k = 0; k < matches; ++k) {
+        if (((s >> k) & 1) != 0 && std::popcount(s & evidence.Rivals(k)) > 1) return false;
+      }
+      return std::popcount(s) >= 2;
+    };
+    std::map<MatchSet, double> all;
+    double best = -1e300;
+    for (MatchSet s = 0; s < MatchSet{1} << matches; ++s) {
+      if (possible(s)) best = std::max(best, all[s] = evidence.Score(s).log_score);
+    }
+    double total = 0.0;
+    for (const auto& [s, score] : all) total += std::exp(score - best);
+    double found = 0.0;
+    for (const Hypothesis& hypothesis : SearchHypotheses(evidence, prior, {})) {
+      if (hypothesis.stayed == 0) continue;
+      ASSERT_TRUE(possible(hypothesis.stayed));
+      found += std::exp(all.at(hypothesis.stayed) - best);
+    }
+    EXPECT_GT(found / total, 1.0 - 1e-3) << "round " << round << ", seed " << Seed();
+  }
+}
+
+// Four places of two landmarks mostly decide where all others stand elsewhere.
+TEST(ExplainAlignmentTest, WhereALandmarkStoodAtTwoTimesIsTwoPlaces) {
+  std::mt19937_64 random(Seed());
+  int decided = 0;
+  for (int round = 0; round < 20; ++round) {
+    const Pair pair = DrawPair(10, 8, &random, 0, 2);
+    const Explanation best = ExplainPair(pair).frames.front();
+    if (best.probability < kDecided) continue;
+    ++decided;
+    EXPECT_TRUE(IsRight(pair, best)) << "round " << round << ", seed " << Seed();
+    EXPECT_THAT(best.alignment.signatures, IsSupersetOf({0, 1}));
+    EXPECT_THAT(best.moved, SizeIs(10 - best.alignment.signatures.size()));
+    EXPECT_GE(best.stayed.size(), 4);
+    for (const Match& match : best.stayed) EXPECT_EQ(match.reference, match.other);
+  }
+  EXPECT_GE(decided, 12);
 }
 
 TEST(ExplainAlignmentTest, GainsAreWhatSingleChangesDo) {

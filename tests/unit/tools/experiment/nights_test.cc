@@ -60,15 +60,20 @@ TEST(NightsWorldTest, LayoutsChangeAtOnce) {
 }
 
 // A crowded site whose whole layout changes every other day, through the commands of a site.
-TEST(NightsTest, NothingIsDecidedWronglyOnARestlessSite) {
+NightsOptions RestlessSite(std::uint64_t seed, int nights) {
   NightsOptions options;
-  options.seed = 2;
-  options.nights = 12;
+  options.seed = seed;
+  options.nights = nights;
   options.groups = 10;
   options.size_m = 12.0;
   options.duration_s = 60.0;
   options.layout_days = 2;
   options.layout_share = 0.9;
+  return options;
+}
+
+TEST(NightsTest, NothingIsDecidedWronglyOnARestlessSite) {
+  const NightsOptions options = RestlessSite(2, 12);
   const testing::TempDir folder;
   int called = 0;
   const StatusOr<NightsResult> result = DriveNights(
@@ -92,6 +97,23 @@ TEST(NightsTest, NothingIsDecidedWronglyOnARestlessSite) {
   EXPECT_GT(sum.localized, 50);
   EXPECT_GT(sum.decisions, 1000);
   EXPECT_GT(sum.p_true_sum / sum.states, 0.6);
+}
+
+// All but two landmarks of the second layout stand elsewhere than in the first, and these two each
+// at two places in both. No run of it has both places of both; together the runs do.
+TEST(NightsTest, RunsOfANewLayoutAreMappedOnceTheyDecideTogether) {
+  const testing::TempDir folder;
+  const StatusOr<NightsResult> result = DriveNights(
+      RestlessSite(8, 15), folder.File("site"), {"--threads", "1"}, [](const NightResult&) {});
+  ASSERT_THAT(result, IsOk());
+  for (const NightResult& night : result->nights) {
+    EXPECT_EQ(night.wrong_modes, 0) << night.night;
+    EXPECT_LT(night.map_rmse_m, 0.05) << night.night;
+  }
+  EXPECT_EQ(result->nights[3].unmapped, 8);
+  EXPECT_EQ(result->nights[3].waiting, 8);
+  EXPECT_LT(result->nights[4].unmapped, 5);  // None but runs of the third layout.
+  EXPECT_GT(result->nights[4].modes, result->nights[3].modes + 8);
 }
 
 TEST(NightsTest, AFolderThatIsThereIsLeftAlone) {
