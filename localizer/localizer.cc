@@ -372,7 +372,7 @@ SightingCollector::PlaceState Localizer::Collect(const Observation& observation,
   return sightings_.Add(observation.signature,
                         LandmarkPosition(observation, pose.T_map_vehicle),
                         Symmetrized(R * cov_vehicle * R.transpose()),
-                        pose.T_map_vehicle.translation(),
+                        bank_->T_odom_vehicle().translation(),
                         stamp);
 }
 

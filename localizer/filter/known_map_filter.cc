@@ -390,13 +390,15 @@ KnownMapFilter::StateMatrix KnownMapFilter::Move(
 }
 
 // What ν = H_x x̃ + H_p p̃ + b' + v = 0 leaves of p̃, if nothing was known of it before.
-void KnownMapFilter::StartPlace(int group, const Measurement& measurement) {
+void KnownMapFilter::StartPlace(int group,
+                                const Measurement& measurement,
+                                const Eigen::Vector2d& p_odom_viewpoint) {
   const Eigen::Matrix2d R_map_vehicle = R_vehicle_map_.transpose();
   UnknownPlace place;
   place.group = group;
   place.kind = measurement.kind;
   place.p_map_landmark = T_map_vehicle_ * measurement.q;
-  place.p_map_viewpoint = T_map_vehicle_.translation();
+  place.p_odom_viewpoint = p_odom_viewpoint;
   const Prediction prediction = PredictObservation(
       measurement, PredictPoint(place.p_map_landmark, place.cov, place.cross_state));
   const SensorBias& bias = BiasOf(measurement.kind);

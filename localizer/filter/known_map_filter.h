@@ -135,7 +135,10 @@ class KnownMapFilter {
               double weight = 1.0);
 
   /// Remembers a landmark at the place where this filter's pose puts an observation of it.
-  void StartPlace(int group, const Measurement& measurement);
+  /// @param p_odom_viewpoint  Where the vehicle is by dead reckoning. [m]
+  void StartPlace(int group,
+                  const Measurement& measurement,
+                  const Eigen::Vector2d& p_odom_viewpoint);
 
   /// The place remembered for a group; null if there is none. Valid until the filter changes.
   const UnknownPlace* FindPlace(int group) const { return places_.Find(group); }

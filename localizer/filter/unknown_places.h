@@ -22,13 +22,16 @@ inline constexpr double kApart = 0.5;
 struct UnknownPlace {
   using StateByPoint = Eigen::Matrix<double, 5, 2>;
 
-  int group = 0;                                              ///< Index into MapSnapshot::groups().
-  Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();   ///< [m]
-  Eigen::Vector2d p_map_viewpoint = Eigen::Vector2d::Zero();  ///< Of the first sighting. [m]
-  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();              ///< E[p̃ p̃ᵀ]. [m²]
-  StateByPoint cross_state = StateByPoint::Zero();            ///< E[x̃ p̃ᵀ].
-  Observation::Kind kind = Observation::Kind::kCartesian;     ///< Of the bias in cross_bias.
-  Eigen::Matrix2d cross_bias = Eigen::Matrix2d::Zero();       ///< E[b p̃ᵀ].
+  int group = 0;                                             ///< Index into MapSnapshot::groups().
+  Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
+
+  /// Of the first sighting, by dead reckoning: a pose that is corrected has not moved. [m]
+  Eigen::Vector2d p_odom_viewpoint = Eigen::Vector2d::Zero();
+
+  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();           ///< E[p̃ p̃ᵀ]. [m²]
+  StateByPoint cross_state = StateByPoint::Zero();         ///< E[x̃ p̃ᵀ].
+  Observation::Kind kind = Observation::Kind::kCartesian;  ///< Of the bias in cross_bias.
+  Eigen::Matrix2d cross_bias = Eigen::Matrix2d::Zero();    ///< E[b p̃ᵀ].
 
   /// Of the bias of one kind of observation: those of different kinds share none.
   Eigen::Matrix2d CrossBias(Observation::Kind of) const {

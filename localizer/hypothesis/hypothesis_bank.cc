@@ -113,6 +113,7 @@ void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {
+  T_odom_vehicle_ = T_odom_vehicle_ * increment.T_begin_end;
   for (Leaf* leaf : leaves_.all()) leaf->filter.Predict(increment, elapsed_s);
 }
 

@@ -83,6 +83,9 @@ class HypothesisBank {
   std::vector<VisitEvidence> EndVisits();
 
   const Leaf& best() const { return leaves_.front(); }
+
+  /// Where dead reckoning has the vehicle: it moves as the vehicle does, and is never corrected.
+  const Se2& T_odom_vehicle() const { return T_odom_vehicle_; }
   const LeafSet& leaves() const { return leaves_; }
   const std::vector<Visit>& visits() const { return visits_; }
 
@@ -182,6 +185,7 @@ class HypothesisBank {
   double unknown_place_density_ = 0.0;  // UnknownPlaceDensity().
   Eigen::Vector2d edge_of_view_;        // Of the sector, on the left; a unit vector.
   Stamp stamp_;
+  Se2 T_odom_vehicle_;                      // Dead-reckoned, the same for all leaves.
   LeafSet leaves_;                          // By descending weight.
   std::vector<Visit> visits_;               // Open ones, by group.
   std::vector<GroupPosterior> posteriors_;  // Per group, for those without a belief.

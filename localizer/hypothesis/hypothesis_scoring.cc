@@ -170,8 +170,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   const double log_other = std::log1p(-belief->place_probability) + weight * seen.log_any;
   const double total = LogAdd(log_at_place, log_other);
   const double at_place = std::exp(log_at_place - total);
-  const bool apart =
-      (leaf->filter.T_map_vehicle().translation() - place->p_map_viewpoint).norm() > kApart;
+  const bool apart = (T_odom_vehicle_.translation() - place->p_odom_viewpoint).norm() > kApart;
   const double said = apart || !log_ungated ? total : std::min(total, weight * *log_ungated);
   const double started = std::exp(log_other - total) * seen.new_share;
   if (started > at_place) {
@@ -191,7 +190,7 @@ void HypothesisBank::StartPlace(const SeenObservation& seen,
                                 double probability,
                                 Leaf* leaf,
                                 GroupBelief* belief) const {
-  leaf->filter.StartPlace(seen.group, seen.measurement);
+  leaf->filter.StartPlace(seen.group, seen.measurement, T_odom_vehicle_.translation());
   belief->place_probability = IsUnknown(seen.group, *leaf) ? probability : 0.0;
   belief->log_missed[0] = 0.0;
 }
@@ -236,14 +235,13 @@ ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {
 }
 
 double HypothesisBank::ViewWeight(Visit* visit) const {
-  const Se2& T_map_vehicle = best().filter.T_map_vehicle();
-  if (visit->T_map_viewpoint) {
-    const Se2 moved = visit->T_map_viewpoint->Inverse() * T_map_vehicle;
+  if (visit->T_odom_viewpoint) {
+    const Se2 moved = visit->T_odom_viewpoint->Inverse() * T_odom_vehicle_;
     const bool same_view =
         moved.translation().norm() < kSameViewDistance && std::abs(moved.yaw()) < kSameViewYaw;
     if (same_view) return kRepetitionWeight;
   }
-  visit->T_map_viewpoint = T_map_vehicle;
+  visit->T_odom_viewpoint = T_odom_vehicle_;
   return 1.0;
 }
 

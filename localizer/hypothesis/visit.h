@@ -19,8 +19,9 @@ struct Visit {
   std::int64_t observations = 0;  ///< Scans in which it was seen.
   bool seen = false;              ///< In the present scan.
 
-  /// Where the vehicle was at the last observation that was a view of its own, not a repetition.
-  std::optional<Se2> T_map_viewpoint;
+  /// Where the vehicle was by dead reckoning at the last observation that was a view of its own,
+  /// not a repetition.
+  std::optional<Se2> T_odom_viewpoint;
 
   StateValues log_prior;  ///< Per state, over all leaves, at `begin`.
 

@@ -20,14 +20,14 @@ constexpr double kSamePlace = 13.8;
 SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
                                                      const Eigen::Vector2d& p_map,
                                                      const Eigen::Matrix2d& cov,
-                                                     const Eigen::Vector2d& p_map_vehicle,
+                                                     const Eigen::Vector2d& p_odom_vehicle,
                                                      Stamp stamp) {
   const PlaceState seen_once{0, 1, p_map, stamp, stamp, false, false};
   const auto known = places_.find(signature);
   if (known == places_.end()) {
     if (!HasRoom()) return seen_once;
     places_[signature].push_back(
-        {{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false, false});
+        {{signature, p_map, cov, 1, stamp, stamp}, p_odom_vehicle, false, false});
     return seen_once;
   }
   std::vector<Place>& places = known->second;
@@ -43,7 +43,7 @@ SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
     // Sightings of one pass share the pose's error, so the mean is as uncertain as each of them.
     sighting.cov_p_map_landmark += share * (cov - sighting.cov_p_map_landmark);
     sighting.last = stamp;
-    place.from_apart |= (p_map_vehicle - place.p_map_first_vehicle).norm() > kApart;
+    place.from_apart |= (p_odom_vehicle - place.p_odom_first_vehicle).norm() > kApart;
     return {i,
             sighting.count,
             sighting.p_map_landmark,
@@ -59,7 +59,7 @@ SightingCollector::PlaceState SightingCollector::Add(const Signature& signature,
     --size_;
   }
   if (!HasRoom()) return seen_once;
-  places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_map_vehicle, false, false});
+  places.push_back({{signature, p_map, cov, 1, stamp, stamp}, p_odom_vehicle, false, false});
   return {places.size() - 1, 1, p_map, stamp, stamp, false, false};
 }
 

@@ -29,11 +29,11 @@ class SightingCollector {
   };
 
   /// @param p_map, cov     Position and its covariance, pose error included. [m], [m²]
-  /// @param p_map_vehicle  From where it was seen. [m]
+  /// @param p_odom_vehicle  From where it was seen, by dead reckoning. [m]
   PlaceState Add(const Signature& signature,
                  const Eigen::Vector2d& p_map,
                  const Eigen::Matrix2d& cov,
-                 const Eigen::Vector2d& p_map_vehicle,
+                 const Eigen::Vector2d& p_odom_vehicle,
                  Stamp stamp);
 
   /// Takes a place for the one where the landmark stands now.
@@ -51,7 +51,7 @@ class SightingCollector {
  private:
   struct Place {
     UnmappedSighting sighting;
-    Eigen::Vector2d p_map_first_vehicle = Eigen::Vector2d::Zero();
+    Eigen::Vector2d p_odom_first_vehicle = Eigen::Vector2d::Zero();
     bool from_apart = false;
     bool confirmed = false;
   };

@@ -164,7 +164,7 @@ TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
     observation.z = Eigen::Vector2d(4.0 + normal(random), -1.0 + normal(random));
     const KnownMapFilter::Measurement measurement = KnownMapFilter::Measure(observation, R);
     if (i == 0) {
-      filter.StartPlace(3, measurement);
+      filter.StartPlace(3, measurement, Eigen::Vector2d::Zero());
     } else {
       const UnknownPlace& place = *filter.FindPlace(3);
       const KnownMapFilter::Prediction prediction = filter.PredictPlace(place, measurement);

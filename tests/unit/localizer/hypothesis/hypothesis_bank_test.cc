@@ -134,6 +134,34 @@ TEST(HypothesisBank, RepeatedSightingsDoNotTellAVaguePoseFromALandmarkThatMoved)
   }
 }
 
+// A vehicle that stands sees a landmark far from its mode, again and again, and another one at its
+// mode, which corrects the pose by a metre. That is no motion: the repetitions prove as little as
+// where the pose was right from the start.
+TEST(HypothesisBank, ACorrectedPoseHasNotMoved) {
+  MapContent content = MakeTwoModeMap(2, 10.0, 1);
+  content.groups[0].modes[0].p_map_landmark = {6.0, 0.0};
+  content.groups[1].modes[0].p_map_landmark = {6.0, -3.0};
+  for (LandmarkGroup& group : content.groups) group.modes[1].p_map_landmark = {500.0, 0.0};
+  const auto log_odds = [&](double start_x_m) {
+    PoseWithCovariance start = AtOrigin(1.0);
+    start.T_map_vehicle = Se2(start_x_m, 0.0, 0.0);
+    HypothesisOptions options;
+    options.alpha = 1e-30;  // Nothing is given up.
+    HypothesisBank bank(Snapshot(content), options, start, StampFromSeconds(1000.0));
+    for (int i = 0; i < 12; ++i) {
+      const double at_s = 0.3 * i;
+      bank.Correct(ScanOf(content, at_s, {std::hypot(4.0, 5.0), std::atan2(5.0, 4.0)}));
+      Scan other = ScanOf(content, at_s + 0.1, {std::hypot(6.0, 3.0), std::atan2(-3.0, 6.0)});
+      other.observations[0].signature = content.groups[1].signature;
+      bank.Correct(other);
+    }
+    EXPECT_LT(bank.best().filter.T_map_vehicle().translation().norm(), 0.1);
+    const Eigen::VectorXd p = bank.Probabilities(0);
+    return std::log(p[0] / p[1]);
+  };
+  EXPECT_NEAR(log_odds(1.0), log_odds(0.0), 1.0);
+}
+
 // Two hypotheses by hand: the landmark is at its mode, and each sighting a misjudged one; or it is
 // at one place that no mode has. Pose and motion are exact, and a bias is the same in all
 // sightings, so the place is the mean of the sightings.
