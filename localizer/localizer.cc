@@ -388,16 +388,9 @@ void Localizer::DistrustPose() {
 }
 
 void Localizer::TryGlobalStart() {
-  // Dead reckoning may have drifted too far for a long window: then a shorter one decides.
-  for (std::size_t length = window_.size(); length > 0; length /= 2) {
-    const std::size_t first = window_.size() - length;
-    const std::vector<WindowScan> recent(window_.begin() + static_cast<std::ptrdiff_t>(first),
-                                         window_.end());
-    const auto start = FindGlobalStart(recent, snapshot_, options_.global_start);
-    if (!start) continue;
-    StartAt(start->pose, first + start->scan);
-    return;
-  }
+  const std::vector<WindowScan> window(window_.begin(), window_.end());
+  const auto start = FindRecentStart(window, snapshot_, options_.global_start);
+  if (start) StartAt(start->pose, start->scan);
 }
 
 void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <vector>
 
 #include "localizer/hypothesis/log_math.h"
@@ -22,6 +23,8 @@ constexpr double kSigmas = 3.0;
 constexpr double kMaxResidual = 1.0;        // [m]
 constexpr double kMinBaseline = 0.8;        // [m]
 constexpr double kNoneAgrees = 0.02;        // Probability that no two landmarks stand at modes.
+constexpr double kSlip = 1e-3;              // Probability that dead reckoning slips in a window.
+constexpr double kMaxOddsBeside = 0.01;     // Of poses beyond a start that are too vague to differ.
 constexpr double kLayoutChange = 0.5;       // Probability that modes' probabilities say nothing.
 constexpr double kMinElsewhere = 0.02;      // Probability of a landmark to be at none of its modes.
 constexpr double kMinStartVariance = 0.01;  // (0.1 m)²
@@ -49,6 +52,16 @@ struct Candidate {
 bool Better(const Candidate& a, const Candidate& b) {
   if (a.matches.size() != b.matches.size()) return a.matches.size() > b.matches.size();
   return a.log_probability > b.log_probability;
+}
+
+// Most pairs of one pose's landmarks find it, each a little differently.
+bool ExplainTheSame(const Candidate& a, const Candidate& b) {
+  return std::equal(
+      a.matches.begin(),
+      a.matches.end(),
+      b.matches.begin(),
+      b.matches.end(),
+      [](const Match& x, const Match& y) { return x.cluster == y.cluster && x.mode == y.mode; });
 }
 
 // Where a pair's own error puts a third landmark: grows with the distance from the pair.
@@ -85,13 +98,18 @@ Eigen::Matrix3d GaussNewtonStep(Candidate* candidate) {
 
 class Search {
  public:
-  Search(const std::vector<SightingCluster>& clusters, const MapSnapshot& snapshot)
+  // @param stamp  At which the modes hold.
+  Search(const std::vector<SightingCluster>& clusters, const MapSnapshot& snapshot, Stamp stamp)
       : clusters_(clusters), snapshot_(snapshot), area_(SiteArea(snapshot)) {
     std::map<int, std::size_t> slots;
     for (const SightingCluster& cluster : clusters) {
-      slots_.push_back(slots.emplace(cluster.group, slots.size()).first->second);
+      const auto [slot, is_new] = slots.emplace(cluster.group, slots.size());
+      slots_.push_back(slot->second);
+      if (!is_new) continue;
+      const LandmarkGroup& group = GroupOf(cluster);
+      probabilities_.push_back(
+          group.chain.Propagate(group.probabilities, stamp - snapshot.stamp()));
     }
-    groups_seen_ = slots.size();
   }
 
   std::vector<Candidate> Run() {
@@ -107,7 +125,14 @@ class Search {
     std::stable_sort(found_.begin(), found_.end(), [](const Candidate& a, const Candidate& b) {
       return a.log_weight > b.log_weight;
     });
-    return std::move(found_);
+    std::vector<Candidate> poses;
+    for (Candidate& candidate : found_) {
+      const bool known = std::any_of(poses.begin(), poses.end(), [&](const Candidate& pose) {
+        return ExplainTheSame(pose, candidate);
+      });
+      if (!known) poses.push_back(std::move(candidate));
+    }
+    return poses;
   }
 
  private:
@@ -146,7 +171,7 @@ class Search {
   // Finds what a candidate explains: per signature the best (cluster, mode) inside the gate.
   void FindMatches(const PairError& error, Candidate* candidate) {
     const OdometryCalibration& odometry = snapshot_.calibration().odometry;
-    std::vector<Match> best(groups_seen_);
+    std::vector<Match> best(probabilities_.size());
     for (std::size_t i = 0; i < clusters_.size(); ++i) {
       const SightingCluster& cluster = clusters_[i];
       const Eigen::Vector2d p_map = candidate->T_map_odom * cluster.p_odom;
@@ -171,8 +196,8 @@ class Search {
       candidate->matches.push_back(match);
       const LandmarkGroup& group = GroupOf(*match.cluster);
       constexpr double kMinProbability = 1e-6;
-      candidate->log_probability += std::log(
-          std::max(group.probabilities[group.StateOf(match.mode->number)], kMinProbability));
+      const double probability = ProbabilitiesOf(*match.cluster)[group.StateOf(match.mode->number)];
+      candidate->log_probability += std::log(std::max(probability, kMinProbability));
     }
   }
 
@@ -195,10 +220,11 @@ class Search {
     const OdometryCalibration& odometry = snapshot_.calibration().odometry;
     double log_as_known = 0.0;
     double log_all_alike = 0.0;
-    std::vector<bool> counted(groups_seen_);
+    std::vector<bool> counted(probabilities_.size());
     for (const Match& match : candidate.matches) {
       const SightingCluster& cluster = *match.cluster;
       const LandmarkGroup& group = GroupOf(cluster);
+      const Eigen::VectorXd& probabilities = ProbabilitiesOf(cluster);
       counted[SlotOf(cluster)] = true;
       const Eigen::Vector2d p_map = candidate.T_map_odom * cluster.p_odom;
       const double variance =
@@ -209,28 +235,32 @@ class Search {
         const double v = variance + 0.5 * group.modes[mode].cov_p_map_landmark.trace();
         const double squared = (group.modes[mode].p_map_landmark - p_map).squaredNorm();
         const double density = std::exp(-0.5 * squared / v) / (2.0 * M_PI * v);
-        as_known += group.probabilities[static_cast<Eigen::Index>(mode) + 1] * density;
+        as_known += probabilities[static_cast<Eigen::Index>(mode) + 1] * density;
         all_alike += density;
       }
       // One of the places that the signature was seen at is explained.
       const double gain = area_ / ClustersOf(cluster.group);
-      const auto states = static_cast<double>(group.probabilities.size());
-      log_as_known += std::log(Elsewhere(group) + (1.0 - kMinElsewhere) * gain * as_known);
+      const auto states = static_cast<double>(probabilities.size());
+      log_as_known += std::log(Elsewhere(probabilities) + (1.0 - kMinElsewhere) * gain * as_known);
       log_all_alike += std::log((1.0 + gain * all_alike) / states);
     }
     for (const SightingCluster& cluster : clusters_) {
       if (counted[SlotOf(cluster)]) continue;
       counted[SlotOf(cluster)] = true;
-      const LandmarkGroup& group = GroupOf(cluster);
-      log_as_known += std::log(Elsewhere(group));
-      log_all_alike -= std::log(static_cast<double>(group.probabilities.size()));
+      const Eigen::VectorXd& probabilities = ProbabilitiesOf(cluster);
+      log_as_known += std::log(Elsewhere(probabilities));
+      log_all_alike -= std::log(static_cast<double>(probabilities.size()));
     }
     return LogAdd(std::log1p(-kLayoutChange) + log_as_known,
                   std::log(kLayoutChange) + log_all_alike);
   }
 
-  static double Elsewhere(const LandmarkGroup& group) {
-    return kMinElsewhere + (1.0 - kMinElsewhere) * group.probabilities[0];
+  static double Elsewhere(const Eigen::VectorXd& probabilities) {
+    return kMinElsewhere + (1.0 - kMinElsewhere) * probabilities[0];
+  }
+
+  const Eigen::VectorXd& ProbabilitiesOf(const SightingCluster& cluster) const {
+    return probabilities_[SlotOf(cluster)];
   }
 
   std::size_t SlotOf(const SightingCluster& cluster) const {
@@ -246,9 +276,9 @@ class Search {
 
   const std::vector<SightingCluster>& clusters_;
   const MapSnapshot& snapshot_;
-  double area_;                     // [m²]
-  std::vector<std::size_t> slots_;  // Per cluster: its group's number among those seen.
-  std::size_t groups_seen_ = 0;
+  double area_;                                 // [m²]
+  std::vector<std::size_t> slots_;              // Per cluster: its group's number among those seen.
+  std::vector<Eigen::VectorXd> probabilities_;  // Per group seen: of its states.
   std::vector<Candidate> found_;
 };
 
@@ -284,29 +314,133 @@ Drift DriftTo(const Odometer& odometer,
   return drift;
 }
 
-void SetPose(Candidate best,
-             std::span<const ReckonedScan> path,
-             const OdometryCalibration& odometry,
-             GlobalStart* start) {
-  const Eigen::Matrix3d information = GaussNewtonStep(&best);
-  double chi2 = 0.0;
-  for (const Match& match : best.matches) chi2 += match.squared_residual / match.variance;
-  const double dof = 2.0 * static_cast<double>(best.matches.size()) - 3.0;
+// Whether a pose is not among what an estimate states, at 0.999.
+bool IsBeyond(const PoseWithCovariance& estimate, const Se2& T_map_vehicle) {
+  const Eigen::Vector3d error = (estimate.T_map_vehicle.Inverse() * T_map_vehicle).Log();
+  return error.dot(estimate.cov_T_map_vehicle.inverse() * error) > ChiSquareQuantile(0.999, 3);
+}
+
+// The scan of a start: as far back as dead reckoning is still good for.
+std::size_t FirstScan(const Candidate& best,
+                      std::span<const ReckonedScan> path,
+                      const OdometryCalibration& odometry) {
   const auto far = [&](const ReckonedScan& reckoned) {
     const Drift drift = DriftTo(reckoned.odometer, best.reference, odometry);
     const bool before = reckoned.odometer.time_s < best.reference.time_s;
     return before && (drift.position > kMaxDriftVariance || drift.yaw > kMaxYawDriftVariance);
   };
   const auto first = std::find_if_not(path.begin(), path.end() - 1, far);
-  start->scan = static_cast<std::size_t>(first - path.begin());
+  return static_cast<std::size_t>(first - path.begin());
+}
 
-  const Eigen::Matrix3d cov = CovAt(first->T_odom_vehicle, information) * std::max(1.0, chi2 / dof);
-  const Drift drift = DriftTo(first->odometer, best.reference, odometry);
+// What a candidate says of the pose at a scan.
+PoseWithCovariance PoseAtScan(Candidate candidate,
+                              const ReckonedScan& scan,
+                              const OdometryCalibration& odometry) {
+  const Eigen::Matrix3d information = GaussNewtonStep(&candidate);
+  double chi2 = 0.0;
+  for (const Match& match : candidate.matches) chi2 += match.squared_residual / match.variance;
+  const double dof = 2.0 * static_cast<double>(candidate.matches.size()) - 3.0;
+  const Eigen::Matrix3d cov = CovAt(scan.T_odom_vehicle, information) * std::max(1.0, chi2 / dof);
+  const Drift drift = DriftTo(scan.odometer, candidate.reference, odometry);
   const double position = drift.position + kMinStartVariance;
-  const Eigen::Vector3d more(position, position, drift.yaw + kMinYawVariance);
-  start->pose.T_map_vehicle = best.T_map_odom * first->T_odom_vehicle;
-  start->pose.cov_T_map_vehicle = Symmetrized(cov);
-  start->pose.cov_T_map_vehicle.diagonal() += more;
+  PoseWithCovariance pose;
+  pose.T_map_vehicle = candidate.T_map_odom * scan.T_odom_vehicle;
+  pose.cov_T_map_vehicle = Symmetrized(cov);
+  pose.cov_T_map_vehicle.diagonal() +=
+      Eigen::Vector3d(position, position, drift.yaw + kMinYawVariance);
+  return pose;
+}
+
+// Mean and covariance of a mixture of poses that are near each other.
+// @param weights  Positive.
+PoseWithCovariance MomentsOf(const std::vector<PoseWithCovariance>& poses,
+                             const std::vector<double>& weights) {
+  const Se2 T_vehicle_map = poses.front().T_map_vehicle.Inverse();
+  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Eigen::Vector3d offset = (T_vehicle_map * poses[i].T_map_vehicle).Log();
+    const double share = weights[i] / total;
+    mean += share * offset;
+    square += share * (poses[i].cov_T_map_vehicle + offset * offset.transpose());
+  }
+  return {poses.front().T_map_vehicle * Se2::Exp(mean),
+          Symmetrized(square - mean * mean.transpose())};
+}
+
+// A pose at the end of a window, and log of its weight with the prior.
+struct WeighedPose {
+  PoseWithCovariance pose;
+  double log_weight = 0.0;
+};
+
+// As FindGlobalStart.
+// @param log_prior  Of the window: that dead reckoning did not slip in it, but before.
+// @param poses      Of longer windows. What this one finds is added.
+std::optional<GlobalStart> StartIn(std::span<const WindowScan> window,
+                                   const MapSnapshot& snapshot,
+                                   const GlobalStartOptions& options,
+                                   double log_prior,
+                                   std::vector<WeighedPose>* poses) {
+  const std::vector<SightingCluster> clusters = ClusterSightings(window, snapshot, kMaxClusters);
+  if (clusters.size() < static_cast<std::size_t>(options.min_signatures)) return std::nullopt;
+  const std::vector<Candidate> candidates =
+      Search(clusters, snapshot, window.back().scan.stamp).Run();
+  if (candidates.empty()) return std::nullopt;
+  const std::vector<ReckonedScan> path = DeadReckon(window);
+  const OdometryCalibration& odometry = snapshot.calibration().odometry;
+
+  const Candidate& best = candidates.front();
+  const double log_best = best.log_weight + log_prior;
+  double odds_against = kNoneAgrees / (1.0 - kNoneAgrees) * std::exp(-log_best);
+  const PoseWithCovariance at_end = PoseAtScan(best, path.back(), odometry);
+  for (const WeighedPose& other : *poses) {
+    if (ClearlyApart(at_end, other.pose)) odds_against += std::exp(other.log_weight - log_best);
+  }
+  // Of other poses each counts once, by the best of those that are the same.
+  std::vector<const Candidate*> others;
+  std::vector<const Candidate*> near;
+  double odds_beside = 0.0;
+  for (const Candidate& other : candidates) {
+    if (!ClearlyDifferent(best, other)) {
+      near.push_back(&other);
+      const PoseWithCovariance beside = PoseAtScan(other, path.back(), odometry);
+      if (IsBeyond(at_end, beside.T_map_vehicle)) {
+        odds_beside += std::exp(other.log_weight - best.log_weight);
+      }
+      continue;
+    }
+    const bool known = std::any_of(others.begin(), others.end(), [&](const Candidate* candidate) {
+      return !ClearlyDifferent(*candidate, other);
+    });
+    if (known) continue;
+    others.push_back(&other);
+    odds_against += std::exp(other.log_weight - best.log_weight);
+  }
+  poses->push_back({at_end, log_best});
+  for (const Candidate* other : others) {
+    poses->push_back({PoseAtScan(*other, path.back(), odometry), other->log_weight + log_prior});
+  }
+  GlobalStart start;
+  start.explained = static_cast<int>(best.matches.size());
+  start.probability = 1.0 / (1.0 + odds_against);
+  if (start.explained < options.min_signatures || start.probability < options.min_probability ||
+      odds_beside > kMaxOddsBeside) {
+    return std::nullopt;
+  }
+  start.scan = FirstScan(best, path, odometry);
+  std::vector<PoseWithCovariance> of_start;
+  std::vector<double> weights;
+  for (const Candidate* candidate : near) {
+    of_start.push_back(PoseAtScan(*candidate, path[start.scan], odometry));
+    weights.push_back(std::exp(candidate->log_weight - best.log_weight));
+  }
+  start.pose = MomentsOf(of_start, weights);
+  // Sightings far out of any sensor's reach may agree on a pose that is not one.
+  if (!ValidateStart(start.pose).ok()) return std::nullopt;
+  return start;
 }
 
 }  // namespace
@@ -314,34 +448,25 @@ void SetPose(Candidate best,
 std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
                                            const MapSnapshot& snapshot,
                                            const GlobalStartOptions& options) {
-  const std::vector<SightingCluster> clusters = ClusterSightings(window, snapshot, kMaxClusters);
-  if (clusters.size() < static_cast<std::size_t>(options.min_signatures)) return std::nullopt;
-  const std::vector<Candidate> candidates = Search(clusters, snapshot).Run();
-  if (candidates.empty()) return std::nullopt;
+  std::vector<WeighedPose> poses;
+  return StartIn(window, snapshot, options, 0.0, &poses);
+}
 
-  const Candidate& best = candidates.front();
-  // Of other poses each counts once, by the best of those that are the same.
-  std::vector<const Candidate*> others;
-  double odds_against = kNoneAgrees / (1.0 - kNoneAgrees) * std::exp(-best.log_weight);
-  for (const Candidate& other : candidates) {
-    const bool is_new = ClearlyDifferent(best, other) &&
-                        std::all_of(others.begin(), others.end(), [&](const Candidate* known) {
-                          return ClearlyDifferent(*known, other);
-                        });
-    if (!is_new) continue;
-    others.push_back(&other);
-    odds_against += std::exp(other.log_weight - best.log_weight);
+std::optional<GlobalStart> FindRecentStart(std::span<const WindowScan> window,
+                                           const MapSnapshot& snapshot,
+                                           const GlobalStartOptions& options) {
+  std::vector<WeighedPose> poses;
+  double log_prior = 0.0;
+  for (std::size_t length = window.size(); length > 0; length /= 2) {
+    const std::size_t first = window.size() - length;
+    auto start = StartIn(window.subspan(first), snapshot, options, log_prior, &poses);
+    if (start) {
+      start->scan += first;
+      return start;
+    }
+    log_prior = std::log(kSlip);
   }
-  GlobalStart start;
-  start.explained = static_cast<int>(best.matches.size());
-  start.probability = 1.0 / (1.0 + odds_against);
-  if (start.explained < options.min_signatures || start.probability < options.min_probability) {
-    return std::nullopt;
-  }
-  SetPose(best, DeadReckon(window), snapshot.calibration().odometry, &start);
-  // Sightings far out of any sensor's reach may agree on a pose that is not one.
-  if (!ValidateStart(start.pose).ok()) return std::nullopt;
-  return start;
+  return std::nullopt;
 }
 
 }  // namespace shiftmap

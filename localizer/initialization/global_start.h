@@ -46,4 +46,12 @@ std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
                                            const MapSnapshot& snapshot,
                                            const GlobalStartOptions& options);
 
+/// The same, where dead reckoning may have slipped in the window: of its newer half, its newest
+/// quarter and so on, if the whole does not decide. What is older is not forgotten: a pose of a
+/// part has to outweigh those of the longer ones, against the prior of a slip. Else the sightings
+/// that contradict a pose would be left out until it is decided for.
+std::optional<GlobalStart> FindRecentStart(std::span<const WindowScan> window,
+                                           const MapSnapshot& snapshot,
+                                           const GlobalStartOptions& options);
+
 }  // namespace shiftmap
