@@ -24,7 +24,7 @@ constexpr double kMaxResidual = 1.0;        // [m]
 constexpr double kMinBaseline = 0.8;        // [m]
 constexpr double kNoneAgrees = 0.02;        // Probability that no two landmarks stand at modes.
 constexpr double kSlip = 1e-3;              // Probability that dead reckoning slips in a window.
-constexpr double kMaxOddsBeside = 0.01;     // Of poses beyond a start that are too vague to differ.
+constexpr double kMaxOddsOfNear = 0.01;     // Of poses that the covariance of a start excludes.
 constexpr double kLayoutChange = 0.5;       // Probability that modes' probabilities say nothing.
 constexpr double kMinElsewhere = 0.02;      // Probability of a landmark to be at none of its modes.
 constexpr double kMinStartVariance = 0.01;  // (0.1 m)²
@@ -282,27 +282,28 @@ class Search {
   std::vector<Candidate> found_;
 };
 
-// The covariance of T_map_odom · T_odom_vehicle.
-Eigen::Matrix3d CovAt(const Se2& T_odom_vehicle, const Eigen::Matrix3d& information) {
+// The pose of a candidate where a vehicle is in the dead-reckoned frame, as a start states it.
+// @param cov_T_map_odom  Of T_map_odom·Exp(η).
+// @param drift           Until there.
+PoseWithCovariance PoseAt(const Se2& T_odom_vehicle,
+                          const Se2& T_map_odom,
+                          const Eigen::Matrix3d& cov_T_map_odom,
+                          const Drift& drift) {
   const Eigen::Matrix3d to_vehicle = T_odom_vehicle.InverseAdjoint();
-  return to_vehicle * information.inverse() * to_vehicle.transpose();
-}
-
-// The pose of a candidate where a vehicle is in the dead-reckoned frame, as a start states it but
-// for the drift until there.
-PoseWithCovariance PoseAt(const Se2& T_odom_vehicle, const Candidate& candidate) {
+  const double position = drift.position + kMinStartVariance;
   PoseWithCovariance pose;
-  pose.T_map_vehicle = candidate.T_map_odom * T_odom_vehicle;
-  pose.cov_T_map_vehicle = Symmetrized(CovAt(T_odom_vehicle, candidate.information));
+  pose.T_map_vehicle = T_map_odom * T_odom_vehicle;
+  pose.cov_T_map_vehicle = Symmetrized(to_vehicle * cov_T_map_odom * to_vehicle.transpose());
   pose.cov_T_map_vehicle.diagonal() +=
-      Eigen::Vector3d(kMinStartVariance, kMinStartVariance, kMinYawVariance);
+      Eigen::Vector3d(position, position, drift.yaw + kMinYawVariance);
   return pose;
 }
 
 // Whether a start at one pose would take the other for wrong.
 bool ClearlyDifferent(const Candidate& a, const Candidate& b) {
   const Se2 T_odom_vehicle(a.reference.p_odom_vehicle, 0.0);
-  return ClearlyApart(PoseAt(T_odom_vehicle, a), PoseAt(T_odom_vehicle, b));
+  return ClearlyApart(PoseAt(T_odom_vehicle, a.T_map_odom, a.information.inverse(), {}),
+                      PoseAt(T_odom_vehicle, b.T_map_odom, b.information.inverse(), {}));
 }
 
 // How wrong dead reckoning may be between where a candidate's landmarks were seen and a scan.
@@ -312,12 +313,6 @@ Drift DriftTo(const Odometer& odometer,
   Drift drift = DriftBetween(reference, odometer, calibration);
   drift.position += drift.yaw * (reference.p_odom_vehicle - odometer.p_odom_vehicle).squaredNorm();
   return drift;
-}
-
-// Whether a pose is not among what an estimate states, at 0.999.
-bool IsBeyond(const PoseWithCovariance& estimate, const Se2& T_map_vehicle) {
-  const Eigen::Vector3d error = (estimate.T_map_vehicle.Inverse() * T_map_vehicle).Log();
-  return error.dot(estimate.cov_T_map_vehicle.inverse() * error) > ChiSquareQuantile(0.999, 3);
 }
 
 // The scan of a start: as far back as dead reckoning is still good for.
@@ -341,15 +336,10 @@ PoseWithCovariance PoseAtScan(Candidate candidate,
   double chi2 = 0.0;
   for (const Match& match : candidate.matches) chi2 += match.squared_residual / match.variance;
   const double dof = 2.0 * static_cast<double>(candidate.matches.size()) - 3.0;
-  const Eigen::Matrix3d cov = CovAt(scan.T_odom_vehicle, information) * std::max(1.0, chi2 / dof);
-  const Drift drift = DriftTo(scan.odometer, candidate.reference, odometry);
-  const double position = drift.position + kMinStartVariance;
-  PoseWithCovariance pose;
-  pose.T_map_vehicle = candidate.T_map_odom * scan.T_odom_vehicle;
-  pose.cov_T_map_vehicle = Symmetrized(cov);
-  pose.cov_T_map_vehicle.diagonal() +=
-      Eigen::Vector3d(position, position, drift.yaw + kMinYawVariance);
-  return pose;
+  return PoseAt(scan.T_odom_vehicle,
+                candidate.T_map_odom,
+                information.inverse() * std::max(1.0, chi2 / dof),
+                DriftTo(scan.odometer, candidate.reference, odometry));
 }
 
 // Mean and covariance of a mixture of poses that are near each other.
@@ -378,7 +368,7 @@ struct WeighedPose {
 
 // As FindGlobalStart.
 // @param log_prior  Of the window: that dead reckoning did not slip in it, but before.
-// @param poses      Of longer windows. What this one finds is added.
+// @param poses      Poses of longer windows. A window that does not decide adds its own.
 std::optional<GlobalStart> StartIn(std::span<const WindowScan> window,
                                    const MapSnapshot& snapshot,
                                    const GlobalStartOptions& options,
@@ -402,13 +392,14 @@ std::optional<GlobalStart> StartIn(std::span<const WindowScan> window,
   // Of other poses each counts once, by the best of those that are the same.
   std::vector<const Candidate*> others;
   std::vector<const Candidate*> near;
-  double odds_beside = 0.0;
+  double odds_of_near = 0.0;  // Of those that the covariance of the best one excludes.
   for (const Candidate& other : candidates) {
     if (!ClearlyDifferent(best, other)) {
       near.push_back(&other);
-      const PoseWithCovariance beside = PoseAtScan(other, path.back(), odometry);
-      if (IsBeyond(at_end, beside.T_map_vehicle)) {
-        odds_beside += std::exp(other.log_weight - best.log_weight);
+      PoseWithCovariance exact = PoseAtScan(other, path.back(), odometry);
+      exact.cov_T_map_vehicle.setZero();
+      if (ClearlyApart(at_end, exact)) {
+        odds_of_near += std::exp(other.log_weight - best.log_weight);
       }
       continue;
     }
@@ -419,15 +410,15 @@ std::optional<GlobalStart> StartIn(std::span<const WindowScan> window,
     others.push_back(&other);
     odds_against += std::exp(other.log_weight - best.log_weight);
   }
-  poses->push_back({at_end, log_best});
-  for (const Candidate* other : others) {
-    poses->push_back({PoseAtScan(*other, path.back(), odometry), other->log_weight + log_prior});
-  }
   GlobalStart start;
   start.explained = static_cast<int>(best.matches.size());
   start.probability = 1.0 / (1.0 + odds_against);
   if (start.explained < options.min_signatures || start.probability < options.min_probability ||
-      odds_beside > kMaxOddsBeside) {
+      odds_of_near > kMaxOddsOfNear) {
+    poses->push_back({at_end, log_best});
+    for (const Candidate* other : others) {
+      poses->push_back({PoseAtScan(*other, path.back(), odometry), other->log_weight + log_prior});
+    }
     return std::nullopt;
   }
   start.scan = FirstScan(best, path, odometry);

@@ -109,11 +109,7 @@ class MovedLayoutsTest : public ::testing::Test {
     }
   }
 
-  // Whether both runs are in the map.
-  static void ExpectRightOrWaiting(const std::vector<MapperInput>& inputs, bool* decided) {
-    std::string names;
-    for (const MapperInput& input : inputs) names += input.name + " ";
-    const MapperResult result = Build(inputs);
+  static void ExpectRight(const std::string& names, const MapperResult& result) {
     const double worst_m = WorstError(result.content);
     fmt::print("{}: {} in the map, worst mode {:.3f} m {}\n",
                names,
@@ -121,6 +117,14 @@ class MovedLayoutsTest : public ::testing::Test {
                worst_m,
                Described(result));
     EXPECT_LT(worst_m, kRightM) << names;
+  }
+
+  // Whether both runs are in the map.
+  static void ExpectRightOrWaiting(const std::vector<MapperInput>& inputs, bool* decided) {
+    std::string names;
+    for (const MapperInput& input : inputs) names += input.name + " ";
+    const MapperResult result = Build(inputs);
+    ExpectRight(names, result);
     EXPECT_EQ(result.runs.size() + result.ambiguous_changes.size(), inputs.size()) << names;
     EXPECT_TRUE(result.rejected.empty()) << names;
     *decided = result.ambiguous_changes.empty();
@@ -160,9 +164,7 @@ TEST_F(MovedLayoutsTest, ARunOnTheMapOfTheOtherLayoutIsRightOrWaits) {
         EXPECT_TRUE(built.ok()) << names << ": " << Message(built.status());
         if (!built.ok()) continue;
         const MapperResult& result = *built;
-        const double worst_m = WorstError(result.content);
-        fmt::print("{}: worst mode {:.3f} m {}\n", names, worst_m, Described(result));
-        EXPECT_LT(worst_m, kRightM) << names;
+        ExpectRight(names, result);
         EXPECT_EQ(result.runs.size() + result.ambiguous_changes.size(), 1U) << names;
         if (result.runs.empty()) {
           EXPECT_EQ(ContentHash(result.content), ContentHash(prior)) << names;
@@ -189,13 +191,7 @@ TEST_F(MovedLayoutsTest, TwoRunsOfTheOtherLayoutAreRightOrWaitTogether) {
             fmt::format("s{}r{} and r{} on s{}r{}", of_runs, a, b, of_prior, first);
         const MapperResult result =
             BuildMap({Input(of_runs, a), Input(of_runs, b)}, prior, MapperOptions()).value();
-        const double worst_m = WorstError(result.content);
-        fmt::print("{}: {} in the map, worst mode {:.3f} m {}\n",
-                   names,
-                   result.runs.size(),
-                   worst_m,
-                   Described(result));
-        EXPECT_LT(worst_m, kRightM) << names;
+        ExpectRight(names, result);
         runs_in_the_map += static_cast<int>(result.runs.size());
       }
     }

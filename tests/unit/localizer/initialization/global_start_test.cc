@@ -29,6 +29,39 @@ Eigen::Vector3d ErrorOf(const GlobalStart& start, const SimulatedRun& simulated)
   return (start.pose.T_map_vehicle.Inverse() * simulated.T_map_vehicle[start.scan]).Log();
 }
 
+// A shift through a site of twelve landmarks, each at its first mode with probability 0.85.
+struct ChangedSite {
+  MapContent content;
+  SimulatedRun simulated;
+};
+
+// @param moves  Of landmarks drawn with repetition, by a metre or two, before the shift.
+ChangedSite DrawChangedSite(std::uint64_t seed, int moves) {
+  constexpr int kLandmarks = 12;
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  ChangedSite site;
+  site.content = MakeTwoModeMap(kLandmarks, 15.0, seed);
+  for (LandmarkGroup& group : site.content.groups) {
+    group.probabilities = Eigen::Vector3d(0.1, 0.85, 0.05);
+  }
+  std::vector<Eigen::Vector2d> truth = PositionsOf(site.content, std::vector<int>(kLandmarks, 1));
+  for (int move = 0; move < moves; ++move) {
+    const double length = uniform(0.7, 2.5);
+    const double direction = uniform(-M_PI, M_PI);
+    truth[static_cast<std::size_t>(uniform(0.0, kLandmarks))] +=
+        length * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+  }
+  SimulationOptions options;
+  options.seed = seed;
+  options.duration_s = uniform(2.0, 12.0);
+  options.T_map_start = Se2(uniform(-4.0, 4.0), uniform(-4.0, 4.0), uniform(-3.0, 3.0));
+  site.simulated = Simulate(site.content, truth, options);
+  return site;
+}
+
 TEST(GlobalStart, FindsThePoseWhateverModesHold) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 33);
   const MapSnapshot snapshot = Snapshot(content);
@@ -141,26 +174,7 @@ TEST(GlobalStart, StatesWhatALandmarkThatMovedALittleLeavesOpen) {
   int beyond = 0;
   double nees = 0.0;
   for (int i = 0; i < kWorlds; ++i) {
-    const auto seed = static_cast<std::uint64_t>(11000 + i);
-    std::mt19937_64 random(seed);
-    const auto uniform = [&](double low, double high) {
-      return std::uniform_real_distribution<double>(low, high)(random);
-    };
-    MapContent content = MakeTwoModeMap(12, 15.0, seed);
-    for (LandmarkGroup& group : content.groups)
-      group.probabilities = Eigen::Vector3d(0.1, 0.85, 0.05);
-    std::vector<Eigen::Vector2d> truth = PositionsOf(content, std::vector<int>(12, 1));
-    for (int moved = 0; moved < 8; ++moved) {
-      const double length = uniform(0.7, 2.5);
-      const double direction = uniform(-M_PI, M_PI);
-      truth[static_cast<std::size_t>(uniform(0.0, 12.0))] +=
-          length * Eigen::Vector2d(std::cos(direction), std::sin(direction));
-    }
-    SimulationOptions options;
-    options.seed = seed;
-    options.duration_s = uniform(2.0, 12.0);
-    options.T_map_start = Se2(uniform(-4.0, 4.0), uniform(-4.0, 4.0), uniform(-3.0, 3.0));
-    const SimulatedRun simulated = Simulate(content, truth, options);
+    const auto [content, simulated] = DrawChangedSite(static_cast<std::uint64_t>(11000 + i), 8);
     const auto start = FindGlobalStart(WindowOf(content, simulated), Snapshot(content), {});
     if (!start) continue;
     ++found;
@@ -213,30 +227,11 @@ TEST(GlobalStart, SightingsThatContradictAPoseAreNotLeftOut) {
   int part_wrong = 0;
   int recent_right = 0;
   for (int i = 0; i < kWorlds; ++i) {
-    const auto seed = static_cast<std::uint64_t>(21000 + i);
-    std::mt19937_64 random(seed);
-    const auto uniform = [&](double low, double high) {
-      return std::uniform_real_distribution<double>(low, high)(random);
-    };
-    MapContent content = MakeTwoModeMap(12, 15.0, seed);
-    for (LandmarkGroup& group : content.groups) {
-      group.probabilities = Eigen::Vector3d(0.1, 0.85, 0.05);
-    }
-    std::vector<Eigen::Vector2d> truth = PositionsOf(content, std::vector<int>(12, 1));
-    for (int moved = 0; moved < 2; ++moved) {
-      const double direction = uniform(-M_PI, M_PI);
-      truth[static_cast<std::size_t>(uniform(0.0, 12.0))] +=
-          uniform(0.7, 2.5) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
-    }
-    SimulationOptions options;
-    options.seed = seed;
-    options.duration_s = uniform(2.0, 12.0);
-    options.T_map_start = Se2(uniform(-4.0, 4.0), uniform(-4.0, 4.0), uniform(-3.0, 3.0));
-    const SimulatedRun simulated = Simulate(content, truth, options);
-    const std::vector<WindowScan> window = WindowOf(content, simulated);
-    const MapSnapshot snapshot = Snapshot(content);
+    const ChangedSite site = DrawChangedSite(static_cast<std::uint64_t>(21000 + i), 2);
+    const std::vector<WindowScan> window = WindowOf(site.content, site.simulated);
+    const MapSnapshot snapshot = Snapshot(site.content);
     const auto is_wrong = [&](const GlobalStart& start) {
-      return ErrorOf(start, simulated).head<2>().norm() > 1.0;
+      return ErrorOf(start, site.simulated).head<2>().norm() > 1.0;
     };
     if (const auto recent = FindRecentStart(window, snapshot, {})) {
       ++(is_wrong(*recent) ? recent_wrong : recent_right);
