@@ -10,6 +10,7 @@
 
 #include "mapper/association/track_names.h"
 #include "mapper/calibration/detection.h"
+#include "mapper/calibration/implausible_calibration.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/calibration/vehicle_update.h"
 #include "mapper/covariance/map_prior.h"
@@ -160,17 +161,25 @@ StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
     problems[i] = MapSingleRun(runs[i], groups, alone, go_on);
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  std::erase_if(problems, [&](const MapProblem& problem) {
+    const BuildRun& run = problem.runs.front();
+    const std::string implausible = ImplausibleCalibration(run);
+    if (!implausible.empty()) rejected->push_back({run.data->name, implausible});
+    return !implausible.empty();
+  });
   RaiseNoiseByVehicle(&problems);
-  std::vector<std::optional<Submap>> made(runs.size());
-  ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
+  std::vector<std::string> names;
+  for (const MapProblem& problem : problems) names.push_back(problem.runs.front().data->name);
+  std::vector<std::optional<Submap>> made(problems.size());
+  ForEachIndex(problems.size(), options.threads, [&](std::size_t i) {
     made[i] = MakeSubmap(alone, std::move(problems[i]));
   });
   std::vector<Submap> submaps;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
+  for (std::size_t i = 0; i < made.size(); ++i) {
     if (made[i]) {
       submaps.push_back(*std::move(made[i]));
     } else {
-      rejected->push_back({runs[i].name, kUndeterminedReason});
+      rejected->push_back({names[i], kUndeterminedReason});
     }
   }
   return submaps;

@@ -78,9 +78,9 @@ struct ConfirmationOptions {
   /// is likelier than MovePrior has it, which takes any number of them for equally likely.
   double min_probability_of_most = 0.9;
 
-  /// Modes of a map up to which it is confirmed: its covariance is dense. Runs that are placed in
-  /// larger ones are not.
-  int max_modes = 100;
+  /// Modes that the map has of a run's landmarks up to which its place is confirmed: their
+  /// covariance is dense.
+  int max_modes = 300;
 
   MovePrior prior;
   ExplanationLimits limits;

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -71,11 +70,11 @@ AlignmentEvidence::AlignmentEvidence(const JointPoints& reference,
   }
   if (matches_.size() > kMaxMatches) return;
   for (const Match& match : matches_) {
-    MatchSet rivals = 0;
-    for (std::size_t k = 0; k < matches_.size(); ++k) {
-      const Match& other_match = matches_[k];
+    MatchSet rivals;
+    for (int k = 0; k < static_cast<int>(matches_.size()); ++k) {
+      const Match& other_match = matches_[AsSize(k)];
       if (other_match.landmark == match.landmark || other_match.reference == match.reference) {
-        rivals |= MatchSet{1} << k;
+        rivals = rivals.Flipped(k);
       }
     }
     rivals_.push_back(rivals);
@@ -125,14 +124,10 @@ double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matr
 // One set: the fit of the transform to what stayed, and what that predicts of the others.
 class SetEvaluation {
  public:
-  SetEvaluation(const AlignmentEvidence& evidence, MatchSet stayed)
-      : e_(evidence), stayed_(stayed) {
+  SetEvaluation(const AlignmentEvidence& evidence, const MatchSet& stayed)
+      : e_(evidence), stayed_(stayed), in_(stayed.Members()) {
     std::vector<bool> has_stayed(e_.groups_.size());
-    for (int k = 0; k < static_cast<int>(e_.matches_.size()); ++k) {
-      if (((stayed >> k) & 1) == 0) continue;
-      in_.push_back(k);
-      has_stayed[static_cast<std::size_t>(At(k).landmark)] = true;
-    }
+    for (const int k : in_) has_stayed[static_cast<std::size_t>(e_.LandmarkOf(k))] = true;
     for (std::size_t l = 0; l < has_stayed.size(); ++l) {
       if (!has_stayed[l]) moved_.push_back(static_cast<int>(l));
     }
@@ -158,7 +153,7 @@ class SetEvaluation {
       for (int k = first; k < end; ++k) {
         const auto [r, cov] = Predict(k, whitened);
         log_moved = LogSum(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
-        if (gains != nullptr && (stayed_ & e_.Rivals(k)) == 0) {
+        if (gains != nullptr && !stayed_.Intersects(e_.Rivals(k))) {
           (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
         }
       }
@@ -206,13 +201,18 @@ class SetEvaluation {
                R_.transpose();
   }
 
+  // fit_ * p - fit_.centre_other.
+  Eigen::Vector2d FromCentre(int k) const {
+    return scaled_R_ * (e_.PositionInReference(k) - fit_.centre_reference);
+  }
+
   Eigen::Vector2d Residual(int k) const {
-    return e_.PositionInOther(k) - fit_ * e_.PositionInReference(k);
+    return e_.PositionInOther(k) - fit_.centre_other - FromCentre(k);
   }
 
   // d (fit * p) / d (centre_other, yaw, log scale).
   Eigen::Matrix<double, 2, 4> Jacobian(int k) const {
-    const Eigen::Vector2d q = fit_ * e_.PositionInReference(k) - fit_.centre_other;
+    const Eigen::Vector2d q = FromCentre(k);
     Eigen::Matrix<double, 2, 4> jacobian;
     jacobian << 1.0, 0.0, -q.y(), q.x(), 0.0, 1.0, q.x(), q.y();
     return jacobian;
@@ -228,6 +228,7 @@ class SetEvaluation {
     const double scale_information = 1.0 / (e_.prior_.sd_scale * e_.prior_.sd_scale);
     for (int i = 0; i <= kSteps; ++i) {
       R_ = RotationBy(fit_.yaw_rad);
+      scaled_R_ = std::exp(fit_.log_scale) * R_;
       for (std::size_t p = 0; p < in_.size(); ++p) {
         for (std::size_t q = 0; q < in_.size(); ++q) {
           covariance.block<2, 2>(RowOf(p), RowOf(q)) = Block(in_[p], in_[q]);
@@ -301,7 +302,8 @@ class SetEvaluation {
   std::vector<int> in_;     // Matches in the set.
   std::vector<int> moved_;  // Landmarks without one.
   SimilarityFit fit_;
-  Eigen::Matrix2d R_;
+  Eigen::Matrix2d R_;                // Of fit_,
+  Eigen::Matrix2d scaled_R_;         // and with its scale.
   Eigen::LLT<Eigen::MatrixXd> llt_;  // Of the joint covariance of the differences.
   Eigen::VectorXd residual_;         // At fit_, and in the end less the last step.
   Eigen::MatrixXd jacobian_;
@@ -310,7 +312,7 @@ class SetEvaluation {
   Eigen::Vector4d step_;  // The last one, too small to take.
 };
 
-SetScore AlignmentEvidence::Score(MatchSet stayed, std::vector<double>* gains) const {
+SetScore AlignmentEvidence::Score(const MatchSet& stayed, std::vector<double>* gains) const {
   return SetEvaluation(*this, stayed).Score(gains);
 }
 

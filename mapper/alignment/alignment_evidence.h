@@ -2,10 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/alignment/match_set.h"
 #include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
@@ -15,10 +15,6 @@ struct JointPoints {
   std::vector<AlignmentPoint> points;
   Eigen::MatrixXd covariance;  ///< In the order of the points, (x, y) each. [m²]
 };
-
-/// A set of matches, bit k for match k.
-using MatchSet = std::uint64_t;
-inline constexpr int kMaxMatches = 64;
 
 /// That a mode of the other map is where one of the reference is: its landmark stayed, or returned.
 struct Match {
@@ -67,12 +63,15 @@ class AlignmentEvidence {
 
   const std::vector<Match>& matches() const { return matches_; }
 
+  int LandmarkOf(int match) const { return matches_[AsSize(match)].landmark; }
+  int GroupOf(int match) const { return groups_[AsSize(LandmarkOf(match))]; }
+
   /// Matches of one landmark, the indices of which follow each other: [first, second).
   std::pair<int, int> MatchesOf(int landmark) const { return of_landmark_[AsSize(landmark)]; }
 
   /// The modes of the reference that the landmark of a match may be at.
   int ModesOf(int match) const {
-    const auto [first, end] = MatchesOf(matches_[AsSize(match)].landmark);
+    const auto [first, end] = MatchesOf(LandmarkOf(match));
     return end - first;
   }
 
@@ -81,7 +80,7 @@ class AlignmentEvidence {
 
   /// The matches that rule a match out, and itself: those of its landmark, and those with its mode
   /// of the reference.
-  MatchSet Rivals(int match) const { return rivals_[AsSize(match)]; }
+  const MatchSet& Rivals(int match) const { return rivals_[AsSize(match)]; }
 
   /// Mean variance per axis of a match's difference, the maps' errors taken as independent. [m²]
   double Variance(int match) const;
@@ -97,11 +96,11 @@ class AlignmentEvidence {
   double log_anywhere() const { return log_anywhere_; }
 
   /// Precondition: at least two matches in range, none a rival of another; kMaxMatches at most.
-  SetScore Score(MatchSet stayed) const { return Score(stayed, nullptr); }
+  SetScore Score(const MatchSet& stayed) const { return Score(stayed, nullptr); }
 
   /// @param gains  Per match about what adding it, or taking it out, does to log_score; minus
   ///               infinity where a rival is in the set. May be null.
-  SetScore Score(MatchSet stayed, std::vector<double>* gains) const;
+  SetScore Score(const MatchSet& stayed, std::vector<double>* gains) const;
 
  private:
   friend class SetEvaluation;

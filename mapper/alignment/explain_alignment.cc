@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <random>
 
@@ -75,9 +74,8 @@ void AddTo(const AlignmentEvidence& evidence,
            double probability,
            Frame* frame) {
   frame->probability += probability;
-  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
-    if (((hypothesis.stayed >> k) & 1) == 0) continue;
-    frame->stays[static_cast<std::size_t>(evidence.matches()[k].landmark)] += probability;
+  for (const int k : hypothesis.stayed.Members()) {
+    frame->stays[static_cast<std::size_t>(evidence.LandmarkOf(k))] += probability;
   }
 }
 
@@ -92,7 +90,7 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
     const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.probability < kMinProbability) break;
     double rest = hypothesis.probability;
-    if (hypothesis.stayed != 0) {
+    if (!hypothesis.stayed.empty()) {
       const std::vector<SimilarityFit> draws = i < kMaxDrawn
                                                    ? Draws(hypothesis.fit, standard)
                                                    : std::vector<SimilarityFit>{hypothesis.fit};
@@ -101,7 +99,8 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
         const auto end =
             frames.begin() + static_cast<std::ptrdiff_t>(std::min(frames.size(), kMaxSummed));
         const auto frame = std::find_if(frames.begin(), end, [&](const Frame& known) {
-          return known.best->stayed != 0 && AreAlike(evidence, draw, known.best->fit, tolerance_m);
+          return !known.best->stayed.empty() &&
+                 AreAlike(evidence, draw, known.best->fit, tolerance_m);
         });
         if (frame == end) continue;
         AddTo(evidence, hypothesis, each, &*frame);
@@ -118,12 +117,9 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
   return frames;
 }
 
-std::vector<int> GroupsOf(const AlignmentEvidence& evidence, MatchSet matches) {
+std::vector<int> GroupsOf(const AlignmentEvidence& evidence, const MatchSet& matches) {
   std::vector<int> groups;
-  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
-    if (((matches >> k) & 1) == 0) continue;
-    groups.push_back(evidence.groups()[static_cast<std::size_t>(evidence.matches()[k].landmark)]);
-  }
+  for (const int k : matches.Members()) groups.push_back(evidence.GroupOf(k));
   groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
   return groups;
 }
@@ -139,21 +135,20 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   alignment.variance_m2 = 0.5 * fit.covariance.topLeftCorner<2, 2>().trace();
   alignment.variance_rad2 = fit.covariance(2, 2);
   double squared = 0.0;
-  for (int k = 0; k < static_cast<int>(evidence.matches().size()); ++k) {
-    if (((hypothesis.stayed >> k) & 1) == 0) continue;
+  for (const int k : hypothesis.stayed.Members()) {
     squared += (evidence.PositionInOther(k) - fit * evidence.PositionInReference(k)).squaredNorm();
   }
-  alignment.rms_m = std::sqrt(squared / std::popcount(hypothesis.stayed));
+  alignment.rms_m = std::sqrt(squared / hypothesis.stayed.Count());
   return alignment;
 }
 
 Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
   Explanation explanation;
   explanation.probability = frame.probability;
-  if (frame.best->stayed != 0) explanation.alignment = ToReference(evidence, *frame.best);
+  if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
-  for (std::size_t k = 0; k < evidence.matches().size(); ++k) {
-    if (((frame.best->stayed >> k) & 1) != 0) explanation.stayed.push_back(evidence.matches()[k]);
+  for (const int k : frame.best->stayed.Members()) {
+    explanation.stayed.push_back(evidence.matches()[static_cast<std::size_t>(k)]);
   }
   std::vector<int> groups = evidence.groups();
   groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
@@ -189,7 +184,7 @@ std::optional<Explanations> Explain(const JointPoints& reference,
   Explanations explanations;
   for (const Frame& frame : frames) {
     explanations.frames.push_back(Describe(evidence, frame));
-    if (frame.best->stayed == 0) explanations.nothing_stayed = frame.probability;
+    if (frame.best->stayed.empty()) explanations.nothing_stayed = frame.probability;
   }
   if (frames.size() > 1) explanations.deciding = Deciding(evidence, frames[0], frames[1]);
   return explanations;

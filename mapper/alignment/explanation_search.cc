@@ -2,7 +2,6 @@
 #include "mapper/alignment/explanation_search.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -33,13 +32,11 @@ constexpr int kManyMatches = 15;
 
 // Landmarks that agree and may have moved together.
 struct Body {
-  MatchSet matches = 0;
+  MatchSet matches;
   SimilarityFit fit;
   double log_density = 0.0;       // Of the prior and all positions, were it anywhere.
   double against_anywhere = 0.0;  // The same, against each landmark anywhere by itself.
 };
-
-MatchSet Bit(int match) { return MatchSet{1} << match; }
 
 class Search {
  public:
@@ -53,17 +50,17 @@ class Search {
   std::vector<Hypothesis> Find() {
     Climb();
     Expand();
-    std::sort(maxima_.begin(), maxima_.end());
-    maxima_.erase(std::unique(maxima_.begin(), maxima_.end()), maxima_.end());
+    KeepLikeliestMaxima();
     std::vector<Hypothesis> found = {NothingStayed()};
     for (const auto& [stayed, score] : scores_) {
-      found.push_back({stayed, 0, score.fit, score.log_score, 0.0});
+      found.push_back({stayed, {}, score.fit, score.log_score, 0.0});
     }
     const double first = Best();
     double total = kNever;
     for (Hypothesis& hypothesis : found) {
       const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
-      if (hypothesis.stayed != 0 && (maximum || hypothesis.log_score > first - limits_.window)) {
+      if (!hypothesis.stayed.empty() &&
+          (maximum || hypothesis.log_score > first - limits_.window)) {
         hypothesis.log_score += LogBodies(hypothesis.stayed,
                                           &hypothesis.fit,
                                           scores_.at(hypothesis.stayed).log_moved,
@@ -81,13 +78,13 @@ class Search {
   }
 
  private:
-  const SetScore& Score(MatchSet stayed) {
+  const SetScore& Score(const MatchSet& stayed) {
     const auto found = scores_.find(stayed);
     if (found != scores_.end()) return found->second;
     return scores_.emplace(stayed, e_.Score(stayed)).first->second;
   }
 
-  const SetScore& ScoreWithGains(MatchSet stayed, std::vector<double>* gains) {
+  const SetScore& ScoreWithGains(const MatchSet& stayed, std::vector<double>* gains) {
     SetScore score = e_.Score(stayed, gains);
     return scores_.insert_or_assign(stayed, std::move(score)).first->second;
   }
@@ -109,10 +106,10 @@ class Search {
   void Climb() {
     for (int j = 0; j < matches_; ++j) {
       for (int k = j + 1; k < matches_; ++k) {
-        const MatchSet pair = Bit(j) | Bit(k);
-        if ((e_.Rivals(j) & Bit(k)) != 0 || !Agree(j, k)) continue;
+        const MatchSet pair = MatchSet::Of(j).Flipped(k);
+        if (e_.Rivals(j).Contains(k) || !Agree(j, k)) continue;
         const bool inside = std::any_of(
-            maxima_.begin(), maxima_.end(), [&](MatchSet s) { return (s & pair) == pair; });
+            maxima_.begin(), maxima_.end(), [&](const MatchSet& s) { return s.Includes(pair); });
         if (matches_ <= kManyMatches || !inside) ClimbFrom(pair);
       }
     }
@@ -127,11 +124,12 @@ class Search {
       const double score = ScoreWithGains(stayed, &gains).log_score;
       const auto best = std::max_element(gains.begin(), gains.end());
       if (*best <= 0.0) break;
-      const MatchSet one = stayed ^ Bit(static_cast<int>(best - gains.begin()));
+      const MatchSet one = stayed.Flipped(static_cast<int>(best - gains.begin()));
       MatchSet next = one;
-      for (int k = 0; matches_ > kManyMatches && k < matches_; ++k) {
-        if (std::popcount(stayed) < kLargeSet || (next & e_.Rivals(k)) != 0) continue;
-        if (gains[static_cast<std::size_t>(k)] > kPlainly) next |= Bit(k);
+      const bool several = matches_ > kManyMatches && stayed.Count() >= kLargeSet;
+      for (int k = 0; several && k < matches_; ++k) {
+        if (next.Intersects(e_.Rivals(k))) continue;
+        if (gains[static_cast<std::size_t>(k)] > kPlainly) next = next.Flipped(k);
       }
       if (Score(next).log_score <= score) next = one;
       if (Score(next).log_score <= score) break;
@@ -140,16 +138,29 @@ class Search {
     maxima_.push_back(stayed);
   }
 
+  // Each once, in the order of sets. With each the bodies beside it are looked for among all.
+  void KeepLikeliestMaxima() {
+    constexpr std::size_t kMost = 500;
+    std::sort(maxima_.begin(), maxima_.end());
+    maxima_.erase(std::unique(maxima_.begin(), maxima_.end()), maxima_.end());
+    if (maxima_.size() <= kMost) return;
+    std::stable_sort(maxima_.begin(), maxima_.end(), [&](const MatchSet& x, const MatchSet& y) {
+      return Score(x).log_score > Score(y).log_score;
+    });
+    maxima_.resize(kMost);
+    std::sort(maxima_.begin(), maxima_.end());
+  }
+
   void Expand() {
     std::priority_queue<std::pair<double, MatchSet>> queue;
     std::unordered_set<MatchSet> queued;
     double best = kNever;
-    const auto add = [&](MatchSet stayed) {
+    const auto add = [&](const MatchSet& stayed) {
       const double score = Score(stayed).log_score;
       best = std::max(best, score);
       queue.emplace(score, stayed);
     };
-    for (const MatchSet stayed : maxima_) {
+    for (const MatchSet& stayed : maxima_) {
       if (queued.insert(stayed).second) add(stayed);
     }
     std::vector<double> gains;
@@ -159,9 +170,9 @@ class Search {
       if (score < best - limits_.window) return;
       ScoreWithGains(stayed, &gains);
       for (int k = 0; k < matches_; ++k) {
-        const MatchSet next = stayed ^ Bit(k);
+        const MatchSet next = stayed.Flipped(k);
         const double expected = score + gains[static_cast<std::size_t>(k)];
-        if (std::popcount(next) < 2 || !(expected > best - limits_.window - 1.0)) continue;
+        if (next.Count() < 2 || !(expected > best - limits_.window - 1.0)) continue;
         if (queued.insert(next).second) add(next);
       }
     }
@@ -169,26 +180,24 @@ class Search {
 
   // Just these landmarks moved together, each from any of its modes. A body is compact: it has a
   // landmark as its centre, takes in the nearest ones, and most of these go along.
-  double LogTogether(MatchSet together) const {
+  double LogTogether(const MatchSet& together) const {
     double log_modes = 0.0;
     double radius = std::numeric_limits<double>::infinity();
     int centre = 0;
-    for (int c = 0; c < matches_; ++c) {
-      if ((together & Bit(c)) == 0) continue;
+    const std::vector<int> members = together.Members();
+    for (const int c : members) {
       log_modes += std::log(static_cast<double>(e_.ModesOf(c)));
       double reach = 0.0;
-      for (int k = 0; k < matches_; ++k) {
-        if ((together & Bit(k)) != 0) reach = std::max(reach, DistanceInReference(c, k));
-      }
+      for (const int k : members) reach = std::max(reach, DistanceInReference(c, k));
       if (reach < radius) {
         radius = reach;
         centre = c;
       }
     }
-    const int count = std::popcount(together);
+    const auto count = static_cast<int>(members.size());
     double others = 0.0;  // Within reach; those of several modes by as many as are.
     for (int k = 0; k < matches_; ++k) {
-      if ((together & e_.Rivals(k)) != 0 || DistanceInReference(centre, k) > radius) continue;
+      if (together.Intersects(e_.Rivals(k)) || DistanceInReference(centre, k) > radius) continue;
       others += 1.0 / e_.ModesOf(k);
     }
     return -std::log(static_cast<double>(landmarks_)) +
@@ -201,11 +210,11 @@ class Search {
     return (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
   }
 
-  MatchSet Without(MatchSet set, MatchSet stayed) const {
-    for (int k = 0; k < matches_; ++k) {
-      if ((stayed & Bit(k)) != 0) set &= ~e_.Rivals(k);
-    }
-    return set;
+  // All matches that some rule out, and these.
+  MatchSet RivalsOf(const MatchSet& matches) const {
+    MatchSet rivals;
+    for (const int k : matches.Members()) rivals = rivals | e_.Rivals(k);
+    return rivals;
   }
 
   // log density of where a body went, against anywhere in the area and any heading.
@@ -220,15 +229,16 @@ class Search {
   }
 
   // Sets that agree and leave out the landmarks of `taken`, the most telling ones.
-  const std::vector<Body>& BodiesBeside(MatchSet taken) {
+  const std::vector<Body>& BodiesBeside(const MatchSet& taken) {
     constexpr double kWindow = 20.0;  // [nats]
     const auto known = bodies_.find(taken);
     if (known != bodies_.end()) return known->second;
     std::vector<Body> bodies;
     std::unordered_set<MatchSet> tried;
-    for (const MatchSet maximum : maxima_) {
-      const MatchSet together = Without(maximum, taken);
-      const int count = std::popcount(together);
+    const MatchSet ruled_out = RivalsOf(taken);
+    for (const MatchSet& maximum : maxima_) {
+      const MatchSet together = maximum.Without(ruled_out);
+      const int count = together.Count();
       if (count < kMinTogether || !tried.insert(together).second) continue;
       const SetScore& score = Score(together);
       const double log_density =
@@ -256,7 +266,7 @@ class Search {
   // @param map        The transform of what stayed; null if it does not tell where bodies moved.
   // @param log_moved  Per landmark the log density of its position if it moved by itself.
   // @param together   The likeliest body if that is likelier than none. May be null.
-  double LogBodies(MatchSet taken,
+  double LogBodies(const MatchSet& taken,
                    const SimilarityFit* map,
                    const std::vector<double>& log_moved,
                    MatchSet* together) {
@@ -264,12 +274,11 @@ class Search {
     const double log_no_more = std::log1p(-prior_.group_share);
     double others = kNever;
     double best = kNever;
-    MatchSet best_matches = 0;
+    MatchSet best_matches;
     for (const Body& body : BodiesBeside(taken)) {
       double gain = body.log_density + (map == nullptr ? 0.0 : LogWent(body.fit, *map));
-      for (MatchSet left = body.matches; left != 0; left &= left - 1) {
-        gain -= log_moved[static_cast<std::size_t>(
-            e_.matches()[static_cast<std::size_t>(std::countr_zero(left))].landmark)];
+      for (const int k : body.matches.Members()) {
+        gain -= log_moved[static_cast<std::size_t>(e_.LandmarkOf(k))];
       }
       others = LogSum(others, std::min(best, gain));
       if (gain <= best) continue;
@@ -288,7 +297,8 @@ class Search {
     const double near =
         LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + std::log1p(-prior_.group_share);
     const std::vector<double> anywhere(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
-    const double bodies = landmarks_ * e_.log_anywhere() + LogBodies(0, nullptr, anywhere, nullptr);
+    const double bodies =
+        landmarks_ * e_.log_anywhere() + LogBodies({}, nullptr, anywhere, nullptr);
     Hypothesis nothing;
     nothing.log_score = LogSum(near, bodies) + std::log(prior_.none_stayed);
     return nothing;
@@ -297,7 +307,7 @@ class Search {
   std::vector<SimilarityFit> LikeliestFits() {
     constexpr std::size_t kMost = 8;
     std::vector<std::pair<double, MatchSet>> by_score;
-    for (const MatchSet maximum : maxima_) {
+    for (const MatchSet& maximum : maxima_) {
       by_score.emplace_back(-Score(maximum).log_score, maximum);
     }
     std::sort(by_score.begin(), by_score.end());

@@ -22,8 +22,8 @@ struct ExplanationLimits {
 
 /// A set of landmarks that stayed, or that fewer than two did.
 struct Hypothesis {
-  MatchSet stayed = 0;    ///< 0: fewer than two stayed, and there is no transform.
-  MatchSet together = 0;  ///< Of the others, those that moved together, if that is more likely.
+  MatchSet stayed;    ///< Empty: fewer than two stayed, and there is no transform.
+  MatchSet together;  ///< Of the others, those that moved together, if that is more likely.
   SimilarityFit fit;
   double log_score = 0.0;
   double probability = 0.0;

@@ -10,26 +10,40 @@
 namespace shiftmap {
 namespace {
 
-// The joint covariance of the map so far, which is solved for that if its runs have only been
-// placed.
+// The modes that a map has of some groups, flat indices.
+std::vector<int> ModesOfGroups(const MapProblem& map, const std::set<int>& groups) {
+  const FlatModes flat(map);
+  std::vector<int> modes;
+  for (const int group : groups) {
+    const auto count = static_cast<int>(map.modes[static_cast<std::size_t>(group)].size());
+    for (int mode = 0; mode < count; ++mode) modes.push_back(flat.Index(group, mode));
+  }
+  return modes;
+}
+
+// Modes of the map so far with their joint covariance; it is solved for that if its runs have only
+// been placed.
+// @param modes  Flat indices, those of `groups`.
 std::optional<JointPoints> MapPoints(const MapperOptions& options,
                                      const std::optional<MapContent>& prior,
                                      const MapProblem& problem,
+                                     const std::set<int>& groups,
+                                     const std::vector<int>& modes,
                                      double submap_factor) {
   JointPoints map;
   MapProblem solved = problem;
   if (problem.runs.empty()) {
-    map.covariance = submap_factor * prior.value().covariance.Dense();
+    map.covariance = submap_factor * prior.value().covariance.Dense(modes);
   } else {
     if (problem.runs.size() > 1 || prior) SolveContinuous(options, &solved);
-    std::optional<Eigen::MatrixXd> covariance = SubmapCovariance(options, &solved);
+    std::optional<Eigen::MatrixXd> covariance = CovarianceOfModes(options, modes, &solved);
     if (!covariance) return std::nullopt;
     const double factor = prior ? submap_factor : VarianceFactor(options, solved);
     map.covariance = factor * *covariance;
   }
-  for (std::size_t group = 0; group < solved.modes.size(); ++group) {
-    for (const BuildMode& mode : solved.modes[group]) {
-      map.points.push_back({static_cast<int>(group), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+  for (const int group : groups) {
+    for (const BuildMode& mode : solved.modes[static_cast<std::size_t>(group)]) {
+      map.points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return map;
@@ -73,15 +87,25 @@ std::optional<Explanations> ExplainSubmap(const MapperOptions& options,
                                           const MapProblem& problem,
                                           double area_m2,
                                           const Submap& submap) {
-  if (FlatModes(problem).count > options.confirmation.max_modes) return std::nullopt;
+  std::set<int> groups;
+  for (const AlignmentPoint& point : submap.points) groups.insert(point.group);
+  const std::vector<int> modes = ModesOfGroups(problem, groups);
+  if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
   const double factor = VarianceFactor(options, submap.problem);
-  const std::optional<JointPoints> map = MapPoints(options, prior, problem, factor);
+  const std::optional<JointPoints> map = MapPoints(options, prior, problem, groups, modes, factor);
   if (!map) return std::nullopt;
-  return Explain(*map,
-                 {submap.points, factor * submap.covariance},
-                 area_m2,
-                 options.confirmation.prior,
-                 options.confirmation.limits);
+  std::optional<Explanations> explanations = Explain(*map,
+                                                     {submap.points, factor * submap.covariance},
+                                                     area_m2,
+                                                     options.confirmation.prior,
+                                                     options.confirmation.limits);
+  if (!explanations) return std::nullopt;
+  for (Explanation& frame : explanations->frames) {
+    for (Match& match : frame.stayed) {
+      match.reference = modes[static_cast<std::size_t>(match.reference)];
+    }
+  }
+  return explanations;
 }
 
 bool IsSamePlace(const ConfirmationOptions& options,

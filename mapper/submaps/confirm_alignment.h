@@ -34,7 +34,9 @@ bool NeedsConfirmation(const MapperOptions& options,
 /// from runs has the variance factor that these show, and so has the submap; of a prior map, whose
 /// residuals are not kept, it is taken to be that of the submap.
 ///
-/// Nothing is returned for maps beyond ConfirmationOptions::max_modes.
+/// Match::reference of what stayed is the flat index of a mode of `problem`, Match::other that of a
+/// point of the submap. Nothing is returned for more than ConfirmationOptions::max_modes modes of
+/// its landmarks.
 /// @param prior    The map that the build started from.
 /// @param problem  The map so far, with the modes of `prior`.
 /// @param area_m2  That the map takes. [m²]

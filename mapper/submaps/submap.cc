@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/covariance/datum.h"
+#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 
 namespace shiftmap {
@@ -28,6 +29,24 @@ std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, Ma
   std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
   if (!covariance) return std::nullopt;
   return ReferToPositions(graph.modes, *std::move(covariance));
+}
+
+std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
+                                                 const std::vector<int>& modes,
+                                                 MapProblem* problem) {
+  const Graph graph = MakeGraph(options, problem);
+  GraphElimination elimination(graph);
+  if (!elimination.Linearize()) return std::nullopt;
+  const auto columns = static_cast<Eigen::Index>(2 * modes.size());
+  Eigen::MatrixXd chosen =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * graph.modes.size()), columns);
+  std::vector<Eigen::Vector2d> positions;
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    chosen.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
+    positions.push_back(graph.modes[static_cast<std::size_t>(modes[i])]);
+  }
+  const Eigen::MatrixXd covariance = chosen.transpose() * elimination.ModeCovarianceTimes(chosen);
+  return ReferToPositions(positions, 0.5 * (covariance + covariance.transpose()));
 }
 
 std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem) {

@@ -31,6 +31,13 @@ bool IsStiff(const Submap& submap);
 /// these have gone astray so far that there is none.
 std::optional<Eigen::MatrixXd> SubmapCovariance(const MapperOptions& options, MapProblem* problem);
 
+/// The same of some modes, relative to these as a whole. Where they are few this costs little more
+/// than the factor.
+/// @param modes  Flat indices.
+std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
+                                                 const std::vector<int>& modes,
+                                                 MapProblem* problem);
+
 /// Nothing if the runs do not determine their own landmarks.
 /// @param problem  Solved, as MapSingleRun() leaves it.
 std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem);

@@ -21,28 +21,38 @@ using Answer = AlignmentOutcome::Answer;
 
 std::size_t At(AlignmentMethod method) { return static_cast<std::size_t>(method); }
 
+// The reference with one place of each landmark, the last one: what methods without modes know.
+JointPoints LastPlaces(const AlignmentPair& pair) {
+  const std::size_t landmarks = pair.other.points.size();
+  const auto rows = static_cast<Eigen::Index>(2 * landmarks);
+  JointPoints last = {pair.reference.points, pair.reference.covariance.topLeftCorner(rows, rows)};
+  last.points.resize(landmarks);
+  return last;
+}
+
 // Scores the methods on one pair.
 class PairScore {
  public:
   PairScore(AlignmentWorld world, std::uint64_t seed) : pair_(DrawAlignmentPair(world, seed)) {
     submap_.points = pair_.other.points;
     outcome_.world = world;
-    outcome_.landmarks = static_cast<int>(pair_.places.size());
+    outcome_.landmarks = static_cast<int>(pair_.other.points.size());
     outcome_.stayed = pair_.stayed;
   }
 
   AlignmentOutcome Score() {
     ScorePosterior();
+    const JointPoints last = LastPlaces(pair_);
     const std::optional<Alignment> consensus =
         Compare(AlignmentMethod::kConsensus, AlignmentMethod::kConsensusSure, [&] {
           return AlignByConsensus(
               pair_.reference.points, pair_.other.points, pair_.area_m2, options_.alignment);
         });
     Compare(AlignmentMethod::kConsistency, AlignmentMethod::kConsistencySure, [&] {
-      return AlignByPairwiseConsistency(pair_.reference, pair_.other, pair_.sd_scale);
+      return AlignByPairwiseConsistency(last, pair_.other, pair_.sd_scale);
     });
     Compare(AlignmentMethod::kNonConvexity, AlignmentMethod::kNonConvexitySure, [&] {
-      return AlignByGraduatedNonConvexity(pair_.reference, pair_.other, pair_.sd_scale);
+      return AlignByGraduatedNonConvexity(last, pair_.other, pair_.sd_scale);
     });
     ScoreMapper(consensus);
     return outcome_;

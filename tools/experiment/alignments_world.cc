@@ -50,7 +50,10 @@ Eigen::MatrixXd DrawCovariance(const std::vector<Eigen::Vector2d>& places, Dice*
 }
 
 // A map of the places, with errors drawn from its covariance.
-JointPoints DrawMap(const std::vector<Eigen::Vector2d>& places, Dice* dice) {
+// @param groups  Of the places.
+JointPoints DrawMap(const std::vector<Eigen::Vector2d>& places,
+                    const std::vector<int>& groups,
+                    Dice* dice) {
   JointPoints map;
   map.covariance = DrawCovariance(places, dice);
   Eigen::VectorXd errors(map.covariance.rows());
@@ -58,9 +61,8 @@ JointPoints DrawMap(const std::vector<Eigen::Vector2d>& places, Dice* dice) {
   errors = map.covariance.llt().matrixL() * errors;
   for (std::size_t i = 0; i < places.size(); ++i) {
     const Eigen::Index row = RowOf(i);
-    map.points.push_back({static_cast<int>(i),
-                          places[i] + errors.segment<2>(row),
-                          map.covariance.block<2, 2>(row, row)});
+    map.points.push_back(
+        {groups[i], places[i] + errors.segment<2>(row), map.covariance.block<2, 2>(row, row)});
   }
   return map;
 }
@@ -111,6 +113,9 @@ class PairDraw {
       case AlignmentWorld::kNone:
         Scatter(count);
         MoveAnyOf(Order(count), 1.0);
+        break;
+      case AlignmentWorld::kReturns:
+        DrawReturns(count);
         break;
     }
     return Finish();
@@ -278,6 +283,21 @@ class PairDraw {
     }
   }
 
+  void DrawReturns(std::size_t count) {
+    Scatter(count);
+    MoveAnyOf(Order(count), dice_.Uniform(0.1, 1.0));
+    for (std::size_t i = 0; i < count; ++i) {
+      const bool moved = after_[i] != before_[i];
+      const std::size_t others = Integer(0, 3);
+      for (std::size_t k = 0; k < others; ++k) {
+        others_.push_back({i, Moved(before_[i])});
+      }
+      if (!moved || others == 0 || dice_.Coin(0.5)) continue;
+      after_[i] = others_[others_.size() - Integer(1, others)].place;
+      --moved_;
+    }
+  }
+
   // Racks do not overlap.
   Eigen::Vector2d ApartFrom(const std::vector<Eigen::Vector2d>& others) {
     Eigen::Vector2d place;
@@ -293,8 +313,15 @@ class PairDraw {
     AlignmentPair pair;
     pair.places = before_;
     pair.stayed = static_cast<int>(before_.size() - moved_);
-    pair.reference = DrawMap(before_, &dice_);
-    pair.other = DrawMap(after_, &dice_);
+    std::vector<int> groups(before_.size());
+    std::iota(groups.begin(), groups.end(), 0);
+    std::vector<int> groups_of_places = groups;
+    for (const OtherPlace& other : others_) {
+      pair.places.push_back(other.place);
+      groups_of_places.push_back(static_cast<int>(other.landmark));
+    }
+    pair.reference = DrawMap(pair.places, groups_of_places, &dice_);
+    pair.other = DrawMap(after_, groups, &dice_);
     std::vector<Eigen::Vector2d> positions;
     for (const AlignmentPoint& point : pair.reference.points) positions.push_back(point.position);
     const bool prior = world_ == AlignmentWorld::kPrior;
@@ -308,12 +335,19 @@ class PairDraw {
     return pair;
   }
 
+  // Where a landmark stood at another time.
+  struct OtherPlace {
+    std::size_t landmark = 0;
+    Eigen::Vector2d place;
+  };
+
   AlignmentWorld world_;
   MovePrior prior_;
   Dice dice_;
   double side_;  // Of the site. [m]
   double scale_sd_ = 0.0;
   std::vector<Eigen::Vector2d> before_;
+  std::vector<OtherPlace> others_;
   std::vector<Eigen::Vector2d> after_;
   std::size_t moved_ = 0;
 };
@@ -336,6 +370,8 @@ const char* ToString(AlignmentWorld world) {
       return "rack-moved";
     case AlignmentWorld::kNone:
       return "none";
+    case AlignmentWorld::kReturns:
+      return "returns";
   }
   return "";
 }

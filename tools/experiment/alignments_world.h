@@ -21,9 +21,10 @@ enum class AlignmentWorld {
   kSwappedRacks,  ///< Two racks changed places.
   kRackMoved,     ///< One rack is elsewhere.
   kNone,          ///< Nothing stayed.
+  kReturns,       ///< The reference has up to four modes of a landmark; half go to one of them.
 };
 
-inline constexpr std::size_t kAlignmentWorlds = 7;
+inline constexpr std::size_t kAlignmentWorlds = 8;
 
 /// In options and tables, e.g. "rack-moved".
 const char* ToString(AlignmentWorld world);
@@ -35,10 +36,12 @@ struct AlignmentPair {
   double area_m2 = 0.0;   ///< As the methods are told it. [m²]
   double sd_scale = 0.0;  ///< Of the scale between the maps beyond their covariances. [-]
 
-  std::vector<Eigen::Vector2d> places;  ///< Of the landmarks in the reference, without error. [m]
-  int stayed = 0;                       ///< Landmarks.
-  Se2 T_other_reference;                ///< Rotation, and where the origin goes.
-  double scale = 1.0;                   ///< Of the other map against the reference. [-]
+  /// Of the points of the reference, without error: first the last place of each landmark. [m]
+  std::vector<Eigen::Vector2d> places;
+
+  int stayed = 0;         ///< Landmarks, at any of their places.
+  Se2 T_other_reference;  ///< Rotation, and where the origin goes.
+  double scale = 1.0;     ///< Of the other map against the reference. [-]
 
   /// Whether a frame puts every landmark within `tolerance_m` of its place, but for the scale,
   /// which no rigid transform has: that is taken out about the centre of the frame.

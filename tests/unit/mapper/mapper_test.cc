@@ -167,6 +167,37 @@ TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
 }
 
 // Also if it is the run that sees most landmarks, with which the map would begin.
+// The oracle: the map without the run.
+TEST(BuildMap, ARunOfABrokenOdometerIsLeftOut) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const SimulatedWorld world = Simulate(SmallWorld(seed));
+    const std::vector<MapperInput> inputs = testing::Inputs(world);
+    const Eigen::VectorXd expected =
+        testing::ErrorsOf(Build({inputs.begin(), inputs.end() - 1}).content, world).errors;
+    for (const auto& [speed, turn] :
+         {std::pair(-1.0, 1.0), std::pair(3.6, 1.0), std::pair(0.0, 0.0)}) {
+      std::vector<MapperInput> with_broken = inputs;
+      for (OdometrySample& sample : with_broken.back().run.odometry) {
+        sample.v_mps *= speed;
+        sample.omega_radps *= turn;
+      }
+      const MapperResult result = Build(with_broken);
+      EXPECT_EQ(result.runs.size(), inputs.size() - 1) << "seed " << seed << ", speed " << speed;
+      const Eigen::VectorXd errors = testing::ErrorsOf(result.content, world).errors;
+      ASSERT_EQ(errors.size(), expected.size()) << "seed " << seed << ", speed " << speed;
+      EXPECT_LT(errors.norm(), 1.1 * expected.norm()) << "seed " << seed << ", speed " << speed;
+    }
+  }
+}
+
+TEST(BuildMap, SaysThatOdometryIsReversed) {
+  SimulatedWorld world = testing::StaticWorld(1);
+  std::vector<MapperInput> inputs = testing::Inputs(world);
+  for (OdometrySample& sample : inputs[0].run.odometry) sample.v_mps *= -1.0;
+  const StatusOr<MapperResult> result = BuildMap(inputs, std::nullopt, MapperOptions());
+  EXPECT_THAT(result.status(), StatusIs(StatusCode::kInvalidArgument, "reversed odometry"));
+}
+
 TEST(BuildMap, ALargeRunOfAnotherPlaceDoesNotTakeThePlaceOfTheOthers) {
   OpenWorldOptions elsewhere = SmallWorld(19);
   elsewhere.groups = 20;

@@ -65,10 +65,10 @@ class AllMovedTest : public testing::Test {
       Points({{-3.3, -0.8}, {2.5, -2.6}, {0.2, 3.2}, {-2.9, 2.6}, {-1.0, -0.5}, {-0.1, -2.5}});
   const MovePrior prior_{};
   const AlignmentEvidence evidence_{reference_, other_, kArea, prior_};
-  const std::vector<SimilarityFit> starts_ = {evidence_.Score(0b001111).fit,
-                                              evidence_.Score(0b100011).fit,
-                                              evidence_.Score(0b001101).fit,
-                                              evidence_.Score(0b010001).fit};
+  const std::vector<SimilarityFit> starts_ = {evidence_.Score(MatchSet::OfBits(0b001111)).fit,
+                                              evidence_.Score(MatchSet::OfBits(0b100011)).fit,
+                                              evidence_.Score(MatchSet::OfBits(0b001101)).fit,
+                                              evidence_.Score(MatchSet::OfBits(0b010001)).fit};
 };
 
 TEST_F(AllMovedTest, IsTheIntegralOverTheTransform) {

@@ -5,6 +5,10 @@
 
 #include <vector>
 
+#include "mapper/covariance/datum.h"
+#include "mapper/submaps/single_run.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
 namespace shiftmap {
 namespace {
 
@@ -61,6 +65,75 @@ TEST(NeedsConfirmation, ARunThatIsBentShowsNoBodies) {
 }
 
 TEST(NeedsConfirmation, WithoutAConsensusItDoes) { EXPECT_TRUE(NeedsConfirmation({})); }
+
+Submap MapOneRun(const SimulatedWorld& world, const MappingRun& run) {
+  const MapperOptions options;
+  return MakeSubmap(options, MapSingleRun(run, world.groups.size(), options)).value();
+}
+
+// 150 landmarks with three modes each, twelve of which a run sees: half at their first mode, the
+// others at none.
+TEST(ExplainSubmap, IsOfTheLandmarksInCommon) {
+  constexpr std::size_t kBefore = 138;
+  const SimulatedWorld world = testing::StaticWorld(3);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  Submap submap = MapOneRun(world, run);
+  for (AlignmentPoint& point : submap.points) point.group += static_cast<int>(kBefore);
+
+  MapProblem map = StartProblem(kBefore + world.groups.size(), {});
+  for (std::size_t group = 0; group < map.modes.size(); ++group) {
+    const bool seen = group >= kBefore;
+    const Eigen::Vector2d place = seen ? world.groups[group - kBefore].modes.front()
+                                       : Eigen::Vector2d(0.1 * static_cast<double>(group), -5.0);
+    const bool moved = group % 2 == 0;
+    for (const Eigen::Vector2d& by : {Eigen::Vector2d(moved ? 1.5 : 0.0, moved ? 0.8 : 0.0),
+                                      Eigen::Vector2d(-1.1, 2.3),
+                                      Eigen::Vector2d(2.6, -1.7)}) {
+      const Se2 turn(0.0, 0.0, static_cast<double>(group));
+      map.modes[group].push_back({place + turn * by, ModeNumber(1)});
+    }
+  }
+  const FlatModes flat(map);
+  MapContent prior;
+  prior.covariance =
+      JointCovariance(std::vector<Eigen::Matrix2d>(static_cast<std::size_t>(flat.count),
+                                                   4e-4 * Eigen::Matrix2d::Identity()),
+                      {});
+  const std::optional<Explanations> explanations =
+      ExplainSubmap(MapperOptions(), prior, map, 200.0, submap);
+  ASSERT_TRUE(explanations);
+  const Explanation& best = explanations->frames.front();
+  EXPECT_GT(best.probability, 0.99);
+  EXPECT_GE(best.stayed.size(), 5);
+  for (const Match& match : best.stayed) {
+    const AlignmentPoint& point = submap.points[static_cast<std::size_t>(match.other)];
+    EXPECT_EQ(match.reference, flat.Index(point.group, 0));
+    const Eigen::Vector2d& place =
+        world.groups[static_cast<std::size_t>(point.group) - kBefore].modes.front();
+    EXPECT_LT((best.alignment.T_reference_other * point.position - place).norm(), 0.15);
+  }
+}
+
+// The oracle: those of all modes.
+TEST(CovarianceOfModes, IsThatOfAllRelativeToTheChosen) {
+  const SimulatedWorld world = testing::StaticWorld(3);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  Submap submap = MapOneRun(world, run);
+  const std::vector<int> chosen = {1, 4, 5, 9};
+  const Eigen::MatrixXd some = CovarianceOfModes(MapperOptions(), chosen, &submap.problem).value();
+  std::vector<Eigen::Vector2d> positions;
+  Eigen::MatrixXd expected(8, 8);
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    positions.push_back(submap.points[static_cast<std::size_t>(chosen[i])].position);
+    for (std::size_t j = 0; j < chosen.size(); ++j) {
+      expected.block<2, 2>(static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * j)) =
+          submap.covariance.block<2, 2>(Eigen::Index{2} * chosen[i], Eigen::Index{2} * chosen[j]);
+    }
+  }
+  constexpr double kFloors = 1e-6;  // Of both, of a millimetre each. [m²]
+  EXPECT_LT((ReferToPositions(positions, expected) - some).cwiseAbs().maxCoeff(), 2.0 * kFloors);
+  EXPECT_GT(some.trace(), 100.0 * kFloors);
+}
 
 }  // namespace
 }  // namespace shiftmap

@@ -49,12 +49,17 @@ TEST(AlignmentsWorldTest, WhatStayedIsWhereTheTransformHasIt) {
       const AlignmentPair pair = DrawAlignmentPair(world, Seed() + i);
       const Eigen::Matrix2d R = pair.scale * pair.T_other_reference.Rotation();
       int there = 0;
-      for (std::size_t k = 0; k < pair.places.size(); ++k) {
-        const Eigen::Vector2d p = pair.T_other_reference.translation() + R * pair.places[k];
-        there += (pair.other.points[k].position - p).norm() < 1.0;
+      for (const AlignmentPoint& point : pair.other.points) {
+        bool is_there = false;
+        for (std::size_t k = 0; k < pair.places.size(); ++k) {
+          const Eigen::Vector2d p = pair.T_other_reference.translation() + R * pair.places[k];
+          is_there |=
+              pair.reference.points[k].group == point.group && (point.position - p).norm() < 1.0;
+        }
+        there += is_there;
       }
       EXPECT_GE(there, pair.stayed) << ToString(world) << ", seed " << Seed() + i;
-      EXPECT_LE(pair.stayed, std::ssize(pair.places));
+      EXPECT_LE(pair.stayed, std::ssize(pair.other.points));
     }
   }
 }

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "mapper/problem/map_problem.h"
+
+namespace shiftmap {
+
+/// Says which of a run's systematic errors no working vehicle has, for a message; empty if none.
+/// Odometry that counts backwards explains landmarks as well as a sensor that looks backwards does:
+/// such a run fits itself, and bends the map.
+/// @param run  As estimated by itself.
+std::string ImplausibleCalibration(const BuildRun& run);
+
+}  // namespace shiftmap
