@@ -12,6 +12,7 @@
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
+#include "tools/experiment/vehicle_faults_command.h"
 #include "tools/experiment/victoria_park_command.h"
 
 namespace shiftmap {
@@ -28,6 +29,7 @@ void AddExperiments(Application* application) {
   AddRecurringChainsExperiment(application);
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);
+  AddVehicleFaultsExperiment(application);
   AddVictoriaParkExperiment(application);
 }
 

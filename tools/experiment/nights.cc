@@ -65,6 +65,12 @@ struct TruthMap {
   Se2 T_truth_map;
 };
 
+// A landmark since the vehicle with the fault visited it.
+struct Recovery {
+  int state = -1;          // The true one, when others saw it.
+  std::set<int> vehicles;  // That saw it in this state.
+};
+
 class Site {
  public:
   Site(const NightsOptions& options,
@@ -81,6 +87,17 @@ class Site {
  private:
   std::string store() const { return folder_ + "/maps.db"; }
   std::string logs() const { return folder_ + "/logs"; }
+  std::string Stem(int index) const { return fmt::format("{}/{:04}", logs(), index); }
+
+  // Whether it is a shift with the fault.
+  bool IsFaulty(int index) const {
+    const int night = index / options_.vehicles + 1;
+    return index % options_.vehicles == 0 && night >= options_.fault_night &&
+           night < options_.fault_night + options_.fault_nights;
+  }
+  VehicleFault FaultOf(int index) const {
+    return IsFaulty(index) ? options_.fault : VehicleFault::kNone;
+  }
   const SimulatedRun& run(int index) const {
     return world_.world.runs[static_cast<std::size_t>(index)];
   }
@@ -88,6 +105,14 @@ class Site {
   StatusOr<std::optional<TruthMap>> LoadMap(int run, std::optional<Stamp> at) const;
   void CountStates(const TruthMap& map, int index, NightResult* result);
   Status DriveShift(int index, NightResult* result);
+  StatusOr<std::optional<CommandOutput>> Localize(int index) const;
+  Status HandInFalseReports(int index, const ShiftReport& report) const;
+  Status CountShift(int index,
+                    const TruthMap& map,
+                    const CommandOutput& output,
+                    const ShiftReport& report,
+                    NightResult* result);
+  Status CountRecovery(int index, const ShiftReport& report, NightResult* result);
   void CountModes(const TruthMap& map, NightResult* result) const;
   Status Night(int night, NightResult* result);
   std::size_t TruthIndex(const Signature& signature) const;
@@ -99,6 +124,7 @@ class Site {
   std::vector<std::string> night_words_;
   std::map<std::string, int> waiting_since_;  // Night, by hash.
   std::map<std::size_t, int> absent_since_;   // Run, by group that was removed.
+  std::map<Signature, Recovery> recoveries_;  // Of what the vehicle with the fault visited.
   double square_error_ = 0.0;                 // Of the day's poses. [m²]
   int poses_ = 0;
 };
@@ -198,50 +224,116 @@ void Site::CountStates(const TruthMap& map, int index, NightResult* result) {
   }
 }
 
-Status Site::DriveShift(int index, NightResult* result) {
+// Localizes the log of a shift; nothing if no start was found.
+StatusOr<std::optional<CommandOutput>> Site::Localize(int index) const {
+  std::vector<std::string> words = {"run",
+                                    "--store",
+                                    store(),
+                                    "--area",
+                                    kArea,
+                                    "--report",
+                                    Stem(index) + ".report",
+                                    "--trajectory",
+                                    Stem(index) + ".tum",
+                                    Stem(index) + ".mcap"};
+  if (options_.return_at_once && !IsOfReports(FaultOf(index))) words.emplace_back("--return");
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      CommandOutput output,
+      RunInProcess(AddRunCommand, words, {ExitCode::kDone, ExitCode::kNotLocalized}));
+  if (output.code == ExitCode::kNotLocalized) return std::optional<CommandOutput>();
+  return std::optional(std::move(output));
+}
+
+// Of who reports falsely there is no log.
+Status Site::HandInFalseReports(int index, const ShiftReport& report) const {
+  std::filesystem::remove(Stem(index) + ".mcap");
+  std::filesystem::remove(Stem(index) + ".report");
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadWrite));
+  for (const ShiftReport& falsified : WithFault(report, options_.fault)) {
+    SHIFTMAP_RETURN_IF_ERROR(maps.Return(falsified).status());
+  }
+  return OkStatus();
+}
+
+Status Site::CountShift(int index,
+                        const TruthMap& map,
+                        const CommandOutput& output,
+                        const ShiftReport& report,
+                        NightResult* result) {
   const SimulatedRun& simulated = run(index);
-  const std::string stem = fmt::format("{}/{:04}", logs(), index);
-  Run log = simulated.run;
-  log.info.area = kArea;
-  SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, stem + ".mcap"));
-  const Stamp begin = log.odometry.front().stamp;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
-  if (!map) return OkStatus();
-  ++result->shifts;
-  CountStates(*map, index, result);
-  SHIFTMAP_ASSIGN_OR_RETURN(const CommandOutput output,
-                            RunInProcess(AddRunCommand,
-                                         {"run",
-                                          "--store",
-                                          store(),
-                                          "--area",
-                                          kArea,
-                                          "--report",
-                                          stem + ".report",
-                                          "--trajectory",
-                                          stem + ".tum",
-                                          stem + ".mcap"},
-                                         {ExitCode::kDone, ExitCode::kNotLocalized}));
-  if (output.code == ExitCode::kNotLocalized) return OkStatus();
   ++result->localized;
   result->start_s_sum += output.document["states"]["INITIALIZING"].get<double>();
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(stem + ".tum"));
-  for (StampedPose& pose : poses) pose.T_map_vehicle = map->T_truth_map * pose.T_map_vehicle;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(Stem(index) + ".tum"));
+  for (StampedPose& pose : poses) pose.T_map_vehicle = map.T_truth_map * pose.T_map_vehicle;
   SHIFTMAP_RETURN_IF_ERROR(CountStart(poses, simulated.truth, result));
   SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError error,
                             EvaluateTrajectory(poses, simulated.truth, {}));
   square_error_ += error.matched * error.position_rmse_m * error.position_rmse_m;
   poses_ += error.matched;
-  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftReport report, ReadShiftReport(stem + ".report"));
   for (const Decision& decision : report.decisions) {
     const LandmarkGroup& known =
-        map->map.groups()[static_cast<std::size_t>(map->map.GroupIndex(decision.signature))];
+        map.map.groups()[static_cast<std::size_t>(map.map.GroupIndex(decision.signature))];
     // One that stands at a new place is at none of the modes.
-    const int state = std::max(0, TrueState(*map, TruthIndex(decision.signature), known, index));
+    const int state = std::max(0, TrueState(map, TruthIndex(decision.signature), known, index));
     ++result->decisions;
     if (known.StateOf(decision.mode) != state) ++result->wrong_decisions;
   }
   return OkStatus();
+}
+
+void Count(const LandmarkGroup& group, int state, RecoveryCount* count) {
+  constexpr double kDoubtful = 0.95;
+  Eigen::Index likeliest = 0;
+  group.probabilities.maxCoeff(&likeliest);
+  const double p_true = group.probabilities(state);
+  ++count->states;
+  if (likeliest != state) ++count->wrong_likeliest;
+  if (p_true < kDoubtful) ++count->doubtful;
+  count->p_true_min = std::min(count->p_true_min, p_true);
+}
+
+// What the store makes of the landmarks that a shift without a fault visited.
+Status Site::CountRecovery(int index, const ShiftReport& report, NightResult* result) {
+  constexpr int kMinSeen = 3;  // Fewer are a passing view.
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, report.end));
+  for (const VisitEvidence& visit : report.evidence) {
+    const auto recovery = recoveries_.find(visit.signature);
+    const int known = map->map.GroupIndex(visit.signature);
+    if (recovery == recoveries_.end() || known < 0) continue;
+    const LandmarkGroup& group = map->map.groups()[static_cast<std::size_t>(known)];
+    const int state = TrueState(*map, TruthIndex(visit.signature), group, index);
+    if (state < 0 || (state > 0 && visit.observations < kMinSeen)) continue;
+    auto& [before, vehicles] = recovery->second;
+    if (before != state) vehicles.clear();
+    before = state;
+    vehicles.insert(index % options_.vehicles);
+    Count(group, state, vehicles.size() == 1 ? &result->after_one : &result->after_two);
+  }
+  return OkStatus();
+}
+
+Status Site::DriveShift(int index, NightResult* result) {
+  const VehicleFault fault = FaultOf(index);
+  Run log = WithFault(run(index).run, fault);
+  log.info.area = kArea;
+  SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, Stem(index) + ".mcap"));
+  const Stamp begin = log.odometry.front().stamp;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
+  if (!map) return OkStatus();
+  if (!IsFaulty(index)) {
+    ++result->shifts;
+    CountStates(*map, index, result);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<CommandOutput> output, Localize(index));
+  if (!output) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftReport report, ReadShiftReport(Stem(index) + ".report"));
+  if (IsOfReports(fault)) SHIFTMAP_RETURN_IF_ERROR(HandInFalseReports(index, report));
+  if (IsFaulty(index)) {
+    for (const VisitEvidence& visit : report.evidence) recoveries_[visit.signature] = {};
+    return OkStatus();
+  }
+  SHIFTMAP_RETURN_IF_ERROR(CountShift(index, *map, *output, report, result));
+  return options_.return_at_once ? CountRecovery(index, report, result) : OkStatus();
 }
 
 // Errors of the modes against the nearest place of their landmark.

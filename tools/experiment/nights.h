@@ -10,11 +10,20 @@
 
 namespace shiftmap {
 
+/// Probabilities of the true states of landmarks, once others visited what the vehicle with the
+/// fault had.
+struct RecoveryCount {
+  int states = 0;
+  int wrong_likeliest = 0;
+  int doubtful = 0;  ///< True states below 0.95.
+  double p_true_min = 1.0;
+};
+
 /// A day of shifts and the night after it.
 struct NightResult {
   int night = 0;  ///< From 1.
 
-  // The day, on the map of the night before.
+  // The day, on the map of the night before. A shift with a fault does not count.
   int shifts = 0;
   int localized = 0;
   int wrong_starts = 0;      ///< The first pose was off by a metre or more.
@@ -31,6 +40,11 @@ struct NightResult {
   int sure = 0;        ///< A state held at odds of more than 20 to 1,
   int wrong_sure = 0;  ///< and it was another one.
   int new_places = 0;  ///< Of landmarks: the map does not have where they stand.
+
+  // At the end of each shift without a fault, of what it visited: states that no, or one, other
+  // vehicle had visited since that with the fault did.
+  RecoveryCount after_one;
+  RecoveryCount after_two;
 
   // The map that the night made.
   int modes = 0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/core/status.h"
+#include "tools/experiment/vehicle_fault.h"
 #include "tools/sim/open_world.h"
 
 namespace shiftmap {
@@ -23,6 +24,14 @@ struct NightsOptions {
   /// days: never.
   int layout_days = 0;
   double layout_share = 0.6;
+
+  /// Whether a vehicle hands its report in at the end of its shift, else at night.
+  bool return_at_once = false;
+
+  /// Of the first vehicle, from a night on, for so many.
+  VehicleFault fault = VehicleFault::kNone;
+  int fault_night = 6;
+  int fault_nights = 0;
 };
 
 struct NightsWorld {
