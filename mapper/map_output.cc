@@ -208,7 +208,7 @@ void SetProbabilities(const MapProblem& problem,
     for (int i = 0; i < known->chain.states(); ++i) {
       stated.push_back({known->NumberOf(i), known->probabilities(i)});
     }
-    AddStatement(*group, CarriedProbabilities(*group, stated), prior->stamp, &state);
+    AddStatement(*group, CarriedProbabilities(*group, stated), prior->stamp, {}, &state);
     state = FilterModes(*group, std::move(state), std::move(newer));
   }
   group->probabilities = ProbabilitiesAt(*group, state, end);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapstore/core/stamp_check.h"
+#include "mapstore/map/mode_filter.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/evidence_rows.h"
@@ -71,7 +72,7 @@ StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, SelectRow(area, area_row, version));
   SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
                             ReadContent(database, row, VersionName(area, row.number)));
-  SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, query, &content));
+  SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, query, &content).status());
   if (const Status valid = ValidateStamp(content.stamp); !valid.ok()) {
     return DataLoss("{}: end of its evidence: {}", VersionName(area, row.number), Message(valid));
   }
@@ -186,6 +187,29 @@ StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,
                                        std::optional<Stamp> at) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   return state_->Load(area, version, {.at = at, .latest = state_->LatestStamp()});
+}
+
+StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,
+                                                    std::optional<VersionNumber> version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
+                            ReadContent(database, row, state_->VersionName(area, row.number)));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const VehicleRecords records,
+      ApplyLedger(database, area_row.area_id, row, {.latest = state_->LatestStamp()}, &content));
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement names,
+                            database.Prepare("SELECT vehicle FROM shift_report UNION "
+                                             "SELECT vehicle FROM run ORDER BY vehicle"));
+  std::vector<VehicleTrust> trust;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool another, names.Step());
+    if (!another) return trust;
+    const auto found = records.broken().find(VehicleKey(names.Text(0)));
+    if (found != records.broken().end()) trust.push_back({names.Text(0), found->second});
+  }
 }
 
 StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNumber version) {

@@ -141,6 +141,11 @@ class MapStore {
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);
 
+  /// What the ledger says of the vehicles that others judged, by name: the newest visits included.
+  /// @param version  Nothing: the published one.
+  StatusOr<std::vector<VehicleTrust>> Trust(const std::string& area,
+                                            std::optional<VersionNumber> version = std::nullopt);
+
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
   /// RunRecord::sha256 and RunRecord::identity of all runs that a version and its ancestors were

@@ -45,6 +45,15 @@ struct Provenance {
   std::vector<RunRecord> runs;  ///< By begin, then hash.
 };
 
+/// How far the others' visits leave a vehicle trusted.
+struct VehicleTrust {
+  std::string vehicle;
+  double broken = 0.0;  ///< Probability that it is (VehicleRecords).
+};
+
+/// Whether a vehicle is more likely broken than not.
+inline bool IsDistrusted(const VehicleTrust& trust) { return trust.broken > 0.5; }
+
 /// A run that a build was given and could not place: it may lie at several places in the map.
 struct UnplacedRun {
   std::string name;

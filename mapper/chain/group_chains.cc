@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/chain/chain_history.h"
+#include "mapstore/map/mistake_probabilities.h"
 
 namespace shiftmap {
 namespace {
@@ -16,14 +17,29 @@ constexpr std::size_t kMinVisits = 2;
 // Far below the spread of a rate that a hundred jumps tell of, 0.1.
 constexpr double kGapResolution = 0.02;
 
+// Visits that are more likely mistakes of their vehicle tell nothing of the chain. Which ones are,
+// is judged before any chain is learned: a lie every day would teach that the landmark moves.
+constexpr double kMistaken = 0.5;
+
+std::vector<LandmarkGroup> WithUsualChains(std::vector<LandmarkGroup> groups,
+                                           double leave_rate_per_s) {
+  for (LandmarkGroup& group : groups) {
+    group.chain = ModeChain::Uniform(group.chain.states() - 1, leave_rate_per_s);
+  }
+  return groups;
+}
+
 std::vector<ChainHistory> MakeHistories(const std::vector<LandmarkGroup>& groups,
                                         const std::vector<EvidenceRow>& evidence,
                                         const GroupChainOptions& options) {
   std::map<Signature, std::vector<EvidenceRow>> rows;
   for (const LandmarkGroup& group : groups) rows.try_emplace(group.signature);
-  for (const EvidenceRow& row : evidence) {
-    const auto found = rows.find(row.evidence.signature);
-    if (found != rows.end()) found->second.push_back(row);
+  const std::vector<double> mistaken =
+      MistakeProbabilities(WithUsualChains(groups, options.leave_rate_per_s), evidence);
+  for (std::size_t i = 0; i < evidence.size(); ++i) {
+    if (mistaken[i] > kMistaken) continue;
+    const auto found = rows.find(evidence[i].evidence.signature);
+    if (found != rows.end()) found->second.push_back(evidence[i]);
   }
   std::vector<ChainHistory> histories;
   for (const LandmarkGroup& group : groups) {

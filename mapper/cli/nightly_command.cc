@@ -85,6 +85,7 @@ class Night {
                   const AreaLogs& logs,
                   Json* document,
                   std::vector<std::string>* reasons);
+  Status NameDistrusted(const std::string& area, std::vector<std::string>* reasons);
   bool HasStore() const {
     std::error_code error;
     return std::filesystem::exists(options_.build.store, error);
@@ -250,6 +251,23 @@ Status Night::BuildNew(const std::string& area,
   return OkStatus();
 }
 
+// Somebody has to look at a vehicle that contradicts the others.
+Status Night::NameDistrusted(const std::string& area, std::vector<std::string>* reasons) {
+  if (!HasStore()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options_.build.store, MapStore::Access::kReadOnly, context_));
+  const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(area);
+  if (!published.ok()) return published.status();
+  if (!*published) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VehicleTrust> trust, store.Trust(area));
+  for (const VehicleTrust& vehicle : trust) {
+    if (!IsDistrusted(vehicle)) continue;
+    reasons->push_back(fmt::format("vehicle '{}' contradicts the others and is not believed",
+                                   InertLine(vehicle.vehicle)));
+  }
+  return OkStatus();
+}
+
 Status Night::Build(const std::string& area, const AreaLogs& logs) {
   Json document = {{"area", area},
                    {"runs_new", logs.fresh.size()},
@@ -263,6 +281,7 @@ Status Night::Build(const std::string& area, const AreaLogs& logs) {
   } else {
     SHIFTMAP_RETURN_IF_ERROR(BuildNew(area, logs, &document, &reasons));
   }
+  SHIFTMAP_RETURN_IF_ERROR(NameDistrusted(area, &reasons));
   for (const std::string& reason : reasons) {
     document["reasons"].push_back(reason);
     context_.Attend(fmt::format("area '{}': {}", area, reason));

@@ -26,6 +26,22 @@ Status Check(Database& database) {
   return OkStatus();
 }
 
+// What a snapshot has of the time before its begin is filtered in the old way, and the rows to do it
+// again are not in it.
+Status RefuseSnapshot(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t has_column,
+      database.QueryInt64("SELECT count(*) FROM pragma_table_info('ledger_checkpoint') "
+                          "WHERE name = 'rows_stored'"));
+  if (has_column == 0) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t snapshots,
+      database.QueryInt64("SELECT count(*) FROM ledger_checkpoint WHERE rows_stored = 0"));
+  if (snapshots == 0) return OkStatus();
+  return FailedPrecondition("{}: is a snapshot: migrate its store, and export it again",
+                            database.name());
+}
+
 Status CopyTo(Database& database, const std::string& backup) {
   SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(backup));
   {
@@ -61,6 +77,7 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
     return MakeStatus(
         StatusCode::kAlreadyExists, "{}: is of schema {} already", database.name(), result.from);
   }
+  SHIFTMAP_RETURN_IF_ERROR(RefuseSnapshot(database));
   result.backup = backup.empty() ? fmt::format("{}.schema{}.bak", path, result.from) : backup;
   std::error_code error;
   if (std::filesystem::exists(result.backup, error)) {

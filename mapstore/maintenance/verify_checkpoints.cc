@@ -13,12 +13,15 @@ namespace {
 
 bool Same(const std::optional<VehicleTurn>& a, const std::optional<VehicleTurn>& b) {
   if (!a || !b) return a.has_value() == b.has_value();
-  return a->vehicle == b->vehicle && a->log_odds == b->log_odds && a->log_right == b->log_right &&
+  return a->vehicle == b->vehicle && a->log_bayes_factor == b->log_bayes_factor && a->log_right == b->log_right &&
          a->log_own == b->log_own && a->mistaken == b->mistaken;
 }
 
 bool Same(const LedgerStates& a, const LedgerStates& b) {
-  if (a.newest_end != b.newest_end || a.groups.size() != b.groups.size()) return false;
+  if (a.newest_end != b.newest_end || a.groups.size() != b.groups.size() ||
+      a.records != b.records) {
+    return false;
+  }
   for (std::size_t i = 0; i < a.groups.size(); ++i) {
     if (a.groups[i].has_value() != b.groups[i].has_value()) return false;
     if (!a.groups[i]) continue;

@@ -86,8 +86,6 @@ void BeginTurn(const ModeChain& chain,
                std::int64_t vehicle,
                Eigen::VectorXd known,
                VehicleTurn* turn) {
-  static const double kPriorLogOdds =
-      std::log(kMistakeProbability) - std::log1p(-kMistakeProbability);
   turn->vehicle = vehicle;
   turn->log_right = Log(known);
   if (chain.uniform()) {
@@ -96,14 +94,48 @@ void BeginTurn(const ModeChain& chain,
     turn->log_own = Log(chain.stationary());
   }
   turn->mistaken = std::move(known);
-  turn->log_odds = kPriorLogOdds;
+  turn->log_bayes_factor = 0.0;
+}
+
+// Probability that a turn is a mistake.
+double ShareOfMistake(const VehicleTurn& turn, const VehicleRecords& records) {
+  const double prior = records.MistakeProbability(turn.vehicle);
+  const double log_odds = std::log(prior) - std::log1p(-prior) + turn.log_bayes_factor;
+  return 1.0 / (1.0 + std::exp(-log_odds));
+}
+
+// What the first visit of another vehicle, which may be a mistake too, says of a turn.
+// @param right, mistaken      Of the turn, moved to the begin of the visit.
+// @param mistake_probability  Of the visit.
+TurnVerdict Judge(const ModeChain& chain,
+                  const VehicleTurn& turn,
+                  const VehicleRecords& records,
+                  const Eigen::VectorXd& right,
+                  const Eigen::VectorXd& mistaken,
+                  double mistake_probability,
+                  const Eigen::VectorXd& log_likelihoods) {
+  const Eigen::VectorXd likelihoods = Exp(log_likelihoods.array() - log_likelihoods.maxCoeff());
+  const double by_itself = mistake_probability * chain.stationary().dot(likelihoods);
+  const double if_right = (1.0 - mistake_probability) * right.dot(likelihoods) + by_itself;
+  const double if_mistaken = (1.0 - mistake_probability) * mistaken.dot(likelihoods) + by_itself;
+  VehicleTurn judged;
+  judged.vehicle = turn.vehicle;
+  judged.log_bayes_factor = turn.log_bayes_factor;
+  if (if_right > 0.0 && if_mistaken > 0.0) {
+    judged.log_bayes_factor += std::log(if_mistaken) - std::log(if_right);
+  }
+  return {turn.vehicle, ShareOfMistake(judged, records), judged.log_bayes_factor};
 }
 
 }  // namespace
 
-Eigen::VectorXd ModeState::Probabilities() const {
+double ModeState::MistakenShare(const VehicleRecords& records) const {
+  return turn ? ShareOfMistake(*turn, records) : 0.0;
+}
+
+Eigen::VectorXd ModeState::Probabilities(const VehicleRecords& records) const {
   if (!turn) return Exp(log_probabilities);
-  const double share = 1.0 / (1.0 + std::exp(-turn->log_odds));
+  const double share = MistakenShare(records);
   return (1.0 - share) * Exp(turn->log_right) + share * turn->mistaken;
 }
 
@@ -148,12 +180,14 @@ ModeState StartModes(const LandmarkGroup& group, Stamp stamp) {
 
 // Works on logarithms: evidence of overlapping visits may exclude a mode beyond what a double can
 // hold and bring it back before any time passes.
-void AddVisit(const LandmarkGroup& group,
-              Stamp begin,
-              Stamp end,
-              std::int64_t vehicle,
-              const Eigen::VectorXd& log_likelihoods,
-              ModeState* state) {
+std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
+                                    Stamp begin,
+                                    Stamp end,
+                                    std::int64_t vehicle,
+                                    const VehicleRecords& records,
+                                    const Eigen::VectorXd& log_likelihoods,
+                                    ModeState* state) {
+  std::optional<TurnVerdict> verdict;
   if (!state->started) state->stamp = std::min(state->stamp, begin);
   state->started = true;
   const ChainStep step(group.chain, Elapsed(state->stamp, begin));
@@ -162,19 +196,33 @@ void AddVisit(const LandmarkGroup& group,
     step.MoveLog(&state->turn->log_own);
     step.Move(&state->turn->mistaken);
   } else {
-    Eigen::VectorXd known = state->Probabilities();
+    Eigen::VectorXd known = state->Probabilities(records);
     step.Move(&known);
-    if (!state->turn) state->turn.emplace();
+    if (state->turn) {
+      Eigen::VectorXd right = Exp(state->turn->log_right);
+      step.Move(&right);
+      step.Move(&state->turn->mistaken);
+      verdict = Judge(group.chain,
+                      *state->turn,
+                      records,
+                      right,
+                      state->turn->mistaken,
+                      records.MistakeProbability(vehicle),
+                      log_likelihoods);
+    } else {
+      state->turn.emplace();
+    }
     BeginTurn(group.chain, vehicle, std::move(known), &*state->turn);
   }
   VehicleTurn& turn = *state->turn;
   turn.log_own += log_likelihoods;
   turn.log_right += log_likelihoods;
   const double right = Normalize(&turn.log_right);
-  turn.log_odds += Normalize(&turn.log_own) - right;
+  turn.log_bayes_factor += Normalize(&turn.log_own) - right;
   // The chain cannot be where the vehicle says.
   if (right == kImpossible) turn.log_right = Log(turn.mistaken);
   state->stamp = std::max(state->stamp, end);
+  return verdict;
 }
 
 Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
@@ -198,6 +246,7 @@ Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
 void AddStatement(const LandmarkGroup& group,
                   const Eigen::VectorXd& probabilities,
                   Stamp stamp,
+                  const VehicleRecords& records,
                   ModeState* state) {
   const Eigen::VectorXd stationary = Log(group.chain.stationary());
   Eigen::VectorXd ratio = Log(probabilities);
@@ -205,7 +254,7 @@ void AddStatement(const LandmarkGroup& group,
     if (stationary(i) != kImpossible) ratio(i) -= stationary(i);
   }
   const Stamp before = state->started ? state->stamp : std::min(state->stamp, stamp);
-  Eigen::VectorXd known = state->Probabilities();
+  Eigen::VectorXd known = state->Probabilities(records);
   ChainStep(group.chain, Elapsed(before, stamp)).Move(&known);
   Eigen::VectorXd log_probabilities = Log(known) + ratio;
   // What excludes all that is stated says that one of the two is wrong: not which.
@@ -229,6 +278,7 @@ std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows) {
 }
 
 ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows) {
+  const VehicleRecords records;
   Eigen::VectorXd log_likelihoods;
   for (const EvidenceRow& row : InOrder(std::move(rows))) {
     if (!StateLogLikelihoods(group, row.evidence.modes, &log_likelihoods)) continue;
@@ -236,14 +286,18 @@ ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<E
              row.evidence.begin,
              row.evidence.end,
              VehicleKey(row.vehicle),
+             records,
              log_likelihoods,
              &start);
   }
   return start;
 }
 
-Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at) {
-  Eigen::VectorXd probabilities = state.Probabilities();
+Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group,
+                                const ModeState& state,
+                                Stamp at,
+                                const VehicleRecords& records) {
+  Eigen::VectorXd probabilities = state.Probabilities(records);
   if (at <= state.stamp) return probabilities;
   return group.chain.Propagate(probabilities, Elapsed(state.stamp, at));
 }

@@ -11,22 +11,19 @@
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/landmark_group.h"
+#include "mapstore/map/vehicle_records.h"
 
 namespace shiftmap {
-
-/// Prior probability that what a vehicle says of a landmark is a mistake, until another vehicle
-/// speaks of it: misread codes, an odometer that slips, a lie.
-inline constexpr double kMistakeProbability = 1e-3;
 
 /// What one vehicle has said of a landmark since another one spoke of it, its turn: all of its
 /// visits are right, or all are mistakes. Distributions over the chain's states, at the stamp of
 /// the ModeState.
 struct VehicleTurn {
-  std::int64_t vehicle = 0;   ///< VehicleKey of its name.
-  Eigen::VectorXd log_right;  ///< If the visits are right. [nat]
-  Eigen::VectorXd log_own;    ///< By the visits alone, from where the chain relaxes to. [nat]
-  Eigen::VectorXd mistaken;   ///< If they are mistakes: what was known before, moved on.
-  double log_odds = 0.0;      ///< Of mistaken over right. [nat]
+  std::int64_t vehicle = 0;       ///< VehicleKey of its name.
+  Eigen::VectorXd log_right;      ///< If the visits are right. [nat]
+  Eigen::VectorXd log_own;        ///< By the visits alone, from where the chain relaxes to. [nat]
+  Eigen::VectorXd mistaken;       ///< If they are mistakes: what was known before, moved on.
+  double log_bayes_factor = 0.0;  ///< Of mistaken over right. [nat]
 };
 
 /// Stands for a vehicle's name, the same on all machines: the first 64 bits of its SHA-256.
@@ -40,7 +37,10 @@ struct ModeState {
   std::optional<VehicleTurn> turn = std::nullopt;  ///< Of the vehicle that spoke last.
 
   /// Size states, entry 0 is `absent`.
-  Eigen::VectorXd Probabilities() const;
+  Eigen::VectorXd Probabilities(const VehicleRecords& records) const;
+
+  /// Probability that the turn is a mistake; 0 without one.
+  double MistakenShare(const VehicleRecords& records) const;
 };
 
 /// False if evidence favours a mode that the group does not have: carried over to the others it
@@ -72,21 +72,23 @@ ModeState StartModes(const LandmarkGroup& group, Stamp stamp);
 /// visit. The chain is never run backwards: where visits overlap no time passes, and if the first
 /// begins before the prior's stamp, the prior holds at its begin.
 ///
-/// A vehicle's turn is a mistake with prior probability kMistakeProbability. A mistake says nothing
+/// A vehicle's turn is a mistake with a prior probability ε. A mistake says nothing
 /// of where the landmark is; its visits agree with each other as if it had its own landmark. So
 /// with r the filter that takes the visits, and q the chain filtered over the turn alone, each
 /// visit changes the odds of a mistake by Σ_k q_k exp(L_k) / Σ_k r_k exp(L_k). A vehicle that
-/// contradicts the others is believed by no more odds than 1 / kMistakeProbability, however many
-/// its visits are, and one that is alone is believed as if there were no mistakes, but for that
-/// probability.
+/// contradicts the others is believed by no more odds than 1 / ε, however many its visits are, and
+/// one that is alone is believed as if there were no mistakes, but for that probability.
 ///
 /// @param vehicle  VehicleKey of its name.
-void AddVisit(const LandmarkGroup& group,
-              Stamp begin,
-              Stamp end,
-              std::int64_t vehicle,
-              const Eigen::VectorXd& log_likelihoods,
-              ModeState* state);
+/// @param records  Have ε of the vehicle, and that of the one whose turn the visit ends.
+/// @returns What the visit, if it ends another vehicle's turn, says of that.
+std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
+                                    Stamp begin,
+                                    Stamp end,
+                                    std::int64_t vehicle,
+                                    const VehicleRecords& records,
+                                    const Eigen::VectorXd& log_likelihoods,
+                                    ModeState* state);
 
 /// The probability of a mode as somebody states it.
 struct StatedMode {
@@ -108,6 +110,7 @@ Eigen::VectorXd CarriedProbabilities(const LandmarkGroup& group,
 void AddStatement(const LandmarkGroup& group,
                   const Eigen::VectorXd& probabilities,
                   Stamp stamp,
+                  const VehicleRecords& records,
                   ModeState* state);
 
 /// The chain's stationary distribution: where filtering starts if nothing is stated.
@@ -123,12 +126,16 @@ struct EvidenceRow {
 /// The rows by (begin, end, vehicle, source), each once.
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows);
 
-/// AddVisit over all rows that do not favour a mode that the group does not have.
+/// AddVisit over all rows that do not favour a mode that the group does not have, with
+/// kMistakeProbability for every vehicle.
 /// @param rows  Of the group's landmark, in any order and with repetitions: taken InOrder, so the
 ///              result is the same bit by bit.
 ModeState FilterModes(const LandmarkGroup& group, ModeState start, std::vector<EvidenceRow> rows);
 
 /// The distribution at a time not before `state.stamp`; for an earlier one, the state's own.
-Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group, const ModeState& state, Stamp at);
+Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group,
+                                const ModeState& state,
+                                Stamp at,
+                                const VehicleRecords& records = {});
 
 }  // namespace shiftmap

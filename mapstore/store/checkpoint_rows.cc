@@ -2,6 +2,7 @@
 #include "mapstore/store/checkpoint_rows.h"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <utility>
 
@@ -16,6 +17,11 @@ void Add(const Eigen::VectorXd& values, BlobWriter* blob) {
 
 std::string PackStates(const LedgerStates& states) {
   BlobWriter blob;
+  blob.Add(static_cast<std::int64_t>(states.records.broken().size()));
+  for (const auto& [vehicle, broken] : states.records.broken()) {
+    blob.Add(vehicle);
+    blob.Add(broken);
+  }
   for (std::size_t i = 0; i < states.groups.size(); ++i) {
     if (!states.groups[i]) continue;
     const ModeState& state = *states.groups[i];
@@ -28,7 +34,7 @@ std::string PackStates(const LedgerStates& states) {
       continue;
     }
     blob.Add(state.turn->vehicle);
-    blob.Add(state.turn->log_odds);
+    blob.Add(state.turn->log_bayes_factor);
     Add(state.turn->log_right, &blob);
     Add(state.turn->log_own, &blob);
     Add(state.turn->mistaken, &blob);
@@ -54,10 +60,29 @@ bool TakeLogDistribution(int states, BlobReader* blob, Eigen::VectorXd* log_prob
 bool TakeTurn(int states, BlobReader* blob, VehicleTurn* turn) {
   if (blob->left() < 2) return false;
   turn->vehicle = blob->Integer();
-  turn->log_odds = blob->Double();
-  return !std::isnan(turn->log_odds) && TakeLogDistribution(states, blob, &turn->log_right) &&
+  turn->log_bayes_factor = blob->Double();
+  return !std::isnan(turn->log_bayes_factor) &&
+         TakeLogDistribution(states, blob, &turn->log_right) &&
          TakeLogDistribution(states, blob, &turn->log_own) &&
          TakeNumbers(states, blob, &turn->mistaken) && std::abs(turn->mistaken.sum() - 1.0) < 1e-6;
+}
+
+// False if the bytes do not begin with records.
+bool TakeRecords(BlobReader* blob, VehicleRecords* records) {
+  constexpr std::size_t kNumbers = 2;
+  if (blob->left() < 1) return false;
+  const std::int64_t count = blob->Integer();
+  if (count < 0 || static_cast<std::uint64_t>(count) > blob->left() / kNumbers) return false;
+  std::optional<std::int64_t> previous;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t vehicle = blob->Integer();
+    const double broken = blob->Double();
+    if (previous && vehicle <= *previous) return false;
+    if (!(broken > 0.0 && broken < 1.0)) return false;
+    previous = vehicle;
+    records->Set(vehicle, broken);
+  }
+  return true;
 }
 
 // False if the bytes are no such BLOB for this content.
@@ -65,6 +90,7 @@ bool UnpackStates(std::string_view bytes, const MapContent& content, LedgerState
   states->groups.assign(content.groups.size(), std::nullopt);
   if (bytes.size() % sizeof(std::int64_t) != 0) return false;
   BlobReader blob(bytes);
+  if (!TakeRecords(&blob, &states->records)) return false;
   std::int64_t previous = -1;
   while (blob.left() > 0) {
     if (blob.left() < 3) return false;

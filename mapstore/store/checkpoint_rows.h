@@ -8,6 +8,7 @@
 
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/map/vehicle_records.h"
 #include "mapstore/sqlite/database.h"
 #include "proto/core/status.h"
 
@@ -18,6 +19,7 @@ struct LedgerStates {
   /// Per group of the content; nothing where no evidence changed the group's own probabilities.
   std::vector<std::optional<ModeState>> groups;
   std::optional<Stamp> newest_end;  ///< Of the visits that count.
+  VehicleRecords records;           ///< Of the vehicles, up to there.
 };
 
 /// A stored LedgerStates.

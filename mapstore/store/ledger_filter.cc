@@ -37,6 +37,7 @@ void LedgerFilter::StartFromNothing() {
   statement_taken_ = false;
   states_.groups.assign(content_->groups.size(), std::nullopt);
   states_.newest_end.reset();
+  states_.records = {};
 }
 
 Status LedgerFilter::Start(std::optional<Stamp> at) {
@@ -132,8 +133,8 @@ Status LedgerFilter::HoldRow(const LedgerRow& row) {
 void LedgerFilter::TakeHeld() {
   const auto end = held_.begin() + static_cast<std::ptrdiff_t>(held_count_);
   std::sort(held_.begin(), end, [](const HeldVisit& a, const HeldVisit& b) {
-    return std::tie(a.vehicle->name, a.vehicle->source) <
-           std::tie(b.vehicle->name, b.vehicle->source);
+    return std::tie(a.vehicle->name, a.vehicle->source, a.group) <
+           std::tie(b.vehicle->name, b.vehicle->source, b.group);
   });
   for (auto at = held_.begin(); at != end; ++at) {
     const HeldVisit& visit = *at;
@@ -143,7 +144,14 @@ void LedgerFilter::TakeHeld() {
       const bool own = statement_taken_ && version_.states_probabilities();
       state = own ? StartModes(group, version_.stamp) : StationaryStart(group, visit.begin);
     }
-    AddVisit(group, visit.begin, visit.end, visit.vehicle->key, visit.log_likelihoods, &*state);
+    const std::optional<TurnVerdict> verdict = AddVisit(group,
+                                                        visit.begin,
+                                                        visit.end,
+                                                        visit.vehicle->key,
+                                                        states_.records,
+                                                        visit.log_likelihoods,
+                                                        &*state);
+    if (verdict) states_.records.Add(*verdict);
     states_.newest_end = std::max(states_.newest_end.value_or(visit.end), visit.end);
   }
   held_count_ = 0;
@@ -156,7 +164,7 @@ Status LedgerFilter::TakeStatement(Stamp stamp) {
   if (version_.states_probabilities()) {
     for (std::size_t i = 0; i < groups.size(); ++i) {
       std::optional<ModeState>& state = states_.groups[i];
-      if (state) AddStatement(groups[i], groups[i].probabilities, stamp, &*state);
+      if (state) AddStatement(groups[i], groups[i].probabilities, stamp, states_.records, &*state);
     }
     return OkStatus();
   }
@@ -166,7 +174,7 @@ Status LedgerFilter::TakeStatement(Stamp stamp) {
     if (!stated[i]) continue;
     std::optional<ModeState>& state = states_.groups[i];
     if (!state) state = StationaryStart(groups[i], stamp);
-    AddStatement(groups[i], *stated[i], stamp, &*state);
+    AddStatement(groups[i], *stated[i], stamp, states_.records, &*state);
   }
   return OkStatus();
 }
@@ -176,11 +184,11 @@ int LedgerFilter::GroupOf(std::string_view signature) const {
   return found == group_index_.end() ? -1 : found->second;
 }
 
-Status ApplyLedger(Database& database,
-                   std::int64_t area_id,
-                   const VersionRow& version,
-                   const LedgerQuery& query,
-                   MapContent* content) {
+StatusOr<VehicleRecords> ApplyLedger(Database& database,
+                                     std::int64_t area_id,
+                                     const VersionRow& version,
+                                     const LedgerQuery& query,
+                                     MapContent* content) {
   LedgerFilter filter(database, area_id, version, *content);
   const Stamp last = query.at.value_or(query.latest);
   Status started = filter.Start(last);
@@ -194,13 +202,13 @@ Status ApplyLedger(Database& database,
   for (std::size_t i = 0; i < content->groups.size(); ++i) {
     LandmarkGroup& group = content->groups[i];
     if (const std::optional<ModeState>& state = filter.states().groups[i]) {
-      group.probabilities = ProbabilitiesAt(group, *state, stamp);
+      group.probabilities = ProbabilitiesAt(group, *state, stamp, filter.states().records);
     } else if (stamp > own) {
       group.probabilities = group.chain.Propagate(group.probabilities, stamp - own);
     }
   }
   content->stamp = stamp;
-  return OkStatus();
+  return filter.states().records;
 }
 
 }  // namespace shiftmap

@@ -98,11 +98,11 @@ class LedgerFilter {
 
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at
 /// which they hold: `at`, or else the newest end of the visits that count, or the version's stamp
-/// if that is later.
-Status ApplyLedger(Database& database,
-                   std::int64_t area_id,
-                   const VersionRow& version,
-                   const LedgerQuery& query,
-                   MapContent* content);
+/// if that is later. Returns the records of the vehicles then.
+StatusOr<VehicleRecords> ApplyLedger(Database& database,
+                                     std::int64_t area_id,
+                                     const VersionRow& version,
+                                     const LedgerQuery& query,
+                                     MapContent* content);
 
 }  // namespace shiftmap

@@ -140,26 +140,52 @@ std::vector<EvidenceRow> StoreModel::RowsOf(const LandmarkGroup& group,
 
 std::vector<Eigen::VectorXd> StoreModel::ProbabilitiesAt(std::size_t version, Stamp at) const {
   const Stamp end = std::max(at, versions_[version].content.stamp);
-  const std::optional<std::size_t> statement = StatementOf(version);
-  std::vector<Eigen::VectorXd> probabilities;
-  for (const LandmarkGroup& group : versions_[version].content.groups) {
-    std::vector<EvidenceRow> rows = RowsOf(group, version, at);
-    ModeState state = StationaryStart(group, at);
-    if (statement) {
-      const MapContent& stated = versions_[*statement].content;
-      std::vector<EvidenceRow> older;
-      std::erase_if(rows, [&](const EvidenceRow& row) {
-        const bool is_older = row.evidence.begin < stated.stamp;
-        if (is_older) older.push_back(row);
-        return is_older;
-      });
-      state = FilterModes(group, state, older);
-      if (const auto claim = Claim(group, stated)) {
-        AddStatement(group, *claim, stated.stamp, &state);
-      }
+  const std::vector<LandmarkGroup>& groups = versions_[version].content.groups;
+  std::vector<std::pair<EvidenceRow, std::size_t>> rows;  // With its group.
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    for (EvidenceRow& row : InOrder(RowsOf(groups[g], version, at))) {
+      rows.emplace_back(std::move(row), g);
     }
-    state = FilterModes(group, state, rows);
-    probabilities.push_back(shiftmap::ProbabilitiesAt(group, state, end));
+  }
+  const auto key = [](const auto& of) {
+    const EvidenceRow& row = of.first;
+    return std::tie(row.evidence.begin, row.evidence.end, row.vehicle, row.source, of.second);
+  };
+  std::sort(
+      rows.begin(), rows.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+
+  std::vector<ModeState> states;
+  for (const LandmarkGroup& group : groups) states.push_back(StationaryStart(group, at));
+  VehicleRecords records;
+  const std::optional<std::size_t> statement = StatementOf(version);
+  bool stated = false;
+  const auto take_statement = [&] {
+    stated = true;
+    const MapContent& content = versions_[*statement].content;
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      const auto claim = Claim(groups[g], content);
+      if (claim) AddStatement(groups[g], *claim, content.stamp, records, &states[g]);
+    }
+  };
+  Eigen::VectorXd log_likelihoods;
+  for (const auto& [row, g] : rows) {
+    const VisitEvidence& visit = row.evidence;
+    const bool after = statement && visit.begin >= versions_[*statement].content.stamp;
+    if (after && !stated) take_statement();
+    if (!StateLogLikelihoods(groups[g], visit.modes, &log_likelihoods)) continue;
+    const auto verdict = AddVisit(groups[g],
+                                  visit.begin,
+                                  visit.end,
+                                  VehicleKey(row.vehicle),
+                                  records,
+                                  log_likelihoods,
+                                  &states[g]);
+    if (verdict) records.Add(*verdict);
+  }
+  if (statement && !stated) take_statement();
+  std::vector<Eigen::VectorXd> probabilities;
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    probabilities.push_back(shiftmap::ProbabilitiesAt(groups[g], states[g], end, records));
   }
   return probabilities;
 }

@@ -172,10 +172,13 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
 Status RunVehicles(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VehicleTrust> trust,
+                            store.Trust(map.area(), map.version()));
   context.Report({{"area", map.area()},
                   {"version", map.version().value()},
-                  {"vehicles", VehiclesJson(map.vehicles())}},
-                 VehiclesText(map.vehicles()));
+                  {"vehicles", VehiclesJson(map.vehicles())},
+                  {"trust", TrustJson(trust)}},
+                 VehiclesText(map.vehicles()) + TrustText(trust));
   return OkStatus();
 }
 

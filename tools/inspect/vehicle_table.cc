@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/vehicle_table.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/inspect/store_arguments.h"
 
 namespace shiftmap {
@@ -66,6 +69,26 @@ std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles) {
     }
   }
   return table.ToString();
+}
+
+Json TrustJson(const std::vector<VehicleTrust>& trust) {
+  Json json = Json::array();
+  for (const VehicleTrust& vehicle : trust) {
+    json.push_back({{"vehicle", vehicle.vehicle}, {"broken", vehicle.broken}});
+  }
+  return json;
+}
+
+std::string TrustText(const std::vector<VehicleTrust>& trust) {
+  std::string text;
+  for (const VehicleTrust& vehicle : trust) {
+    if (!IsDistrusted(vehicle)) continue;
+    text +=
+        fmt::format("'{}' contradicts the others and is not believed, with probability {:.3f}\n",
+                    InertLine(vehicle.vehicle),
+                    vehicle.broken);
+  }
+  return text;
 }
 
 }  // namespace shiftmap

@@ -6,6 +6,7 @@
 
 #include "mapstore/cli/context.h"
 #include "mapstore/map/vehicle_calibration.h"
+#include "mapstore/store_types.h"
 
 namespace shiftmap {
 
@@ -14,5 +15,11 @@ Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles);
 
 /// The same as a table.
 std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles);
+
+/// Per vehicle that others judged the probability that it is broken.
+Json TrustJson(const std::vector<VehicleTrust>& trust);
+
+/// A line for each vehicle that is not believed.
+std::string TrustText(const std::vector<VehicleTrust>& trust);
 
 }  // namespace shiftmap

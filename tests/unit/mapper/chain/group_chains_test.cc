@@ -50,6 +50,40 @@ std::vector<Stamp> Every(double seconds, int count) {
   return stamps;
 }
 
+// A fifth of the visits is of a vehicle that says each time that the landmark is elsewhere.
+TEST(GroupChainsTest, AVehicleThatContradictsTheOthersTeachesNoMoves) {
+  std::mt19937_64 random(TestSeed(73));
+  const std::vector<LandmarkGroup> groups = Groups(20, 2, random);
+  const ModeChain truth = ModeChain::Uniform(2, 0.1 / kDay);
+  std::vector<EvidenceRow> rows;
+  for (const LandmarkGroup& group : groups) {
+    AddRows(group, truth, Every(0.2 * kDay, 200), 1e-6, random, &rows);
+  }
+  std::vector<EvidenceRow> honest;
+  std::vector<EvidenceRow> all;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EvidenceRow row = rows[i];
+    row.vehicle = fmt::format("vehicle-{}", i % 5);
+    if (i % 5 != 0) {
+      honest.push_back(row);
+    } else {
+      std::rotate(
+          row.evidence.modes.begin(), row.evidence.modes.begin() + 1, row.evidence.modes.end());
+      for (int state = 0; state < truth.states(); ++state) {
+        row.evidence.modes[static_cast<std::size_t>(state)].mode = groups.front().NumberOf(state);
+      }
+    }
+    all.push_back(std::move(row));
+  }
+  const auto mean_rate = [&](const std::vector<EvidenceRow>& evidence) {
+    const auto chains = LearnGroupChains(groups, evidence, {});
+    double sum = 0.0;
+    for (const GroupChain& chain : *chains) sum += chain.chain.chain().leave_rate_per_s();
+    return sum / static_cast<double>(groups.size());
+  };
+  EXPECT_NEAR(mean_rate(all), mean_rate(honest), 0.1 * mean_rate(honest));
+}
+
 TEST(GroupChainsTest, RatesOfALedgerHoldTheTruth) {
   std::mt19937_64 random(TestSeed(71));
   const std::vector<LandmarkGroup> groups = Groups(20, 2, random);

@@ -15,6 +15,7 @@
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -60,7 +61,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 5; 'shiftmap-inspect migrate'"));
+                             ", this build reads 6; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -124,7 +125,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 5 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 6 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -176,6 +177,38 @@ TEST(MigrateDerivedTest, TheMemoryIsKept) {
   EXPECT_THAT(*store.ExcludedRunsOf("floor", VersionNumber(2)), ElementsAre("run_001"));
   // 76 rows of mapped and 60 of reported visits; 24 are of run_001, and 26 reports of run_002.
   EXPECT_THAT(*store.Evidence("floor", VersionNumber(2)), SizeIs(76 - 24 + 34));
+}
+
+// Two builds, and reports about the run of the second one and about two of no build.
+TEST(MigrateDerivedTest, TrustStartsAnew) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_5.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadOnly);
+  ASSERT_THAT(*store.Versions("floor"), SizeIs(2));
+  EXPECT_THAT(*store.Reports("floor"), SizeIs(3));
+  // 24 rows of mapped visits, and 45 of reported ones, 16 of which are about a mapped run.
+  EXPECT_THAT(*store.Evidence("floor", VersionNumber(2)), SizeIs(24 + 45 - 16));
+}
+
+// The rows that its checkpoint was made from are elsewhere.
+TEST(MigrateDerivedTest, ASnapshotIsExportedAnew) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_5.db"), path);
+  {
+    StatusOr<Database> database = Database::Open(path, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("INSERT INTO ledger_checkpoint (area_id, version_id, before_ns, "
+                                  "newest_end_ns, rows_stored, states) "
+                                  "SELECT area_id, version_id, 1, 1, 0, x'' FROM version LIMIT 1"),
+                IsOk());
+  }
+  const std::string before = *HashFile(path);
+  EXPECT_THAT(MigrateStore(path, ""),
+              StatusIs(StatusCode::kFailedPrecondition, "is a snapshot: migrate its store"));
+  EXPECT_EQ(*HashFile(path), before);
 }
 
 INSTANTIATE_TEST_SUITE_P(Schemas,

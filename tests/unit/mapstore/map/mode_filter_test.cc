@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <random>
 #include <string>
 
@@ -61,17 +62,22 @@ Eigen::VectorXd SumOverSequences(const LandmarkGroup& group,
   return sum;
 }
 
-// The posterior of the state at the last visit by summing over all sequences of states, and over
-// all sets of turns that are mistakes.
-Eigen::VectorXd BruteForce(const LandmarkGroup& group,
-                           Stamp stamp,
-                           const std::vector<EvidenceRow>& rows) {
+struct BruteForcePosterior {
+  Eigen::VectorXd states;        // At the last visit.
+  std::vector<double> mistaken;  // Per turn.
+};
+
+// By summing over all sequences of states, and over all sets of turns that are mistakes.
+BruteForcePosterior BruteForce(const LandmarkGroup& group,
+                               Stamp stamp,
+                               const std::vector<EvidenceRow>& rows) {
   std::vector<std::size_t> turn_of(rows.size());
   for (std::size_t i = 1; i < rows.size(); ++i) {
     turn_of[i] = turn_of[i - 1] + (rows[i].vehicle == rows[i - 1].vehicle ? 0 : 1);
   }
   const std::size_t turns = turn_of.back() + 1;
-  Eigen::VectorXd posterior = Eigen::VectorXd::Zero(group.chain.states());
+  BruteForcePosterior posterior{Eigen::VectorXd::Zero(group.chain.states()),
+                                std::vector<double>(turns)};
   for (unsigned mistakes = 0; mistakes < (1U << turns); ++mistakes) {
     std::vector<bool> right(rows.size());
     for (std::size_t i = 0; i < rows.size(); ++i) right[i] = (mistakes >> turn_of[i] & 1U) == 0;
@@ -91,9 +97,16 @@ Eigen::VectorXd BruteForce(const LandmarkGroup& group,
                                                              std::vector<bool>(own.size(), true))
                                                 .sum();
     }
-    posterior += weight * SumOverSequences(group, group.probabilities, stamp, rows, right);
+    const Eigen::VectorXd states =
+        weight * SumOverSequences(group, group.probabilities, stamp, rows, right);
+    posterior.states += states;
+    for (std::size_t turn = 0; turn < turns; ++turn) {
+      if ((mistakes >> turn & 1U) != 0) posterior.mistaken[turn] += states.sum();
+    }
   }
-  return posterior / posterior.sum();
+  for (double& mistaken : posterior.mistaken) mistaken /= posterior.states.sum();
+  posterior.states /= posterior.states.sum();
+  return posterior;
 }
 
 TEST(ModeFilterTest, EqualsTheSumOverAllModeSequencesAndMistakes) {
@@ -114,8 +127,44 @@ TEST(ModeFilterTest, EqualsTheSumOverAllModeSequencesAndMistakes) {
     }
     const ModeState state = FilterModes(group, StartModes(group, At(0.0)), rows);
     EXPECT_EQ(state.stamp, At(time));
-    EXPECT_THAT(Now(group, state), IsNearMatrix(BruteForce(group, At(0.0), rows), 1e-12));
+    EXPECT_THAT(Now(group, state), IsNearMatrix(BruteForce(group, At(0.0), rows).states, 1e-12));
   }
+}
+
+// What the first visit of another vehicle says of the turn before it.
+TEST(ModeFilterTest, VerdictsAreThePosteriorOfMistakes) {
+  std::mt19937_64 random(TestSeed(12));
+  int verdicts = 0;
+  for (int round = 0; round < 50; ++round) {
+    const int modes = 1 + round % 3;
+    LandmarkGroup group = RandomGroup(random, "A", modes);
+    group.chain = round % 3 == 0 ? RandomChain(random, modes) : ModeChain::Uniform(modes, 1e-4);
+    ModeState state = StartModes(group, At(0.0));
+    std::vector<EvidenceRow> rows;
+    Eigen::VectorXd log_likelihoods;
+    for (int i = 0; i < 4; ++i) {
+      const double begin = 600.0 * i + std::uniform_real_distribution<double>(0.0, 500.0)(random);
+      rows.push_back({std::to_string(i),
+                      RandomEvidence(random, group, At(begin), At(begin + 30.0)),
+                      random() % 2 == 0 ? "a" : "b"});
+      StateLogLikelihoods(group, rows.back().evidence.modes, &log_likelihoods);
+      const std::optional<TurnVerdict> verdict = AddVisit(group,
+                                                          At(begin),
+                                                          At(begin + 30.0),
+                                                          VehicleKey(rows.back().vehicle),
+                                                          VehicleRecords(),
+                                                          log_likelihoods,
+                                                          &state);
+      const bool ends_turn = i > 0 && rows[rows.size() - 2].vehicle != rows.back().vehicle;
+      ASSERT_EQ(verdict.has_value(), ends_turn);
+      if (!ends_turn) continue;
+      ++verdicts;
+      const std::vector<double> expected = BruteForce(group, At(0.0), rows).mistaken;
+      EXPECT_NEAR(verdict->mistaken, expected[expected.size() - 2], 1e-12);
+      EXPECT_EQ(verdict->vehicle, VehicleKey(rows[rows.size() - 2].vehicle));
+    }
+  }
+  EXPECT_GT(verdicts, 30);
 }
 
 LandmarkGroup GroupOfTwo(double leave_rate_per_s) {
@@ -258,7 +307,7 @@ TEST(ModeFilterTest, AStatementAloneIsWhatItSays) {
       group.chain = *ModeChain::FromRates(rates);
     }
     ModeState state = StationaryStart(group, At(0.0));
-    AddStatement(group, group.probabilities, At(50.0), &state);
+    AddStatement(group, group.probabilities, At(50.0), {}, &state);
     EXPECT_THAT(Now(group, state), IsNearMatrix(group.probabilities, 1e-12));
     EXPECT_EQ(state.stamp, At(50.0));
   }
@@ -273,7 +322,7 @@ TEST(ModeFilterTest, AStatementOfTheStationaryDistributionChangesNothing) {
   const ModeState visits =
       FilterModes(group, stationary, {{"u", RandomEvidence(random, group, At(0.0), At(90.0))}});
   ModeState state = visits;
-  AddStatement(group, Now(group, stationary), At(200.0), &state);
+  AddStatement(group, Now(group, stationary), At(200.0), {}, &state);
   EXPECT_THAT(Now(group, state), IsNearMatrix(ProbabilitiesAt(group, visits, At(200.0)), 1e-12));
 }
 
@@ -285,7 +334,7 @@ TEST(ModeFilterTest, OlderVisitsDoNotOverruleAStatement) {
   VisitEvidence old = RandomEvidence(random, group, At(0.0), At(10.0));
   old.modes = {{kAbsent, -40.0}, {ModeNumber(1), -40.0}, {ModeNumber(2), 0.0}};
   ModeState state = FilterModes(group, StationaryStart(group, At(0.0)), {{"u", old}});
-  AddStatement(group, Eigen::Vector3d(1e-9, 1.0 - 2e-9, 1e-9), At(86'400.0), &state);
+  AddStatement(group, Eigen::Vector3d(1e-9, 1.0 - 2e-9, 1e-9), At(86'400.0), {}, &state);
   EXPECT_GT(Now(group, state)(1), 1.0 - 1e-7);
 }
 
@@ -348,10 +397,10 @@ TEST(ModeFilterTest, StampsFartherApartThanADurationAreForEver) {
   group.chain = ModeChain::Uniform(2, 1e-6);
   ModeState state = StartModes(group, Stamp::min());
   state.started = true;
-  AddVisit(group, Stamp::max(), Stamp::max(), 0, Eigen::Vector3d::Zero(), &state);
+  AddVisit(group, Stamp::max(), Stamp::max(), 0, VehicleRecords(), Eigen::Vector3d::Zero(), &state);
   EXPECT_EQ(state.stamp, Stamp::max());
   const Eigen::Vector3d stationary = Eigen::Vector3d::Constant(1.0 / 3.0);
-  EXPECT_THAT(state.Probabilities(), IsNearMatrix(stationary, 1e-12));
+  EXPECT_THAT(state.Probabilities({}), IsNearMatrix(stationary, 1e-12));
   EXPECT_THAT(ProbabilitiesAt(group, StartModes(group, Stamp::min()), Stamp::max()),
               IsNearMatrix(stationary, 1e-12));
 }

@@ -238,6 +238,39 @@ TEST_F(MappedEvidenceTest, OnlyAVehiclesOwnReportStandsForItsRun) {
   EXPECT_EQ(At1(At(900.0)), known);
 }
 
+// A liar among three others, one of which has a mapped run.
+TEST_F(MappedEvidenceTest, AVehicleThatTheOthersContradictIsNamed) {
+  const CommitResult first = Map({0}, std::nullopt);
+  const auto speak = [&](int time, const std::string& vehicle, double log_ratio) {
+    ShiftReport report = EmptyReport(first, "a", 100 + time);
+    report.vehicle = vehicle;
+    report.evidence = {
+        TwoStateEvidence(At(100.0 * time + 5.0), At(100.0 * time + 35.0), 0.0, log_ratio)};
+    ASSERT_THAT(store_.Return(report), IsOk());
+  };
+  for (int time = 1; time < 30; ++time) {
+    const bool lies = time % 3 == 0;
+    speak(time, lies ? "liar" : "truck " + std::to_string(1 + time % 3), lies ? -8.0 : 8.0);
+  }
+  const std::vector<VehicleTrust> trust = *store_.Trust("a");
+  ASSERT_THAT(trust, SizeIs(4));
+  EXPECT_EQ(trust[0].vehicle, "liar");
+  EXPECT_TRUE(IsDistrusted(trust[0]));
+  for (const std::size_t honest : {1U, 2U, 3U}) EXPECT_LT(trust[honest].broken, 0.01);
+  speak(30, "liar", -8.0);
+  EXPECT_GT(At1(At(3100.0)), 0.8);  // Of which it says that it is not so.
+  const std::string snapshot = dir_.File("s.db");
+  ASSERT_THAT(store_.ExportSnapshot("a", snapshot), IsOk());
+  MapStore on_vehicle = *MapStore::Open(snapshot, MapStore::Access::kReadOnly);
+  EXPECT_EQ(on_vehicle.LoadAt("a", std::nullopt, At(3100.0))->groups()[0].probabilities(1),
+            At1(At(3100.0)));
+
+  ASSERT_THAT(store_.Exclude("a", {"", "liar", At(-1e6), "lies", {}}), IsOk());
+  EXPECT_THAT(*store_.Trust("a"), SizeIs(3));
+  ASSERT_THAT(store_.Include("a", {"", "liar", {}, "", {}}), IsOk());
+  EXPECT_EQ((*store_.Trust("a"))[0].broken, trust[0].broken);
+}
+
 // The oracle is a store to which the run, or the vehicle, never came.
 TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
   const CommitResult first = Map({0, 1, 2}, std::nullopt);

@@ -159,7 +159,7 @@ TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
                        "map store '" + path_ +
-                           "': schema version 7, this build reads 5; it needs a newer build"));
+                           "': schema version 7, this build reads 6; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {

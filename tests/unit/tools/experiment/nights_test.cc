@@ -116,6 +116,50 @@ TEST(NightsTest, RunsOfANewLayoutAreMappedOnceTheyDecideTogether) {
   EXPECT_GT(result->nights[4].modes, result->nights[3].modes + 8);
 }
 
+// One of four vehicles, for five days.
+NightsResult DriveWithFault(VehicleFault fault) {
+  NightsOptions options;
+  options.seed = 4;
+  options.nights = 9;
+  options.vehicles = 4;
+  options.groups = 12;
+  options.size_m = 15.0;
+  options.duration_s = 60.0;
+  options.return_at_once = true;
+  options.fault = fault;
+  options.fault_night = 5;
+  options.fault_nights = 5;
+  const testing::TempDir folder;
+  return DriveNights(options, folder.File("site"), {"--threads", "1"}, [](const NightResult&) {})
+      .value();
+}
+
+// The oracle: the same days without the fault. After one honest visit the likeliest state is right
+// as often, after two it is as sure.
+TEST(NightsTest, AVehicleThatReportsFalselyIsNotBelieved) {
+  const auto sums = [](const NightsResult& result) {
+    std::pair<RecoveryCount, RecoveryCount> sum;
+    for (const NightResult& night : result.nights) {
+      EXPECT_EQ(night.wrong_decisions, 0) << night.night;
+      EXPECT_EQ(night.wrong_modes, 0) << night.night;
+      sum.first.states += night.after_one.states;
+      sum.first.wrong_likeliest += night.after_one.wrong_likeliest;
+      sum.second.states += night.after_two.states;
+      sum.second.doubtful += night.after_two.doubtful;
+    }
+    return sum;
+  };
+  const auto expected = sums(DriveWithFault(VehicleFault::kNone));
+  EXPECT_GT(expected.first.states, 100);
+  EXPECT_GT(expected.second.states, 200);
+  for (const VehicleFault fault : {VehicleFault::kFalseReports, VehicleFault::kFlood}) {
+    const auto with_fault = sums(DriveWithFault(fault));
+    EXPECT_GT(with_fault.first.states, 100);
+    EXPECT_LE(with_fault.first.wrong_likeliest, expected.first.wrong_likeliest + 1);
+    EXPECT_LE(with_fault.second.doubtful, expected.second.doubtful + 2);
+  }
+}
+
 TEST(NightsTest, AFolderThatIsThereIsLeftAlone) {
   const testing::TempDir folder;
   const StatusOr<NightsResult> result =
