@@ -108,15 +108,20 @@ Eigen::MatrixXd ModeChain::Transition(Duration elapsed) const {
   return transition;
 }
 
+void ModeChain::Spread(double forgotten, Eigen::VectorXd* probabilities) {
+  const double each = forgotten / static_cast<double>(probabilities->size()) * probabilities->sum();
+  *probabilities = ((1.0 - forgotten) * *probabilities).array() + each;
+}
+
 Eigen::VectorXd ModeChain::Propagate(const Eigen::VectorXd& probabilities, Duration elapsed) const {
   SHIFTMAP_CHECK(probabilities.size() == states(),
                  "{} probabilities for {} states",
                  probabilities.size(),
                  states());
   if (!uniform_) return Transition(elapsed).transpose() * probabilities;
-  const double forgotten = Forgotten(elapsed);
-  const double spread = forgotten / states() * probabilities.sum();
-  return ((1.0 - forgotten) * probabilities).array() + spread;
+  Eigen::VectorXd result = probabilities;
+  Spread(Forgotten(elapsed), &result);
+  return result;
 }
 
 }  // namespace shiftmap

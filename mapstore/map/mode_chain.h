@@ -50,6 +50,12 @@ class ModeChain {
   /// squaring.
   Eigen::MatrixXd Transition(Duration elapsed) const;
 
+  /// Share of a distribution that a uniform chain has spread evenly after Δt, in [0, 1).
+  double Forgotten(Duration elapsed) const;
+
+  /// Spreads that share of a distribution, in place.
+  static void Spread(double forgotten, Eigen::VectorXd* probabilities);
+
   /// p(t + Δt) from p(t), sizes n+1; without forming Π if the chain is uniform.
   Eigen::VectorXd Propagate(const Eigen::VectorXd& probabilities, Duration elapsed) const;
 
@@ -57,7 +63,6 @@ class ModeChain {
   ModeChain(Eigen::MatrixXd rate_matrix, double leave_rate_per_s);
 
   // Share of the deviation from the stationary distribution that is gone after `elapsed`.
-  double Forgotten(Duration elapsed) const;
 
   Eigen::MatrixXd rate_matrix_;
   Eigen::VectorXd stationary_;

@@ -56,35 +56,72 @@ double Normalize(Eigen::VectorXd* log_probabilities) {
 class ChainStep {
  public:
   // @param elapsed  Zero: nothing moves.
-  ChainStep(const ModeChain& chain, Duration elapsed) : chain_(chain), elapsed_(elapsed) {
-    if (moves() && !chain.uniform()) reversed_ = chain.Transition(elapsed).transpose();
+  ChainStep(const ModeChain& chain, Duration elapsed)
+      : moves_(elapsed > Duration::zero() && chain.leave_rate_per_s() > 0.0) {
+    if (!moves_) return;
+    if (chain.uniform()) {
+      forgotten_ = chain.Forgotten(elapsed);
+    } else {
+      reversed_ = chain.Transition(elapsed).transpose();
+    }
   }
 
   void Move(Eigen::VectorXd* probabilities) const {
-    if (!moves()) return;
-    *probabilities = chain_.uniform() ? chain_.Propagate(*probabilities, elapsed_)
-                                      : Eigen::VectorXd(reversed_ * *probabilities);
+    if (!moves_) return;
+    if (reversed_.size() > 0) {
+      *probabilities = reversed_ * *probabilities;
+    } else {
+      ModeChain::Spread(forgotten_, probabilities);
+    }
   }
 
   void MoveLog(Eigen::VectorXd* log_probabilities) const {
-    if (!moves()) return;
+    if (!moves_) return;
     Eigen::VectorXd probabilities = Exp(*log_probabilities);
     Move(&probabilities);
     *log_probabilities = Log(probabilities);
   }
 
  private:
-  bool moves() const { return elapsed_ > Duration::zero() && chain_.leave_rate_per_s() > 0.0; }
-
-  const ModeChain& chain_;
-  Duration elapsed_;
-  Eigen::MatrixXd reversed_;  // Πᵀ of a general chain, which costs more than what it is used for.
+  bool moves_;
+  double forgotten_ = 0.0;    // Of a uniform chain.
+  Eigen::MatrixXd reversed_;  // Πᵀ of a general one, which costs more than what it is used for.
 };
 
-// The turn of a vehicle that has not spoken since another one did, before its first visit.
+// @param own, right  log Σ of what a visit has added to `log_own` and `log_right`.
+void EndVisit(double own, double right, VehicleTurn* turn) {
+  turn->log_bayes_factor += own - right;
+  // The chain cannot be where the vehicle says.
+  if (right == kImpossible) turn->log_right = Log(turn->mistaken);
+}
+
+// What was seen in a visit, over the largest likelihood: a mode's may be beyond what a double
+// holds.
+struct Likelihoods {
+  explicit Likelihoods(const Eigen::VectorXd& of_log)
+      : log(of_log), log_largest(of_log.maxCoeff()), values(Exp(of_log.array() - log_largest)) {}
+
+  const Eigen::VectorXd& log;
+  double log_largest;
+  Eigen::VectorXd values;
+};
+
+// Adds a visit to a distribution.
+// @param mean  Σ_k p_k values_k of the distribution: what Normalize() would sum up anew.
+// Returns the log of Σ_k p_k exp(log_k).
+double AddFirst(const Likelihoods& visit, double mean, Eigen::VectorXd* log_probabilities) {
+  *log_probabilities += visit.log;
+  if (!(mean > 0.0)) return Normalize(log_probabilities);
+  const double log_mean = visit.log_largest + std::log(mean);
+  log_probabilities->array() -= log_mean;
+  return log_mean;
+}
+
+// The first visit of a vehicle that has not spoken since another one did.
 void BeginTurn(const ModeChain& chain,
                std::int64_t vehicle,
                Eigen::VectorXd known,
+               const Likelihoods& visit,
                VehicleTurn* turn) {
   turn->vehicle = vehicle;
   turn->log_right = Log(known);
@@ -95,42 +132,45 @@ void BeginTurn(const ModeChain& chain,
   }
   turn->mistaken = std::move(known);
   turn->log_bayes_factor = 0.0;
+  const double right = AddFirst(visit, turn->mistaken.dot(visit.values), &turn->log_right);
+  const double own = AddFirst(visit, chain.stationary().dot(visit.values), &turn->log_own);
+  EndVisit(own, right, turn);
 }
 
-// Probability that a turn is a mistake.
-double ShareOfMistake(const VehicleTurn& turn, const VehicleRecords& records) {
-  const double prior = records.MistakeProbability(turn.vehicle);
-  const double log_odds = std::log(prior) - std::log1p(-prior) + turn.log_bayes_factor;
-  return 1.0 / (1.0 + std::exp(-log_odds));
+// Bayes factor of mistaken over right, as far as a double has it.
+double BayesFactor(const VehicleTurn& turn) {
+  constexpr double kMost = 500.0;  // [nat]
+  return std::exp(std::clamp(turn.log_bayes_factor, -kMost, kMost));
+}
+
+double ShareOfMistake(double prior, double bayes_factor) {
+  return prior * bayes_factor / (1.0 - prior + prior * bayes_factor);
 }
 
 // What the first visit of another vehicle, which may be a mistake too, says of a turn.
+// @param prior                Of the turn being a mistake.
 // @param right, mistaken      Of the turn, moved to the begin of the visit.
 // @param mistake_probability  Of the visit.
 TurnVerdict Judge(const ModeChain& chain,
                   const VehicleTurn& turn,
-                  const VehicleRecords& records,
+                  double prior,
                   const Eigen::VectorXd& right,
                   const Eigen::VectorXd& mistaken,
                   double mistake_probability,
-                  const Eigen::VectorXd& log_likelihoods) {
-  const Eigen::VectorXd likelihoods = Exp(log_likelihoods.array() - log_likelihoods.maxCoeff());
+                  const Eigen::VectorXd& likelihoods) {
   const double by_itself = mistake_probability * chain.stationary().dot(likelihoods);
   const double if_right = (1.0 - mistake_probability) * right.dot(likelihoods) + by_itself;
   const double if_mistaken = (1.0 - mistake_probability) * mistaken.dot(likelihoods) + by_itself;
-  VehicleTurn judged;
-  judged.vehicle = turn.vehicle;
-  judged.log_bayes_factor = turn.log_bayes_factor;
-  if (if_right > 0.0 && if_mistaken > 0.0) {
-    judged.log_bayes_factor += std::log(if_mistaken) - std::log(if_right);
-  }
-  return {turn.vehicle, ShareOfMistake(judged, records), judged.log_bayes_factor};
+  double bayes_factor = BayesFactor(turn);
+  if (if_right > 0.0 && if_mistaken > 0.0) bayes_factor *= if_mistaken / if_right;
+  return {turn.vehicle, ShareOfMistake(prior, bayes_factor), bayes_factor};
 }
 
 }  // namespace
 
 double ModeState::MistakenShare(const VehicleRecords& records) const {
-  return turn ? ShareOfMistake(*turn, records) : 0.0;
+  if (!turn) return 0.0;
+  return ShareOfMistake(records.MistakeProbability(turn->vehicle), BayesFactor(*turn));
 }
 
 Eigen::VectorXd ModeState::Probabilities(const VehicleRecords& records) const {
@@ -195,32 +235,35 @@ std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
     step.MoveLog(&state->turn->log_right);
     step.MoveLog(&state->turn->log_own);
     step.Move(&state->turn->mistaken);
+    VehicleTurn& turn = *state->turn;
+    turn.log_own += log_likelihoods;
+    turn.log_right += log_likelihoods;
+    const double right = Normalize(&turn.log_right);
+    EndVisit(Normalize(&turn.log_own), right, &turn);
   } else {
-    Eigen::VectorXd known = state->Probabilities(records);
-    step.Move(&known);
+    const Likelihoods visit(log_likelihoods);
+    Eigen::VectorXd known;
     if (state->turn) {
       Eigen::VectorXd right = Exp(state->turn->log_right);
+      Eigen::VectorXd& mistaken = state->turn->mistaken;
       step.Move(&right);
-      step.Move(&state->turn->mistaken);
+      step.Move(&mistaken);
+      const double share = state->MistakenShare(records);
+      known = (1.0 - share) * right + share * mistaken;
       verdict = Judge(group.chain,
                       *state->turn,
-                      records,
+                      records.MistakeProbability(state->turn->vehicle),
                       right,
-                      state->turn->mistaken,
+                      mistaken,
                       records.MistakeProbability(vehicle),
-                      log_likelihoods);
+                      visit.values);
     } else {
+      known = Exp(state->log_probabilities);
+      step.Move(&known);
       state->turn.emplace();
     }
-    BeginTurn(group.chain, vehicle, std::move(known), &*state->turn);
+    BeginTurn(group.chain, vehicle, std::move(known), visit, &*state->turn);
   }
-  VehicleTurn& turn = *state->turn;
-  turn.log_own += log_likelihoods;
-  turn.log_right += log_likelihoods;
-  const double right = Normalize(&turn.log_right);
-  turn.log_bayes_factor += Normalize(&turn.log_own) - right;
-  // The chain cannot be where the vehicle says.
-  if (right == kImpossible) turn.log_right = Log(turn.mistaken);
   state->stamp = std::max(state->stamp, end);
   return verdict;
 }

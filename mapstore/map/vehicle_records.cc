@@ -2,7 +2,6 @@
 #include "mapstore/map/vehicle_records.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace shiftmap {
 namespace {
@@ -13,8 +12,8 @@ constexpr double kBroken =
     (kMistakeProbability - kMistakesOfWorking) / (kMistakesOfBroken - kMistakesOfWorking);
 constexpr double kChange = 0.01;  // From verdict to verdict.
 
-// One turn says no more. [nat]
-constexpr double kMaxLogBayesFactor = 30.0;
+// One turn says no more.
+constexpr double kMaxBayesFactor = 1e12;
 
 }  // namespace
 
@@ -27,8 +26,7 @@ double VehicleRecords::MistakeProbability(std::int64_t vehicle) const {
 void VehicleRecords::Add(const TurnVerdict& verdict) {
   double& broken = broken_.try_emplace(verdict.vehicle, kBroken).first->second;
   broken -= kChange * (broken - kBroken);
-  const double factor =
-      std::exp(std::clamp(verdict.log_bayes_factor, -kMaxLogBayesFactor, kMaxLogBayesFactor));
+  const double factor = std::min(verdict.bayes_factor, kMaxBayesFactor);
   const double if_broken = 1.0 - kMistakesOfBroken + kMistakesOfBroken * factor;
   const double if_working = 1.0 - kMistakesOfWorking + kMistakesOfWorking * factor;
   const double odds = broken / (1.0 - broken) * if_broken / if_working;

@@ -13,9 +13,9 @@ inline constexpr double kMistakeProbability = 1e-3;
 
 /// What the first visit of another vehicle says of a vehicle's turn about a landmark.
 struct TurnVerdict {
-  std::int64_t vehicle = 0;       ///< VehicleKey of the name of the vehicle whose turn it was.
-  double mistaken = 0.0;          ///< Probability that the turn was a mistake.
-  double log_bayes_factor = 0.0;  ///< Of mistaken over right, without the prior. [nat]
+  std::int64_t vehicle = 0;   ///< VehicleKey of the name of the vehicle whose turn it was.
+  double mistaken = 0.0;      ///< Probability that the turn was a mistake.
+  double bayes_factor = 1.0;  ///< Of mistaken over right, without the prior; > 0.
 };
 
 /// How far each vehicle of a fleet is trusted while evidence is filtered, learned from verdicts.

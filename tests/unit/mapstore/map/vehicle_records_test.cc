@@ -27,7 +27,7 @@ TEST(VehicleRecordsTest, IsThePosteriorOfTheVehiclesCondition) {
   VehicleRecords records;
   for (int i = 0; i < 30; ++i) {
     const double log_factor = factor(random);
-    records.Add({7, 0.0, log_factor});
+    records.Add({7, 0.0, std::exp(log_factor)});
     p = 0.99 * p + 0.01 * Eigen::Vector2d(1.0 - kPrior, kPrior);
     p[0] *= 1.0 - kWorking + kWorking * std::exp(log_factor);
     p[1] *= 1.0 - kBroken + kBroken * std::exp(log_factor);
@@ -39,8 +39,8 @@ TEST(VehicleRecordsTest, IsThePosteriorOfTheVehiclesCondition) {
 
 TEST(VehicleRecordsTest, ARepairedVehicleIsTrustedAgain) {
   VehicleRecords records;
-  const double contradicted = std::log(100.0);
-  const double confirmed = std::log(0.5);
+  const double contradicted = 100.0;
+  const double confirmed = 0.5;
   for (int i = 0; i < 5; ++i) records.Add({7, 0.0, contradicted});
   EXPECT_GT(records.MistakeProbability(7), 0.8);
   for (int i = 0; i < 1000; ++i) records.Add({7, 0.0, 1e300});
@@ -50,7 +50,7 @@ TEST(VehicleRecordsTest, ARepairedVehicleIsTrustedAgain) {
 
 TEST(VehicleRecordsTest, OneContradictionIsNoPattern) {
   VehicleRecords records;
-  for (int i = 0; i < 50; ++i) records.Add({7, 0.0, i == 40 ? std::log(100.0) : std::log(0.5)});
+  for (int i = 0; i < 50; ++i) records.Add({7, 0.0, i == 40 ? 100.0 : 0.5});
   EXPECT_LT(records.MistakeProbability(7), 5.0 * kMistakeProbability);
 }
 
