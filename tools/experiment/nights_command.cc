@@ -190,14 +190,27 @@ Status RunNights(const Arguments& arguments, Context& context) {
 
 }  // namespace
 
+void AddSiteOptions(NightsOptions* nights, Command* command) {
+  command->Option("--vehicles", &nights->vehicles, "A shift each, every day")
+      .InRange(1, 100)
+      .Option("--groups", &nights->groups, "Landmarks")
+      .InRange(3, 10000)
+      .Option("--size-m", &nights->size_m, "Edge of the floor")
+      .InRange(5.0, 1e4)
+      .Option("--duration-s", &nights->duration_s, "Of a shift")
+      .InRange(10.0, 1e5)
+      .Option("--seed", &nights->seed, "Seed of the first site");
+}
+
 void AddNightsExperiment(Application* application) {
   auto arguments = std::make_shared<Arguments>();
   NightsOptions& nights = arguments->nights;
-  application
-      ->AddCommand("nights",
-                   "Days and nights of simulated sites, through the commands of a site",
-                   [arguments](Context& context) { return RunNights(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and pictures")
+  Command& command = application->AddCommand(
+      "nights",
+      "Days and nights of simulated sites, through the commands of a site",
+      [arguments](Context& context) { return RunNights(*arguments, context); });
+  AddSiteOptions(&nights, &command);
+  command.Option("--output", &arguments->output, "Folder for CSV, JSON and pictures")
       .Required()
       .Option("--work", &arguments->work, "Folder for logs, reports and stores, which stay there")
       .Required()
@@ -205,21 +218,12 @@ void AddNightsExperiment(Application* application) {
       .InRange(1, 10000)
       .Option("--nights", &nights.nights, "Days, and nights after them")
       .InRange(1, 300)
-      .Option("--vehicles", &nights.vehicles, "A shift each, every day")
-      .InRange(1, 100)
-      .Option("--groups", &nights.groups, "Landmarks")
-      .InRange(3, 10000)
-      .Option("--size-m", &nights.size_m, "Edge of the floor")
-      .InRange(5.0, 1e4)
-      .Option("--duration-s", &nights.duration_s, "Of a shift")
-      .InRange(10.0, 1e5)
       .Option("--layout-days",
               &nights.layout_days,
               "Every so many days much of what moves does so at once; 0: never")
       .InRange(0, 300)
       .Option("--layout-share", &nights.layout_share, "Share of landmarks that do")
       .InRange(0.0, 1.0)
-      .Option("--seed", &nights.seed, "Seed of the first site")
       .Writes();
 }
 

@@ -11,6 +11,7 @@
 
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/nights.h"
+#include "tools/experiment/nights_command.h"
 
 namespace shiftmap {
 namespace {
@@ -145,29 +146,21 @@ void AddVehicleFaultsExperiment(Application* application) {
   auto arguments = std::make_shared<Arguments>();
   NightsOptions& nights = arguments->nights;
   nights.fault_nights = 10;
-  application
-      ->AddCommand("vehicle-faults",
-                   "What a broken or lying vehicle does to the fleet's map of simulated sites",
-                   [arguments](Context& context) { return RunVehicleFaults(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV and JSON")
+  Command& command = application->AddCommand(
+      "vehicle-faults",
+      "What a broken or lying vehicle, the first one, does to the fleet's map of simulated sites",
+      [arguments](Context& context) { return RunVehicleFaults(*arguments, context); });
+  AddSiteOptions(&nights, &command);
+  command.Option("--output", &arguments->output, "Folder for CSV and JSON")
       .Required()
       .Option("--work", &arguments->work, "Folder for logs, reports and stores, which stay there")
       .Required()
       .Option("--worlds", &arguments->worlds, "Sites")
       .InRange(1, 10000)
-      .Option("--vehicles", &nights.vehicles, "A shift each, every day; the first has the fault")
-      .InRange(2, 100)
-      .Option("--groups", &nights.groups, "Landmarks")
-      .InRange(3, 10000)
-      .Option("--size-m", &nights.size_m, "Edge of the floor")
-      .InRange(5.0, 1e4)
-      .Option("--duration-s", &nights.duration_s, "Of a shift")
-      .InRange(10.0, 1e5)
       .Option("--fault-night", &nights.fault_night, "The first night with the fault")
       .InRange(2, 300)
       .Option("--fault-nights", &nights.fault_nights, "Nights with it, the last ones")
       .InRange(1, 300)
-      .Option("--seed", &nights.seed, "Seed of the first site")
       .Writes();
 }
 
