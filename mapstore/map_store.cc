@@ -3,6 +3,8 @@
 // The reading half of MapStore.
 #include "mapstore/map_store.h"
 
+#include <cstdint>
+#include <map>
 #include <utility>
 
 #include "mapstore/core/stamp_check.h"
@@ -65,19 +67,32 @@ StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
                  : PublishedRow(area, area_row);
 }
 
+StatusOr<MapStore::State::Filtered> MapStore::State::Filter(const std::string& area,
+                                                            std::optional<VersionNumber> version,
+                                                            const LedgerQuery& query) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  Filtered filtered;
+  SHIFTMAP_ASSIGN_OR_RETURN(filtered.row, SelectRow(area, area_row, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      filtered.content,
+      ReadContent(database, filtered.row, VersionName(area, filtered.row.number)));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      filtered.records,
+      ApplyLedger(database, area_row.area_id, filtered.row, query, &filtered.content));
+  return filtered;
+}
+
 StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
                                             std::optional<VersionNumber> version,
                                             const LedgerQuery& query) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, SelectRow(area, area_row, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
-                            ReadContent(database, row, VersionName(area, row.number)));
-  SHIFTMAP_RETURN_IF_ERROR(ApplyLedger(database, area_row.area_id, row, query, &content).status());
-  if (const Status valid = ValidateStamp(content.stamp); !valid.ok()) {
-    return DataLoss("{}: end of its evidence: {}", VersionName(area, row.number), Message(valid));
+  SHIFTMAP_ASSIGN_OR_RETURN(Filtered filtered, Filter(area, version, query));
+  const VersionNumber number = filtered.row.number;
+  if (const Status valid = ValidateStamp(filtered.content.stamp); !valid.ok()) {
+    return DataLoss("{}: end of its evidence: {}", VersionName(area, number), Message(valid));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
-  return MapSnapshot(area, row.number, row.content_hash, std::move(content), position);
+  return MapSnapshot(
+      area, number, filtered.row.content_hash, std::move(filtered.content), position);
 }
 
 MapStore::MapStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -193,13 +208,9 @@ StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,
                                                     std::optional<VersionNumber> version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
-                            ReadContent(database, row, state_->VersionName(area, row.number)));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      const VehicleRecords records,
-      ApplyLedger(database, area_row.area_id, row, {.latest = state_->LatestStamp()}, &content));
+  SHIFTMAP_ASSIGN_OR_RETURN(const State::Filtered filtered,
+                            state_->Filter(area, version, {.latest = state_->LatestStamp()}));
+  const std::map<std::int64_t, double>& broken = filtered.records.broken();
   SHIFTMAP_ASSIGN_OR_RETURN(Statement names,
                             database.Prepare("SELECT vehicle FROM shift_report UNION "
                                              "SELECT vehicle FROM run ORDER BY vehicle"));
@@ -207,8 +218,8 @@ StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool another, names.Step());
     if (!another) return trust;
-    const auto found = records.broken().find(VehicleKey(names.Text(0)));
-    if (found != records.broken().end()) trust.push_back({names.Text(0), found->second});
+    const auto found = broken.find(VehicleKey(names.Text(0)));
+    if (found != broken.end()) trust.push_back({names.Text(0), found->second});
   }
 }
 

@@ -138,7 +138,7 @@ class Search {
     maxima_.push_back(stayed);
   }
 
-  // Each once, in the order of sets. With each the bodies beside it are looked for among all.
+  // Leaves each maximum once, sorted. The search for bodies compares each with all others.
   void KeepLikeliestMaxima() {
     constexpr std::size_t kMost = 500;
     std::sort(maxima_.begin(), maxima_.end());

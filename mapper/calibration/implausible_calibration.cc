@@ -24,8 +24,7 @@ std::string ImplausibleCalibration(const BuildRun& run) {
   if (!(std::abs(offset) < kMaxBearingOffset)) {
     return fmt::format(
         "it fits only with a sensor turned by {:.0f} degrees: reversed odometry, or another "
-        "mounting "
-        "than the log says",
+        "mounting than the log says",
         offset * 180.0 / std::numbers::pi);
   }
   if (!IsScale(run.odometry.scale_v)) {

@@ -17,8 +17,8 @@ constexpr std::size_t kMinVisits = 2;
 // Far below the spread of a rate that a hundred jumps tell of, 0.1.
 constexpr double kGapResolution = 0.02;
 
-// Visits that are more likely mistakes of their vehicle tell nothing of the chain. Which ones are,
-// is judged before any chain is learned: a lie every day would teach that the landmark moves.
+// A visit with a larger probability of a mistake is left out. The usual chains judge the visits: a
+// chain that was learned from a lie every day has the landmark move every day.
 constexpr double kMistaken = 0.5;
 
 std::vector<LandmarkGroup> WithUsualChains(std::vector<LandmarkGroup> groups,

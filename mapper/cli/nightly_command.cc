@@ -256,9 +256,8 @@ Status Night::NameDistrusted(const std::string& area, std::vector<std::string>* 
   if (!HasStore()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options_.build.store, MapStore::Access::kReadOnly, context_));
-  const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(area);
-  if (!published.ok()) return published.status();
-  if (!*published) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(area));
+  if (!published) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VehicleTrust> trust, store.Trust(area));
   for (const VehicleTrust& vehicle : trust) {
     if (!IsDistrusted(vehicle)) continue;

@@ -8,6 +8,7 @@
 #include "mapper/covariance/datum.h"
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 
@@ -46,7 +47,7 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
     positions.push_back(graph.modes[static_cast<std::size_t>(modes[i])]);
   }
   const Eigen::MatrixXd covariance = chosen.transpose() * elimination.ModeCovarianceTimes(chosen);
-  return ReferToPositions(positions, 0.5 * (covariance + covariance.transpose()));
+  return ReferToPositions(positions, Symmetrized(covariance));
 }
 
 std::optional<Submap> MakeSubmap(const MapperOptions& options, MapProblem problem) {

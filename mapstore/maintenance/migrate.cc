@@ -26,8 +26,8 @@ Status Check(Database& database) {
   return OkStatus();
 }
 
-// What a snapshot has of the time before its begin is filtered in the old way, and the rows to do it
-// again are not in it.
+// What a snapshot has of the time before its begin is filtered in the old way, and the rows to do
+// it again are not in it.
 Status RefuseSnapshot(Database& database) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       const std::int64_t has_column,

@@ -13,8 +13,8 @@ namespace {
 
 bool Same(const std::optional<VehicleTurn>& a, const std::optional<VehicleTurn>& b) {
   if (!a || !b) return a.has_value() == b.has_value();
-  return a->vehicle == b->vehicle && a->log_bayes_factor == b->log_bayes_factor && a->log_right == b->log_right &&
-         a->log_own == b->log_own && a->mistaken == b->mistaken;
+  return a->vehicle == b->vehicle && a->log_bayes_factor == b->log_bayes_factor &&
+         a->log_right == b->log_right && a->log_own == b->log_own && a->mistaken == b->mistaken;
 }
 
 bool Same(const LedgerStates& a, const LedgerStates& b) {

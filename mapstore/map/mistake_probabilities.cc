@@ -17,8 +17,7 @@ std::vector<std::size_t> OrderOfTime(const std::vector<EvidenceRow>& rows) {
   std::vector<std::size_t> order(rows.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   const auto key = [&](std::size_t i) {
-    const VisitEvidence& visit = rows[i].evidence;
-    return std::tie(visit.begin, visit.end, rows[i].vehicle, rows[i].source, visit.signature);
+    return std::tuple_cat(OrderInTime(rows[i]), std::tie(rows[i].evidence.signature));
   };
   std::sort(
       order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return key(a) < key(b); });

@@ -62,8 +62,6 @@ class ModeChain {
  private:
   ModeChain(Eigen::MatrixXd rate_matrix, double leave_rate_per_s);
 
-  // Share of the deviation from the stationary distribution that is gone after `elapsed`.
-
   Eigen::MatrixXd rate_matrix_;
   Eigen::VectorXd stationary_;
   double leave_rate_per_s_ = 0.0;

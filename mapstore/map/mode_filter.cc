@@ -26,10 +26,6 @@ Duration Elapsed(Stamp from, Stamp to) {
       std::min(elapsed_ns, static_cast<std::uint64_t>(Duration::max().count()))));
 }
 
-auto OrderOf(const EvidenceRow& row) {
-  return std::tie(row.evidence.begin, row.evidence.end, row.vehicle, row.source);
-}
-
 // Eigen's vectorized exp(-inf) is a denormal number; an impossible mode must stay at exactly 0.
 Eigen::VectorXd Exp(const Eigen::VectorXd& values) {
   return values.unaryExpr([](double value) { return std::exp(value); });
@@ -98,12 +94,16 @@ void EndVisit(double own, double right, VehicleTurn* turn) {
 // What was seen in a visit, over the largest likelihood: a mode's may be beyond what a double
 // holds.
 struct Likelihoods {
-  explicit Likelihoods(const Eigen::VectorXd& of_log)
-      : log(of_log), log_largest(of_log.maxCoeff()), values(Exp(of_log.array() - log_largest)) {}
+  Likelihoods(const ModeChain& chain, const Eigen::VectorXd& of_log)
+      : log(of_log),
+        log_largest(of_log.maxCoeff()),
+        values(Exp(of_log.array() - log_largest)),
+        mean_of_chain(chain.stationary().dot(values)) {}
 
   const Eigen::VectorXd& log;
   double log_largest;
   Eigen::VectorXd values;
+  double mean_of_chain;  // Where the landmark is as the chain relaxes to.
 };
 
 // Adds a visit to a distribution.
@@ -133,7 +133,7 @@ void BeginTurn(const ModeChain& chain,
   turn->mistaken = std::move(known);
   turn->log_bayes_factor = 0.0;
   const double right = AddFirst(visit, turn->mistaken.dot(visit.values), &turn->log_right);
-  const double own = AddFirst(visit, chain.stationary().dot(visit.values), &turn->log_own);
+  const double own = AddFirst(visit, visit.mean_of_chain, &turn->log_own);
   EndVisit(own, right, turn);
 }
 
@@ -151,16 +151,15 @@ double ShareOfMistake(double prior, double bayes_factor) {
 // @param prior                Of the turn being a mistake.
 // @param right, mistaken      Of the turn, moved to the begin of the visit.
 // @param mistake_probability  Of the visit.
-TurnVerdict Judge(const ModeChain& chain,
-                  const VehicleTurn& turn,
+TurnVerdict Judge(const VehicleTurn& turn,
                   double prior,
                   const Eigen::VectorXd& right,
                   const Eigen::VectorXd& mistaken,
                   double mistake_probability,
-                  const Eigen::VectorXd& likelihoods) {
-  const double by_itself = mistake_probability * chain.stationary().dot(likelihoods);
-  const double if_right = (1.0 - mistake_probability) * right.dot(likelihoods) + by_itself;
-  const double if_mistaken = (1.0 - mistake_probability) * mistaken.dot(likelihoods) + by_itself;
+                  const Likelihoods& visit) {
+  const double by_itself = mistake_probability * visit.mean_of_chain;
+  const double if_right = (1.0 - mistake_probability) * right.dot(visit.values) + by_itself;
+  const double if_mistaken = (1.0 - mistake_probability) * mistaken.dot(visit.values) + by_itself;
   double bayes_factor = BayesFactor(turn);
   if (if_right > 0.0 && if_mistaken > 0.0) bayes_factor *= if_mistaken / if_right;
   return {turn.vehicle, ShareOfMistake(prior, bayes_factor), bayes_factor};
@@ -241,7 +240,7 @@ std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
     const double right = Normalize(&turn.log_right);
     EndVisit(Normalize(&turn.log_own), right, &turn);
   } else {
-    const Likelihoods visit(log_likelihoods);
+    const Likelihoods visit(group.chain, log_likelihoods);
     Eigen::VectorXd known;
     if (state->turn) {
       Eigen::VectorXd right = Exp(state->turn->log_right);
@@ -250,13 +249,12 @@ std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
       step.Move(&mistaken);
       const double share = state->MistakenShare(records);
       known = (1.0 - share) * right + share * mistaken;
-      verdict = Judge(group.chain,
-                      *state->turn,
+      verdict = Judge(*state->turn,
                       records.MistakeProbability(state->turn->vehicle),
                       right,
                       mistaken,
                       records.MistakeProbability(vehicle),
-                      visit.values);
+                      visit);
     } else {
       known = Exp(state->log_probabilities);
       step.Move(&known);
@@ -311,10 +309,10 @@ ModeState StationaryStart(const LandmarkGroup& group, Stamp stamp) {
 
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows) {
   std::sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
-    return OrderOf(a) < OrderOf(b);
+    return OrderInTime(a) < OrderInTime(b);
   });
   const auto end = std::unique(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
-    return OrderOf(a) == OrderOf(b);
+    return OrderInTime(a) == OrderInTime(b);
   });
   rows.erase(end, rows.end());
   return rows;

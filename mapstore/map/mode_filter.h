@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "mapstore/core/stamp.h"
@@ -22,7 +23,7 @@ struct VehicleTurn {
   std::int64_t vehicle = 0;       ///< VehicleKey of its name.
   Eigen::VectorXd log_right;      ///< If the visits are right. [nat]
   Eigen::VectorXd log_own;        ///< By the visits alone, from where the chain relaxes to. [nat]
-  Eigen::VectorXd mistaken;       ///< If they are mistakes: what was known before, moved on.
+  Eigen::VectorXd mistaken;       ///< If the visits are mistakes: what was known before.
   double log_bayes_factor = 0.0;  ///< Of mistaken over right. [nat]
 };
 
@@ -123,7 +124,12 @@ struct EvidenceRow {
   std::string vehicle = {};
 };
 
-/// The rows by (begin, end, vehicle, source), each once.
+/// The order of time, which the rows of one landmark are filtered in.
+inline auto OrderInTime(const EvidenceRow& row) {
+  return std::tie(row.evidence.begin, row.evidence.end, row.vehicle, row.source);
+}
+
+/// The rows in OrderInTime(), each once.
 std::vector<EvidenceRow> InOrder(std::vector<EvidenceRow> rows);
 
 /// AddVisit over all rows that do not favour a mode that the group does not have, with

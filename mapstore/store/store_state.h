@@ -42,6 +42,18 @@ struct MapStore::State {
                                  const AreaRow& area_row,
                                  std::optional<VersionNumber> version);
 
+  /// A version as its ledger is filtered for a query.
+  struct Filtered {
+    VersionRow row;
+    MapContent content;  ///< With the probabilities that the ledger implies, at their time.
+    VehicleRecords records;
+  };
+
+  /// Inside a transaction.
+  StatusOr<Filtered> Filter(const std::string& area,
+                            std::optional<VersionNumber> version,
+                            const LedgerQuery& query);
+
   /// A version and what a query of the ledger gives for it, inside a transaction.
   StatusOr<MapSnapshot> Load(const std::string& area,
                              std::optional<VersionNumber> version,

@@ -10,8 +10,8 @@
 
 namespace shiftmap {
 
-/// Probabilities of the true states of landmarks, once others visited what the vehicle with the
-/// fault had.
+/// Probabilities of the true states of landmarks that the vehicle with the fault visited, and
+/// others after it.
 struct RecoveryCount {
   int states = 0;
   int wrong_likeliest = 0;
@@ -41,8 +41,8 @@ struct NightResult {
   int wrong_sure = 0;  ///< and it was another one.
   int new_places = 0;  ///< Of landmarks: the map does not have where they stand.
 
-  // At the end of each shift without a fault, of what it visited: states that no, or one, other
-  // vehicle had visited since that with the fault did.
+  // Landmarks at the end of each shift without a fault that visited them: it was the first vehicle
+  // to do so since the one with the fault, or a later one.
   RecoveryCount after_one;
   RecoveryCount after_two;
 

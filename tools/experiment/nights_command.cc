@@ -15,13 +15,6 @@
 namespace shiftmap {
 namespace {
 
-struct Arguments {
-  std::string output;
-  std::string work;
-  int worlds = 2;
-  NightsOptions nights;
-};
-
 struct Arm {
   std::string name;
   std::vector<std::string> night_words;
@@ -137,7 +130,7 @@ Status WriteFigures(const std::vector<Arm>& arms,
   return output->WriteFigure("errors", errors);
 }
 
-Status RunNights(const Arguments& arguments, Context& context) {
+Status RunNights(const SiteArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       ExperimentOutput output,
       ExperimentOutput::Create("nights", arguments.output, context.dry_run()));
@@ -190,33 +183,34 @@ Status RunNights(const Arguments& arguments, Context& context) {
 
 }  // namespace
 
-void AddSiteOptions(NightsOptions* nights, Command* command) {
-  command->Option("--vehicles", &nights->vehicles, "A shift each, every day")
-      .InRange(1, 100)
-      .Option("--groups", &nights->groups, "Landmarks")
-      .InRange(3, 10000)
-      .Option("--size-m", &nights->size_m, "Edge of the floor")
-      .InRange(5.0, 1e4)
-      .Option("--duration-s", &nights->duration_s, "Of a shift")
-      .InRange(10.0, 1e5)
-      .Option("--seed", &nights->seed, "Seed of the first site");
-}
-
-void AddNightsExperiment(Application* application) {
-  auto arguments = std::make_shared<Arguments>();
+void AddSiteOptions(SiteArguments* arguments, Command* command) {
   NightsOptions& nights = arguments->nights;
-  Command& command = application->AddCommand(
-      "nights",
-      "Days and nights of simulated sites, through the commands of a site",
-      [arguments](Context& context) { return RunNights(*arguments, context); });
-  AddSiteOptions(&nights, &command);
-  command.Option("--output", &arguments->output, "Folder for CSV, JSON and pictures")
+  command->Option("--output", &arguments->output, "Folder for the results")
       .Required()
       .Option("--work", &arguments->work, "Folder for logs, reports and stores, which stay there")
       .Required()
       .Option("--worlds", &arguments->worlds, "Sites")
       .InRange(1, 10000)
-      .Option("--nights", &nights.nights, "Days, and nights after them")
+      .Option("--vehicles", &nights.vehicles, "A shift each, every day")
+      .InRange(1, 100)
+      .Option("--groups", &nights.groups, "Landmarks")
+      .InRange(3, 10000)
+      .Option("--size-m", &nights.size_m, "Edge of the floor")
+      .InRange(5.0, 1e4)
+      .Option("--duration-s", &nights.duration_s, "Of a shift")
+      .InRange(10.0, 1e5)
+      .Option("--seed", &nights.seed, "Seed of the first site");
+}
+
+void AddNightsExperiment(Application* application) {
+  auto arguments = std::make_shared<SiteArguments>();
+  NightsOptions& nights = arguments->nights;
+  Command& command = application->AddCommand(
+      "nights",
+      "Days and nights of simulated sites, through the commands of a site",
+      [arguments](Context& context) { return RunNights(*arguments, context); });
+  AddSiteOptions(arguments.get(), &command);
+  command.Option("--nights", &nights.nights, "Days, and nights after them")
       .InRange(1, 300)
       .Option("--layout-days",
               &nights.layout_days,

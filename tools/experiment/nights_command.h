@@ -1,13 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+
 #include "mapstore/cli/application.h"
 #include "tools/experiment/nights_world.h"
 
 namespace shiftmap {
 
-/// What simulated sites have in common: vehicles, landmarks, size, shifts, seed.
-void AddSiteOptions(NightsOptions* nights, Command* command);
+/// What experiments with simulated sites are told.
+struct SiteArguments {
+  std::string output;
+  std::string work;
+  int worlds = 2;
+  NightsOptions nights;
+};
+
+/// The options that such experiments have in common: folders, sites, vehicles, landmarks, shifts.
+void AddSiteOptions(SiteArguments* arguments, Command* command);
 
 /// `nights`: days and nights of simulated sites, through the commands of a site (nights.h).
 void AddNightsExperiment(Application* application);

@@ -28,7 +28,7 @@ struct NightsOptions {
   /// Whether a vehicle hands its report in at the end of its shift, else at night.
   bool return_at_once = false;
 
-  /// Of the first vehicle, from a night on, for so many.
+  /// The first vehicle has the fault for `fault_nights` from `fault_night` on.
   VehicleFault fault = VehicleFault::kNone;
   int fault_night = 6;
   int fault_nights = 0;

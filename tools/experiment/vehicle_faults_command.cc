@@ -16,13 +16,6 @@
 namespace shiftmap {
 namespace {
 
-struct Arguments {
-  std::string output;
-  std::string work;
-  int worlds = 2;
-  NightsOptions nights;
-};
-
 void Add(const RecoveryCount& night, RecoveryCount* sum) {
   sum->states += night.states;
   sum->wrong_likeliest += night.wrong_likeliest;
@@ -73,7 +66,7 @@ void AddRow(std::uint64_t seed,
                  static_cast<double>(last.unmapped)});
 }
 
-Status RunVehicleFaults(const Arguments& arguments, Context& context) {
+Status RunVehicleFaults(const SiteArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       ExperimentOutput output,
       ExperimentOutput::Create("vehicle-faults", arguments.output, context.dry_run()));
@@ -143,21 +136,15 @@ Status RunVehicleFaults(const Arguments& arguments, Context& context) {
 }  // namespace
 
 void AddVehicleFaultsExperiment(Application* application) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SiteArguments>();
   NightsOptions& nights = arguments->nights;
   nights.fault_nights = 10;
   Command& command = application->AddCommand(
       "vehicle-faults",
       "What a broken or lying vehicle, the first one, does to the fleet's map of simulated sites",
       [arguments](Context& context) { return RunVehicleFaults(*arguments, context); });
-  AddSiteOptions(&nights, &command);
-  command.Option("--output", &arguments->output, "Folder for CSV and JSON")
-      .Required()
-      .Option("--work", &arguments->work, "Folder for logs, reports and stores, which stay there")
-      .Required()
-      .Option("--worlds", &arguments->worlds, "Sites")
-      .InRange(1, 10000)
-      .Option("--fault-night", &nights.fault_night, "The first night with the fault")
+  AddSiteOptions(arguments.get(), &command);
+  command.Option("--fault-night", &nights.fault_night, "The first night with the fault")
       .InRange(2, 300)
       .Option("--fault-nights", &nights.fault_nights, "Nights with it, the last ones")
       .InRange(1, 300)
