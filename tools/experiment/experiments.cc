@@ -2,6 +2,7 @@
 #include "tools/experiment/experiments.h"
 
 #include "tools/experiment/alignments_command.h"
+#include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
@@ -19,6 +20,7 @@ namespace shiftmap {
 
 void AddExperiments(Application* application) {
   AddAlignmentsExperiment(application);
+  AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
   AddLocalizerConsistencyExperiment(application);

@@ -30,8 +30,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr char kArea[] = "site";
-
 // A mode this near to a place stands for it. [m]
 constexpr double kSamePlaceM = 0.5;
 constexpr double kWrongModeM = 0.3;
@@ -85,7 +83,7 @@ class Site {
   StatusOr<NightsResult> Drive(const std::function<void(const NightResult&)>& progress);
 
  private:
-  std::string store() const { return folder_ + "/maps.db"; }
+  std::string store() const { return SiteStore(folder_); }
   std::string logs() const { return folder_ + "/logs"; }
   std::string Stem(int index) const { return fmt::format("{}/{:04}", logs(), index); }
 
@@ -150,9 +148,9 @@ StatusOr<std::optional<TruthMap>> Site::LoadMap(int run, std::optional<Stamp> at
   std::error_code error;
   if (!std::filesystem::exists(store(), error)) return std::optional<TruthMap>();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, maps.PublishedVersion(kArea));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, maps.PublishedVersion(kSiteArea));
   if (!published) return std::optional<TruthMap>();
-  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, maps.LoadAt(kArea, published, at));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, maps.LoadAt(kSiteArea, published, at));
   SHIFTMAP_ASSIGN_OR_RETURN(
       const MapError fit,
       EvaluateMap(map.groups(), PlacesUntil(world_.world, run), /*align=*/true));
@@ -230,7 +228,7 @@ StatusOr<std::optional<CommandOutput>> Site::Localize(int index) const {
                                     "--store",
                                     store(),
                                     "--area",
-                                    kArea,
+                                    kSiteArea,
                                     "--report",
                                     Stem(index) + ".report",
                                     "--trajectory",
@@ -315,7 +313,7 @@ Status Site::CountRecovery(int index, const ShiftReport& report, NightResult* re
 Status Site::DriveShift(int index, NightResult* result) {
   const VehicleFault fault = FaultOf(index);
   Run log = WithFault(run(index).run, fault);
-  log.info.area = kArea;
+  log.info.area = kSiteArea;
   SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, Stem(index) + ".mcap"));
   const Stamp begin = log.odometry.front().stamp;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
@@ -370,13 +368,13 @@ Status Site::Night(int night, NightResult* result) {
   const int last = night * options_.vehicles - 1;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kArea));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kSiteArea));
   result->waiting = static_cast<int>(waiting.size());
   result->unmapped = last + 1;
   if (map) {
     CountModes(*map, result);
     SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> mapped,
-                              maps.RunIdentities(kArea, map->map.version()));
+                              maps.RunIdentities(kSiteArea, map->map.version()));
     result->unmapped -= static_cast<int>(mapped.size());
   }
   for (const UnplacedRun& waits : waiting) {
@@ -401,7 +399,9 @@ StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>
       SHIFTMAP_RETURN_IF_ERROR(DriveShift((night - 1) * options_.vehicles + shift, &result));
     }
     result.rmse_m = std::sqrt(square_error_ / poses_);
-    SHIFTMAP_RETURN_IF_ERROR(Night(night, &result));
+    if (night % options_.nights_per_build == 0 || night == options_.nights) {
+      SHIFTMAP_RETURN_IF_ERROR(Night(night, &result));
+    }
     progress(result);
   }
   for (std::size_t g = 0; g < world_.removed.size(); ++g) {
@@ -417,6 +417,8 @@ StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>
 }
 
 }  // namespace
+
+std::string SiteStore(const std::string& folder) { return folder + "/maps.db"; }
 
 StatusOr<NightsResult> DriveNights(const NightsOptions& options,
                                    const std::string& folder,

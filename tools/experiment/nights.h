@@ -69,6 +69,10 @@ struct NightsResult {
   std::vector<Removal> removals;
 };
 
+/// The area of a site, and its store in the folder of DriveNights.
+inline constexpr char kSiteArea[] = "site";
+std::string SiteStore(const std::string& folder);
+
 /// Drives the days and nights of a site with the commands that a site uses: `run` on the published
 /// map for each shift, whose log and report go into a folder, and `nightly` at the end of a day.
 /// @param folder       Where logs, reports, the store and, in `world`, the truth go; must not

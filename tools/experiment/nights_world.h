@@ -25,6 +25,8 @@ struct NightsOptions {
   int layout_days = 0;
   double layout_share = 0.6;
 
+  int nights_per_build = 1;  ///< A build after every so many days, and after the last one.
+
   /// Whether a vehicle hands its report in at the end of its shift, else at night.
   bool return_at_once = false;
 
