@@ -26,6 +26,10 @@ const char* Describe(SetAside reason) {
   switch (reason) {
     case SetAside::kExcluded:
       return "its run is excluded";
+    case SetAside::kHeld:
+      return "its run is held";
+    case SetAside::kUnknown:
+      return "it came later";
     case SetAside::kInMap:
       return "the map accounts for it";
     case SetAside::kRunInMap:
@@ -62,9 +66,43 @@ StatusOr<VersionRow> MapStore::State::PublishedRow(const std::string& area,
 
 StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
                                                 const AreaRow& area_row,
-                                                std::optional<VersionNumber> version) {
-  return version ? GetVersion(database, area, area_row.area_id, *version)
-                 : PublishedRow(area, area_row);
+                                                std::optional<VersionNumber> version,
+                                                std::optional<Stamp> known) {
+  if (!version) {
+    return known ? PublishedRowAt(area, area_row, *known) : PublishedRow(area, area_row);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(VersionRow row, GetVersion(database, area, area_row.area_id, *version));
+  if (known && row.created > *known) {
+    return NotFound("{}: was made at {:.6f} s, after {:.6f} s",
+                    VersionName(area, *version),
+                    ToSecondsSinceEpoch(row.created),
+                    ToSecondsSinceEpoch(*known));
+  }
+  return row;
+}
+
+StatusOr<VersionRow> MapStore::State::PublishedRowAt(const std::string& area,
+                                                     const AreaRow& area_row,
+                                                     Stamp at) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT version_id FROM publication WHERE area_id = ?1 "
+                       "AND published_ns <= ?2 ORDER BY publication_id DESC LIMIT 1"));
+  query.Bind(area_row.area_id, ToNanoseconds(at));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) {
+    return NotFound(
+        "{}: nothing was published by {:.6f} s", AreaName(area), ToSecondsSinceEpoch(at));
+  }
+  return GetVersionById(database, query.Int64(0));
+}
+
+Status MapStore::State::RefuseSnapshot(const char* what) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t partial,
+      database.QueryInt64("SELECT count(*) FROM ledger_checkpoint WHERE rows_stored = 0"));
+  if (partial == 0) return OkStatus();
+  return FailedPrecondition("{}: a snapshot {}", database.name(), what);
 }
 
 StatusOr<MapStore::State::Filtered> MapStore::State::Filter(const std::string& area,
@@ -72,7 +110,7 @@ StatusOr<MapStore::State::Filtered> MapStore::State::Filter(const std::string& a
                                                             const LedgerQuery& query) {
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   Filtered filtered;
-  SHIFTMAP_ASSIGN_OR_RETURN(filtered.row, SelectRow(area, area_row, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(filtered.row, SelectRow(area, area_row, version, query.known));
   SHIFTMAP_ASSIGN_OR_RETURN(
       filtered.content,
       ReadContent(database, filtered.row, VersionName(area, filtered.row.number)));
@@ -204,6 +242,16 @@ StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,
   return state_->Load(area, version, {.at = at, .latest = state_->LatestStamp()});
 }
 
+StatusOr<MapSnapshot> MapStore::LoadKnown(const std::string& area,
+                                          Stamp known,
+                                          std::optional<VersionNumber> version,
+                                          std::optional<Stamp> at) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("does not hold what was known before"));
+  const Stamp latest = known + FromSeconds(state_->clock_tolerance_s);
+  return state_->Load(area, version, {.at = at, .latest = latest, .known = known});
+}
+
 StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,
                                                     std::optional<VersionNumber> version) {
   Database& database = state_->database;
@@ -301,9 +349,9 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
                             ReadLineRuns(database, row.version_id));
   std::vector<std::string> names;
   for (const RunRecord& run : runs) {
-    const bool excluded =
-        FindExclusion(exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
-    if (excluded) names.push_back(run.name);
+    const Exclusion* const exclusion =
+        FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
+    if (exclusion != nullptr && !exclusion->held) names.push_back(run.name);
   }
   return names;
 }

@@ -141,6 +141,18 @@ class MapStore {
                                std::optional<VersionNumber> version = std::nullopt,
                                std::optional<Stamp> at = std::nullopt);
 
+  /// What LoadAt would have given at the time `known`, bit by bit: without what came, was
+  /// published, excluded, held or taken back later, by the clocks of the machines that wrote. Rows
+  /// that were compacted away are missing. Filters the whole ledger.
+  /// @param version  Nothing: the one that was published then.
+  /// @param at       Nothing: as for LoadAt, with `known` as the clock's time.
+  /// Errors also: kNotFound if nothing was published, or the version was not there yet;
+  /// kFailedPrecondition if the file is a snapshot.
+  StatusOr<MapSnapshot> LoadKnown(const std::string& area,
+                                  Stamp known,
+                                  std::optional<VersionNumber> version = std::nullopt,
+                                  std::optional<Stamp> at = std::nullopt);
+
   /// What the ledger says of the vehicles that others judged, by name: the newest visits included.
   /// @param version  Nothing: the published one.
   StatusOr<std::vector<VehicleTrust>> Trust(const std::string& area,
@@ -178,18 +190,19 @@ class MapStore {
 
   /// Takes a run, or the runs of a vehicle, out of an area's memory: whatever is derived is as if
   /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
-  /// were made from them stay in their versions (ExcludedRunsOf).
+  /// were made from them stay in their versions (ExcludedRunsOf). Of an exclusion and a hold the
+  /// later one takes the place of the other.
   /// @param exclusion  Its run may be the first digits of what the store knows; of a report about a
   ///                   log, the log is excluded.
   /// Errors also: kInvalidArgument if it names neither or both, the run may be several, or there is
-  /// no reason; kNotFound if the run is none; kAlreadyExists if it is excluded already.
+  /// no reason; kNotFound if the run is none; kAlreadyExists if it is excluded, or held, already.
   Status Exclude(const std::string& area, Exclusion exclusion, bool dry_run = false);
 
-  /// Takes an exclusion back: all numbers are as they were.
-  /// Errors also: kNotFound if it is not excluded.
+  /// Takes an exclusion or a hold back: all numbers are as they were.
+  /// Errors also: kNotFound if it is neither excluded nor held.
   Status Include(const std::string& area, Exclusion exclusion, bool dry_run = false);
 
-  /// All exclusions of an area, those of runs first.
+  /// The exclusions of an area that hold, those of runs first.
   StatusOr<std::vector<Exclusion>> Exclusions(const std::string& area);
 
   /// Names of the runs that a version or its ancestors mapped and that are excluded now: its

@@ -125,6 +125,12 @@ Status MapStore::State::MovePublished(std::int64_t area_id,
       database.Prepare("UPDATE area SET published_version_id = ?2 WHERE area_id = ?1"));
   update.Bind(area_id, version.version_id);
   SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement publication,
+      database.Prepare(
+          "INSERT INTO publication (area_id, version_id, published_ns) VALUES (?1, ?2, ?3)"));
+  publication.Bind(area_id, version.version_id, ToNanoseconds(clock()));
+  SHIFTMAP_RETURN_IF_ERROR(publication.Execute());
   return InsertAudit(database, area_id, action, std::to_string(version.number.value()));
 }
 
@@ -166,6 +172,7 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   version.content_hash =
       options.states_probabilities ? ContentHash(content) : GeometryHash(content);
   version.stamp = content.stamp;
+  version.created = state_->clock();
 
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, FindOrInsertArea(database, area));
@@ -290,10 +297,7 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? Read() : Write());
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      const std::int64_t partial,
-      database.QueryInt64("SELECT count(*) FROM ledger_checkpoint WHERE rows_stored = 0"));
-  if (partial > 0) return FailedPrecondition("{}: a snapshot takes no exclusion", database.name());
+  SHIFTMAP_RETURN_IF_ERROR(RefuseSnapshot("takes no exclusion"));
   if (!exclusion.run.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, exclusion.run));
   }
@@ -301,24 +305,31 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
                                   ? fmt::format("run {}", exclusion.run)
                                   : fmt::format("vehicle '{}'", exclusion.vehicle);
   if (dry_run) return OkStatus();
+  const Stamp now = clock();
+  exclusion.excluded = now;
   if (exclude) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool added,
                               InsertExclusion(database, area_row.area_id, exclusion));
     if (!added) {
-      return MakeStatus(
-          StatusCode::kAlreadyExists, "{}: {}: is excluded already", AreaName(area), subject);
+      return MakeStatus(StatusCode::kAlreadyExists,
+                        "{}: {}: is {} already",
+                        AreaName(area),
+                        subject,
+                        exclusion.held ? "held" : "excluded");
     }
   } else {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool deleted,
-                              DeleteExclusion(database, area_row.area_id, exclusion));
-    if (!deleted) return NotFound("{}: {}: is not excluded", AreaName(area), subject);
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool ended,
+                              EndExclusion(database, area_row.area_id, exclusion, now));
+    if (!ended) return NotFound("{}: {}: is neither excluded nor held", AreaName(area), subject);
   }
   SHIFTMAP_RETURN_IF_ERROR(
       DeleteCheckpointsAfter(database, area_row.area_id, Stamp::min()).status());
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
       database,
       area_row.area_id,
-      exclude ? "exclude" : "include",
+      !exclude         ? "include"
+      : exclusion.held ? "hold"
+                       : "exclude",
       exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason)));
   std::optional<VersionRow> published;
   if (area_row.published) {
@@ -371,8 +382,9 @@ StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report) {
   if (area_row.published) {
     SHIFTMAP_ASSIGN_OR_RETURN(published, state_->PublishedRow(report.area, area_row));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const InsertedReport inserted,
-                            InsertReport(database, area_row.area_id, version, report));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const InsertedReport inserted,
+      InsertReport(database, area_row.area_id, version, report, state_->clock()));
   result.evidence_rows = static_cast<int>(report.evidence.size());
   std::string owner = state_->AreaName(report.area);
   if (published) {

@@ -62,12 +62,15 @@ struct UnplacedRun {
 };
 
 /// What an operator takes out of an area's memory: a run, or all runs of a vehicle since a time.
+/// One that is held counts for nothing until somebody decides, and no build takes it, but versions
+/// that mapped it stay good.
 struct Exclusion {
   std::string run;      ///< RunRecord::identity; empty: it is about a vehicle.
   std::string vehicle;  ///< Empty: it is about a run.
   Stamp since;          ///< Of a vehicle: runs that begin then or later.
   std::string reason;
-  Stamp excluded;  ///< Set by the store.
+  bool held = false;
+  Stamp excluded = {};  ///< Set by the store.
 };
 
 /// The first exclusion that is about a run, or null.
@@ -128,6 +131,8 @@ struct VersionSummary {
 /// Why an evidence row of the ledger does not count for a map version. It is kept all the same.
 enum class SetAside {
   kExcluded,    ///< An operator took its run, or its vehicle, out.
+  kHeld,        ///< An operator holds its run, or its vehicle.
+  kUnknown,     ///< It came after the time of which is asked what was known.
   kInMap,       ///< The probabilities that the version, or an ancestor, states account for it.
   kRunInMap,    ///< The version was built from the log that the report is about.
   kSameRun,     ///< Another report about the same log counts.

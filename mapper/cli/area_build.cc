@@ -92,7 +92,7 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   return prior;
 }
 
-// Leaves out logs that are excluded.
+// Leaves out logs that are excluded or held.
 Status LeaveOutExcluded(const std::string& area,
                         const std::vector<Exclusion>& exclusions,
                         LoadedRuns* runs) {
@@ -104,7 +104,8 @@ Status LeaveOutExcluded(const std::string& area,
       exclusion = FindExclusion(exclusions, info.uuid, info.vehicle, begin);
     }
     if (exclusion == nullptr) return false;
-    runs->rejected.push_back({input.name, "excluded: " + exclusion->reason});
+    runs->rejected.push_back(
+        {input.name, (exclusion->held ? "held: " : "excluded: ") + exclusion->reason});
     return true;
   });
   if (!runs->inputs.empty()) return OkStatus();

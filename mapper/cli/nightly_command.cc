@@ -72,8 +72,9 @@ class Night {
 
  private:
   struct AreaLogs {
-    std::vector<LogHead> fresh;    // No build has seen them.
-    std::vector<LogHead> waiting;  // An earlier build could not place them.
+    std::vector<LogHead> fresh;     // No build has seen them.
+    std::vector<LogHead> waiting;   // An earlier build could not place them.
+    std::vector<std::string> held;  // Lines about logs that somebody has to decide about.
   };
 
   Status ReturnReports();
@@ -201,16 +202,21 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore*
       !waiting.empty() || std::any_of(exclusions.begin(), exclusions.end(), [](const auto& of) {
         return of.run.size() == kSha256Digits;
       });
-  const auto excluded = [&](const std::string& run, const LogHead& log) {
-    return FindExclusion(exclusions, run, log.info.vehicle, log.begin) != nullptr;
-  };
   AreaLogs& sorted = areas_[area];
+  const auto is_out = [&](const std::string& run, const LogHead& log) {
+    const Exclusion* const exclusion = FindExclusion(exclusions, run, log.info.vehicle, log.begin);
+    if (exclusion == nullptr) return false;
+    if (exclusion->held) {
+      sorted.held.push_back(fmt::format("'{}' is held: {}", log.path, exclusion->reason));
+    }
+    return true;
+  };
   for (LogHead& log : logs) {
-    if (mapped.contains(log.identity()) || excluded(log.identity(), log)) continue;
+    if (mapped.contains(log.identity()) || is_out(log.identity(), log)) continue;
     if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
-    if (by_hash && excluded(log.sha256, log)) continue;
+    if (by_hash && is_out(log.sha256, log)) continue;
     std::vector<LogHead>& kind = waiting.contains(log.sha256) ? sorted.waiting : sorted.fresh;
     kind.push_back(std::move(log));
   }
@@ -280,6 +286,7 @@ Status Night::Build(const std::string& area, const AreaLogs& logs) {
   } else {
     SHIFTMAP_RETURN_IF_ERROR(BuildNew(area, logs, &document, &reasons));
   }
+  reasons.insert(reasons.end(), logs.held.begin(), logs.held.end());
   SHIFTMAP_RETURN_IF_ERROR(NameDistrusted(area, &reasons));
   for (const std::string& reason : reasons) {
     document["reasons"].push_back(reason);

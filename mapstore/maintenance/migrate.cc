@@ -26,9 +26,11 @@ Status Check(Database& database) {
   return OkStatus();
 }
 
-// What a snapshot has of the time before its begin is filtered in the old way, and the rows to do
-// it again are not in it.
-Status RefuseSnapshot(Database& database) {
+// What a snapshot has of the time before its begin may be filtered in the old way, and the rows to
+// do it again are not in it.
+Status RefuseSnapshot(Database& database, std::int64_t schema) {
+  constexpr std::int64_t kSameFilter = 6;  // Since this schema.
+  if (schema >= kSameFilter) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(
       const std::int64_t has_column,
       database.QueryInt64("SELECT count(*) FROM pragma_table_info('ledger_checkpoint') "
@@ -77,7 +79,7 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
     return MakeStatus(
         StatusCode::kAlreadyExists, "{}: is of schema {} already", database.name(), result.from);
   }
-  SHIFTMAP_RETURN_IF_ERROR(RefuseSnapshot(database));
+  SHIFTMAP_RETURN_IF_ERROR(RefuseSnapshot(database, result.from));
   result.backup = backup.empty() ? fmt::format("{}.schema{}.bak", path, result.from) : backup;
   std::error_code error;
   if (std::filesystem::exists(result.backup, error)) {

@@ -3,17 +3,22 @@
 
 #include <algorithm>
 
-#include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 
-StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database, std::int64_t area_id) {
+StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
+                                                std::int64_t area_id,
+                                                std::optional<Stamp> known) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT run, vehicle, since_ns, reason, excluded_ns FROM exclusion "
-                       "WHERE area_id = ?1 ORDER BY vehicle, run"));
-  query.Bind(area_id);
+      database.Prepare(
+          "SELECT run, vehicle, since_ns, reason, held, excluded_ns FROM exclusion "
+          "WHERE area_id = ?1 AND iif(?2 IS NULL, included_ns IS NULL, "
+          "excluded_ns <= ?2 AND coalesce(included_ns > ?2, 1)) ORDER BY vehicle, run"));
+  std::optional<std::int64_t> known_ns;
+  if (known) known_ns = ToNanoseconds(*known);
+  query.Bind(area_id, known_ns);
   std::vector<Exclusion> exclusions;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
@@ -22,7 +27,8 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database, std::int64_t
                           query.Text(1),
                           StampFromNanoseconds(query.Int64(2)),
                           query.Text(3),
-                          StampFromNanoseconds(query.Int64(4))});
+                          query.Int64(4) != 0,
+                          StampFromNanoseconds(query.Int64(5))});
   }
 }
 
@@ -30,26 +36,37 @@ StatusOr<bool> InsertExclusion(Database& database,
                                std::int64_t area_id,
                                const Exclusion& exclusion) {
   SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement other,
+      database.Prepare("UPDATE exclusion SET included_ns = ?5 WHERE area_id = ?1 AND run = ?2 "
+                       "AND vehicle = ?3 AND held <> ?4 AND included_ns IS NULL"));
+  const std::int64_t held = exclusion.held ? 1 : 0;
+  const std::int64_t excluded_ns = ToNanoseconds(exclusion.excluded);
+  other.Bind(area_id, exclusion.run, exclusion.vehicle, held, excluded_ns);
+  SHIFTMAP_RETURN_IF_ERROR(other.Execute());
+  SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO exclusion (area_id, run, vehicle, since_ns, reason, "
-                       "excluded_ns) VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO NOTHING"));
+      database.Prepare("INSERT INTO exclusion (area_id, run, vehicle, since_ns, held, reason, "
+                       "excluded_ns) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7) ON CONFLICT DO NOTHING"));
   row.Bind(area_id,
            exclusion.run,
            exclusion.vehicle,
            exclusion.vehicle.empty() ? std::int64_t{0} : ToNanoseconds(exclusion.since),
+           held,
            exclusion.reason,
-           ToNanoseconds(SystemNow()));
+           excluded_ns);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   return database.Changes() > 0;
 }
 
-StatusOr<bool> DeleteExclusion(Database& database,
-                               std::int64_t area_id,
-                               const Exclusion& exclusion) {
+StatusOr<bool> EndExclusion(Database& database,
+                            std::int64_t area_id,
+                            const Exclusion& exclusion,
+                            Stamp ended) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("DELETE FROM exclusion WHERE area_id = ?1 AND run = ?2 AND vehicle = ?3"));
-  row.Bind(area_id, exclusion.run, exclusion.vehicle);
+      database.Prepare("UPDATE exclusion SET included_ns = ?4 WHERE area_id = ?1 AND run = ?2 "
+                       "AND vehicle = ?3 AND included_ns IS NULL"));
+  row.Bind(area_id, exclusion.run, exclusion.vehicle, ToNanoseconds(ended));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   return database.Changes() > 0;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,18 +12,23 @@
 
 namespace shiftmap {
 
-/// All exclusions of an area, those of runs first.
-StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database, std::int64_t area_id);
+/// The exclusions of an area that hold, those of runs first.
+/// @param known  Those that held at this time instead.
+StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
+                                                std::int64_t area_id,
+                                                std::optional<Stamp> known = std::nullopt);
 
-/// Adds one. Returns false if it is there.
+/// Adds one; it takes the place of one that is held where this is not, or the other way round.
+/// Returns false if it is there.
 StatusOr<bool> InsertExclusion(Database& database,
                                std::int64_t area_id,
                                const Exclusion& exclusion);
 
-/// Takes one back. Returns false if it is not there.
-StatusOr<bool> DeleteExclusion(Database& database,
-                               std::int64_t area_id,
-                               const Exclusion& exclusion);
+/// Takes one back. Returns false if none holds.
+StatusOr<bool> EndExclusion(Database& database,
+                            std::int64_t area_id,
+                            const Exclusion& exclusion,
+                            Stamp ended);
 
 /// The run that is meant: a SHA-256 as it is, known or not; the log of a report if it has one, else
 /// the report's UUID; or the only one that the store knows by these first digits.

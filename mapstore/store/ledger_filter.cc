@@ -19,12 +19,13 @@ Stamp After(Stamp at) { return at == Stamp::max() ? at : at + Duration(1); }
 LedgerFilter::LedgerFilter(Database& database,
                            std::int64_t area_id,
                            const VersionRow& version,
-                           const MapContent& content)
+                           const MapContent& content,
+                           std::optional<Stamp> known)
     : database_(&database),
       area_id_(area_id),
       version_(version),
       content_(&content),
-      view_(database, version) {
+      view_(database, version, known) {
   group_index_.reserve(content.groups.size());
   for (std::size_t i = 0; i < content.groups.size(); ++i) {
     group_index_.emplace(content.groups[i].signature.text(), static_cast<int>(i));
@@ -189,14 +190,15 @@ StatusOr<VehicleRecords> ApplyLedger(Database& database,
                                      const VersionRow& version,
                                      const LedgerQuery& query,
                                      MapContent* content) {
-  LedgerFilter filter(database, area_id, version, *content);
-  const Stamp last = query.at.value_or(query.latest);
-  Status started = filter.Start(last);
-  if (!query.at && started.code() == StatusCode::kNotFound) {
-    // The clock is behind a snapshot's begin: its begin is the nearest there is.
-    started = filter.Start(std::nullopt);
+  LedgerFilter filter(database, area_id, version, *content, query.known);
+  if (!query.known) {
+    Status started = filter.Start(query.at.value_or(query.latest));
+    if (!query.at && started.code() == StatusCode::kNotFound) {
+      // The clock is behind a snapshot's begin: its begin is the nearest there is.
+      started = filter.Start(std::nullopt);
+    }
+    SHIFTMAP_RETURN_IF_ERROR(started);
   }
-  SHIFTMAP_RETURN_IF_ERROR(started);
   SHIFTMAP_ASSIGN_OR_RETURN(const Stamp stamp, filter.Finish(query));
   const Stamp own = content->stamp;
   for (std::size_t i = 0; i < content->groups.size(); ++i) {

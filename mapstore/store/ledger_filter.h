@@ -25,6 +25,9 @@ struct LedgerQuery {
   /// What is later is a wrong clock's: without `at`, visits that begin later do not count, and a
   /// version's own later stamp is no bound.
   Stamp latest = Stamp::max();
+
+  /// As it was known at this time (LedgerView); nothing: as it is known now.
+  std::optional<Stamp> known = std::nullopt;
 };
 
 /// Filters the probabilities of a version's groups over the ledger, T-IV (5, 13, 14), all groups in
@@ -35,12 +38,15 @@ struct LedgerQuery {
 /// Threads: one. Lifetime: the database's and the content's, inside one transaction.
 class LedgerFilter {
  public:
+  /// @param known  As LedgerQuery has it.
   LedgerFilter(Database& database,
                std::int64_t area_id,
                const VersionRow& version,
-               const MapContent& content);
+               const MapContent& content,
+               std::optional<Stamp> known = std::nullopt);
 
   /// Begins at the newest checkpoint that holds no visit after `at`, or before all rows.
+  /// Precondition: it filters what is known now, as checkpoints do.
   Status Start(std::optional<Stamp> at);
 
   /// Begins before all rows, as if there were no checkpoints.

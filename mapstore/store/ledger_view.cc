@@ -42,8 +42,8 @@ StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
     return !excluded && place.relation != Relation::kDescendant;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
-  return whole.reason != SetAside::kExcluded && whole.reason != SetAside::kSameRun &&
-         !whole.mapped_rows;
+  const bool counts = !whole.reason || whole.reason == SetAside::kRunInMap;
+  return counts && !whole.mapped_rows;
 }
 
 StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
@@ -52,7 +52,7 @@ StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
         Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
     area.Bind(version_.version_id);
     SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
-    SHIFTMAP_ASSIGN_OR_RETURN(exclusions_, ReadExclusions(*database_, area.Int64(0)));
+    SHIFTMAP_ASSIGN_OR_RETURN(exclusions_, ReadExclusions(*database_, area.Int64(0), known_));
   }
   return &*exclusions_;
 }
@@ -95,18 +95,25 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   if (found != reports_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement report,
-      database_->Prepare("SELECT superseded, identity, vehicle, begin_ns FROM shift_report "
-                         "WHERE report_id = ?1"));
+      database_->Prepare("SELECT superseded, identity, vehicle, begin_ns, received_ns "
+                         "FROM shift_report WHERE report_id = ?1"));
   report.Bind(report_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
   Whole whole;
-  if (there && report.Int64(0) != 0) whole.reason = SetAside::kSameRun;
+  if (there && report.Int64(0) != 0) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool superseded, IsSuperseded(report_id));
+    if (superseded) whole.reason = SetAside::kSameRun;
+  }
   if (there && !exclusions->empty()) {
-    const Stamp begin = StampFromNanoseconds(report.Int64(3));
-    if (FindExclusion(*exclusions, report.Text(1), report.Text(2), begin) != nullptr) {
-      whole.reason = SetAside::kExcluded;
+    const Exclusion* const exclusion = FindExclusion(
+        *exclusions, report.Text(1), report.Text(2), StampFromNanoseconds(report.Int64(3)));
+    if (exclusion != nullptr) {
+      whole.reason = exclusion->held ? SetAside::kHeld : SetAside::kExcluded;
     }
+  }
+  if (there && known_ && StampFromNanoseconds(report.Int64(4)) > *known_) {
+    whole.reason = SetAside::kUnknown;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement mapped,
@@ -125,6 +132,21 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   }
   reports_.emplace(report_id, whole);
   return whole;
+}
+
+// Of a report that is superseded now: whether what supersedes it had come by then.
+StatusOr<bool> LedgerView::IsSuperseded(std::int64_t report_id) {
+  if (!known_) return true;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement other,
+      database_->Prepare(
+          "SELECT 1 FROM shift_report r JOIN version v USING (version_id), "
+          "shift_report o JOIN version ov ON ov.version_id = o.version_id "
+          "WHERE r.report_id = ?1 AND o.identity = r.identity AND o.vehicle = r.vehicle "
+          "AND ov.area_id = v.area_id AND (ov.number, o.uuid) < (v.number, r.uuid) "
+          "AND o.received_ns <= ?2"));
+  other.Bind(report_id, ToNanoseconds(*known_));
+  return other.Step();
 }
 
 StatusOr<LedgerView::Place> LedgerView::PlaceOf(std::int64_t version_id) {

@@ -32,19 +32,25 @@ struct LedgerVehicle {
 ///     if the version or an ancestor mapped the run             kRunInMap
 ///   anything else                                              kOtherLine
 ///
-/// and nothing of a run that an operator excluded (kExcluded).
+/// and nothing of a run that an operator excluded (kExcluded) or holds (kHeld).
 ///
 /// Where the version, or the nearest ancestor that does, states probabilities, these account for
 /// what was mapped up to it, and for what was reported against its ancestors, was known to it
 /// (report_id <= ledger_position) and began up to its stamp: kInMap. Groups and modes are not
 /// looked at here.
 ///
+/// As known at a time: with the reports that had come by then (the others: kUnknown), and the
+/// exclusions that held. The version is to be made by then.
+///
 /// Cost: what it is asked about; a report or version asked about again costs nothing.
 /// Threads: one. Lifetime: the database's, inside one transaction.
 class LedgerView {
  public:
-  LedgerView(Database& database, const VersionRow& version)
-      : database_(&database), version_(version), top_(version) {}
+  /// @param known  Nothing: what is known now.
+  LedgerView(Database& database,
+             const VersionRow& version,
+             std::optional<Stamp> known = std::nullopt)
+      : database_(&database), version_(version), known_(known), top_(version) {}
 
   /// Why a row of a report does not count; nothing if it does.
   /// @param version_id  The report's.
@@ -52,7 +58,7 @@ class LedgerView {
                                                   std::int64_t version_id,
                                                   Stamp begin);
 
-  /// Whether the rows that a version mapped count, but for runs that are excluded.
+  /// Whether the rows that a version mapped count, but for runs that are excluded or held.
   StatusOr<bool> Maps(std::int64_t version_id);
 
   /// Whether the rows of a run that a version mapped count.
@@ -96,10 +102,12 @@ class LedgerView {
 
   StatusOr<Whole> JudgeWhole(std::int64_t report_id);
   StatusOr<bool> IsExcluded(std::int64_t run_id);
+  StatusOr<bool> IsSuperseded(std::int64_t report_id);
   StatusOr<const std::vector<Exclusion>*> Exclusions();
 
   Database* database_;
   VersionRow version_;
+  std::optional<Stamp> known_;
   VersionRow top_;                              // The oldest ancestor that was read,
   std::unordered_set<std::int64_t> ancestors_;  // and all from the version to it.
   std::optional<VersionRow> statement_;

@@ -5,7 +5,6 @@
 #include <tuple>
 #include <utility>
 
-#include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/store/blob.h"
 
@@ -148,7 +147,8 @@ StatusOr<bool> HasReport(Database& database, const std::string& uuid) {
 StatusOr<InsertedReport> InsertReport(Database& database,
                                       std::int64_t area_id,
                                       const VersionRow& version,
-                                      const ShiftReport& report) {
+                                      const ShiftReport& report,
+                                      Stamp received) {
   const std::string uuid = LowerCaseUuid(report.uuid);
   InsertedReport inserted;
   for (const VisitEvidence& evidence : report.evidence) {
@@ -171,7 +171,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
            report.software,
            ToNanoseconds(report.begin),
            ToNanoseconds(report.end),
-           ToNanoseconds(SystemNow()),
+           ToNanoseconds(received),
            first_visit_ns,
            inserted.superseded ? 1 : 0,
            identity);

@@ -31,10 +31,12 @@ struct InsertedReport {
 };
 
 /// Adds a checked report that is not there yet, made against `version` of the area.
+/// @param received  When it came, by the clock of this machine.
 StatusOr<InsertedReport> InsertReport(Database& database,
                                       std::int64_t area_id,
                                       const VersionRow& version,
-                                      const ShiftReport& report);
+                                      const ShiftReport& report,
+                                      Stamp received);
 
 /// Notes which reports are about a run that a version was built from.
 Status InsertMappedReports(Database& database, std::int64_t version_id, const RunRecord& run);

@@ -38,9 +38,14 @@ struct MapStore::State {
   StatusOr<VersionRow> PublishedRow(const std::string& area, const AreaRow& area_row);
 
   /// The version by number, or the published one.
+  /// @param known  At this time; nothing: now.
   StatusOr<VersionRow> SelectRow(const std::string& area,
                                  const AreaRow& area_row,
-                                 std::optional<VersionNumber> version);
+                                 std::optional<VersionNumber> version,
+                                 std::optional<Stamp> known = std::nullopt);
+
+  /// The version that was published at a time. Errors: kNotFound if none was.
+  StatusOr<VersionRow> PublishedRowAt(const std::string& area, const AreaRow& area_row, Stamp at);
 
   /// A version as its ledger is filtered for a query.
   struct Filtered {
@@ -61,6 +66,10 @@ struct MapStore::State {
 
   /// The mode numbers of a version that is committed.
   StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);
+
+  /// Errors: kFailedPrecondition if the file is a snapshot.
+  /// @param what  That a snapshot does not do.
+  Status RefuseSnapshot(const char* what);
 
   /// MapStore::Exclude and Include.
   Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);

@@ -4,7 +4,6 @@
 #include <tuple>
 #include <utility>
 
-#include "mapstore/core/clock.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/store/content_rows.h"
 
@@ -21,6 +20,7 @@ VersionRow ReadVersionRow(const Statement& row) {
   version.stamp = StampFromNanoseconds(row.Int64(5));
   version.ledger_position = LedgerPosition(row.Int64(6));
   if (!row.IsNull(7)) version.statement_version_id = row.Int64(7);
+  version.created = StampFromNanoseconds(row.Int64(8));
   return version;
 }
 
@@ -115,8 +115,8 @@ StatusOr<VersionRow> GetVersion(Database& database,
       Statement query,
       database.Prepare(
           "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position, statement_version_id FROM version WHERE area_id = ?1 AND "
-          "number = ?2"));
+          "stamp_ns, ledger_position, statement_version_id, created_ns FROM version "
+          "WHERE area_id = ?1 AND number = ?2"));
   query.Bind(area_id, number.value());
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
@@ -130,7 +130,8 @@ StatusOr<VersionRow> GetVersionById(Database& database, std::int64_t version_id)
       Statement query,
       database.Prepare(
           "SELECT version_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position, statement_version_id FROM version WHERE version_id = ?1"));
+          "stamp_ns, ledger_position, statement_version_id, created_ns FROM version "
+          "WHERE version_id = ?1"));
   query.Bind(version_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) return DataLoss("{}: no version row {}", database.name(), version_id);
@@ -221,7 +222,7 @@ StatusOr<VersionRow> InsertVersion(Database& database,
                  ToNanoseconds(content.stamp),
                  version.ledger_position.value(),
                  version.statement_version_id,
-                 ToNanoseconds(SystemNow()),
+                 ToNanoseconds(version.created),
                  provenance.tool,
                  provenance.configuration,
                  provenance.seed,

@@ -26,6 +26,7 @@ struct VersionRow {
   std::string content_hash;
   bool content_stored = true;
   Stamp stamp;
+  Stamp created;                   ///< By the clock of the machine that committed it.
   LedgerPosition ledger_position;  ///< Of its statement, if it makes one.
 
   /// Whose statement holds for the version: its own, or the nearest ancestor's.

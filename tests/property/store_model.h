@@ -31,7 +31,12 @@ class StoreModel {
   std::size_t Commit(Version version);
   void Return(const ShiftReport& report);
   void Publish(std::size_t version) { published_ = version; }
-  void Exclude(const Exclusion& exclusion) { exclusions_.push_back(exclusion); }
+  void Exclude(const Exclusion& exclusion) {
+    std::erase_if(exclusions_, [&](const Exclusion& other) {
+      return other.run == exclusion.run && other.vehicle == exclusion.vehicle;
+    });
+    exclusions_.push_back(exclusion);
+  }
   void Include(std::size_t index) {
     exclusions_.erase(exclusions_.begin() + static_cast<std::ptrdiff_t>(index));
   }

@@ -46,6 +46,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     options.access = MapStore::Access::kReadWriteCreate;
     // So few that checkpoints come and go all the time.
     options.checkpoint_rows = 4;
+    options.clock = [this] { return clock_; };
     StatusOr<MapStore> store = MapStore::Open(path_, options);
     ASSERT_THAT(store, IsOk());
     store_.emplace(*std::move(store));
@@ -233,6 +234,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     policy.keep_versions = 2 + Below(4);
     if (Chance(0.5)) policy.evidence_before = RandomStamp();
     ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+    remembered_.clear();
     model_.Compact(static_cast<std::size_t>(policy.keep_versions));
   }
 
@@ -247,6 +249,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     }
     Exclusion exclusion;
     exclusion.reason = "test";
+    exclusion.held = Chance(0.3);
     if (Chance(0.3)) {
       exclusion.vehicle = Chance(0.5) ? "truck" : "loader";
       exclusion.since = begin_ + std::chrono::seconds(Chance(0.5) ? 0 : 1);
@@ -261,6 +264,26 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     if (status.code() == StatusCode::kAlreadyExists) return;
     ASSERT_THAT(status, IsOk());
     model_.Exclude(exclusion);
+  }
+
+  // What a reader is told now, to be asked for again at the end.
+  void Remember() {
+    if (!model_.published()) return;
+    Remembered now{clock_, std::nullopt, std::nullopt, ""};
+    const auto version = static_cast<std::size_t>(Below(static_cast<int>(hashes_.size())));
+    if (Chance(0.5) && model_.versions()[version].stored) now.version = NumberOf(version);
+    if (Chance(0.5)) now.at = RandomStamp();
+    now.hash = ContentHash(store_->LoadAt("mine", now.version, now.at)->content());
+    remembered_.push_back(now);
+  }
+
+  void AskWhatWasKnown() {
+    for (const Remembered& then : remembered_) {
+      const StatusOr<MapSnapshot> map =
+          store_->LoadKnown("mine", then.known, then.version, then.at);
+      ASSERT_THAT(map, IsOk());
+      EXPECT_EQ(ContentHash(map->content()), then.hash);
+    }
   }
 
   void Export() {
@@ -308,6 +331,15 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   std::optional<MapStore> store_;
   StoreModel model_;
   std::vector<std::string> hashes_;  // Of the versions.
+
+  struct Remembered {
+    Stamp known;
+    std::optional<VersionNumber> version;
+    std::optional<Stamp> at;
+    std::string hash;
+  };
+  std::vector<Remembered> remembered_;
+  Stamp clock_ = begin_ + std::chrono::hours(100);
   int uuids_ = 0;
   int runs_ = 0;
 };
@@ -315,6 +347,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
 TEST_P(StoreHistory, EqualsItsModel) {
   for (int step = 0; step < kSteps && !HasFatalFailure(); ++step) {
     SCOPED_TRACE(step);
+    clock_ += std::chrono::seconds(1);
     const int choice = Below(100);
     if (choice < 20 || model_.versions().empty()) {
       Commit();
@@ -335,8 +368,10 @@ TEST_P(StoreHistory, EqualsItsModel) {
     } else {
       Compare();
     }
+    if (Chance(0.3)) Remember();
   }
   Compare();
+  AskWhatWasKnown();
 }
 
 INSTANTIATE_TEST_SUITE_P(Random, StoreHistory, ::testing::Range(0, kHistories));

@@ -140,7 +140,8 @@ TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
   ASSERT_EQ(Night().exit_code, 0);
   const std::string vehicle = ReadRunLog(world_.Log(1))->run.info.vehicle;
   RunForJson("shiftmap-inspect",
-             {"exclude",
+             {"runs",
+              "exclude",
               "--vehicle",
               vehicle,
               "--since",
@@ -154,7 +155,29 @@ TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
   Bring(1, "bad");
   EXPECT_EQ(Night().exit_code, kNothingToDo);
   RunForJson("shiftmap-inspect",
-             {"include", "--vehicle", vehicle, "--store", store_, "--area", "floor"});
+             {"runs", "include", "--vehicle", vehicle, "--store", store_, "--area", "floor"});
+  EXPECT_EQ(Night().exit_code, 0);
+}
+
+TEST_F(NightlyTest, AHeldRunIsNamedEveryNight) {
+  Bring(0, "good");
+  ASSERT_EQ(Night().exit_code, 0);
+  const std::vector<std::string> at = {"--store", store_, "--area", "floor"};
+  const auto decide = [&](std::vector<std::string> words) {
+    words.insert(words.end(), at.begin(), at.end());
+    return RunForJson("shiftmap-inspect", words);
+  };
+  const std::string vehicle = ReadRunLog(world_.Log(1))->run.info.vehicle;
+  decide({"runs", "hold", "--vehicle", vehicle, "--since", "1767000000", "--reason", "new wheels"});
+  Bring(1, "other");
+  for (int night = 0; night < 2; ++night) {
+    const CommandResult result = Night();
+    EXPECT_EQ(result.exit_code, kAttention);
+    EXPECT_NE(result.err.find("other.mcap' is held: new wheels"), std::string::npos) << result.err;
+  }
+  EXPECT_EQ(decide({"runs"})["exclusions"][0]["state"], "held");
+  decide({"runs", "include", "--vehicle", vehicle});
+  EXPECT_EQ(decide({"runs"})["exclusions"].size(), 0u);
   EXPECT_EQ(Night().exit_code, 0);
 }
 
@@ -172,9 +195,16 @@ TEST_F(NightlyTest, ARunIsExcludedByItsHashToo) {
   report.run_uuid.clear();
   ASSERT_THAT(WriteShiftReport(report, path), IsOk());
   RunForJson("shiftmap-localizer", {"return", "--store", store_, path});
-  RunForJson(
-      "shiftmap-inspect",
-      {"exclude", report.run_hash, "--reason", "slips", "--store", store_, "--area", "floor"});
+  RunForJson("shiftmap-inspect",
+             {"runs",
+              "exclude",
+              report.run_hash,
+              "--reason",
+              "slips",
+              "--store",
+              store_,
+              "--area",
+              "floor"});
   const CommandResult night = Night();
   EXPECT_EQ(night.exit_code, kNothingToDo) << night.err;
 }

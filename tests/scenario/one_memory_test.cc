@@ -172,7 +172,8 @@ TEST_P(OneMemoryTest, AnExcludedRunIsTakenBackByTheNextBuild) {
                                 "2"})["runs"];
   ASSERT_EQ(runs.size(), 1u);
   RunForJson("shiftmap-inspect",
-             {"exclude",
+             {"runs",
+              "exclude",
               "--store",
               world_.File("taken_back.db"),
               "--area",

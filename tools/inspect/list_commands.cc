@@ -63,35 +63,6 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
   return OkStatus();
 }
 
-Status RunRuns(const StoreArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            store.LoadProvenance(arguments.area, version));
-  Json list = Json::array();
-  AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256"});
-  for (const RunRecord& run : provenance.runs) {
-    list.push_back({{"run", run.name},
-                    {"vehicle", run.vehicle},
-                    {"sha256", run.sha256},
-                    {"begin_s", ToSecondsSinceEpoch(run.begin)},
-                    {"end_s", ToSecondsSinceEpoch(run.end)}});
-    table.AddRow(
-        {run.name,
-         run.vehicle,
-         TimeText(run.begin),
-         fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin)),
-         run.sha256.substr(0, kShortHash)});
-  }
-  const Json document = {{"area", arguments.area},
-                         {"version", version.value()},
-                         {"tool", provenance.tool},
-                         {"seed", provenance.seed},
-                         {"runs", list}};
-  context.Report(document, table.ToString());
-  return OkStatus();
-}
-
 struct SightingArguments : StoreArguments {
   bool all = false;
 };
@@ -158,14 +129,6 @@ void AddListCommands(Application* application) {
                       "versions", "List the map versions of an area", [versions](Context& context) {
                         return RunVersions(*versions, context);
                       }));
-
-  auto runs = std::make_shared<StoreArguments>();
-  Command& runs_command = application->AddCommand(
-      "runs", "List the runs that a map version was built from", [runs](Context& context) {
-        return RunRuns(*runs, context);
-      });
-  AddStoreOptions(runs.get(), &runs_command);
-  runs_command.Option("--version", &runs->version, "Map version (default: the published one)");
 
   auto sightings = std::make_shared<SightingArguments>();
   Command& sightings_command = application->AddCommand(

@@ -186,11 +186,12 @@ Status RunVehicles(const StoreArguments& arguments, Context& context) {
 
 void AddMapCommands(Application* application) {
   auto show = std::make_shared<StoreArguments>();
-  AddMapOptions(
-      show.get(),
-      &application->AddCommand("show",
-                               "Show a map: landmarks, modes, probabilities",
-                               [show](Context& context) { return RunShow(*show, context); }));
+  Command& show_command = application->AddCommand(
+      "show", "Show a map: landmarks, modes, probabilities", [show](Context& context) {
+        return RunShow(*show, context);
+      });
+  AddMapOptions(show.get(), &show_command);
+  AddKnownOption(show.get(), &show_command);
 
   auto modes = std::make_shared<ModesArguments>();
   Command& modes_command = application->AddCommand(
@@ -198,6 +199,7 @@ void AddMapCommands(Application* application) {
         return RunModes(*modes, context);
       });
   AddMapOptions(&modes->store, &modes_command);
+  AddKnownOption(&modes->store, &modes_command);
   modes_command.Option("SIGNATURE", &modes->signature, "Of one landmark only");
 
   auto history = std::make_shared<HistoryArguments>();

@@ -86,6 +86,7 @@ void AddPictureCommands(Application* application) {
         return RunExport(*exported, context);
       });
   AddMapOptions(&exported->store, &export_command);
+  AddKnownOption(&exported->store, &export_command);
   export_command.Writes()
       .Flag("--geojson", &exported->geojson, "Points with properties, in map coordinates")
       .Flag("--csv", &exported->csv, "A line per mode")
@@ -100,6 +101,7 @@ void AddPictureCommands(Application* application) {
         return RunPlot(*plot, context);
       });
   AddMapOptions(&plot->store, &plot_command);
+  AddKnownOption(&plot->store, &plot_command);
   plot_command.Writes()
       .Option("WHAT", &plot->what, "What to draw: map")
       .OneOf({"map"})
@@ -110,7 +112,7 @@ void AddPictureCommands(Application* application) {
 void AddInspectCommands(Application* application) {
   AddListCommands(application);
   AddLedgerCommands(application);
-  AddExclusionCommands(application);
+  AddRunCommands(application);
   AddMapCommands(application);
   AddPictureCommands(application);
   AddVersionCommands(application);

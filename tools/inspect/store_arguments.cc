@@ -21,6 +21,14 @@ void AddMapOptions(StoreArguments* arguments, Command* command) {
       .InRange(0.0, 9.2e9);
 }
 
+void AddKnownOption(StoreArguments* arguments, Command* command) {
+  command
+      ->Option("--known",
+               &arguments->known_s,
+               "What was known at a time, seconds since the epoch (default: now)")
+      .InRange(0.0, 9.2e9);
+}
+
 StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& context) {
   return OpenStore(arguments.store, MapStore::Access::kReadOnly, context);
 }
@@ -38,8 +46,10 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) {
   std::optional<VersionNumber> version;
   if (arguments.version) version = VersionNumber(*arguments.version);
-  const Stamp at = arguments.at_s ? StampFromSeconds(*arguments.at_s) : SystemNow();
-  return store->LoadAt(arguments.area, version, at);
+  const Stamp now = arguments.known_s ? StampFromSeconds(*arguments.known_s) : SystemNow();
+  const Stamp at = arguments.at_s ? StampFromSeconds(*arguments.at_s) : now;
+  return arguments.known_s ? store->LoadKnown(arguments.area, now, version, at)
+                           : store->LoadAt(arguments.area, version, at);
 }
 
 std::string TimeText(Stamp stamp) { return stamp == Stamp() ? "-" : FormatUtc(stamp); }

@@ -17,6 +17,7 @@ struct StoreArguments {
   std::string area;
   std::optional<std::int64_t> version;
   std::optional<double> at_s;
+  std::optional<double> known_s;
 };
 
 /// Adds --store and --area; the arguments must outlive the run.
@@ -25,6 +26,9 @@ void AddStoreOptions(StoreArguments* arguments, Command* command);
 /// Adds --version and --at too.
 void AddMapOptions(StoreArguments* arguments, Command* command);
 
+/// Adds --known, which LoadMap follows.
+void AddKnownOption(StoreArguments* arguments, Command* command);
+
 /// Opens the store for reading.
 StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& context);
 
@@ -32,7 +36,8 @@ StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& con
 /// Errors: kNotFound if the area has no published version.
 StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store);
 
-/// The map that the arguments name, at the time they name; without one, by this host's clock.
+/// The map that the arguments name, at the time they name, as it was known at the time they name;
+/// without one, by this host's clock.
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
 
 /// FormatUtc(); a dash for the epoch, which stands for never.

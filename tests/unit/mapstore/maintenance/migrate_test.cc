@@ -61,7 +61,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 6; 'shiftmap-inspect migrate'"));
+                             ", this build reads 7; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -125,7 +125,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 6 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 7 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -191,6 +191,30 @@ TEST(MigrateDerivedTest, TrustStartsAnew) {
   EXPECT_THAT(*store.Reports("floor"), SizeIs(3));
   // 24 rows of mapped visits, and 45 of reported ones, 16 of which are about a mapped run.
   EXPECT_THAT(*store.Evidence("floor", VersionNumber(2)), SizeIs(24 + 45 - 16));
+}
+
+// Two builds, the second published, a report, and two exclusions.
+TEST(MigrateDerivedTest, WhatWasKnownIsThatOfTheMigration) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_6.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadOnly);
+  const std::vector<Exclusion> exclusions = *store.Exclusions("floor");
+  ASSERT_THAT(exclusions, SizeIs(2));
+  EXPECT_FALSE(exclusions[0].held);
+  EXPECT_EQ(exclusions[1].vehicle, "none");
+  EXPECT_THAT(*store.ExcludedRunsOf("floor", VersionNumber(2)), ElementsAre("run_001"));
+  const std::vector<VersionSummary> versions = *store.Versions("floor");
+  const Stamp excluded = exclusions[0].excluded;
+  EXPECT_EQ(ContentHash(store.LoadKnown("floor", excluded)->content()),
+            ContentHash(store.LoadAt("floor")->content()));
+  EXPECT_NE(ContentHash(store.LoadKnown("floor", excluded - Duration(1))->content()),
+            ContentHash(store.LoadAt("floor")->content()));
+  EXPECT_EQ(store.LoadKnown("floor", versions[0].created)->version(), VersionNumber(1));
+  EXPECT_THAT(store.LoadKnown("floor", versions[0].created - Duration(1)),
+              StatusIs(StatusCode::kNotFound, "nothing was published by"));
 }
 
 // The rows that its checkpoint was made from are elsewhere.

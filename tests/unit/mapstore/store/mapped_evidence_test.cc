@@ -301,7 +301,7 @@ TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
 
   ASSERT_THAT(store_.Include("a", {"", "liar", {}, "", {}}), IsOk());
   EXPECT_THAT(store_.Include("a", {"", "liar", {}, "", {}}),
-              StatusIs(StatusCode::kNotFound, "vehicle 'liar': is not excluded"));
+              StatusIs(StatusCode::kNotFound, "vehicle 'liar': is neither excluded nor held"));
   ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
   EXPECT_EQ(At1(At(900.0)), all);
   // By the UUID of the live shift alone, and since a time after it.
@@ -320,6 +320,33 @@ TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
   EXPECT_THAT(store_.Exclude("a", {"0000000", "", {}, "why", {}}),
               StatusIs(StatusCode::kInvalidArgument, "more than one run"));
   EXPECT_EQ(At1(At(900.0)), without);
+}
+
+// The oracle is the same run excluded.
+TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
+  const CommitResult first = Map({0, 1}, std::nullopt);
+  const ShiftReport report = Report(first, 4);
+  ASSERT_THAT(store_.Return(report), IsOk());
+  const double all = At1(At(900.0));
+  const Exclusion run{Hash(1), "", {}, "to be looked at", true};
+  ASSERT_THAT(store_.Exclude("a", run), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {report.run_hash, "", {}, "too", true}), IsOk());
+  EXPECT_THAT(store_.Exclude("a", run), StatusIs(StatusCode::kAlreadyExists, "is held already"));
+  const double held = At1(At(900.0));
+  EXPECT_NE(held, all);
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), IsEmpty());
+  EXPECT_EQ(store_.Evidence("a", first.version)->size(), 1u);
+  EXPECT_EQ((*store_.Reports("a"))[0].set_aside[0].reason, SetAside::kHeld);
+
+  // Decided one way, and the other.
+  ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "slipped", false}), IsOk());
+  ASSERT_THAT(*store_.Exclusions("a"), SizeIs(2));
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 1"));
+  EXPECT_EQ(At1(At(900.0)), held);
+  ASSERT_THAT(store_.Include("a", {report.run_hash, "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+  EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
+  EXPECT_EQ(At1(At(900.0)), all);
 }
 
 TEST_F(MappedEvidenceTest, EvidenceThatDoesNotFitIsRefusedWhole) {

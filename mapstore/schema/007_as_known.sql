@@ -1,0 +1,47 @@
+-- SPDX-License-Identifier: Apache-2.0
+--
+-- Schema 7: what was known at a time can be asked for later. An exclusion that is taken back stays,
+-- with its end, and so does every publication. A run may be held instead of excluded.
+-- Units as in 001_init.sql.
+
+PRAGMA user_version = 7;
+
+-- What an operator took out of an area's memory: a run, or the runs of a vehicle.
+ALTER TABLE exclusion RENAME TO exclusion_of_schema_6;
+CREATE TABLE exclusion (
+  exclusion_id INTEGER PRIMARY KEY,
+  area_id      INTEGER NOT NULL REFERENCES area,
+  run          TEXT NOT NULL,     -- run.identity, or shift_report.identity without a log; or empty
+  vehicle      TEXT NOT NULL,     -- empty if it is about a run
+  since_ns     INTEGER NOT NULL,  -- of a vehicle: runs that begin then or later; else 0
+  held         INTEGER NOT NULL,  -- 1: until somebody decides; versions that mapped it stay good
+  reason       TEXT NOT NULL,
+  excluded_ns  INTEGER NOT NULL,  -- clock of the machine that wrote
+  included_ns  INTEGER            -- when it was taken back; NULL while it holds
+) STRICT;
+INSERT INTO exclusion (area_id, run, vehicle, since_ns, held, reason, excluded_ns)
+  SELECT area_id, run, vehicle, since_ns, 0, reason, excluded_ns FROM exclusion_of_schema_6
+  ORDER BY excluded_ns;
+DROP TABLE exclusion_of_schema_6;
+CREATE UNIQUE INDEX exclusion_that_holds ON exclusion (area_id, run, vehicle)
+  WHERE included_ns IS NULL;
+
+-- A version that vehicles got from then on, in the order in which it happened.
+CREATE TABLE publication (
+  publication_id INTEGER PRIMARY KEY,
+  area_id        INTEGER NOT NULL REFERENCES area,
+  version_id     INTEGER NOT NULL REFERENCES version,
+  published_ns   INTEGER NOT NULL  -- clock of the machine that wrote
+) STRICT;
+CREATE INDEX publication_by_time ON publication (area_id, published_ns);
+
+-- Of the time before, the line of the published version is taken to have been published as it was
+-- made.
+INSERT INTO publication (area_id, version_id, published_ns)
+  WITH RECURSIVE line (area_id, version_id) AS (
+    SELECT area_id, published_version_id FROM area WHERE published_version_id IS NOT NULL
+    UNION
+    SELECT v.area_id, v.parent_version_id FROM line JOIN version v USING (version_id)
+    WHERE v.parent_version_id IS NOT NULL)
+  SELECT v.area_id, v.version_id, v.created_ns FROM line JOIN version v USING (version_id)
+  ORDER BY v.version_id;
