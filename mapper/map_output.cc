@@ -2,6 +2,7 @@
 #include "mapper/map_output.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "mapper/association/anonymous_landmarks.h"
@@ -117,6 +118,57 @@ std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
   return evidence;
 }
 
+// What earlier runs tell of how visible the problem's modes are, flat order. What is told of a
+// merged mode is about the mode that stands for it.
+std::vector<Visibility> KnownVisibility(const MapProblem& problem,
+                                        const std::vector<Signature>& signatures,
+                                        const FlatModes& flat,
+                                        const std::optional<MapContent>& prior,
+                                        const std::vector<ModeVisibility>& visibility) {
+  std::vector<Visibility> known(static_cast<std::size_t>(flat.count));
+  for (const ModeVisibility& of_mode : visibility) {
+    const auto signature =
+        std::lower_bound(signatures.begin(), signatures.end(), of_mode.signature);
+    const LandmarkGroup* const group = FindGroup(prior, of_mode.signature);
+    if (group == nullptr || signature == signatures.end()) continue;
+    const int state = group->CarriedStateOf(of_mode.mode);
+    if (state <= 0) continue;
+    const ModeNumber number = group->NumberOf(state);
+    const auto g = static_cast<std::size_t>(signature - signatures.begin());
+    for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
+      if (problem.modes[g][k].number != number) continue;
+      const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
+      known[static_cast<std::size_t>(index)] += of_mode.scans;
+    }
+  }
+  return known;
+}
+
+// How well each run saw the modes of the map.
+std::vector<std::vector<ModeVisibility>> VisibilityByRun(
+    const std::vector<std::vector<SeenMode>>& seen_by_run,
+    const std::vector<GroupSource>& sources,
+    const std::vector<LandmarkGroup>& groups) {
+  std::map<BuildModeRef, std::pair<std::size_t, ModeNumber>> numbers;  // Group of the map, mode.
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    for (std::size_t k = 0; k < sources[i].order.size(); ++k) {
+      const BuildModeRef mode{static_cast<int>(sources[i].group),
+                              static_cast<int>(sources[i].order[k])};
+      numbers[mode] = {i, groups[i].modes[k].number};
+    }
+  }
+  std::vector<std::vector<ModeVisibility>> by_run(seen_by_run.size());
+  for (std::size_t run = 0; run < seen_by_run.size(); ++run) {
+    for (const SeenMode& seen : seen_by_run[run]) {
+      const auto number = numbers.find(seen.mode);
+      if (number == numbers.end()) continue;
+      const auto& [group, mode] = number->second;
+      by_run[run].push_back({groups[group].signature, mode, seen.scans});
+    }
+  }
+  return by_run;
+}
+
 // A group of the map without probabilities, its chain as the prior map has it.
 LandmarkGroup MakeGroup(const MapProblem& problem,
                         const std::vector<Signature>& signatures,
@@ -127,11 +179,7 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
   const LandmarkGroup* known = FindGroup(prior, signatures[source.group]);
   LandmarkGroup group;
   group.signature = signatures[source.group];
-  group.chain = ModeChain::Uniform(
-      static_cast<int>(modes.size()),
-      known != nullptr ? known->chain.leave_rate_per_s() : options.leave_rate_per_s);
-  // Rates between the same modes go on; with another mode they say nothing of it.
-  if (known != nullptr && known->modes.size() == modes.size()) group.chain = known->chain;
+  group.chain = ChainOf(problem, source.group, options);
   if (known != nullptr) group.merged = known->merged;
   ModeNumber next = known != nullptr ? known->NextNumber() : ModeNumber(1);
   for (const std::size_t k : source.order) {
@@ -310,8 +358,11 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
     AddTracks(
         problem, signatures, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
   }
-  const std::vector<std::vector<MissedVisit>> missed =
-      FindMissedVisits(problem, options.front_end.visit_gap_s, options.missed);
+  const MissedVisits missed =
+      FindMissedVisits(problem,
+                       options.front_end.visit_gap_s,
+                       options.missed,
+                       KnownVisibility(problem, signatures, flat, prior, options.visibility));
   std::vector<GroupSource> sources;
   std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
   int modes = 0;
@@ -320,8 +371,8 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
     sources.push_back(
         {g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g]), {}});
     content.groups.push_back(MakeGroup(problem, signatures, sources.back(), prior, options.modes));
-    sources.back().evidence =
-        EvidenceOf(problem, sources.back(), content.groups.back(), missed[g], options.modes);
+    sources.back().evidence = EvidenceOf(
+        problem, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
     for (const std::size_t k : sources.back().order) {
       place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
           modes++;
@@ -335,6 +386,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   for (std::size_t i = 0; i < sources.size(); ++i) {
     SetProbabilities(problem, sources[i], prior, content.stamp, &content.groups[i]);
   }
+  output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
   output.evidence.resize(problem.runs.size());
   for (GroupSource& source : sources) {
     for (BuildVisit& visit : source.evidence) {

@@ -11,6 +11,7 @@
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/joint_covariance.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/visibility.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -23,6 +24,8 @@ struct MapOutput {
   /// What the visits of each run say of the groups, visits without sightings included: rows for the
   /// ledger.
   std::vector<std::vector<VisitEvidence>> evidence;
+
+  std::vector<std::vector<ModeVisibility>> visibility;  ///< From where each run saw the modes.
 };
 
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the

@@ -10,6 +10,7 @@
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/evidence.h"
+#include "mapstore/map/visibility.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -35,13 +36,15 @@ struct MappedRun {
 
   /// What its visits say of the map's landmarks, those without sightings included.
   std::vector<VisitEvidence> evidence;
+
+  std::vector<ModeVisibility> visibility;  ///< From where it saw the map's modes.
 };
 
 /// T_map_vehicle of a run at its first odometry sample: from its first key frame, back along the
 /// odometry.
 Se2 StartPose(const BuildRun& run);
 
-/// What became of run `index` of a solved problem, but for its evidence.
+/// What became of run `index` of a solved problem, but for its evidence and visibility.
 MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);
 
 }  // namespace shiftmap

@@ -435,6 +435,7 @@ Status Conclude(const std::vector<Signature>& signatures,
   for (std::size_t i = 0; i < problem->runs.size(); ++i) {
     result->runs.push_back(MakeMappedRun(*problem, i));
     result->runs.back().evidence = std::move(output.evidence[i]);
+    result->runs.back().visibility = std::move(output.visibility[i]);
   }
   for (const std::vector<BuildMode>& group : problem->modes) {
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;

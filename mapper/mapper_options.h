@@ -18,6 +18,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/map/visibility.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -94,6 +95,11 @@ struct MapperOptions {
   DisplacementOptions displacement;
   ModeOptions modes;
   MissedDetectionOptions missed;
+
+  /// From where runs along the line of the prior map saw its modes, by signature; no run of the
+  /// build among them.
+  std::vector<ModeVisibility> visibility;
+
   ChainOptions chains;
 
   /// Where calibration starts, and what is used as it is when `calibrate` is off.

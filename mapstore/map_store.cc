@@ -18,6 +18,7 @@
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
 #include "mapstore/store/store_state.h"
+#include "mapstore/store/visibility_rows.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -329,6 +330,15 @@ StatusOr<std::vector<EvidenceRow>> MapStore::Evidence(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
   return ReadLineEvidence(database, area_row.area_id, row, without_runs);
+}
+
+StatusOr<std::vector<ModeVisibility>> MapStore::MappedVisibility(
+    const std::string& area, VersionNumber version, const std::set<std::string>& without_runs) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->SelectRow(area, area_row, version));
+  return ReadLineVisibility(database, area_row.area_id, row, without_runs);
 }
 
 StatusOr<std::vector<Exclusion>> MapStore::Exclusions(const std::string& area) {

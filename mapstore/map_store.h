@@ -188,6 +188,14 @@ class MapStore {
                                               VersionNumber version,
                                               const std::set<std::string>& without_runs = {});
 
+  /// From where the runs that a version's line mapped saw its modes, by signature and mode number,
+  /// which may be that of a merged mode.
+  /// @param without_runs  As for Evidence.
+  StatusOr<std::vector<ModeVisibility>> MappedVisibility(
+      const std::string& area,
+      VersionNumber version,
+      const std::set<std::string>& without_runs = {});
+
   /// Takes a run, or the runs of a vehicle, out of an area's memory: whatever is derived is as if
   /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
   /// were made from them stay in their versions (ExcludedRunsOf). Of an exclusion and a hold the

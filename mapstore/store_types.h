@@ -11,6 +11,7 @@
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
+#include "mapstore/map/visibility.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -32,6 +33,9 @@ struct RunRecord {
   std::vector<VisitEvidence> evidence = {};
 
   std::string uuid = {};  ///< RunInfo::uuid.
+
+  /// How well it saw the version's modes; each once. As `evidence`, it does not come back.
+  std::vector<ModeVisibility> visibility = {};
 
   /// What tells runs apart: the UUID, or else the hash.
   const std::string& identity() const { return uuid.empty() ? sha256 : uuid; }

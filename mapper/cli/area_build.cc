@@ -30,10 +30,11 @@ struct PriorMap {
   std::optional<VersionNumber> version;
   std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
   std::optional<MapContent> content;
-  std::set<std::string> known_runs;   // Hash and identity of those that are in it already.
-  std::vector<UnplacedRun> waiting;   // Of earlier builds.
-  std::vector<Exclusion> exclusions;  // What an operator took out of the area's memory.
-  std::vector<EvidenceRow> evidence;  // Of the line of versions, to learn the chains from.
+  std::set<std::string> known_runs;        // Hash and identity of those that are in it already.
+  std::vector<UnplacedRun> waiting;        // Of earlier builds.
+  std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
+  std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
+  std::vector<ModeVisibility> visibility;  // Of the same line's runs.
 };
 
 // The newest of a version and its ancestors that no excluded run went into.
@@ -115,13 +116,13 @@ Status LeaveOutExcluded(const std::string& area,
                             runs->rejected.front().reason);
 }
 
-// Loads what the ledger says of the landmarks, but not of the runs of the build: it sees their
-// visits itself, with all modes, and none may count twice.
-Status LoadEvidence(const AreaBuildOptions& options,
-                    const std::vector<MapperInput>& inputs,
-                    const Context& context,
-                    PriorMap* prior) {
-  if (!prior->version || options.no_learned_rates) return OkStatus();
+// Loads what the ledger says of the landmarks and of where they are visible from, but not of the
+// runs of the build: it sees their visits itself, with all modes, and none may count twice.
+Status LoadMemory(const AreaBuildOptions& options,
+                  const std::vector<MapperInput>& inputs,
+                  const Context& context,
+                  PriorMap* prior) {
+  if (!prior->version) return OkStatus();
   std::set<std::string> runs;
   for (const MapperInput& input : inputs) {
     runs.insert(input.sha256);
@@ -129,6 +130,9 @@ Status LoadEvidence(const AreaBuildOptions& options,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior->visibility,
+                            store.MappedVisibility(options.area, *prior->version, runs));
+  if (options.no_learned_rates) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
   return OkStatus();
 }
@@ -198,7 +202,8 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                                run.end,
                                Thinned(run.trajectory),
                                run.evidence,
-                               run.uuid});
+                               run.uuid,
+                               run.visibility});
   }
   return provenance;
 }
@@ -228,6 +233,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
   mapper_options.chains.ledger = prior.evidence;
+  mapper_options.visibility = prior.visibility;
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
   return mapper_options;
@@ -320,7 +326,7 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
   SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
-  SHIFTMAP_RETURN_IF_ERROR(LoadEvidence(options, runs.inputs, context, &prior));
+  SHIFTMAP_RETURN_IF_ERROR(LoadMemory(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
   AreaBuild build;

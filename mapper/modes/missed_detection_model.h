@@ -2,27 +2,17 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 #include <vector>
 
 #include "mapstore/map/calibration.h"
+#include "mapstore/map/visibility.h"
 
 namespace shiftmap {
 
-/// Number of scans by the direction from the landmark to the vehicle in the map frame: entry i
-/// counts those in [i, i + 1) · 45° - 180°.
-using DirectionCounts = std::array<int, 8>;
-
-/// The entry of a view of a landmark.
+/// The entry of DirectionCounts for a view of a landmark.
 /// @param view  From the landmark to the vehicle, map frame. [m]
 std::size_t DirectionOf(const Eigen::Vector2d& view);
-
-/// The scans that had a landmark well in view while it stood at a mode.
-struct Visibility {
-  DirectionCounts seen = {};
-  DirectionCounts missed = {};
-};
 
 struct MissedDetectionOptions {
   /// Share of landmarks that only half of all directions can see, such as a sign on a wall. Raising

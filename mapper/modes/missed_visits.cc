@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <map>
 #include <tuple>
+#include <utility>
 
 #include "localizer/models/detection_model.h"
 #include "localizer/models/mode_grid.h"
@@ -80,14 +81,18 @@ class RunTimeline {
 // Goes through the key frames of all runs and sorts what was in view by what it tells.
 class MissCollector {
  public:
-  MissCollector(const MapProblem& problem, double pass_gap_s)
+  MissCollector(const MapProblem& problem, double pass_gap_s, const std::vector<Visibility>& known)
       : problem_(problem),
         pass_gap_(FromSeconds(pass_gap_s)),
         flat_(problem),
         grid_(GridOf(problem, problem.sensor.max_range_m)),
-        visibility_(static_cast<std::size_t>(flat_.count)) {}
+        visibility_(known),
+        seen_(static_cast<std::size_t>(flat_.count)) {
+    visibility_.resize(seen_.size());
+  }
 
-  void AddRun(int run_index) {
+  // Returns how well the run saw the modes.
+  std::vector<SeenMode> AddRun(int run_index) {
     const BuildRun& run = problem_.runs[static_cast<std::size_t>(run_index)];
     RunTimeline timeline(problem_, run);
     open_.assign(static_cast<std::size_t>(flat_.count), {});
@@ -97,6 +102,7 @@ class MissCollector {
       const auto frame = static_cast<int>(f);
       if (MarkSeen(run, frame, &seen_at) > 0) AddFrame(run_index, frame, timeline, seen_at);
     }
+    return TakeSeen();
   }
 
   const Visibility& visibility(int group, int mode) const {
@@ -139,9 +145,8 @@ class MissCollector {
           before != kUnassigned && (in_visit || before == timeline.After(entry.group));
       const auto flat = static_cast<std::size_t>(flat_.Index(entry.group, entry.mode));
       if (stood && before == entry.mode) {
-        Visibility& visibility = visibility_[flat];
         const bool seen = seen_at[static_cast<std::size_t>(entry.group)] == frame;
-        ++(seen ? visibility.seen : visibility.missed)[direction];
+        ++(seen ? seen_[flat].seen : seen_[flat].missed)[direction];
       }
       if (stood || in_visit) return;
       const GapRef gap{entry.group, run_index, timeline.Gap(entry.group)};
@@ -151,6 +156,19 @@ class MissCollector {
       }
       AddMiss(stamp, direction, open.missed);
     });
+  }
+
+  std::vector<SeenMode> TakeSeen() {
+    std::vector<SeenMode> result;
+    std::size_t flat = 0;
+    for (std::size_t group = 0; group < problem_.modes.size(); ++group) {
+      for (std::size_t mode = 0; mode < problem_.modes[group].size(); ++mode, ++flat) {
+        if (seen_[flat] == Visibility()) continue;
+        result.push_back({{static_cast<int>(group), static_cast<int>(mode)}, seen_[flat]});
+        visibility_[flat] += std::exchange(seen_[flat], {});
+      }
+    }
+    return result;
   }
 
   void AddMiss(Stamp stamp, std::size_t direction, MissedMode* missed) const {
@@ -171,19 +189,23 @@ class MissCollector {
   FlatModes flat_;
   ModeGrid grid_;
   std::vector<Visibility> visibility_;  // Of the modes in flat order.
+  std::vector<Visibility> seen_;        // What the present run adds.
   std::vector<OpenGap> open_;           // The same, of the present run.
   std::map<GapRef, std::map<int, MissedMode>> gaps_;
 };
 
 }  // namespace
 
-std::vector<std::vector<MissedVisit>> FindMissedVisits(const MapProblem& problem,
-                                                       double pass_gap_s,
-                                                       const MissedDetectionOptions& options) {
-  std::vector<std::vector<MissedVisit>> by_group(problem.modes.size());
-  MissCollector collector(problem, pass_gap_s);
+MissedVisits FindMissedVisits(const MapProblem& problem,
+                              double pass_gap_s,
+                              const MissedDetectionOptions& options,
+                              const std::vector<Visibility>& known) {
+  MissedVisits result;
+  std::vector<std::vector<MissedVisit>>& by_group = result.by_group;
+  by_group.resize(problem.modes.size());
+  MissCollector collector(problem, pass_gap_s, known);
   for (std::size_t run = 0; run < problem.runs.size(); ++run) {
-    collector.AddRun(static_cast<int>(run));
+    result.seen_by_run.push_back(collector.AddRun(static_cast<int>(run)));
   }
   for (const auto& [gap, modes] : collector.gaps()) {
     const auto group = static_cast<std::size_t>(gap.group);
@@ -206,7 +228,7 @@ std::vector<std::vector<MissedVisit>> FindMissedVisits(const MapProblem& problem
       return std::tie(a.begin, a.end) < std::tie(b.begin, b.end);
     });
   }
-  return by_group;
+  return result;
 }
 
 }  // namespace shiftmap

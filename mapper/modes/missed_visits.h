@@ -20,16 +20,29 @@ struct MissedVisit {
       log_likelihoods;  ///< Per state of the group, `absent` first, as for visits. [nat]
 };
 
-/// The missed visits of every group over all runs, in the order of time. A landmark that a run saw
-/// at the same mode before and after did stand there: that stretch tells how visible it is, and is
-/// no missed visit.
+/// The scans of a run that had a mode of a group well in view while the landmark stood there.
+struct SeenMode {
+  BuildModeRef mode;
+  Visibility scans;
+};
+
+struct MissedVisits {
+  std::vector<std::vector<MissedVisit>> by_group;  ///< Over all runs, in the order of time.
+  std::vector<std::vector<SeenMode>> seen_by_run;  ///< By mode, each once.
+};
+
+/// The missed visits of every group over all runs. A landmark that a run saw at the same mode
+/// before and after did stand there: that stretch tells how visible it is, and is no missed visit.
+///
+/// @param known  What earlier runs tell of how visible modes are; flat order. None: nothing.
 ///
 /// A scan counts if it saw another landmark where the map has it: a sensor may log nothing where it
 /// sees nothing, and a scan with a wrong pose sees nothing where it is expected.
 ///
 /// Cost: one look at the modes around the vehicle per key frame.
-std::vector<std::vector<MissedVisit>> FindMissedVisits(const MapProblem& problem,
-                                                       double pass_gap_s,
-                                                       const MissedDetectionOptions& options);
+MissedVisits FindMissedVisits(const MapProblem& problem,
+                              double pass_gap_s,
+                              const MissedDetectionOptions& options,
+                              const std::vector<Visibility>& known = {});
 
 }  // namespace shiftmap

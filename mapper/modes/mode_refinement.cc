@@ -16,6 +16,7 @@
 #include "mapper/selection/selector.h"
 #include "mapper/selection/sequence_builders.h"
 #include "mapstore/map/mode_chain.h"
+#include "mapstore/map/vehicle_records.h"
 
 namespace shiftmap {
 namespace {
@@ -104,7 +105,38 @@ int Alternate(const MapperOptions& options,
   return options.max_outer_iterations;
 }
 
+// Where a group's landmark stands when its first visit begins, by what was known before. What was
+// known may be a mistake. A mode that was not known is as likely as `absent`; one that was told
+// apart together with other landmarks was decided then, and is as likely as the likeliest.
+Eigen::VectorXd StartOf(const MapProblem& problem,
+                        std::size_t group,
+                        const ModeChain& chain,
+                        Stamp begin) {
+  const bool is_known = !problem.known.empty() && problem.known[group];
+  if (!is_known || begin < problem.known[group]->stamp) return chain.stationary();
+  const KnownStates& known = *problem.known[group];
+  const std::vector<BuildMode>& modes = problem.modes[group];
+  Eigen::VectorXd start = Eigen::VectorXd::Constant(chain.states(), known.probabilities(0));
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const auto number = std::find(known.numbers.begin() + 1, known.numbers.end(), modes[k].number);
+    auto& p = start(static_cast<Eigen::Index>(k) + 1);
+    if (number != known.numbers.end()) p = known.probabilities(number - known.numbers.begin());
+    if (modes[k].displaced) p = known.probabilities.maxCoeff();
+  }
+  start =
+      (1.0 - kMistakeProbability) * start / start.sum() + kMistakeProbability * chain.stationary();
+  return chain.Propagate(start, begin - known.stamp);
+}
+
 }  // namespace
+
+ModeChain ChainOf(const MapProblem& problem, std::size_t group, const ModeOptions& options) {
+  const auto modes = static_cast<int>(problem.modes[group].size());
+  const bool is_known = !problem.known.empty() && problem.known[group];
+  if (!is_known) return ModeChain::Uniform(modes, options.leave_rate_per_s);
+  const ModeChain& chain = problem.known[group]->chain;
+  return chain.states() == modes + 1 ? chain : ModeChain::Uniform(modes, chain.leave_rate_per_s());
+}
 
 Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
                                    const VisitRef& ref,
@@ -141,18 +173,17 @@ ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
                                       const std::vector<VisitRef>& visits,
                                       std::size_t group,
                                       const ModeOptions& options) {
-  const auto modes = static_cast<int>(problem.modes[group].size());
   std::vector<VisitStep> steps;
   for (std::size_t t = 0; t < visits.size(); ++t) {
     VisitStep step{VisitLogLikelihood(problem, visits[t], options), {}};
     if (t > 0) step.gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
     steps.push_back(std::move(step));
   }
-  ModeSequenceProblem sequence =
-      MakeVisitSequence(Eigen::VectorXd::Constant(modes + 1, -std::log(modes + 1.0)),
-                        ModeChain::Uniform(modes, options.leave_rate_per_s),
-                        steps);
-  sequence.static_state = std::min(1, modes);
+  const ModeChain chain = ChainOf(problem, group, options);
+  const Eigen::VectorXd start =
+      StartOf(problem, group, chain, VisitOf(problem, visits.front()).begin);
+  ModeSequenceProblem sequence = MakeVisitSequence(start.array().log(), chain, steps);
+  sequence.static_state = std::min(1, chain.states() - 1);
   return sequence;
 }
 

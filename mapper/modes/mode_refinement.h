@@ -9,6 +9,7 @@
 #include "mapper/problem/map_problem.h"
 #include "mapper/problem/visit_ref.h"
 #include "mapper/selection/mode_sequence.h"
+#include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
 
@@ -19,8 +20,13 @@ Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
                                    const VisitRef& visit,
                                    const ModeOptions& options);
 
+/// The chain of a group's states as they are now: that of the prior map; or, where modes came, one
+/// of the same mean rate, as the others say nothing of them; or that of ModeOptions.
+ModeChain ChainOf(const MapProblem& problem, std::size_t group, const ModeOptions& options);
+
 /// The chain of one group, IJRR (19): the steps are its visits, the states `absent` and the group's
-/// modes, with the real time between visits.
+/// modes, with the real time between visits. It starts from what the prior map knew, moved to the
+/// first visit, T-IV (13); or, if that visit is older, from the chain's stationary distribution.
 ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
                                       const std::vector<VisitRef>& visits,
                                       std::size_t group,

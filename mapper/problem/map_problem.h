@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@
 #include "mapstore/core/ids.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
 
@@ -63,6 +65,14 @@ struct BuildModeRef {
 /// The modes at which a run's visits hold, ascending, each once.
 std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 
+/// What the prior map knows of where a landmark stands.
+struct KnownStates {
+  ModeChain chain;
+  std::vector<ModeNumber> numbers;  ///< Of the chain's states, `absent` first.
+  Eigen::VectorXd probabilities;    ///< By state,
+  Stamp stamp;                      ///< at this time.
+};
+
 /// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct MapProblem {
@@ -71,6 +81,9 @@ struct MapProblem {
   std::vector<RejectedRun> left_out;          ///< Runs taken out again, and why (loose_runs.h).
   std::vector<WaitingRuns> waiting;           ///< Without a decided place (place_submaps.h).
   SensorCalibration sensor;
+
+  /// Per group; nothing for one that the prior map does not have. Empty without a prior map.
+  std::vector<std::optional<KnownStates>> known;
 
   /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.
   std::vector<GraphPrior> priors;

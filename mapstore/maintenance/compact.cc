@@ -110,11 +110,17 @@ StatusOr<std::int64_t> DeleteSpentMapped(Database& database,
       Statement erase,
       database.Prepare("DELETE FROM mapped_evidence WHERE area_id = ?1 AND version_id = ?2 "
                        "AND begin_ns < ?3 AND end_ns < ?3"));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement visibility,
+      database.Prepare("DELETE FROM mapped_visibility WHERE version_id = ?1 AND run_id IN "
+                       "(SELECT run_id FROM run WHERE end_ns < ?2)"));
   std::int64_t rows = 0;
   for (const std::int64_t by : spent) {
     erase.Bind(area_id, by, ToNanoseconds(before));
     SHIFTMAP_RETURN_IF_ERROR(erase.Execute());
     rows += database.Changes();
+    visibility.Bind(by, ToNanoseconds(before));
+    SHIFTMAP_RETURN_IF_ERROR(visibility.Execute());
   }
   return rows;
 }

@@ -5,6 +5,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/store/blob.h"
+#include "mapstore/store/visibility_rows.h"
 
 namespace shiftmap {
 namespace {
@@ -110,6 +111,27 @@ Status VerifyEvidence(Database& database, DefectList* defects) {
       defects);
 }
 
+Status VerifyVisibility(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement rows,
+      database.Prepare("SELECT r.name, m.signature, m.mode, m.scans, EXISTS (SELECT 1 "
+                       "FROM version_run vr WHERE vr.version_id = m.version_id "
+                       "AND vr.run_id = m.run_id) FROM mapped_visibility m JOIN run r "
+                       "USING (run_id)"));
+  rows.Bind();
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+    if (!row) return OkStatus();
+    std::string problem;
+    if (rows.Int64(4) == 0) problem = "its run is not of its version";
+    if (!UnpackScans(rows.Blob(3))) problem = "counts of scans are damaged";
+    if (problem.empty()) continue;
+    defects->Add("mapped_visibility",
+                 fmt::format("run '{}', '{}', mode {}", rows.Text(0), rows.Text(1), rows.Int64(2)),
+                 problem);
+  }
+}
+
 Status VerifySightings(Database& database, DefectList* defects) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
@@ -169,6 +191,7 @@ Status FindFutureStamps(Database& database, DefectList* defects) {
 Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
+  SHIFTMAP_RETURN_IF_ERROR(VerifyVisibility(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
               "decision",

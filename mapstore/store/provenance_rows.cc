@@ -6,6 +6,7 @@
 
 #include "mapstore/store/blob.h"
 #include "mapstore/store/mapped_rows.h"
+#include "mapstore/store/visibility_rows.h"
 
 namespace shiftmap {
 namespace {
@@ -81,6 +82,7 @@ Status InsertRuns(Database& database,
     SHIFTMAP_RETURN_IF_ERROR(row.Execute());
     SHIFTMAP_RETURN_IF_ERROR(
         InsertMappedEvidence(database, area_id, version_id, run_id, run.evidence));
+    SHIFTMAP_RETURN_IF_ERROR(InsertVisibility(database, version_id, run_id, run.visibility));
   }
   return OkStatus();
 }

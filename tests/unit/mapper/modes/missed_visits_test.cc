@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <map>
 #include <set>
 
 #include "localizer/models/detection_model.h"
@@ -109,6 +111,52 @@ TEST(MissedVisits, ALandmarkThatIsTakenAwayBeforeTheLastRunIsAbsentAfterIt) {
   EXPECT_GE(standing, 60);
 }
 
+// What a run that sees nothing of a landmark says against its mode, by signature.
+std::map<Signature, double> SilenceOf(const MappedRun& run) {
+  std::map<Signature, double> silence;
+  for (const VisitEvidence& visit : run.evidence) {
+    if (visit.observations == 0) silence[visit.signature] += visit.modes[1].log_likelihood;
+  }
+  return silence;
+}
+
+// The oracle is a build of all runs at once. A build of the last run alone on the map of the others
+// needs what these saw.
+TEST(MissedVisits, WeighWithWhatEarlierRunsSaw) {
+  double without_memory = 0.0;
+  double with_memory = 0.0;
+  int landmarks = 0;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SimulatedWorld world = testing::Simulate(StillWorld(seed));
+    for (std::size_t g : {0U, 4U, 8U}) Remove(world.groups[g].signature, &world.runs.back().run);
+    std::vector<MapperInput> inputs = testing::Inputs(world);
+    const std::map<Signature, double> expected = SilenceOf(BuildMap(inputs, {}, {})->runs.back());
+    const std::vector<MapperInput> last = {inputs.back()};
+    inputs.pop_back();
+    const StatusOr<MapperResult> before = BuildMap(inputs, {}, {});
+    MapperOptions options;
+    const StatusOr<MapperResult> forgetful = BuildMap(last, before->content, options);
+    for (const MappedRun& run : before->runs) {
+      options.visibility.insert(
+          options.visibility.end(), run.visibility.begin(), run.visibility.end());
+    }
+    const StatusOr<MapperResult> night = BuildMap(last, before->content, options);
+    ASSERT_THAT(night, IsOk());
+    const std::map<Signature, double> remembered = SilenceOf(night->runs.back());
+    const std::map<Signature, double> forgotten = SilenceOf(forgetful->runs.back());
+    for (std::size_t g : {0U, 4U, 8U}) {
+      const Signature& signature = world.groups[g].signature;
+      if (!expected.contains(signature) || !remembered.contains(signature)) continue;
+      with_memory += std::abs(remembered.at(signature) - expected.at(signature));
+      without_memory += std::abs(forgotten.at(signature) - expected.at(signature));
+      ++landmarks;
+    }
+  }
+  ASSERT_GT(landmarks, 6);
+  EXPECT_LT(with_memory / landmarks, 0.1);
+  EXPECT_GT(without_memory / landmarks, 0.5);
+}
+
 // Whatever a run does not see between two sightings at one place stood there.
 TEST(MissedVisits, AreNotBetweenTwoSightingsAtOnePlace) {
   const SimulatedWorld world = testing::Simulate(StillWorld(7));
@@ -116,8 +164,8 @@ TEST(MissedVisits, AreNotBetweenTwoSightingsAtOnePlace) {
   const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
   const auto missed = FindMissedVisits(problem, FrontEndOptions().visit_gap_s, {});
   int before_or_after = 0;
-  for (std::size_t group = 0; group < missed.size(); ++group) {
-    for (const MissedVisit& visit : missed[group]) {
+  for (std::size_t group = 0; group < missed.by_group.size(); ++group) {
+    for (const MissedVisit& visit : missed.by_group[group]) {
       bool seen_before = false;
       bool seen_after = false;
       for (const MappingVisit& seen : run.visits) {

@@ -117,6 +117,39 @@ TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   EXPECT_EQ(testing::CountModes(problem), testing::CountModes(expected));
 }
 
+// Two modes at one place: nothing but what was known before tells them apart.
+TEST(ModeRefinement, SelectionStartsFromWhatThePriorMapKnew) {
+  const SimulatedWorld world = testing::StaticWorld(3);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  MapperOptions options;
+  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
+  problem.modes[0] = {{problem.modes[0][0].p_map_landmark, ModeNumber(4)},
+                      {problem.modes[0][0].p_map_landmark, ModeNumber(7)}};
+  problem.known.resize(problem.modes.size());
+  KnownStates& known = problem.known[0].emplace(
+      ModeChain::Uniform(2, 1e-6), std::vector<ModeNumber>{kAbsent, ModeNumber(4), ModeNumber(7)});
+  const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
+  const Stamp begin = VisitOf(problem, visits[0]).begin;
+  known.stamp = begin - FromSeconds(3600.0);
+  for (const int likely : {1, 2}) {
+    known.probabilities = Eigen::Vector3d(0.1, 0.1, 0.1);
+    known.probabilities(likely) = 0.8;
+    for (const SelectorKind kind : {SelectorKind::kViterbi, SelectorKind::kEm}) {
+      options.modes.selector.kind = kind;
+      SelectModes(options.modes, &problem);
+      EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{likely - 1});
+    }
+    const ModeSequenceProblem sequence = MakeGroupSequence(problem, visits, 0, options.modes);
+    const double relaxed = std::exp(-1.5e-6 * 3600.0);
+    const double stated = 0.8 * (1.0 - kMistakeProbability) + kMistakeProbability / 3.0;
+    EXPECT_NEAR(
+        std::exp(sequence.log_initial(likely)), 1.0 / 3.0 + (stated - 1.0 / 3.0) * relaxed, 1e-12);
+  }
+  known.stamp = begin + FromSeconds(1.0);  // The run is older.
+  const ModeSequenceProblem older = MakeGroupSequence(problem, visits, 0, options.modes);
+  EXPECT_NEAR(std::exp(older.log_initial(2)), 1.0 / 3.0, 1e-12);
+}
+
 TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <set>
+#include <string>
 #include <thread>
 #include <variant>
 #include <vector>
@@ -347,6 +349,39 @@ TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
   EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
   EXPECT_EQ(At1(At(900.0)), all);
+}
+
+TEST_F(MappedEvidenceTest, VisibilityIsTheSumOverTheRunsOfALine) {
+  const auto run = [&](int index, int seen) {
+    RunRecord record = Run(index);
+    Visibility scans;
+    scans.seen[2] = seen;
+    scans.missed[7] = 1;
+    record.visibility = {{Signature("A"), ModeNumber(1), scans}};
+    return record;
+  };
+  const auto map = [&](std::vector<RunRecord> runs, std::optional<VersionNumber> parent) {
+    return *store_.Commit("a", Content(4), {"", "", 0, std::move(runs)}, Derived(parent));
+  };
+  const CommitResult first = map({run(0, 1), run(1, 10)}, std::nullopt);
+  const CommitResult second = map({run(2, 100)}, first.version);
+  CommitOptions other = Derived(first.version);
+  other.publish = false;
+  ASSERT_THAT(store_.Commit("a", Content(4), {"", "", 0, {run(3, 1000)}}, other), IsOk());
+  const auto expect =
+      [&](VersionNumber version, const std::set<std::string>& without, int seen, int runs) {
+        const std::vector<ModeVisibility> all = *store_.MappedVisibility("a", version, without);
+        ASSERT_THAT(all, SizeIs(1));
+        EXPECT_EQ(all[0].mode, ModeNumber(1));
+        EXPECT_EQ(all[0].scans.seen[2], seen);
+        EXPECT_EQ(all[0].scans.missed[7], runs);
+      };
+  expect(first.version, {}, 11, 2);
+  expect(second.version, {}, 111, 3);
+  expect(second.version, {Hash(0)}, 110, 2);
+  ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "slipped", {}}), IsOk());
+  expect(second.version, {}, 101, 2);
+  EXPECT_TRUE(VerifyStore(dir_.File("a.db"))->clean());
 }
 
 TEST_F(MappedEvidenceTest, EvidenceThatDoesNotFitIsRefusedWhole) {

@@ -1,7 +1,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 --
 -- Schema 7: what was known at a time can be asked for later. An exclusion that is taken back stays,
--- with its end, and so does every publication. A run may be held instead of excluded.
+-- with its end, and so does every publication. A run may be held instead of excluded. From where
+-- runs saw landmarks is kept.
 -- Units as in 001_init.sql.
 
 PRAGMA user_version = 7;
@@ -45,3 +46,15 @@ INSERT INTO publication (area_id, version_id, published_ns)
     WHERE v.parent_version_id IS NOT NULL)
   SELECT v.area_id, v.version_id, v.created_ns FROM line JOIN version v USING (version_id)
   ORDER BY v.version_id;
+
+-- The scans of a mapped run that had a landmark well in view while it stood at a mode of the version,
+-- by the direction from the landmark to the vehicle in the map frame.
+CREATE TABLE mapped_visibility (
+  version_id INTEGER NOT NULL REFERENCES version,
+  run_id     INTEGER NOT NULL REFERENCES run,
+  signature  TEXT NOT NULL,
+  mode       INTEGER NOT NULL,
+  -- Per eighth of a turn from -180 degrees on, 16 bytes: scans that saw it, scans that did not.
+  scans      BLOB NOT NULL,
+  PRIMARY KEY (version_id, run_id, signature, mode)
+) STRICT, WITHOUT ROWID;
