@@ -6,8 +6,10 @@
 #include "proto/core/check.h"
 
 namespace shiftmap {
+namespace {
 
-ModePosteriors SmoothModes(const ModeSequenceProblem& problem) {
+// T x n: log a_t(k).
+Eigen::MatrixXd LogForward(const ModeSequenceProblem& problem) {
   CheckModeSequence(problem);
   const Eigen::Index steps = problem.log_likelihood.rows();
   const Eigen::Index n = problem.log_initial.size();
@@ -20,10 +22,19 @@ ModePosteriors SmoothModes(const ModeSequenceProblem& problem) {
                        problem.log_likelihood(t, to);
     }
   }
+  SHIFTMAP_CHECK(
+      forward.row(steps - 1).maxCoeff() > kLogZero, "no sequence of {} steps is possible", steps);
+  return forward;
+}
+
+}  // namespace
+
+ModePosteriors SmoothModes(const ModeSequenceProblem& problem) {
+  const Eigen::MatrixXd forward = LogForward(problem);
+  const Eigen::Index steps = forward.rows();
+  const Eigen::Index n = forward.cols();
   ModePosteriors result;
   result.log_evidence = LogSumExp(forward.row(steps - 1).transpose());
-  SHIFTMAP_CHECK(result.log_evidence > kLogZero, "no sequence of {} steps is possible", steps);
-
   result.probabilities.resize(steps, n);
   Eigen::VectorXd backward = Eigen::VectorXd::Zero(n);
   for (Eigen::Index t = steps - 1; t >= 0; --t) {
@@ -38,6 +49,15 @@ ModePosteriors SmoothModes(const ModeSequenceProblem& problem) {
     }
   }
   return result;
+}
+
+Eigen::MatrixXd ForwardPosteriors(const ModeSequenceProblem& problem) {
+  Eigen::MatrixXd posteriors = LogForward(problem);
+  for (Eigen::Index t = 0; t < posteriors.rows(); ++t) {
+    const double log_evidence = LogSumExp(posteriors.row(t).transpose());
+    posteriors.row(t) = (posteriors.row(t).array() - log_evidence).exp();
+  }
+  return posteriors;
 }
 
 }  // namespace shiftmap

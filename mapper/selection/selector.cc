@@ -13,6 +13,11 @@
 namespace shiftmap {
 namespace {
 
+Selection TakeLargest(Eigen::MatrixXd probabilities) {
+  std::vector<int> states = LargestPerStep(probabilities);
+  return {std::move(states), std::move(probabilities)};
+}
+
 // A selector that is a function.
 class FunctionSelector final : public Selector {
  public:
@@ -35,11 +40,9 @@ FunctionSelector::Function SelectorFunction(const SelectorOptions& options) {
         return Selection{MostVisitedModes(problem, mcts, seed), {}};
       };
     case SelectorKind::kEm:
-      return [](const Problem& problem) {
-        Eigen::MatrixXd posteriors = ExpectationPosteriors(problem);
-        std::vector<int> states = LargestPerStep(posteriors);
-        return Selection{std::move(states), std::move(posteriors)};
-      };
+      return [](const Problem& problem) { return TakeLargest(ExpectationPosteriors(problem)); };
+    case SelectorKind::kEmRecursive:
+      return [](const Problem& problem) { return TakeLargest(ForwardPosteriors(problem)); };
     case SelectorKind::kNearestNeighbor:
       return [seed = options.seed](const Problem& problem) {
         return Selection{NearestNeighborModes(problem, seed), {}};
@@ -53,11 +56,7 @@ FunctionSelector::Function SelectorFunction(const SelectorOptions& options) {
         return Selection{std::vector<int>(steps, problem.static_state), {}};
       };
     case SelectorKind::kMarginal:
-      return [](const Problem& problem) {
-        Eigen::MatrixXd posteriors = SmoothModes(problem).probabilities;
-        std::vector<int> states = LargestPerStep(posteriors);
-        return Selection{std::move(states), std::move(posteriors)};
-      };
+      return [](const Problem& problem) { return TakeLargest(SmoothModes(problem).probabilities); };
   }
   SHIFTMAP_CHECK(false, "selector {}", static_cast<int>(options.kind));
 }
@@ -84,6 +83,7 @@ std::vector<SelectorKind> AllSelectors() {
   return {SelectorKind::kViterbi,
           SelectorKind::kMcts,
           SelectorKind::kEm,
+          SelectorKind::kEmRecursive,
           SelectorKind::kNearestNeighbor,
           SelectorKind::kMaxMixture,
           SelectorKind::kNoHypotheses,
@@ -98,6 +98,8 @@ std::string SelectorName(SelectorKind kind) {
       return "mcts";
     case SelectorKind::kEm:
       return "em";
+    case SelectorKind::kEmRecursive:
+      return "em-recursive";
     case SelectorKind::kNearestNeighbor:
       return "nn";
     case SelectorKind::kMaxMixture:
@@ -114,8 +116,9 @@ StatusOr<SelectorKind> ParseSelector(const std::string& name) {
   for (const SelectorKind kind : AllSelectors()) {
     if (SelectorName(kind) == name) return kind;
   }
-  return InvalidArgument("selector '{}': expected viterbi, mcts, em, nn, maxmix, nohyp or marginal",
-                         name);
+  return InvalidArgument(
+      "selector '{}': expected viterbi, mcts, em, em-recursive, nn, maxmix, nohyp or marginal",
+      name);
 }
 
 }  // namespace shiftmap

@@ -19,6 +19,7 @@ enum class SelectorKind {
   kViterbi,          ///< `viterbi`: the optimum of IJRR (19), MostLikelyModes().
   kMcts,             ///< `mcts`: a search for it, IJRR (24)-(26), MostVisitedModes().
   kEm,               ///< `em`: IJRR (23) as printed, ExpectationPosteriors().
+  kEmRecursive,      ///< `em-recursive`: IJRR (23) read recursively, ForwardPosteriors().
   kNearestNeighbor,  ///< `nn`: IJRR (22), NearestNeighborModes().
   kMaxMixture,       ///< `maxmix`: IJRR (14), MaxMixtureModes(), at every linearization.
   kNoHypotheses,     ///< `nohyp`: one position per landmark, the problem's static state.
@@ -37,8 +38,8 @@ struct SelectorOptions {
 struct Selection {
   std::vector<int> states;  ///< δ_1:T.
 
-  /// T x n, what the selector itself takes for Pr(δ_t = k): em (23), marginal the posterior given
-  /// all observations. Nothing for selectors that know no probabilities.
+  /// T x n, what the selector itself takes for Pr(δ_t = k): em and em-recursive (23), marginal the
+  /// posterior given all observations. Nothing for selectors that know no probabilities.
   std::optional<Eigen::MatrixXd> probabilities;
 };
 

@@ -57,6 +57,7 @@ void BM_Selector(benchmark::State& state, SelectorKind kind) {
 BENCHMARK_CAPTURE(BM_Selector, viterbi, SelectorKind::kViterbi)->Arg(30)->Arg(250);
 BENCHMARK_CAPTURE(BM_Selector, mcts, SelectorKind::kMcts)->Arg(30)->Arg(250);
 BENCHMARK_CAPTURE(BM_Selector, em, SelectorKind::kEm)->Arg(30)->Arg(250);
+BENCHMARK_CAPTURE(BM_Selector, em_recursive, SelectorKind::kEmRecursive)->Arg(30)->Arg(250);
 BENCHMARK_CAPTURE(BM_Selector, nn, SelectorKind::kNearestNeighbor)->Arg(30)->Arg(250);
 BENCHMARK_CAPTURE(BM_Selector, maxmix, SelectorKind::kMaxMixture)->Arg(30)->Arg(250);
 BENCHMARK_CAPTURE(BM_Selector, marginal, SelectorKind::kMarginal)->Arg(30)->Arg(250);

@@ -104,7 +104,11 @@ TEST_P(BuildWithSelector, ContinuesAPriorMap) {
 INSTANTIATE_TEST_SUITE_P(AllSelectors,
                          BuildWithSelector,
                          ::testing::ValuesIn(AllSelectors()),
-                         [](const auto& instance) { return SelectorName(instance.param); });
+                         [](const auto& instance) {
+                           std::string name = SelectorName(instance.param);
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
 
 TEST(BuildMapSelection, ViterbiIsTheDefaultAndReachesTheBestJoint) {
   const SimulatedWorld world = TwoDays(1);

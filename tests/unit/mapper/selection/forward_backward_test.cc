@@ -37,6 +37,27 @@ TEST(SmoothModes, AreTheMarginalsOfAllSequences) {
   }
 }
 
+// What comes later does not count: the last step of the chain cut off behind it.
+TEST(ForwardPosteriors, AreTheMarginalsOfAllSequencesUpToTheStep) {
+  std::mt19937_64 random(testing::TestSeed(24));
+  for (int trial = 0; trial < 40; ++trial) {
+    const int n = 1 + trial % 4;
+    const int steps = 1 + trial % 7;
+    const ModeSequenceProblem problem = RandomSequence(random, n, steps);
+    Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(steps, n);
+    for (int t = 0; t < steps; ++t) {
+      ModeSequenceProblem cut = problem;
+      cut.log_transition.resize(static_cast<std::size_t>(t));
+      cut.log_likelihood = problem.log_likelihood.topRows(t + 1);
+      ForEachSequence(n, t + 1, [&](const std::vector<int>& states) {
+        expected(t, states.back()) += std::exp(LogJoint(cut, states));
+      });
+      expected.row(t) /= expected.row(t).sum();
+    }
+    EXPECT_THAT(ForwardPosteriors(problem), IsNearMatrix(expected, 1e-12)) << trial;
+  }
+}
+
 TEST(SmoothModes, ALongChainOfSharpLikelihoodsNeitherOverflowsNorUnderflows) {
   std::mt19937_64 random(testing::TestSeed(22));
   const ModeSequenceProblem problem = RandomSequence(random, 5, 2000, 400.0);

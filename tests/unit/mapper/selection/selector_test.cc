@@ -131,11 +131,14 @@ TEST(Selector, ProbabilitiesAreTheSelectorsOwn) {
   const ModeSequenceProblem problem = RandomSequence(random, 3, 8);
   for (const SelectorKind kind : AllSelectors()) {
     const Selection selection = Select(kind, problem);
-    const bool expected = kind == SelectorKind::kEm || kind == SelectorKind::kMarginal;
+    const bool expected = kind == SelectorKind::kEm || kind == SelectorKind::kEmRecursive ||
+                          kind == SelectorKind::kMarginal;
     EXPECT_EQ(selection.probabilities.has_value(), expected) << SelectorName(kind);
   }
   EXPECT_THAT(*Select(SelectorKind::kEm, problem).probabilities,
               IsNearMatrix(ExpectationPosteriors(problem), 0.0));
+  EXPECT_THAT(*Select(SelectorKind::kEmRecursive, problem).probabilities,
+              IsNearMatrix(ForwardPosteriors(problem), 0.0));
   EXPECT_THAT(*Select(SelectorKind::kMarginal, problem).probabilities,
               IsNearMatrix(SmoothModes(problem).probabilities, 0.0));
 }
