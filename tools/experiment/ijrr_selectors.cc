@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/ijrr_selectors.h"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <random>
+#include <utility>
 
 #include "mapper/parallel.h"
 #include "mapper/selection/sequence_builders.h"
@@ -12,6 +12,7 @@
 #include "mapstore/geometry/covariance.h"
 #include "tools/experiment/ijrr_slam.h"
 #include "tools/experiment/processor_time.h"
+#include "tools/experiment/sample_mean.h"
 
 namespace shiftmap {
 namespace {
@@ -44,29 +45,13 @@ double WrongRatio(const std::vector<int>& states, const std::vector<int>& truth)
   return wrong / static_cast<double>(truth.size());
 }
 
-// The chain of a realization whose places are known.
-ModeSequenceProblem MakeSequence(const IjrrSelectorsOptions& options,
-                                 double noise_m2,
-                                 const IjrrRealization& realization) {
-  const Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * noise_m2;
-  std::vector<Eigen::VectorXd> log_densities;
-  for (const Eigen::Vector2d& z : realization.observations) {
-    Eigen::VectorXd log_density(std::ssize(options.places));
-    for (std::size_t k = 0; k < options.places.size(); ++k) {
-      log_density[static_cast<Eigen::Index>(k)] = LogGaussian(z - options.places[k], cov);
-    }
-    log_densities.push_back(std::move(log_density));
-  }
-  return MakeIjrrSequence(options, log_densities);
-}
-
 // One realization with every selector.
 std::vector<Sample> RunOnce(const IjrrSelectorsOptions& options,
                             double noise_m2,
                             const std::vector<NamedSelector>& selectors,
                             int run) {
   const IjrrRealization realization = SimulateIjrr(options, noise_m2, run);
-  const ModeSequenceProblem sequence = MakeSequence(options, noise_m2, realization);
+  const ModeSequenceProblem sequence = MakeIjrrSequence(options, noise_m2, realization);
   const double best = LogJoint(sequence, MostLikelyModes(sequence));
   std::mt19937_64 random = RandomOf(options, run, Stream::kSlam);
   const IjrrSlamProblem slam = SimulateIjrrSlam(options, noise_m2, random);
@@ -95,26 +80,26 @@ IjrrSelectorsRow Summarize(double noise_m2,
                            const std::string& selector,
                            std::size_t index,
                            const std::vector<std::vector<Sample>>& samples) {
-  const auto runs = static_cast<double>(samples.size());
   const auto mean = [&](const auto& value) {
-    double sum = 0.0;
-    for (const std::vector<Sample>& run : samples) sum += value(run[index]);
-    return sum / runs;
+    std::vector<double> values;
+    for (const std::vector<Sample>& run : samples) values.push_back(value(run[index]));
+    return MeanOf(values);
   };
   IjrrSelectorsRow row;
   row.noise_m2 = noise_m2;
   row.selector = selector;
-  row.wrong_ratio = mean([](const Sample& s) { return s.wrong_ratio; });
-  const double mean_square = mean([](const Sample& s) { return s.wrong_ratio * s.wrong_ratio; });
-  row.wrong_ratio_se =
-      std::sqrt(std::max(0.0, mean_square - row.wrong_ratio * row.wrong_ratio) / runs);
+  const SampleMean wrong = mean([](const Sample& s) { return s.wrong_ratio; });
+  row.wrong_ratio = wrong.mean;
+  row.wrong_ratio_se = wrong.standard_error;
   row.optimal_ratio =
-      mean([](const Sample& s) { return s.joint_deficit < kSameLogJoint ? 1. : 0.; });
-  row.joint_deficit = mean([](const Sample& s) { return s.joint_deficit; });
-  row.select_us = mean([](const Sample& s) { return s.select_us; });
-  row.slam_rmse_m = std::sqrt(mean([](const Sample& s) { return s.slam_squared_error_m2; }));
-  row.slam_wrong_ratio = mean([](const Sample& s) { return s.slam_wrong_ratio; });
-  row.slam_alternations = mean([](const Sample& s) { return s.slam_alternations; });
+      mean([](const Sample& s) { return s.joint_deficit < kSameLogJoint ? 1. : 0.; }).mean;
+  row.joint_deficit = mean([](const Sample& s) { return s.joint_deficit; }).mean;
+  row.select_us = mean([](const Sample& s) { return s.select_us; }).mean;
+  row.slam_rmse_m = std::sqrt(mean([](const Sample& s) { return s.slam_squared_error_m2; }).mean);
+  const SampleMean slam_wrong = mean([](const Sample& s) { return s.slam_wrong_ratio; });
+  row.slam_wrong_ratio = slam_wrong.mean;
+  row.slam_wrong_ratio_se = slam_wrong.standard_error;
+  row.slam_alternations = mean([](const Sample& s) { return s.slam_alternations; }).mean;
   return row;
 }
 
@@ -143,19 +128,18 @@ Status IjrrSelectorsOptions::Validate() const {
   if (!(prior_sd_m > 0.0) || !(process_sd.array() > 0.0).all() || max_alternations < 1) {
     return InvalidArgument("prior_sd_m, process_sd and max_alternations: expected > 0");
   }
-  return OkStatus();
+  return SelectorOptions{.mcts = mcts}.Validate();
 }
 
-std::vector<NamedSelector> IjrrSelectors(std::uint64_t seed) {
+std::vector<NamedSelector> IjrrSelectors(const IjrrSelectorsOptions& options) {
   std::vector<NamedSelector> selectors;
   for (const SelectorKind kind : AllSelectors()) {
-    SelectorOptions options;
-    options.kind = kind;
-    options.seed = seed;
-    selectors.push_back({SelectorName(kind), options});
+    SelectorOptions selector{kind, options.mcts, options.seed};
+    selector.mcts.roll_out = RollOutPolicy::kModel;
+    selectors.push_back({SelectorName(kind), selector});
     if (kind != SelectorKind::kMcts) continue;
-    options.mcts.roll_out = RollOutPolicy::kUniform;
-    selectors.push_back({"mcts-uniform", options});
+    selector.mcts.roll_out = RollOutPolicy::kUniform;
+    selectors.push_back({"mcts-uniform", selector});
   }
   return selectors;
 }
@@ -177,21 +161,28 @@ IjrrRealization SimulateIjrr(const IjrrSelectorsOptions& options, double noise_m
 }
 
 ModeSequenceProblem MakeIjrrSequence(const IjrrSelectorsOptions& options,
-                                     const std::vector<Eigen::VectorXd>& log_densities) {
+                                     double noise_m2,
+                                     const IjrrRealization& realization) {
   const auto modes = std::ssize(options.places);
   Eigen::VectorXd initial = Eigen::VectorXd::Constant(modes, 1.0 / static_cast<double>(modes));
   if (options.known_start) initial = Eigen::VectorXd::Unit(modes, 0);
   const Eigen::VectorXd detection = Eigen::VectorXd::Constant(modes, options.detection_probability);
+  const Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * noise_m2;
   std::vector<ObservationStep> steps;
-  for (const Eigen::VectorXd& log_density : log_densities)
-    steps.push_back({detection, log_density});
+  for (const Eigen::Vector2d& z : realization.observations) {
+    Eigen::VectorXd log_density(modes);
+    for (std::size_t k = 0; k < options.places.size(); ++k) {
+      log_density[static_cast<Eigen::Index>(k)] = LogGaussian(z - options.places[k], cov);
+    }
+    steps.push_back({detection, std::move(log_density)});
+  }
   return MakeObservationSequence(initial, options.change_probability, steps);
 }
 
 StatusOr<std::vector<IjrrSelectorsRow>> RunIjrrSelectors(
     const IjrrSelectorsOptions& options, const std::function<void(double done)>& progress) {
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
-  const std::vector<NamedSelector> selectors = IjrrSelectors(options.seed);
+  const std::vector<NamedSelector> selectors = IjrrSelectors(options);
   std::vector<IjrrSelectorsRow> rows;
   for (std::size_t n = 0; n < options.noises_m2.size(); ++n) {
     const double noise = options.noises_m2[n];

@@ -10,6 +10,7 @@
 
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/ijrr_selectors.h"
+#include "tools/experiment/mcts_options.h"
 
 namespace shiftmap {
 namespace {
@@ -32,6 +33,7 @@ ResultTable MakeTable(const std::vector<IjrrSelectorsRow>& rows) {
                      "select_us",
                      "slam_rmse_m",
                      "slam_wrong_ratio",
+                     "slam_wrong_ratio_se",
                      "slam_alternations"});
   for (const IjrrSelectorsRow& row : rows) {
     table.AddRow({row.noise_m2,
@@ -43,6 +45,7 @@ ResultTable MakeTable(const std::vector<IjrrSelectorsRow>& rows) {
                   row.select_us,
                   row.slam_rmse_m,
                   row.slam_wrong_ratio,
+                  row.slam_wrong_ratio_se,
                   row.slam_alternations});
   }
   return table;
@@ -102,7 +105,6 @@ Status WriteFigures(const IjrrSelectorsOptions& options,
 Json OptionsJson(const IjrrSelectorsOptions& options) {
   Json places = Json::array();
   for (const Eigen::Vector2d& place : options.places) places.push_back({place.x(), place.y()});
-  const MctsOptions mcts;
   return {{"runs", options.runs},
           {"seed", options.seed},
           {"known_start", options.known_start},
@@ -111,10 +113,7 @@ Json OptionsJson(const IjrrSelectorsOptions& options) {
           {"change_probability", options.change_probability},
           {"prior_sd_m", options.prior_sd_m},
           {"process_sd", {options.process_sd.x(), options.process_sd.y(), options.process_sd.z()}},
-          {"mcts",
-           {{"iterations", mcts.iterations},
-            {"depth", mcts.depth},
-            {"exploration", mcts.exploration}}}};
+          {"mcts", MctsJson(options.mcts)}};
 }
 
 Status Run(const Arguments& arguments, Context& context) {
@@ -140,11 +139,11 @@ Status Run(const Arguments& arguments, Context& context) {
 void AddIjrrSelectorsExperiment(Application* application) {
   auto arguments = std::make_shared<Arguments>();
   arguments->options.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  application
-      ->AddCommand("ijrr-selectors",
-                   "Every selector on the simulation of IJRR 8.1, figures 5 to 7",
-                   [arguments](Context& context) { return Run(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+  Command& command =
+      application->AddCommand("ijrr-selectors",
+                              "Every selector on the simulation of IJRR 8.1, figures 5 to 7",
+                              [arguments](Context& context) { return Run(*arguments, context); });
+  command.Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
       .Required()
       .Option("--runs", &arguments->options.runs, "Monte Carlo realizations per noise")
       .InRange(1, 1e6)
@@ -155,10 +154,15 @@ void AddIjrrSelectorsExperiment(Application* application) {
               &arguments->options.prior_sd_m,
               "Error of the modes in the map that SLAM starts from")
       .InRange(1e-6, 1e3)
+      .Option("--change-probability",
+              &arguments->options.change_probability,
+              "Of leaving a mode from one observation to the next")
+      .InRange(1e-12, 1.0 - 1e-12)
       .Flag("--known-start",
             &arguments->options.known_start,
             "The first place is known to hold at the start")
       .Writes();
+  AddMctsOptions(&arguments->options.mcts, &command);
 }
 
 }  // namespace shiftmap

@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "mapper/mapper.h"
+#include "mapper/parallel.h"
 #include "tools/experiment/ijrr_utias_selectors.h"
 #include "tools/experiment/ijrr_utias_static.h"
 #include "tools/experiment/processor_time.h"
+#include "tools/experiment/sample_mean.h"
 
 namespace shiftmap {
 namespace {
@@ -24,6 +26,7 @@ struct Trial {
   LandmarkPlaces map;
   UtiasNoise calibrated;
   const IjrrUtiasOptions* options = nullptr;
+  std::uint64_t seed = 1;  // Of the realization.
 
   Stamp begin() const { return data->run.odometry.front().stamp; }
 };
@@ -72,7 +75,8 @@ StatusOr<UtiasEstimate> RunSelector(const Trial& trial,
                                     double window_s) {
   const IjrrUtiasOptions& experiment = *trial.options;
   IncrementalOptions options = PrintedSelectorOptions(kind, noise, experiment.protocol);
-  options.selector.seed = experiment.seed;
+  options.selector.mcts = experiment.mcts;
+  options.selector.seed = trial.seed;
   options.window_s = window_s;
   if (experiment.more_modes) {
     options.change_probability = 0.1;
@@ -100,6 +104,7 @@ void AddSelector(SelectorKind kind, std::vector<Method>* methods) {
       const bool search = kind == SelectorKind::kMcts;
       if (!windowed || search) about.figure = printed ? "printed" : "calibrated";
       about.slow = search && !windowed;
+      about.random = search || kind == SelectorKind::kNearestNeighbor;
       methods->push_back({about, [kind, printed, window_s](const Trial& trial) {
                             const UtiasNoise noise =
                                 printed ? PrintedNoise(trial.data->dataset) : trial.calibrated;
@@ -125,6 +130,7 @@ std::vector<Method> Methods() {
        [](const Trial& trial) { return RunIncremental(trial, kWindowSeconds); }}};
   for (const SelectorKind kind : {SelectorKind::kNearestNeighbor,
                                   SelectorKind::kEm,
+                                  SelectorKind::kEmRecursive,
                                   SelectorKind::kMcts,
                                   SelectorKind::kMaxMixture,
                                   SelectorKind::kNoHypotheses,
@@ -142,7 +148,7 @@ bool Selected(const IjrrUtiasOptions& options, const IjrrUtiasMethod& method, do
              options.methods.end();
 }
 
-IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m) {
+IjrrUtiasRow RunOnce(const Method& method, const Trial& trial, double delta_m) {
   IjrrUtiasRow row;
   row.dataset = trial.data->dataset;
   row.robot = trial.data->robot;
@@ -164,6 +170,39 @@ IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m)
   row.full_optimizations = estimate->full_optimizations;
   row.estimate = *std::move(estimate);
   return row;
+}
+
+// Every realization of a method.
+IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m) {
+  const IjrrUtiasOptions& options = *trial.options;
+  std::vector<IjrrUtiasRow> rows(
+      static_cast<std::size_t>(method.about.random ? options.realizations : 1));
+  ForEachIndex(rows.size(), options.threads, [&](std::size_t i) {
+    Trial realization = trial;
+    realization.seed = options.seed + i;
+    rows[i] = RunOnce(method, realization, delta_m);
+  });
+  const auto mean = [&](double IjrrUtiasRow::*member) {
+    std::vector<double> values;
+    for (const IjrrUtiasRow& row : rows) values.push_back(row.*member);
+    return MeanOf(values);
+  };
+  IjrrUtiasRow result = rows.front();
+  result.realizations = static_cast<int>(rows.size());
+  const SampleMean pose = mean(&IjrrUtiasRow::pose_rmse_m);
+  const SampleMean landmark = mean(&IjrrUtiasRow::landmark_rmse_m);
+  result.pose_rmse_m = pose.mean;
+  result.pose_rmse_se_m = pose.standard_error;
+  result.landmark_rmse_m = landmark.mean;
+  result.landmark_rmse_se_m = landmark.standard_error;
+  for (double IjrrUtiasRow::*member : {&IjrrUtiasRow::step_pose_rmse_m,
+                                       &IjrrUtiasRow::modes,
+                                       &IjrrUtiasRow::created,
+                                       &IjrrUtiasRow::full_optimizations,
+                                       &IjrrUtiasRow::cpu_s}) {
+    result.*member = mean(member).mean;
+  }
+  return result;
 }
 
 StatusOr<std::vector<UtiasCase>> LoadCases(const IjrrUtiasOptions& options) {
@@ -203,6 +242,11 @@ Status IjrrUtiasOptions::Validate() const {
   if (gate_probability && !(*gate_probability > 0.0 && *gate_probability < 1.0)) {
     return InvalidArgument("gate {}, expected within (0, 1)", *gate_probability);
   }
+  if (realizations < 1 || threads < 1) {
+    return InvalidArgument(
+        "{} realizations, {} threads, expected 1 or more", realizations, threads);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(SelectorOptions{.mcts = mcts}.Validate());
   const std::vector<IjrrUtiasMethod> known = IjrrUtiasMethods();
   for (const std::string& name : methods) {
     if (std::none_of(known.begin(), known.end(), [&](const IjrrUtiasMethod& method) {

@@ -31,27 +31,36 @@ struct IjrrUtiasOptions {
   /// Gate of the paper's selectors instead of the 0.95 of IJRR 8.2.2. In (0, 1).
   std::optional<double> gate_probability;
 
-  std::uint64_t seed = 1;
+  MctsOptions mcts;
+
+  /// Of a method with something random in it; the mean is taken over them. IJRR 8.2.3 has 12 of its
+  /// NN and MCTS.
+  int realizations = 1;
+  int threads = 1;         ///< Realizations side by side; but for the times the rows are the same.
+  std::uint64_t seed = 1;  ///< Of the first realization; each one has the next.
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };
 
-/// One method on one run with one displacement.
+/// One method on one run with one displacement: the mean over its realizations.
 struct IjrrUtiasRow {
   int dataset = 0;
   int robot = 0;
   double delta_m = 0.0;
   std::string method;
-  double pose_rmse_m = 0.0;       ///< Not finite if the method failed.
-  double step_pose_rmse_m = 0.0;  ///< Of the poses when they came in; not finite for a batch.
-  double landmark_rmse_m = 0.0;   ///< Not finite if the method failed.
-  int modes = 0;
-  int created = 0;
-  int full_optimizations = 0;
-  double cpu_s = 0.0;      ///< Processor time.
+  int realizations = 1;             ///< One unless the method is random.
+  double pose_rmse_m = 0.0;         ///< Not finite if the method failed in one of them.
+  double pose_rmse_se_m = 0.0;      ///< Its standard error; not finite for one realization.
+  double step_pose_rmse_m = 0.0;    ///< Of the poses when they came in; not finite for a batch.
+  double landmark_rmse_m = 0.0;     ///< Not finite if the method failed in one of them.
+  double landmark_rmse_se_m = 0.0;  ///< As that of the pose.
+  double modes = 0.0;
+  double created = 0.0;
+  double full_optimizations = 0.0;
+  double cpu_s = 0.0;      ///< Processor time of the thread; more trees than one have their own.
   int frames = 0;          ///< Key frames.
-  UtiasEstimate estimate;  ///< Empty if the method failed.
+  UtiasEstimate estimate;  ///< The first realization's; empty if that failed.
 };
 
 /// A method as the experiment names it.
@@ -60,18 +69,19 @@ struct IjrrUtiasMethod {
   std::string figure;  ///< Of the RMSE, that it is drawn in: "printed", "calibrated", or none.
   bool fine_deltas = false;  ///< Also at displacements that are not in the paper's series.
   bool slow = false;         ///< Left out in a quick run.
+  bool random = false;       ///< Has realizations.
 };
 
 /// All methods, in the order of the rows.
 std::vector<IjrrUtiasMethod> IjrrUtiasMethods();
 
 struct IjrrUtiasResult {
-  std::vector<UtiasCase> cases;    ///< By data set, then robot; one that is absent is left out.
+  std::vector<UtiasCase> cases;    ///< By data set, then robot.
   std::vector<IjrrUtiasRow> rows;  ///< By case, displacement, method.
 };
 
 /// Determinism: the same options give the same rows but for the times. Errors: as Validate(); those
-/// of reading the data; kNotFound if none of the runs is there.
+/// of reading the data; kNotFound if one of the runs is not there.
 StatusOr<IjrrUtiasResult> RunIjrrUtias(
     const IjrrUtiasOptions& options,
     const std::function<void(const std::string& what, double done)>& progress);

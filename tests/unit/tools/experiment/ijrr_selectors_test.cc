@@ -46,6 +46,58 @@ TEST(IjrrSelectors, ViterbiHasAtMostHalfTheWrongSelectionsOfNearestNeighborAndEm
   EXPECT_GT(by_name.at("nohyp").slam_rmse_m, viterbi.slam_rmse_m);
 }
 
+// Share of wrong selections over 100 realizations, places known.
+double WrongRatio(const IjrrSelectorsOptions& options, double noise_m2, SelectorKind kind) {
+  int wrong = 0;
+  int count = 0;
+  for (int run = 0; run < options.runs; ++run) {
+    const IjrrRealization realization = SimulateIjrr(options, noise_m2, run);
+    const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(run);
+    const std::vector<int> states = MakeSelector({kind, options.mcts, seed})
+                                        ->Select(MakeIjrrSequence(options, noise_m2, realization))
+                                        .states;
+    for (std::size_t t = 0; t < states.size(); ++t) {
+      wrong += states[t] != realization.truth[t] ? 1 : 0;
+      ++count;
+    }
+  }
+  return wrong / static_cast<double>(count);
+}
+
+// IJRR figure 6: at a change probability of 0.1 selectors that know the chain are better than the
+// one that does not, at 1e-4 only the optimum is. A selection more or less is 3e-4.
+TEST(IjrrSelectors, FigureSixIsAsMeasured) {
+  struct Expected {
+    double change_probability;
+    double noise_m2;
+    SelectorKind kind;
+    double wrong_ratio;
+  };
+  const std::vector<Expected> figure = {
+      {0.1, 0.2, SelectorKind::kNearestNeighbor, 0.162},
+      {0.1, 0.2, SelectorKind::kEmRecursive, 0.068},
+      {0.1, 0.2, SelectorKind::kMcts, 0.052},
+      {0.1, 0.2, SelectorKind::kViterbi, 0.018},
+      {0.1, 0.5, SelectorKind::kNearestNeighbor, 0.320},
+      {0.1, 0.5, SelectorKind::kEmRecursive, 0.179},
+      {0.1, 0.5, SelectorKind::kMcts, 0.238},
+      {0.1, 0.5, SelectorKind::kViterbi, 0.078},
+      {1e-4, 0.2, SelectorKind::kEm, 0.162},
+      {1e-4, 0.2, SelectorKind::kEmRecursive, 0.180},
+      {1e-4, 0.2, SelectorKind::kMcts, 0.491},
+      {1e-4, 0.2, SelectorKind::kViterbi, 0.016},
+  };
+  for (const Expected& expected : figure) {
+    IjrrSelectorsOptions options;
+    options.change_probability = expected.change_probability;
+    SCOPED_TRACE(fmt::format("{} at {} m², change probability {}",
+                             SelectorName(expected.kind),
+                             expected.noise_m2,
+                             expected.change_probability));
+    EXPECT_NEAR(WrongRatio(options, expected.noise_m2, expected.kind), expected.wrong_ratio, 0.002);
+  }
+}
+
 TEST(IjrrSelectors, WithoutNoiseToSpeakOfAllButOnePositionAreRight) {
   IjrrSelectorsOptions options;
   options.runs = 2;
@@ -99,6 +151,14 @@ TEST(IjrrSelectors, OptionsOutOfRangeAreNamed) {
   options = {};
   options.runs = 0;
   EXPECT_THAT(RunIjrrSelectors(options, {}), StatusIs(StatusCode::kInvalidArgument, "runs: 0"));
+  options = {};
+  options.change_probability = 1.0;
+  EXPECT_THAT(RunIjrrSelectors(options, {}),
+              StatusIs(StatusCode::kInvalidArgument, "change_probability: 1"));
+  options = {};
+  options.mcts.trees = 0;
+  EXPECT_THAT(RunIjrrSelectors(options, {}),
+              StatusIs(StatusCode::kInvalidArgument, "mcts trees: 0"));
 }
 
 // With the right modes selected the last landmark is a weighted mean, the robot's random walk is
@@ -126,14 +186,32 @@ TEST(IjrrSelectorsCommand, WritesWhatItReports) {
   AddExperiments(&application);
   std::ostringstream out;
   std::ostringstream err;
-  const ExitCode code = application.Run(
-      {"ijrr-selectors", "--output", dir.File("out"), "--runs", "1", "--seed", "3", "--json"},
-      &out,
-      &err);
+  const ExitCode code = application.Run({"ijrr-selectors",
+                                         "--output",
+                                         dir.File("out"),
+                                         "--runs",
+                                         "1",
+                                         "--seed",
+                                         "3",
+                                         "--change-probability",
+                                         "0.1",
+                                         "--trees",
+                                         "2",
+                                         "--depth",
+                                         "5",
+                                         "--iterations",
+                                         "20",
+                                         "--json"},
+                                        &out,
+                                        &err);
   ASSERT_EQ(static_cast<int>(code), 0) << err.str();
   const Json document = Json::parse(out.str());
   EXPECT_EQ(document["options"]["runs"], 1);
-  EXPECT_EQ(document["rows"].size(), IjrrSelectors(1).size() * 10);
+  EXPECT_EQ(document["options"]["change_probability"], 0.1);
+  EXPECT_EQ(document["options"]["mcts"]["trees"], 2);
+  EXPECT_EQ(document["options"]["mcts"]["depth"], 5);
+  EXPECT_EQ(document["options"]["mcts"]["iterations"], 20);
+  EXPECT_EQ(document["rows"].size(), IjrrSelectors({}).size() * 10);
   ASSERT_EQ(document["files"].size(), 7u);
   for (const Json& file : document["files"]) {
     EXPECT_FALSE(testing::ReadFile(file.get<std::string>()).empty());

@@ -8,12 +8,16 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/covariance.h"
 #include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tools/experiment/experiments.h"
 #include "tools/experiment/ijrr_utias_data.h"
 #include "tools/experiment/ijrr_utias_score.h"
 #include "tools/experiment/ijrr_utias_selectors.h"
@@ -159,6 +163,12 @@ TEST(IjrrUtiasTest, RejectsWhatIsOutOfRange) {
   options = {};
   options.deltas_m = {};
   EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "displacements"));
+  options = {};
+  options.realizations = 0;
+  EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "0 realizations"));
+  options = {};
+  options.mcts.depth = 0;
+  EXPECT_THAT(options.Validate(), StatusIs(StatusCode::kInvalidArgument, "mcts depth: 0"));
 }
 
 TEST(IjrrUtiasTest, ADataSetThatIsNotThereIsAnError) {
@@ -172,6 +182,150 @@ TEST(IjrrUtiasTest, ADataSetThatIsNotThereIsAnError) {
   options.datasets = {1, 99};
   EXPECT_THAT(RunIjrrUtias(options, {}).status(),
               StatusIs(StatusCode::kNotFound, "MRCLAM_Dataset99"));
+}
+
+// Runs the experiment as a command; its text goes to `out`, errors and all.
+int RunCommand(std::vector<std::string> arguments, std::string* out) {
+  Application application("shiftmap-experiment", "test");
+  AddExperiments(&application);
+  std::ostringstream text;
+  arguments.insert(arguments.begin(), "ijrr-utias");
+  const ExitCode code = application.Run(arguments, &text, &text);
+  *out = text.str();
+  return static_cast<int>(code);
+}
+
+TEST(IjrrUtiasCommand, ADataSetThatIsNotThereIsNotFound) {
+  const testing::TempDir dir;
+  std::string out;
+  EXPECT_EQ(
+      RunCommand({"--data", dir.path(), "--output", dir.File("out"), "--datasets", "4"}, &out),
+      static_cast<int>(ExitCode::kNotFound));
+  EXPECT_THAT(out, ::testing::HasSubstr("MRCLAM_Dataset4': no such folder"));
+  EXPECT_EQ(std::count(out.begin(), out.end(), '\n'), 1) << out;
+}
+
+TEST(IjrrUtiasCommand, GivesStandardErrorsAndDrawsTheDisplacementOfThePaper) {
+  const std::string data = RecordedData();
+  if (data.empty()) GTEST_SKIP() << kNoRecordedData;
+  const testing::TempDir dir;
+  std::string out;
+  ASSERT_EQ(RunCommand({"--data",
+                        data,
+                        "--output",
+                        dir.File("out"),
+                        "--datasets",
+                        "2",
+                        "--deltas",
+                        "1",
+                        "2.1",
+                        "--methods",
+                        "nohyp",
+                        "mcts-40s",
+                        "--depth",
+                        "5",
+                        "--iterations",
+                        "20",
+                        "--realizations",
+                        "2",
+                        "--threads",
+                        "2",
+                        "--quiet",
+                        "--json"},
+                       &out),
+            0)
+      << out;
+  const Json document = Json::parse(out);
+  ASSERT_EQ(document["rows"].size(), 4u);
+  for (const Json& row : document["rows"]) {
+    const bool random = row["method"] == "mcts-40s";
+    EXPECT_EQ(row["realizations"], random ? 2 : 1);
+    EXPECT_EQ(row["pose_rmse_se_m"].is_number(), random);
+    EXPECT_EQ(row["landmark_rmse_se_m"].is_number(), random);
+  }
+  EXPECT_EQ(document["options"]["mcts"]["iterations"], 20);
+  EXPECT_THAT(testing::ReadFile(dir.File("out/ijrr-utias-set2-robot1-paths.svg")),
+              ::testing::HasSubstr("paths at 2.1 m"));
+}
+
+// The mean over realizations is that of runs with the seeds one after the other.
+TEST(IjrrUtiasTest, ARealizationIsARunWithASeedOfItsOwn) {
+  IjrrUtiasOptions options;
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
+  options.datasets = {2};
+  options.deltas_m = {0.6};
+  options.methods = {"mcts-40s"};
+  options.mcts.iterations = 20;
+  options.protocol.duration_s = 100.0;
+  std::vector<double> single;
+  for (options.seed = 4; options.seed < 7; ++options.seed) {
+    const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+    ASSERT_THAT(result, IsOk());
+    single.push_back(result->rows.at(0).pose_rmse_m);
+    EXPECT_TRUE(std::isnan(result->rows.at(0).pose_rmse_se_m));
+  }
+  options.seed = 4;
+  options.realizations = 3;
+  const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+  ASSERT_THAT(result, IsOk());
+  const double mean = (single[0] + single[1] + single[2]) / 3.0;
+  double squares = 0.0;
+  for (const double rmse_m : single) squares += (rmse_m - mean) * (rmse_m - mean);
+  EXPECT_GT(squares, 0.0);
+  EXPECT_NEAR(result->rows.at(0).pose_rmse_m, mean, 1e-12);
+  EXPECT_NEAR(result->rows.at(0).pose_rmse_se_m, std::sqrt(squares / 2.0 / 3.0), 1e-12);
+}
+
+// Figure 9, calibrated, as mapper/incremental/README.md has it.
+TEST(IjrrUtiasTest, FigureNineIsAsMeasured) {
+  struct Expected {
+    int dataset;
+    double delta_m;
+    const char* method;
+    double pose_rmse_m;
+    double landmark_rmse_m;
+  };
+  const std::vector<Expected> figure = {
+      {1, 1.0, "ours", 0.064, 0.015},        {1, 1.0, "incremental", 0.046, 0.018},
+      {1, 1.0, "nn", 0.216, 0.453},          {1, 1.0, "nohyp", 0.490, 0.355},
+      {2, 0.6, "incremental", 0.538, 0.566}, {2, 0.6, "nn", 1.064, 1.332},
+      {2, 0.6, "em", 0.508, 0.680},          {2, 0.6, "em-recursive", 0.650, 0.849},
+      {2, 0.6, "viterbi", 0.650, 0.849},     {2, 0.6, "nohyp", 0.280, 0.229},
+      {2, 1.0, "ours", 0.052, 0.032},        {2, 1.0, "incremental", 0.050, 0.032},
+      {2, 1.0, "nn", 1.549, 1.982},          {2, 1.0, "em", 0.051, 0.036},
+      {2, 1.0, "viterbi", 0.051, 0.034},     {2, 1.0, "nohyp", 0.468, 0.386},
+      {3, 0.6, "nn", 0.131, 0.164},          {3, 0.6, "em", 0.135, 0.144},
+      {3, 0.6, "mcts", 0.140, 0.228},        {3, 0.6, "nohyp", 0.172, 0.252},
+      {3, 1.0, "ours", 0.106, 0.045},        {3, 1.0, "incremental", 0.089, 0.051},
+      {3, 1.0, "em", 0.089, 0.051},          {3, 1.0, "nohyp", 0.254, 0.431},
+  };
+  IjrrUtiasOptions options;
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
+  options.deltas_m = {0.6, 1.0};
+  options.methods = {"ours", "incremental", "nn", "em", "em-recursive", "nohyp", "viterbi"};
+  StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+  ASSERT_THAT(result, IsOk());
+  // On the other sets the search takes ten times as long.
+  options.datasets = {3};
+  options.deltas_m = {0.6};
+  options.methods = {"mcts"};
+  const StatusOr<IjrrUtiasResult> search = RunIjrrUtias(options, {});
+  ASSERT_THAT(search, IsOk());
+  result->rows.insert(result->rows.end(), search->rows.begin(), search->rows.end());
+  for (const Expected& expected : figure) {
+    const auto row =
+        std::find_if(result->rows.begin(), result->rows.end(), [&](const IjrrUtiasRow& candidate) {
+          return candidate.dataset == expected.dataset && candidate.delta_m == expected.delta_m &&
+                 candidate.method == expected.method;
+        });
+    ASSERT_NE(row, result->rows.end());
+    SCOPED_TRACE(
+        fmt::format("set {} at {} m: {}", expected.dataset, expected.delta_m, expected.method));
+    EXPECT_NEAR(row->pose_rmse_m, expected.pose_rmse_m, 0.002);
+    EXPECT_NEAR(row->landmark_rmse_m, expected.landmark_rmse_m, 0.002);
+  }
 }
 
 TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
