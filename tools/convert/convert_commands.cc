@@ -6,6 +6,9 @@
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/run/trajectory.h"
+#include "tools/convert/carmen.h"
+#include "tools/convert/lidar_json.h"
+#include "tools/convert/lidar_log.h"
 #include "tools/convert/utias.h"
 #include "tools/convert/victoria_park.h"
 
@@ -135,11 +138,114 @@ void AddUtiasCommand(Application* application) {
       .Option("--truth", &arguments->truth, "Write the true trajectory of the stretch here too");
 }
 
+struct LidarArguments {
+  std::string file;
+  std::string output;
+  std::string vehicle = "lidar";
+  std::optional<std::string> poses;
+  std::optional<double> field_of_view_rad;
+  std::optional<double> max_range_m;
+  double lidar_x_m = 0.0;
+  double lidar_y_m = 0.0;
+  double lidar_yaw_rad = 0.0;
+  LidarFrontEndOptions front_end;
+};
+
+// What is given counts more than what the log states, and that more than the defaults.
+LidarSensor SensorOf(const LidarArguments& arguments, const LidarLog& log) {
+  LidarSensor sensor = arguments.front_end.sensor;
+  sensor.T_vehicle_lidar = Se2(arguments.lidar_x_m, arguments.lidar_y_m, arguments.lidar_yaw_rad);
+  for (const auto& view : {log.field_of_view_rad, arguments.field_of_view_rad}) {
+    sensor.field_of_view_rad = view.value_or(sensor.field_of_view_rad);
+  }
+  for (const auto& range : {log.max_range_m, arguments.max_range_m}) {
+    sensor.max_range_m = range.value_or(sensor.max_range_m);
+  }
+  return sensor;
+}
+
+Status RunLidar(const LidarArguments& arguments,
+                StatusOr<LidarLog> (*read)(const std::string&),
+                Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const LidarLog log, read(arguments.file));
+  LidarFrontEndOptions front_end = arguments.front_end;
+  front_end.sensor = SensorOf(arguments, log);
+  SHIFTMAP_ASSIGN_OR_RETURN(const Run run, MakeLidarRun(log, arguments.vehicle, front_end));
+  if (!context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
+    if (arguments.poses) SHIFTMAP_RETURN_IF_ERROR(WriteTum(log.poses, *arguments.poses));
+  }
+  ReportRun(arguments.output,
+            run,
+            {{"field_of_view_rad", front_end.sensor.field_of_view_rad},
+             {"max_range_m", front_end.sensor.max_range_m},
+             {"skipped_rows", log.skipped_rows}},
+            context);
+  return OkStatus();
+}
+
+void AddLidarCommand(const std::string& name,
+                     const std::string& help,
+                     StatusOr<LidarLog> (*read)(const std::string&),
+                     Application* application) {
+  auto arguments = std::make_shared<LidarArguments>();
+  LidarFrontEndOptions& front_end = arguments->front_end;
+  application
+      ->AddCommand(
+          name,
+          help,
+          [arguments, read](Context& context) { return RunLidar(*arguments, read, context); })
+      .Writes()
+      .Option("FILE", &arguments->file, "Log with odometry and scans")
+      .Required()
+      .Option("--output", &arguments->output, "Run log to write")
+      .Required()
+      .Option("--vehicle", &arguments->vehicle, "Name of the vehicle")
+      .Option("--poses", &arguments->poses, "Write the poses that the log states here too")
+      .Option("--field-of-view-rad",
+              &arguments->field_of_view_rad,
+              "From the first beam to the last (default: the log's, else 3.1416)")
+      .InRange(1e-3, 6.283)
+      .Option("--max-range-m",
+              &arguments->max_range_m,
+              "Ranges from here on are no return (default: the log's, else 80)")
+      .InRange(0.1, 1e4)
+      .Option("--lidar-x-m", &arguments->lidar_x_m, "Where the lidar is on the vehicle: forward")
+      .InRange(-100.0, 100.0)
+      .Option("--lidar-y-m", &arguments->lidar_y_m, "To the left")
+      .InRange(-100.0, 100.0)
+      .Option("--lidar-yaw-rad", &arguments->lidar_yaw_rad, "Turned counter-clockwise")
+      .InRange(-3.1416, 3.1416)
+      .Option("--min-response",
+              &front_end.points.min_response,
+              "Smallest F of a point; lower takes flatter corners")
+      .InRange(1e-3, 0.3678)
+      .Option("--min-separation-m", &front_end.points.min_separation_m, "Between two points")
+      .InRange(0.0, 10.0)
+      .Option(
+          "--max-point-range-m", &front_end.max_point_range_m, "Points further away are left out")
+      .InRange(0.1, 1e4)
+      .Option("--sd-range-m", &front_end.sd_range_m, "Noise that points are logged with: ranges")
+      .InRange(1e-3, 1e2)
+      .Option("--sd-bearing-rad", &front_end.sd_bearing_rad, "Bearings")
+      .InRange(1e-4, 1.0)
+      .Option("--sd-place-m", &front_end.sd_place_m, "Where on a thing its point is")
+      .InRange(0.0, 1e2);
+}
+
 }  // namespace
 
 void AddConvertCommands(Application* application) {
   AddUtiasCommand(application);
   AddVictoriaParkCommand(application);
+  AddLidarCommand("lidar-json",
+                  "Convert lidar scans and odometry in JSON to landmarks at corners",
+                  ReadLidarJson,
+                  application);
+  AddLidarCommand("carmen",
+                  "Convert lidar scans and odometry of a CARMEN log to landmarks at corners",
+                  ReadCarmen,
+                  application);
 }
 
 }  // namespace shiftmap

@@ -33,7 +33,7 @@ Status ForEachRow(const std::string& path,
   for (std::size_t number = 1; TakeLine(&rest, &line); ++number) {
     Split(line, between, &row);
     if (row.empty() || row.front().starts_with('#')) continue;
-    if (row.size() != columns) {
+    if (columns != kAnyColumns && row.size() != columns) {
       return InvalidArgument("{}:{}: {} fields, expected {}", path, number, row.size(), columns);
     }
     if (const Status status = take(row); !status.ok()) {

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What files with 2D lidar scans hold, before anything is made of the scans.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mapper/lidar/lidar_observations.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/run/run.h"
+#include "mapstore/run/trajectory.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+struct RangeScan {
+  Stamp stamp;
+  std::vector<double> ranges_m;  ///< One per beam, counter-clockwise.
+};
+
+struct LidarLog {
+  std::string name;  ///< Of the file.
+
+  /// Where the log says that the vehicle was, in a frame of its own: raw odometry, unless the log
+  /// was corrected. By stamp, one per scan at least.
+  std::vector<StampedPose> poses;
+
+  std::vector<RangeScan> scans;  ///< By stamp.
+
+  /// Of the sensor, if the log says.
+  std::optional<double> field_of_view_rad;
+  std::optional<double> max_range_m;
+
+  std::int64_t skipped_rows = 0;  ///< Of other kinds.
+};
+
+/// Velocities that lead from pose to pose exactly (IntegrateOdometry()).
+///
+/// Between two poses T_a_b = Exp(x, y, ω) in a's frame. What is not along the arc that wheels can
+/// drive, α = atan2(y, x), is turned to and turned back from: T_a_b = R(α) Exp(ρ, 0, ω) R(-α). A
+/// sample holds for two seconds only, so that one is written each second. What the vehicle did in a
+/// gap of more than a minute it did within the first.
+/// @param poses  By stamp; of equal stamps the last counts.
+std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses);
+
+/// Odometry and interest points of a log. Errors: kInvalidArgument if the log has no scan, or
+/// something of it is out of range.
+StatusOr<Run> MakeLidarRun(const LidarLog& log,
+                           const std::string& vehicle,
+                           const LidarFrontEndOptions& options);
+
+}  // namespace shiftmap
