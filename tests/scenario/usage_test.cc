@@ -39,6 +39,7 @@ const std::vector<Program>& Programs() {
        {"alignments",
         "ijrr-selectors",
         "ijrr-utias",
+        "lidar-repeatability",
         "localizer-consistency",
         "localizer-decisions",
         "localizer-states",

@@ -5,6 +5,7 @@
 #include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
+#include "tools/experiment/lidar_repeatability_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
 #include "tools/experiment/localizer_decisions_command.h"
 #include "tools/experiment/localizer_states_command.h"
@@ -23,6 +24,7 @@ void AddExperiments(Application* application) {
   AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
+  AddLidarRepeatabilityExperiment(application);
   AddLocalizerConsistencyExperiment(application);
   AddLocalizerDecisionsExperiment(application);
   AddLocalizerUtiasExperiment(application);
