@@ -60,8 +60,8 @@ struct InterestPoint {
 /// is largest at x = 1. A sharper corner therefore has a peak of F on either flank; its point is
 /// put between them, at the peak of x. So a point is a local maximum of x along the scan with x at
 /// or above the smaller root of x exp(-x) = F_min. Scales are gone through from fine to coarse: a
-/// point within F_dist of one that is there already, or within its own scale of one of a finer scale,
-/// is the same.
+/// point within F_dist of one that is there already, or within its own scale of one of a finer
+/// scale, is the same.
 /// @param ranges_m  One per beam. [m]
 /// @return By beam.
 /// Precondition: options and sensor are valid. Determinism: same input, same output.

@@ -40,6 +40,7 @@ const std::vector<Program>& Programs() {
         "ijrr-selectors",
         "ijrr-utias",
         "lidar-repeatability",
+        "lidar-run",
         "localizer-consistency",
         "localizer-decisions",
         "localizer-states",

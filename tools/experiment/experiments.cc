@@ -6,6 +6,7 @@
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
 #include "tools/experiment/lidar_repeatability_command.h"
+#include "tools/experiment/lidar_run_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
 #include "tools/experiment/localizer_decisions_command.h"
 #include "tools/experiment/localizer_states_command.h"
@@ -25,6 +26,7 @@ void AddExperiments(Application* application) {
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
   AddLidarRepeatabilityExperiment(application);
+  AddLidarRunExperiment(application);
   AddLocalizerConsistencyExperiment(application);
   AddLocalizerDecisionsExperiment(application);
   AddLocalizerUtiasExperiment(application);

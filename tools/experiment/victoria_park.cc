@@ -103,7 +103,7 @@ StatusOr<ParkResult> RunMapper(const Run& run, const MapperOptions& options) {
   MapperOptions associating = options;
   associating.association.associate = true;
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult built,
-                            BuildMap({{"victoria-park", "", run}}, std::nullopt, associating));
+                            BuildMap({{run.info.vehicle, "", run}}, std::nullopt, associating));
   ParkResult result{.method = "graph, joint"};
   result.trajectory = built.runs.front().trajectory;
   for (const Mode& landmark : built.content.anonymous_landmarks) {
