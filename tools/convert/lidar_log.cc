@@ -8,11 +8,14 @@
 namespace shiftmap {
 namespace {
 
-// Of the time between two poses, for turning to and for turning back.
-constexpr double kTurnShare = 0.1;
+// For turning to where no arc leads and back, which takes half of the time between two poses at
+// most. [rad/s]
+constexpr double kTurnRate = 1.0;
+constexpr double kMaxTurnShare = 0.5;
 
-// Below this it is rounding. [rad]
-constexpr double kMinTurn = 1e-9;
+// Below what readers of run logs take for a mistake (mapstore/run/item_limits.h). [m/s], [rad/s]
+constexpr double kMaxSpeed = 90.0;
+constexpr double kMaxYawRate = 45.0;
 
 constexpr Duration kSampleEvery = std::chrono::seconds(1);
 constexpr Duration kMaxMotion = std::chrono::minutes(1);
@@ -35,18 +38,28 @@ double TurnTo(const Eigen::Vector3d& twist) {
   return alpha;
 }
 
-void AppendWay(const StampedPose& from, const StampedPose& to, std::vector<OdometrySample>* out) {
-  const Eigen::Vector3d twist = (from.T_map_vehicle.Inverse() * to.T_map_vehicle).Log();
-  const double alpha = TurnTo(twist);
+// Appends samples from where the earlier ones led to, `at`, towards `to`, and moves `at` on.
+void AppendWay(const StampedPose& to, StampedPose* at, std::vector<OdometrySample>* out) {
+  const Eigen::Vector3d twist = (at->T_map_vehicle.Inverse() * to.T_map_vehicle).Log();
+  const Duration span = std::min(to.stamp - at->stamp, kMaxMotion);
+  double alpha = TurnTo(twist);
+  Duration turn = FromSeconds(std::abs(alpha) / kTurnRate);
+  if (2.0 * ToSeconds(turn) > kMaxTurnShare * ToSeconds(span)) {
+    alpha = 0.0;
+    turn = Duration(0);
+  }
+  const double seconds = ToSeconds(span - 2 * turn);
   const double along = twist.x() * std::cos(alpha) + twist.y() * std::sin(alpha);
-  const Duration span = std::min(to.stamp - from.stamp, kMaxMotion);
-  const Duration turn =
-      std::abs(alpha) > kMinTurn ? FromSeconds(kTurnShare * ToSeconds(span)) : Duration(0);
-  Stamp begin = from.stamp;
-  if (turn > Duration(0)) Hold(0.0, alpha, turn, &begin, out);
-  Hold(along, twist.z(), span - 2 * turn, &begin, out);
-  if (turn > Duration(0)) Hold(0.0, -alpha, turn, &begin, out);
+  const double rates =
+      std::max(std::abs(along) / kMaxSpeed, std::abs(twist.z()) / kMaxYawRate) / seconds;
+  const Eigen::Vector3d drive = Eigen::Vector3d(along, 0.0, twist.z()) / std::max(1.0, rates);
+  Stamp begin = at->stamp;
+  Hold(0.0, alpha, turn, &begin, out);
+  Hold(drive.x(), drive.z(), span - 2 * turn, &begin, out);
+  Hold(0.0, -alpha, turn, &begin, out);
   if (begin < to.stamp) out->push_back({begin, 0.0, 0.0});
+  const Se2 R(0.0, 0.0, alpha);
+  *at = {to.stamp, at->T_map_vehicle * R * Se2::Exp(drive) * R.Inverse()};
 }
 
 }  // namespace
@@ -54,13 +67,16 @@ void AppendWay(const StampedPose& from, const StampedPose& to, std::vector<Odome
 std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses) {
   std::vector<OdometrySample> samples;
   if (poses.empty()) return samples;
-  const StampedPose* last = nullptr;
+  std::optional<StampedPose> at;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (i + 1 < poses.size() && poses[i + 1].stamp == poses[i].stamp) continue;
-    if (last != nullptr) AppendWay(*last, poses[i], &samples);
-    last = &poses[i];
+    if (at) {
+      AppendWay(poses[i], &*at, &samples);
+    } else {
+      at = poses[i];
+    }
   }
-  samples.push_back({last->stamp, 0.0, 0.0});
+  samples.push_back({at->stamp, 0.0, 0.0});
   return samples;
 }
 

@@ -38,12 +38,16 @@ struct LidarLog {
   std::int64_t skipped_rows = 0;  ///< Of other kinds.
 };
 
-/// Velocities that lead from pose to pose exactly (IntegrateOdometry()).
+/// Velocities that lead from pose to pose (IntegrateOdometry()).
 ///
 /// Between two poses T_a_b = Exp(x, y, ω) in a's frame. What is not along the arc that wheels can
-/// drive, α = atan2(y, x), is turned to and turned back from: T_a_b = R(α) Exp(ρ, 0, ω) R(-α). A
-/// sample holds for two seconds only, so that one is written each second. What the vehicle did in a
-/// gap of more than a minute it did within the first.
+/// drive, α = atan2(y, x), is turned to and turned back from: T_a_b = R(α) Exp(ρ, 0, ω) R(-α). What
+/// would take turns of more than 1 rad/s for half of the time, a speed of more than 90 m/s or a yaw
+/// rate of more than 45 rad/s is made good on the way to the next poses: a robot that turns on the
+/// spot and slides by centimetres, or two stamps that are milliseconds apart and should not be.
+///
+/// A sample holds for two seconds only, so that one is written each second. What the vehicle did in
+/// a gap of more than a minute it did within the first.
 /// @param poses  By stamp; of equal stamps the last counts.
 std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses);
 

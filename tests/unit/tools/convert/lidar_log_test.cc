@@ -23,14 +23,21 @@ Se2 Drive(const std::vector<OdometrySample>& samples, Stamp end) {
   return pose;
 }
 
-void ExpectDrivesThrough(const std::vector<StampedPose>& poses) {
-  const std::vector<OdometrySample> samples = OdometryFromPoses(poses);
-  for (std::size_t i = 1; i < samples.size(); ++i)
-    EXPECT_LE(samples[i - 1].stamp, samples[i].stamp);
+// How far what the samples lead to is from a pose.
+Eigen::Vector3d ErrorAt(const StampedPose& pose,
+                        const std::vector<StampedPose>& poses,
+                        const std::vector<OdometrySample>& samples) {
   const Se2 T_start_odom = poses.front().T_map_vehicle.Inverse();
-  for (const StampedPose& pose : poses) {
-    const Se2 error = Drive(samples, pose.stamp).Inverse() * (T_start_odom * pose.T_map_vehicle);
-    EXPECT_LT(error.Log().norm(), 1e-6) << ToSecondsSinceEpoch(pose.stamp);
+  return (Drive(samples, pose.stamp).Inverse() * (T_start_odom * pose.T_map_vehicle)).Log();
+}
+
+void ExpectOrderAndLimits(const std::vector<OdometrySample>& samples) {
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (i > 0) {
+      EXPECT_LE(samples[i - 1].stamp, samples[i].stamp);
+    }
+    EXPECT_LE(std::abs(samples[i].v_mps), 90.0 + 1e-9);
+    EXPECT_LE(std::abs(samples[i].omega_radps), 45.0 + 1e-9);
   }
 }
 
@@ -39,16 +46,33 @@ TEST(OdometryFromPoses, LeadsFromPoseToPose) {
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   std::vector<StampedPose> poses = {{StampFromSeconds(100.0), Se2(5.0, -3.0, 2.0)}};
   for (int i = 0; i < 300; ++i) {
-    // Forwards, backwards, sideways, on the spot; now and then after a while.
+    // Forwards and backwards, now and then on the spot, for a while, or sliding.
     const StampedPose& last = poses.back();
-    const double seconds = i % 20 == 0 ? 14.0 : 0.5 + 0.4 * uniform(random);
-    const double far = i % 7 == 0 ? 0.0 : 1.0;
+    const double seconds = i % 20 == 0 ? 14.0 : 1.0 + 0.4 * uniform(random);
+    const double along = (i % 2 == 0 ? 1.0 : -1.0) * (0.6 + 0.2 * uniform(random));
     poses.push_back({last.stamp + FromSeconds(seconds),
-                     last.T_map_vehicle * Se2(far * uniform(random),
-                                              i % 3 == 0 ? far * uniform(random) : 0.0,
-                                              i % 5 == 0 ? 0.0 : 2.0 * uniform(random))});
+                     last.T_map_vehicle * Se2::Exp({i % 7 == 0 ? 0.0 : along,
+                                                    i % 3 == 0 ? 0.02 * uniform(random) : 0.0,
+                                                    i % 5 == 0 ? 0.0 : uniform(random)})});
   }
-  ExpectDrivesThrough(poses);
+  const auto samples = OdometryFromPoses(poses);
+  ExpectOrderAndLimits(samples);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    // On the spot it cannot slide.
+    const bool turned = i > 0 && (i - 1) % 7 == 0;
+    EXPECT_LT(ErrorAt(poses[i], poses, samples).norm(), turned ? 0.03 : 1e-6) << i;
+    EXPECT_NEAR(ErrorAt(poses[i], poses, samples).z(), 0.0, 1e-6) << i;
+  }
+}
+
+TEST(OdometryFromPoses, MakesGoodLaterWhatNoVehicleDoesInTheTime) {
+  const std::vector<StampedPose> poses = {{StampFromSeconds(0.0), Se2()},
+                                          {StampFromSeconds(0.005), Se2(1.0, 0.0, 0.5)},
+                                          {StampFromSeconds(2.0), Se2(1.0, 0.0, 0.5)}};
+  const auto samples = OdometryFromPoses(poses);
+  ExpectOrderAndLimits(samples);
+  EXPECT_GT(ErrorAt(poses[1], poses, samples).norm(), 0.5);
+  EXPECT_LT(ErrorAt(poses[2], poses, samples).norm(), 1e-6);
 }
 
 TEST(OdometryFromPoses, HoldsNoSampleLongerThanItCounts) {
@@ -62,7 +86,9 @@ TEST(OdometryFromPoses, HoldsNoSampleLongerThanItCounts) {
     EXPECT_LE(ToSeconds(samples[i].stamp - samples[i - 1].stamp), 2.0);
   }
   EXPECT_NEAR(samples.front().v_mps, 0.1, 1e-12);
-  ExpectDrivesThrough(poses);
+  ExpectOrderAndLimits(samples);
+  EXPECT_LT(ErrorAt(poses[1], poses, samples).norm(), 1e-6);
+  EXPECT_LT(ErrorAt(poses[2], poses, samples).norm(), 1e-6);
 }
 
 TEST(OdometryFromPoses, TakesTheLastOfPosesOfOneTime) {
