@@ -17,6 +17,7 @@
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
+#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
 #include "mapstore/store/visibility_rows.h"
 #include "proto/core/check.h"
@@ -85,24 +86,15 @@ StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
 StatusOr<VersionRow> MapStore::State::PublishedRowAt(const std::string& area,
                                                      const AreaRow& area_row,
                                                      Stamp at) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement query,
-      database.Prepare("SELECT version_id FROM publication WHERE area_id = ?1 "
-                       "AND published_ns <= ?2 ORDER BY publication_id DESC LIMIT 1"));
-  query.Bind(area_row.area_id, ToNanoseconds(at));
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
-  if (!found) {
-    return NotFound(
-        "{}: nothing was published by {:.6f} s", AreaName(area), ToSecondsSinceEpoch(at));
-  }
-  return GetVersionById(database, query.Int64(0));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> version,
+                            PublishedBy(database, area_row.area_id, at));
+  if (version) return GetVersion(database, area, area_row.area_id, *version);
+  return NotFound("{}: nothing was published by {:.6f} s", AreaName(area), ToSecondsSinceEpoch(at));
 }
 
 Status MapStore::State::RefuseSnapshot(const char* what) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      const std::int64_t partial,
-      database.QueryInt64("SELECT count(*) FROM ledger_checkpoint WHERE rows_stored = 0"));
-  if (partial == 0) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (!snapshot) return OkStatus();
   return FailedPrecondition("{}: a snapshot {}", database.name(), what);
 }
 

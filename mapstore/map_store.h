@@ -198,8 +198,8 @@ class MapStore {
 
   /// Takes a run, or the runs of a vehicle, out of an area's memory: whatever is derived is as if
   /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
-  /// were made from them stay in their versions (ExcludedRunsOf). Of an exclusion and a hold the
-  /// later one takes the place of the other.
+  /// were made from them stay in their versions (ExcludedRunsOf). An exclusion takes the
+  /// place of a hold, since the earlier of the two times.
   /// @param exclusion  Its run may be the first digits of what the store knows; of a report about a
   ///                   log, the log is excluded.
   /// Errors also: kInvalidArgument if it names neither or both, the run may be several, or there is
@@ -210,7 +210,7 @@ class MapStore {
   /// Errors also: kNotFound if it is neither excluded nor held.
   Status Include(const std::string& area, Exclusion exclusion, bool dry_run = false);
 
-  /// The exclusions of an area that hold, those of runs first.
+  /// The exclusions of an area: excluded ones, then held ones, of each those of runs first.
   StatusOr<std::vector<Exclusion>> Exclusions(const std::string& area);
 
   /// Names of the runs that a version or its ancestors mapped and that are excluded now: its

@@ -125,13 +125,7 @@ Status MapStore::State::MovePublished(std::int64_t area_id,
       database.Prepare("UPDATE area SET published_version_id = ?2 WHERE area_id = ?1"));
   update.Bind(area_id, version.version_id);
   SHIFTMAP_RETURN_IF_ERROR(update.Execute());
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement publication,
-      database.Prepare(
-          "INSERT INTO publication (area_id, version_id, published_ns) VALUES (?1, ?2, ?3)"));
-  publication.Bind(area_id, version.version_id, ToNanoseconds(clock()));
-  SHIFTMAP_RETURN_IF_ERROR(publication.Execute());
-  return InsertAudit(database, area_id, action, std::to_string(version.number.value()));
+  return InsertAudit(database, area_id, action, std::to_string(version.number.value()), clock());
 }
 
 // What was written is durable, and whoever reads will see an error of the ledger.
@@ -212,7 +206,7 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                                options.states_probabilities,
                                                std::move(version)));
   if (options.publish) {
-    SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, "publish"));
+    SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, kPublishAction));
   }
   SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(database, area_row.area_id, options.waiting));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
@@ -249,7 +243,7 @@ Status MapStore::Publish(const std::string& area,
   }
   if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return OkStatus();
-  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, "publish"));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, kPublishAction));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   state_->MakeCheckpoints(area, area_row.area_id, row);
   return OkStatus();
@@ -279,7 +273,7 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   }
   if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return at.number;
-  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, "rollback"));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, kRollbackAction));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   state_->MakeCheckpoints(area, area_row.area_id, at);
   return at.number;
@@ -315,7 +309,7 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
                         "{}: {}: is {} already",
                         AreaName(area),
                         subject,
-                        exclusion.held ? "held" : "excluded");
+                        exclusion.held ? "excluded or held" : "excluded");
     }
   } else {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool ended,

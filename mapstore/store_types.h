@@ -77,7 +77,8 @@ struct Exclusion {
   Stamp excluded = {};  ///< Set by the store.
 };
 
-/// The first exclusion that is about a run, or null.
+/// The first exclusion that is about a run, or null. In the order of MapStore::Exclusions, a hold
+/// hides no exclusion.
 /// @param run  RunRecord::identity, or UUID of the report of a shift that left no log.
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
                                const std::string& run,

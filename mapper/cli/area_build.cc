@@ -86,7 +86,8 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   } else {
     prior.version = VersionNumber(std::stoll(options.prior));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot, store.LoadAt(options.area, prior.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
+                            store.LoadVersion(options.area, *prior.version));
   prior.content = snapshot.content();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.RunIdentities(options.area, *prior.version));
   SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
@@ -117,19 +118,25 @@ Status LeaveOutExcluded(const std::string& area,
 }
 
 // Loads what the ledger says of the landmarks and of where they are visible from, but not of the
-// runs of the build: it sees their visits itself, with all modes, and none may count twice.
+// runs of the build: it sees their visits itself, with all modes, and none may count twice. The
+// prior map gets the probabilities of when they begin.
 Status LoadMemory(const AreaBuildOptions& options,
                   const std::vector<MapperInput>& inputs,
                   const Context& context,
                   PriorMap* prior) {
   if (!prior->version) return OkStatus();
   std::set<std::string> runs;
+  Stamp begin = Stamp::max();
   for (const MapperInput& input : inputs) {
+    if (!input.run.odometry.empty()) begin = std::min(begin, input.run.odometry.front().stamp);
     runs.insert(input.sha256);
     if (!input.run.info.uuid.empty()) runs.insert(input.run.info.uuid);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map,
+                            store.LoadAt(options.area, prior->version, begin));
+  prior->content = map.content();
   SHIFTMAP_ASSIGN_OR_RETURN(prior->visibility,
                             store.MappedVisibility(options.area, *prior->version, runs));
   if (options.no_learned_rates) return OkStatus();

@@ -212,7 +212,7 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore*
     return true;
   };
   for (LogHead& log : logs) {
-    if (mapped.contains(log.identity()) || is_out(log.identity(), log)) continue;
+    if (is_out(log.identity(), log) || mapped.contains(log.identity())) continue;
     if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }

@@ -5,13 +5,19 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "mapstore/maintenance/thin_ledger.h"
+#include "mapstore/map_store.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/audit_rows.h"
+#include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/checkpoint_upkeep.h"
 #include "mapstore/store/ledger_view.h"
+#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -80,7 +86,7 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
       SHIFTMAP_ASSIGN_OR_RETURN(
           const std::optional<SetAside> aside,
           view.JudgeReported(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
-      counts = counts || !aside || aside == SetAside::kExcluded;
+      counts = counts || !aside || aside == SetAside::kExcluded || aside == SetAside::kHeld;
       if (counts) break;
     }
     if (!counts) spent.push_back({rows.Int64(0), rows.Int64(1), rows.Int64(2), rows.Text(3)});
@@ -95,8 +101,11 @@ StatusOr<std::int64_t> DeleteSpentMapped(Database& database,
                                          Stamp before) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       const std::vector<std::int64_t> mapping,
-      ReadIds(
-          database, "SELECT DISTINCT version_id FROM mapped_evidence WHERE area_id = ?1", area_id));
+      ReadIds(database,
+              "SELECT version_id FROM mapped_evidence WHERE area_id = ?1 UNION "
+              "SELECT version_id FROM mapped_visibility JOIN version USING (version_id) "
+              "WHERE area_id = ?1",
+              area_id));
   std::set<std::int64_t> spent(mapping.begin(), mapping.end());
   for (const std::int64_t version_id : versions) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
@@ -154,6 +163,51 @@ Status CompactEvidence(Database& database,
   return OkStatus();
 }
 
+StatusOr<std::optional<VersionRow>> PublishedOf(Database& database, std::int64_t area_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::int64_t> published,
+                            ReadIds(database,
+                                    "SELECT published_version_id FROM area WHERE area_id = ?1 "
+                                    "AND published_version_id IS NOT NULL",
+                                    area_id));
+  if (published.empty()) return std::optional<VersionRow>();
+  SHIFTMAP_ASSIGN_OR_RETURN(VersionRow version, GetVersionById(database, published.front()));
+  return std::optional(std::move(version));
+}
+
+std::string NameOf(const Database& database, const VersionRow& version) {
+  return fmt::format("{}: version row {}", database.name(), version.version_id);
+}
+
+// Thins the ledger as the published version sees it. Checkpoints of what it was go.
+Status ThinArea(Database& database, std::int64_t area_id, Stamp before, CompactResult* result) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (snapshot) return FailedPrecondition("{}: a snapshot is not thinned", database.name());
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionRow> published,
+                            PublishedOf(database, area_id));
+  if (!published) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t rows,
+      ThinLedger(database, area_id, *published, before, NameOf(database, *published)));
+  if (rows == 0) return OkStatus();
+  result->thinned_rows += rows;
+  return DeleteCheckpointsAfter(database, area_id, Stamp::min()).status();
+}
+
+// Makes the checkpoints of the published versions anew. Without them a reader takes longer.
+Status RenewCheckpoints(Database& database, const std::vector<std::int64_t>& areas) {
+  for (const std::int64_t area_id : areas) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionRow> published,
+                              PublishedOf(database, area_id));
+    if (!published) continue;
+    SHIFTMAP_RETURN_IF_ERROR(ExtendCheckpoints(database,
+                                               area_id,
+                                               published->version_id,
+                                               MapStore::OpenOptions().checkpoint_rows,
+                                               NameOf(database, *published)));
+  }
+  return OkStatus();
+}
+
 Status CompactArea(Database& database,
                    std::int64_t area_id,
                    const RetentionPolicy& policy,
@@ -171,6 +225,9 @@ Status CompactArea(Database& database,
     SHIFTMAP_RETURN_IF_ERROR(DeleteContent(database, version_id));
   }
   result->versions += static_cast<std::int64_t>(old.size());
+  if (policy.thin_before) {
+    SHIFTMAP_RETURN_IF_ERROR(ThinArea(database, area_id, *policy.thin_before, result));
+  }
   if (!policy.evidence_before) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(
       const std::vector<std::int64_t> kept,
@@ -195,23 +252,29 @@ StatusOr<CompactResult> CompactStore(const std::string& path,
   CompactResult result;
   std::error_code error;
   result.bytes_before = std::filesystem::file_size(path, error);
+  std::vector<std::int64_t> areas;
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
                               Transaction::Begin(database, Transaction::Kind::kWrite));
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::int64_t> areas,
+    SHIFTMAP_ASSIGN_OR_RETURN(areas,
                               ReadIds(database, "SELECT area_id FROM area ORDER BY area_id"));
     for (const std::int64_t area_id : areas) {
       SHIFTMAP_RETURN_IF_ERROR(CompactArea(database, area_id, policy, &result));
     }
-    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
-        database,
-        std::nullopt,
-        "compact",
-        fmt::format("{} versions, {} evidence rows", result.versions, result.evidence_rows)));
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                         std::nullopt,
+                                         "compact",
+                                         fmt::format("{} versions, {} evidence rows, {} thinned",
+                                                     result.versions,
+                                                     result.evidence_rows,
+                                                     result.thinned_rows)));
     // Without Commit the transaction is rolled back.
     if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   }
-  if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(database.Execute("VACUUM"));
+  if (!dry_run) {
+    if (result.thinned_rows > 0) SHIFTMAP_RETURN_IF_ERROR(RenewCheckpoints(database, areas));
+    SHIFTMAP_RETURN_IF_ERROR(database.Execute("VACUUM"));
+  }
   result.bytes_after = std::filesystem::file_size(path, error);
   return result;
 }

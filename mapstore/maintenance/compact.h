@@ -19,18 +19,24 @@ struct RetentionPolicy {
   /// Evidence rows of visits that ended before this, and the decisions of such shifts, go unless
   /// they count for a version whose content is kept. Nothing: all stay.
   std::optional<Stamp> evidence_before;
+
+  /// Of evidence that began before this, rows go that repeat others, as the published version sees
+  /// them (ThinLedger). Nothing: all stay.
+  std::optional<Stamp> thin_before = std::nullopt;
 };
 
 struct CompactResult {
   std::int64_t versions = 0;       ///< Whose content was deleted.
-  std::int64_t evidence_rows = 0;  ///< Deleted.
+  std::int64_t evidence_rows = 0;  ///< Deleted, as no version needs them.
+  std::int64_t thinned_rows = 0;   ///< Deleted, as they repeat others.
   std::int64_t decisions = 0;      ///< Deleted.
   std::uintmax_t bytes_before = 0;
   std::uintmax_t bytes_after = 0;
 };
 
 /// Deletes what the policy does not keep and returns the space to the file system. The
-/// probabilities of the versions that are kept do not change.
+/// probabilities of the versions that are kept do not change, but for what ThinLedger
+/// loses, as its header lists.
 /// @param dry_run  Says what would be deleted, deletes nothing.
 /// Errors: kInvalidArgument if the policy keeps no version; else as MapStore. After an error the
 /// store holds either everything or what the policy keeps.

@@ -1,8 +1,8 @@
 -- SPDX-License-Identifier: Apache-2.0
 --
 -- Schema 7: what was known at a time can be asked for later. An exclusion that is taken back stays,
--- with its end, and so does every publication. A run may be held instead of excluded. From where
--- runs saw landmarks is kept.
+-- with its end; `audit` has the publications. A run may be held instead of excluded. From where runs
+-- saw landmarks is kept.
 -- Units as in 001_init.sql.
 
 PRAGMA user_version = 7;
@@ -26,26 +26,6 @@ INSERT INTO exclusion (area_id, run, vehicle, since_ns, held, reason, excluded_n
 DROP TABLE exclusion_of_schema_6;
 CREATE UNIQUE INDEX exclusion_that_holds ON exclusion (area_id, run, vehicle)
   WHERE included_ns IS NULL;
-
--- A version that vehicles got from then on, in the order in which it happened.
-CREATE TABLE publication (
-  publication_id INTEGER PRIMARY KEY,
-  area_id        INTEGER NOT NULL REFERENCES area,
-  version_id     INTEGER NOT NULL REFERENCES version,
-  published_ns   INTEGER NOT NULL  -- clock of the machine that wrote
-) STRICT;
-CREATE INDEX publication_by_time ON publication (area_id, published_ns);
-
--- Of the time before, the line of the published version is taken to have been published as it was
--- made.
-INSERT INTO publication (area_id, version_id, published_ns)
-  WITH RECURSIVE line (area_id, version_id) AS (
-    SELECT area_id, published_version_id FROM area WHERE published_version_id IS NOT NULL
-    UNION
-    SELECT v.area_id, v.parent_version_id FROM line JOIN version v USING (version_id)
-    WHERE v.parent_version_id IS NOT NULL)
-  SELECT v.area_id, v.version_id, v.created_ns FROM line JOIN version v USING (version_id)
-  ORDER BY v.version_id;
 
 -- The scans of a mapped run that had a landmark well in view while it stood at a mode of the version,
 -- by the direction from the landmark to the vehicle in the map frame.

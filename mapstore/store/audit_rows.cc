@@ -3,7 +3,6 @@
 
 #include <utility>
 
-#include "mapstore/core/clock.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -11,13 +10,28 @@ namespace shiftmap {
 Status InsertAudit(Database& database,
                    std::optional<std::int64_t> area_id,
                    const char* action,
-                   const std::string& subject) {
+                   const std::string& subject,
+                   Stamp written) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO audit (written_ns, area_id, action, subject) "
                        "VALUES (?1, ?2, ?3, ?4)"));
-  row.Bind(ToNanoseconds(SystemNow()), area_id, action, subject);
+  row.Bind(ToNanoseconds(written), area_id, action, subject);
   return row.Execute();
+}
+
+StatusOr<std::optional<VersionNumber>> PublishedBy(Database& database,
+                                                   std::int64_t area_id,
+                                                   Stamp at) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT CAST(subject AS INTEGER) FROM audit WHERE area_id = ?1 "
+                       "AND action IN (?2, ?3) AND written_ns <= ?4 "
+                       "ORDER BY audit_id DESC LIMIT 1"));
+  query.Bind(area_id, kPublishAction, kRollbackAction, ToNanoseconds(at));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+  if (!found) return std::optional<VersionNumber>();
+  return std::optional(VersionNumber(query.Int64(0)));
 }
 
 StatusOr<std::vector<AuditEntry>> ReadAudit(Database& database,

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
@@ -15,12 +16,23 @@ namespace shiftmap {
 /// Of a run that waits; its subject is the log's hash, a blank and the run's name.
 inline constexpr const char* kWaitAction = "wait";
 
+/// Of a version that vehicles get from then on; its subject is the version's number.
+inline constexpr const char* kPublishAction = "publish";
+inline constexpr const char* kRollbackAction = "rollback";
+
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
+/// @param written  By the clock of this machine.
 Status InsertAudit(Database& database,
                    std::optional<std::int64_t> area_id,
                    const char* action,
-                   const std::string& subject);
+                   const std::string& subject,
+                   Stamp written = SystemNow());
+
+/// The version that was published last by a time; nothing if none was.
+StatusOr<std::optional<VersionNumber>> PublishedBy(Database& database,
+                                                   std::int64_t area_id,
+                                                   Stamp at);
 
 /// All entries, oldest first. @param area_id  Of one area only.
 StatusOr<std::vector<AuditEntry>> ReadAudit(Database& database,

@@ -15,7 +15,7 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
       database.Prepare(
           "SELECT run, vehicle, since_ns, reason, held, excluded_ns FROM exclusion "
           "WHERE area_id = ?1 AND iif(?2 IS NULL, included_ns IS NULL, "
-          "excluded_ns <= ?2 AND coalesce(included_ns > ?2, 1)) ORDER BY vehicle, run"));
+          "excluded_ns <= ?2 AND coalesce(included_ns > ?2, 1)) ORDER BY held, vehicle, run"));
   std::optional<std::int64_t> known_ns;
   if (known) known_ns = ToNanoseconds(*known);
   query.Bind(area_id, known_ns);
@@ -32,17 +32,20 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
   }
 }
 
-StatusOr<bool> InsertExclusion(Database& database,
-                               std::int64_t area_id,
-                               const Exclusion& exclusion) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement other,
-      database.Prepare("UPDATE exclusion SET included_ns = ?5 WHERE area_id = ?1 AND run = ?2 "
-                       "AND vehicle = ?3 AND held <> ?4 AND included_ns IS NULL"));
-  const std::int64_t held = exclusion.held ? 1 : 0;
-  const std::int64_t excluded_ns = ToNanoseconds(exclusion.excluded);
-  other.Bind(area_id, exclusion.run, exclusion.vehicle, held, excluded_ns);
-  SHIFTMAP_RETURN_IF_ERROR(other.Execute());
+StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
+  if (!exclusion.held) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement hold,
+        database.Prepare("UPDATE exclusion SET included_ns = ?4 WHERE area_id = ?1 AND run = ?2 "
+                         "AND vehicle = ?3 AND held <> 0 AND included_ns IS NULL "
+                         "RETURNING since_ns"));
+    hold.Bind(area_id, exclusion.run, exclusion.vehicle, ToNanoseconds(exclusion.excluded));
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool ended, hold.Step());
+    if (ended) {
+      exclusion.since = std::min(exclusion.since, StampFromNanoseconds(hold.Int64(0)));
+      SHIFTMAP_RETURN_IF_ERROR(hold.Step().status());
+    }
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO exclusion (area_id, run, vehicle, since_ns, held, reason, "
@@ -51,9 +54,9 @@ StatusOr<bool> InsertExclusion(Database& database,
            exclusion.run,
            exclusion.vehicle,
            exclusion.vehicle.empty() ? std::int64_t{0} : ToNanoseconds(exclusion.since),
-           held,
+           exclusion.held ? 1 : 0,
            exclusion.reason,
-           excluded_ns);
+           ToNanoseconds(exclusion.excluded));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   return database.Changes() > 0;
 }

@@ -12,17 +12,15 @@
 
 namespace shiftmap {
 
-/// The exclusions of an area that hold, those of runs first.
+/// The exclusions of an area that hold: excluded ones, then held ones, of each those of runs first.
 /// @param known  Those that held at this time instead.
 StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
                                                 std::int64_t area_id,
                                                 std::optional<Stamp> known = std::nullopt);
 
-/// Adds one; it takes the place of one that is held where this is not, or the other way round.
-/// Returns false if it is there.
-StatusOr<bool> InsertExclusion(Database& database,
-                               std::int64_t area_id,
-                               const Exclusion& exclusion);
+/// Adds one. An exclusion takes the place of a hold, since the earlier of the two times. Returns
+/// false if one is there.
+StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion);
 
 /// Takes one back. Returns false if none holds.
 StatusOr<bool> EndExclusion(Database& database,

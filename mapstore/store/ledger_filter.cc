@@ -98,16 +98,9 @@ StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before)
       before_ = std::max(before_, mapped_before);
       return count;
     }
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, Counts(*row));
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view_.Counts(*row));
     if (counts) SHIFTMAP_RETURN_IF_ERROR(HoldRow(*row));
   }
-}
-
-StatusOr<bool> LedgerFilter::Counts(const LedgerRow& row) {
-  if (row.report_id == 0) return view_.CountsMapped(row.version_id, row.run_id);
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason,
-                            view_.JudgeReported(row.report_id, row.version_id, row.begin));
-  return !reason;
 }
 
 Status LedgerFilter::HoldRow(const LedgerRow& row) {

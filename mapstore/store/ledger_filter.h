@@ -71,7 +71,6 @@ class LedgerFilter {
   // Rows in the order of time, and the statement in its place among them. Returns the rows read.
   StatusOr<std::int64_t> Take(Stamp before, Stamp mapped_before);
   StatusOr<std::int64_t> TakeRows(Stamp before, Stamp mapped_before);
-  StatusOr<bool> Counts(const LedgerRow& row);
   Status HoldRow(const LedgerRow& row);
   void TakeHeld();
   Status TakeStatement(Stamp stamp);

@@ -32,6 +32,13 @@ StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id, std::int64_t ru
   return !excluded;
 }
 
+StatusOr<bool> LedgerView::Counts(const LedgerRow& row) {
+  if (row.report_id == 0) return CountsMapped(row.version_id, row.run_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason,
+                            JudgeReported(row.report_id, row.version_id, row.begin));
+  return !reason;
+}
+
 StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
                                        std::int64_t run_id,
                                        std::int64_t version_id) {

@@ -11,6 +11,7 @@
 #include "mapstore/core/stamp.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/exclusion_rows.h"
+#include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/version_rows.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
@@ -63,6 +64,9 @@ class LedgerView {
 
   /// Whether the rows of a run that a version mapped count.
   StatusOr<bool> CountsMapped(std::int64_t version_id, std::int64_t run_id);
+
+  /// Whether a row of the ledger counts.
+  StatusOr<bool> Counts(const LedgerRow& row);
 
   /// Whether a row of the ledger tells of the past of the version's chains. What a statement
   /// accounts for does too.

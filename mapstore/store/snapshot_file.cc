@@ -190,6 +190,12 @@ Status CopyRows(Database& source,
 
 }  // namespace
 
+StatusOr<bool> IsSnapshot(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t written,
+                            database.QueryInt64("SELECT EXISTS (SELECT 1 FROM audit)"));
+  return written == 0;
+}
+
 Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
                          const VersionRow& version,

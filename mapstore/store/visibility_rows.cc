@@ -2,7 +2,6 @@
 #include "mapstore/store/visibility_rows.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <utility>
 
@@ -12,11 +11,14 @@
 namespace shiftmap {
 namespace {
 
+// Scans of one run in one direction; beyond it a detector's share is known to no end.
+constexpr int kMostScans = 1'000'000;
+
 std::string PackScans(const Visibility& scans) {
   BlobWriter blob;
   for (std::size_t i = 0; i < scans.seen.size(); ++i) {
-    blob.Add(std::int64_t{scans.seen[i]});
-    blob.Add(std::int64_t{scans.missed[i]});
+    blob.Add(std::int64_t{std::min(scans.seen[i], kMostScans)});
+    blob.Add(std::int64_t{std::min(scans.missed[i], kMostScans)});
   }
   return blob.bytes();
 }
@@ -24,14 +26,13 @@ std::string PackScans(const Visibility& scans) {
 }  // namespace
 
 std::optional<Visibility> UnpackScans(std::string_view bytes) {
-  constexpr std::int64_t kMost = std::numeric_limits<int>::max() / 1024;
   Visibility scans;
   if (bytes.size() != 2 * scans.seen.size() * sizeof(std::int64_t)) return std::nullopt;
   BlobReader blob(bytes);
   for (std::size_t i = 0; i < scans.seen.size(); ++i) {
     for (int* const count : {&scans.seen[i], &scans.missed[i]}) {
       const std::int64_t stored = blob.Integer();
-      if (stored < 0 || stored > kMost) return std::nullopt;
+      if (stored < 0 || stored > kMostScans) return std::nullopt;
       *count = static_cast<int>(stored);
     }
   }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -59,6 +60,7 @@ void AddRow(std::uint64_t seed,
   for (const double log_ratio : difference.log_rate_ratios) {
     ratios.push_back(std::exp(std::abs(log_ratio)) - 1.0);
   }
+  if (ratios.empty()) ratios.push_back(std::numeric_limits<double>::quiet_NaN());
   table->AddRow({static_cast<double>(seed),
                  grouping,
                  static_cast<double>(last.unmapped),

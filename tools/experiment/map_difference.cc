@@ -69,22 +69,26 @@ StatusOr<MapDifference> CompareMaps(const std::vector<LandmarkGroup>& reference,
         const double of_mode =
             (fit.T_truth_map * other->modes[k].p_map_landmark - group.modes[i].p_map_landmark)
                 .norm();
-        if (of_mode >= distance) continue;
+        if (of_mode >= distance || matched.contains(static_cast<int>(k) + 1)) continue;
         distance = of_mode;
         nearest = static_cast<int>(k) + 1;
       }
-      if (nearest < 0 || !matched.insert(nearest).second) {
+      if (nearest < 0) {
         ++difference.missing_modes;
         continue;
       }
+      matched.insert(nearest);
       counterpart.probabilities(static_cast<Eigen::Index>(i) + 1) = other->probabilities(nearest);
       squares += distance * distance;
       difference.position_max_m = std::max(difference.position_max_m, distance);
     }
     if (other != nullptr) {
       difference.added_modes += other->chain.states() - static_cast<int>(matched.size());
-      difference.log_rate_ratios.push_back(
-          std::log(other->chain.leave_rate_per_s() / group.chain.leave_rate_per_s()));
+      const double rate = group.chain.leave_rate_per_s();
+      const double other_rate = other->chain.leave_rate_per_s();
+      if (rate > 0.0 && other_rate > 0.0) {
+        difference.log_rate_ratios.push_back(std::log(other_rate / rate));
+      }
     }
     counterpart.other = 1.0 - counterpart.probabilities.sum();
     CompareStates(group, counterpart, &difference);

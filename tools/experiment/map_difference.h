@@ -22,7 +22,8 @@ struct MapDifference {
   double variation = 0.0;  ///< Total variation between the probabilities, mean over the groups.
   double variation_max = 0.0;
 
-  std::vector<double> log_rate_ratios;  ///< Of the map's leave rate over the reference's, by group.
+  /// Of the map's leave rate over the reference's, of groups that both have and that move.
+  std::vector<double> log_rate_ratios;
 };
 
 /// @param reference, map  By ascending signature, with probabilities at one time.

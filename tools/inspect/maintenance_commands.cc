@@ -31,6 +31,7 @@ struct CompactArguments {
   std::string store;
   int keep_versions = RetentionPolicy().keep_versions;
   std::optional<double> evidence_days;
+  std::optional<double> thin_days;
 };
 
 struct MigrateArguments {
@@ -129,19 +130,24 @@ Status RunCompact(const CompactArguments& arguments, Context& context) {
   if (arguments.evidence_days) {
     policy.evidence_before = SystemNow() - FromSeconds(86'400.0 * *arguments.evidence_days);
   }
+  if (arguments.thin_days) {
+    policy.thin_before = SystemNow() - FromSeconds(86'400.0 * *arguments.thin_days);
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const CompactResult result,
                             CompactStore(arguments.store, policy, context.dry_run()));
   context.Report({{"store", arguments.store},
                   {"versions", result.versions},
                   {"evidence_rows", result.evidence_rows},
+                  {"thinned_rows", result.thinned_rows},
                   {"decisions", result.decisions},
                   {"bytes_before", result.bytes_before},
                   {"bytes_after", result.bytes_after}},
-                 fmt::format("{}content of {} versions, {} evidence rows, {} decisions; {} bytes "
-                             "before, {} after\n",
+                 fmt::format("{}content of {} versions, {} evidence rows that no version needs, {} "
+                             "that say what others say, {} decisions; {} bytes before, {} after\n",
                              context.dry_run() ? "would delete " : "deleted ",
                              result.versions,
                              result.evidence_rows,
+                             result.thinned_rows,
                              result.decisions,
                              result.bytes_before,
                              result.bytes_after));
@@ -202,7 +208,8 @@ void AddMaintenanceCommands(Application* application) {
   auto compact = std::make_shared<CompactArguments>();
   Command& compact_command = application->AddCommand(
       "compact",
-      "Delete the content of old versions, and evidence that no kept version needs",
+      "Delete the content of old versions, and evidence that no kept version needs or that repeats "
+      "other evidence",
       [compact](Context& context) { return RunCompact(*compact, context); });
   compact_command.Option("--store", &compact->store, "Map store").Required();
   compact_command
@@ -214,6 +221,12 @@ void AddMaintenanceCommands(Application* application) {
       .Option("--evidence-days",
               &compact->evidence_days,
               "Delete evidence older than this that counts for no kept version (default: keep)")
+      .InRange(0, 1e5);
+  compact_command
+      .Option("--thin-days",
+              &compact->thin_days,
+              "Delete evidence older than this that repeats what is before and after it (default: "
+              "keep)")
       .InRange(0, 1e5);
   compact_command.Writes();
 

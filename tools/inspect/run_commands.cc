@@ -60,11 +60,15 @@ std::string ExclusionsText(const std::vector<Exclusion>& exclusions) {
 
 Status List(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            store.LoadProvenance(arguments.area, version));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
                             store.Exclusions(arguments.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<VersionNumber> version,
+                            store.PublishedVersion(arguments.area));
+  if (arguments.version) version = VersionNumber(*arguments.version);
+  Provenance provenance;
+  if (version) {
+    SHIFTMAP_ASSIGN_OR_RETURN(provenance, store.LoadProvenance(arguments.area, *version));
+  }
   Json list = Json::array();
   AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256", "state"});
   for (const RunRecord& run : provenance.runs) {
@@ -88,7 +92,7 @@ Status List(const StoreArguments& arguments, Context& context) {
   Json taken_out = Json::array();
   for (const Exclusion& exclusion : exclusions) taken_out.push_back(ExclusionJson(exclusion));
   const Json document = {{"area", arguments.area},
-                         {"version", version.value()},
+                         {"version", version ? Json(version->value()) : Json(nullptr)},
                          {"tool", provenance.tool},
                          {"seed", provenance.seed},
                          {"runs", list},
@@ -121,8 +125,7 @@ Status WarnOfPublished(const std::string& area, MapStore* store, const Context& 
   for (const std::string& run : runs) {
     context.Warn(
         fmt::format("version {} is made from run '{}', which is excluded: the next build goes on "
-                    "from the newest "
-                    "ancestor without it",
+                    "from the newest ancestor without it",
                     published->value(),
                     run));
   }
@@ -156,9 +159,12 @@ Status Change(const RunsArguments& arguments, Context& context) {
 std::string Misused(const RunsArguments& arguments) {
   const bool named = !arguments.runs.empty() || !arguments.vehicle.empty();
   if (arguments.action == kList) {
-    return named || !arguments.reason.empty() ? "list takes no runs, --vehicle or --reason" : "";
+    const bool idle = named || !arguments.reason.empty() || arguments.since_s > 0.0;
+    return idle ? "list takes no runs, --vehicle, --since or --reason" : "";
   }
   if (!named) return "expected runs, or --vehicle";
+  if (arguments.store.version) return "--version is for list";
+  if (arguments.since_s > 0.0 && arguments.vehicle.empty()) return "--since is for --vehicle";
   const bool needs_reason = arguments.action != kInclude;
   return needs_reason && arguments.reason.empty() ? "expected --reason" : "";
 }

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -206,14 +207,18 @@ TEST(MigrateDerivedTest, WhatWasKnownIsThatOfTheMigration) {
   EXPECT_FALSE(exclusions[0].held);
   EXPECT_EQ(exclusions[1].vehicle, "none");
   EXPECT_THAT(*store.ExcludedRunsOf("floor", VersionNumber(2)), ElementsAre("run_001"));
-  const std::vector<VersionSummary> versions = *store.Versions("floor");
+  const std::vector<AuditEntry> audit = *store.AuditLog("floor");
+  const auto published = std::find_if(audit.begin(), audit.end(), [](const AuditEntry& entry) {
+    return entry.action == "publish" && entry.subject == "1";
+  });
+  ASSERT_NE(published, audit.end());
   const Stamp excluded = exclusions[0].excluded;
   EXPECT_EQ(ContentHash(store.LoadKnown("floor", excluded)->content()),
             ContentHash(store.LoadAt("floor")->content()));
   EXPECT_NE(ContentHash(store.LoadKnown("floor", excluded - Duration(1))->content()),
             ContentHash(store.LoadAt("floor")->content()));
-  EXPECT_EQ(store.LoadKnown("floor", versions[0].created)->version(), VersionNumber(1));
-  EXPECT_THAT(store.LoadKnown("floor", versions[0].created - Duration(1)),
+  EXPECT_EQ(store.LoadKnown("floor", published->written)->version(), VersionNumber(1));
+  EXPECT_THAT(store.LoadKnown("floor", published->written - Duration(1)),
               StatusIs(StatusCode::kNotFound, "nothing was published by"));
 }
 

@@ -333,12 +333,25 @@ TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   const Exclusion run{Hash(1), "", {}, "to be looked at", true};
   ASSERT_THAT(store_.Exclude("a", run), IsOk());
   ASSERT_THAT(store_.Exclude("a", {report.run_hash, "", {}, "too", true}), IsOk());
-  EXPECT_THAT(store_.Exclude("a", run), StatusIs(StatusCode::kAlreadyExists, "is held already"));
+  EXPECT_THAT(store_.Exclude("a", run),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded or held already"));
   const double held = At1(At(900.0));
   EXPECT_NE(held, all);
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), IsEmpty());
   EXPECT_EQ(store_.Evidence("a", first.version)->size(), 1u);
   EXPECT_EQ((*store_.Reports("a"))[0].set_aside[0].reason, SetAside::kHeld);
+
+  // The exclusion of its vehicle is not hidden by it, nor shortened by a hold of the vehicle.
+  ASSERT_THAT(store_.Exclude("a", {"", "truck 1", At(-1e6), "slips", false}), IsOk());
+  EXPECT_THAT(store_.Exclude("a", {"", "truck 1", At(50.0), "again", true}),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded or held already"));
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
+  ASSERT_THAT(store_.Include("a", {"", "truck 1", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {"", "truck 1", At(-1e6), "slips", true}), IsOk());
+  ASSERT_THAT(store_.Exclude("a", {"", "truck 1", At(50.0), "slips", false}), IsOk());
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
+  ASSERT_THAT(store_.Include("a", {"", "truck 1", {}, "", {}}), IsOk());
+  EXPECT_EQ(At1(At(900.0)), held);
 
   // Decided one way, and the other.
   ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "slipped", false}), IsOk());

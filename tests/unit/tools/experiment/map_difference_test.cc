@@ -12,6 +12,8 @@
 namespace shiftmap {
 namespace {
 
+using testing::IsOk;
+
 LandmarkGroup Group(const std::string& signature,
                     const std::vector<Eigen::Vector2d>& places,
                     const Eigen::VectorXd& probabilities) {
