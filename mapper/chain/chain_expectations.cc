@@ -3,12 +3,33 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <unsupported/Eigen/MatrixFunctions>
 
+#include "mapper/chain/chain_spectrum.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
+
+// A chain as its gaps are computed.
+struct PreparedChain {
+  explicit PreparedChain(const ModeChain& of) : chain(&of) {
+    if (!of.uniform()) spectrum = ChainSpectrum::Of(of);
+  }
+
+  Eigen::MatrixXd Transition(Duration gap) const {
+    if (!spectrum || !(gap > Duration(0))) return chain->Transition(gap);
+    return spectrum->Transition(ToSeconds(gap));
+  }
+
+  const ModeChain* chain;
+  std::optional<ChainSpectrum> spectrum;  // Of one that is not uniform, if it is good for it.
+};
+
+std::vector<PreparedChain> Prepare(const std::vector<ModeChain>& chains) {
+  return {chains.begin(), chains.end()};
+}
 
 // The filter's pass over the steps.
 struct ForwardPass {
@@ -18,19 +39,19 @@ struct ForwardPass {
   double log_likelihood = 0.0;
 };
 
-ForwardPass RunForward(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
+ForwardPass RunForward(const ChainSteps& steps, const std::vector<PreparedChain>& chains) {
   SHIFTMAP_CHECK(static_cast<int>(chains.size()) == steps.phases,
                  "{} chains for {} phases",
                  chains.size(),
                  steps.phases);
   ForwardPass pass;
   for (const ChainSteps::Gap& gap : steps.gaps) {
-    const ModeChain& chain = chains[static_cast<std::size_t>(gap.phase)];
-    SHIFTMAP_CHECK(chain.states() == steps.states,
+    const PreparedChain& prepared = chains[static_cast<std::size_t>(gap.phase)];
+    SHIFTMAP_CHECK(prepared.chain->states() == steps.states,
                    "chain of {} states, history of {}",
-                   chain.states(),
+                   prepared.chain->states(),
                    steps.states);
-    pass.transitions.push_back(chain.Transition(gap.length));
+    pass.transitions.push_back(prepared.Transition(gap.length));
   }
   const Eigen::Index count = steps.likelihoods.cols();
   pass.filtered.resize(steps.states, count);
@@ -129,7 +150,8 @@ Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::M
 }
 
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
-  const ForwardPass pass = RunForward(steps, chains);
+  std::vector<PreparedChain> prepared = Prepare(chains);
+  const ForwardPass pass = RunForward(steps, prepared);
   SHIFTMAP_CHECK(std::isfinite(pass.log_likelihood), "what was seen is impossible");
   const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(steps.states, steps.states);
 
@@ -147,13 +169,21 @@ ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeCha
   ChainExpectations result{pass.log_likelihood, std::vector<Eigen::MatrixXd>(chains.size(), zero)};
   for (std::size_t i = 0; i < steps.gaps.size(); ++i) {
     const auto phase = static_cast<std::size_t>(steps.gaps[i].phase);
-    result.integrals[phase] += GapIntegral(chains[phase], steps.gaps[i].length, weights[i]);
+    const Duration length = steps.gaps[i].length;
+    if (std::optional<ChainSpectrum>& spectrum = prepared[phase].spectrum) {
+      spectrum->AddIntegral(ToSeconds(length), weights[i]);
+    } else {
+      result.integrals[phase] += GapIntegral(chains[phase], length, weights[i]);
+    }
+  }
+  for (std::size_t phase = 0; phase < chains.size(); ++phase) {
+    if (prepared[phase].spectrum) result.integrals[phase] = prepared[phase].spectrum->Sum();
   }
   return result;
 }
 
 double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
-  return RunForward(steps, chains).log_likelihood;
+  return RunForward(steps, Prepare(chains)).log_likelihood;
 }
 
 double PredictiveLogLikelihood(const ChainHistory& history,

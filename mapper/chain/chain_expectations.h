@@ -23,10 +23,11 @@ struct ChainExpectations {
 ///     G = ∫_0^Δ exp(Qᵀ s) C exp(Qᵀ (Δ - s)) ds,   C = α (l ∘ β)ᵀ / c
 ///
 /// with α the filtered distribution before the gap, l and β likelihood and backward message after
-/// it, and c the evidence. The integral has a closed form for a uniform chain; else it is a block
-/// of an exponential of twice the size (Van Loan, IEEE Transactions on Automatic Control 23(3),
-/// 1978). The expectations are those of Hobolth and Jensen, Journal of Applied Probability 48(4),
-/// 2011. All states are alike at the first step.
+/// it, and c the evidence. The integral has a closed form for a uniform chain; else it is taken in
+/// the eigenvectors of Q (ChainSpectrum); where these lose digits, it is a block of an exponential
+/// of twice the size (Van Loan, IEEE Transactions on Automatic Control 23(3), 1978). The
+/// expectations are those of Hobolth and Jensen, Journal of Applied Probability 48(4), 2011. All
+/// states are alike at the first step.
 ///
 /// @param chains  One per phase of the steps; what was seen is possible under them.
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains);
