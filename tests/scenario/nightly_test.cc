@@ -10,10 +10,13 @@
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/map_store.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 #include "tests/support/status_matchers.h"
@@ -133,6 +136,29 @@ TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
   const CommandResult night = Night({"--area", "floor", "--min-age-s", "0"});
   EXPECT_EQ(night.exit_code, kAttention);
   EXPECT_EQ(Json::parse(night.out)["areas"][0]["version"], 2);  // The one that names no area.
+}
+
+// Scans that had landmarks well in view where they stood, over the runs of a version's line.
+int ScansInView(const std::string& path, int version) {
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadOnly);
+  const std::vector<ModeVisibility> modes =
+      *store.MappedVisibility("floor", VersionNumber(version));
+  int scans = 0;
+  for (const ModeVisibility& mode : modes) {
+    scans += std::accumulate(mode.scans.seen.begin(), mode.scans.seen.end(), 0);
+  }
+  return scans;
+}
+
+TEST_F(NightlyTest, WhatEachRunSawIsKept) {
+  Bring(0, "monday");
+  ASSERT_EQ(Night().exit_code, 0);
+  Bring(1, "tuesday");
+  ASSERT_EQ(Night().exit_code, 0);
+  const int first = ScansInView(store_, 1);
+  const int both = ScansInView(store_, 2);
+  EXPECT_GT(first, 50);
+  EXPECT_GT(both, first + 50);
 }
 
 TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
