@@ -26,16 +26,6 @@ std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_ord
   return states;
 }
 
-const LandmarkGroup* FindGroup(const std::optional<MapContent>& map, const Signature& signature) {
-  if (!map) return nullptr;
-  const auto found =
-      std::lower_bound(map->groups.begin(),
-                       map->groups.end(),
-                       signature,
-                       [](const LandmarkGroup& a, const Signature& b) { return a.signature < b; });
-  return found != map->groups.end() && found->signature == signature ? &*found : nullptr;
-}
-
 // Modes of a group in the order they get: the prior's by number, then new ones by first visit.
 std::vector<std::size_t> ModeOrder(const MapProblem& problem,
                                    const std::vector<VisitRef>& visits,
@@ -123,18 +113,17 @@ std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
 std::vector<Visibility> KnownVisibility(const MapProblem& problem,
                                         const std::vector<Signature>& signatures,
                                         const FlatModes& flat,
-                                        const std::optional<MapContent>& prior,
                                         const std::vector<ModeVisibility>& visibility) {
   std::vector<Visibility> known(static_cast<std::size_t>(flat.count));
   for (const ModeVisibility& of_mode : visibility) {
     const auto signature =
         std::lower_bound(signatures.begin(), signatures.end(), of_mode.signature);
-    const LandmarkGroup* const group = FindGroup(prior, of_mode.signature);
-    if (group == nullptr || signature == signatures.end()) continue;
-    const int state = group->CarriedStateOf(of_mode.mode);
+    if (signature == signatures.end() || *signature != of_mode.signature) continue;
+    const auto g = static_cast<std::size_t>(signature - signatures.begin());
+    const LandmarkGroup* const group = problem.Known(g);
+    const int state = group != nullptr ? group->CarriedStateOf(of_mode.mode) : -1;
     if (state <= 0) continue;
     const ModeNumber number = group->NumberOf(state);
-    const auto g = static_cast<std::size_t>(signature - signatures.begin());
     for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
       if (problem.modes[g][k].number != number) continue;
       const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
@@ -173,10 +162,9 @@ std::vector<std::vector<ModeVisibility>> VisibilityByRun(
 LandmarkGroup MakeGroup(const MapProblem& problem,
                         const std::vector<Signature>& signatures,
                         const GroupSource& source,
-                        const std::optional<MapContent>& prior,
                         const ModeOptions& options) {
   const std::vector<BuildMode>& modes = problem.modes[source.group];
-  const LandmarkGroup* known = FindGroup(prior, signatures[source.group]);
+  const LandmarkGroup* known = problem.Known(source.group);
   LandmarkGroup group;
   group.signature = signatures[source.group];
   group.chain = ChainOf(problem, source.group, options);
@@ -212,7 +200,6 @@ std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& so
 // neither tells of keeps its own.
 StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                                                 const std::vector<GroupSource>& sources,
-                                                const std::optional<MapContent>& prior,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> evidence = options.chains.ledger;
@@ -225,9 +212,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnGroupChains(*groups, evidence, learning));
   for (std::size_t i = 0; i < chains.size(); ++i) {
-    LandmarkGroup& group = (*groups)[i];
-    const bool known = FindGroup(prior, group.signature) != nullptr;
-    if (chains[i].learned || !known) group.chain = chains[i].chain.chain();
+    const bool known = problem.Known(sources[i].group) != nullptr;
+    if (chains[i].learned || !known) (*groups)[i].chain = chains[i].chain.chain();
   }
   return chains;
 }
@@ -236,16 +222,15 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
 // 14). The prior map's probabilities enter as a statement at its stamp.
 void SetProbabilities(const MapProblem& problem,
                       const GroupSource& source,
-                      const std::optional<MapContent>& prior,
                       Stamp end,
                       LandmarkGroup* group) {
   std::vector<EvidenceRow> older = RowsOf(problem, source);
   std::vector<EvidenceRow> newer;
   ModeState state = StationaryStart(*group, problem.runs.front().data->begin());
-  const LandmarkGroup* known = FindGroup(prior, group->signature);
+  const LandmarkGroup* known = problem.Known(source.group);
   if (known != nullptr) {
     const auto first_newer = std::find_if(older.begin(), older.end(), [&](const EvidenceRow& row) {
-      return row.evidence.begin >= prior->stamp;
+      return row.evidence.begin >= problem.known_at;
     });
     newer.assign(first_newer, older.end());
     older.erase(first_newer, older.end());
@@ -256,7 +241,7 @@ void SetProbabilities(const MapProblem& problem,
     for (int i = 0; i < known->chain.states(); ++i) {
       stated.push_back({known->NumberOf(i), known->probabilities(i)});
     }
-    AddStatement(*group, CarriedProbabilities(*group, stated), prior->stamp, {}, &state);
+    AddStatement(*group, CarriedProbabilities(*group, stated), problem.known_at, {}, &state);
     state = FilterModes(*group, std::move(state), std::move(newer));
   }
   group->probabilities = ProbabilitiesAt(*group, state, end);
@@ -362,7 +347,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
       FindMissedVisits(problem,
                        options.front_end.visit_gap_s,
                        options.missed,
-                       KnownVisibility(problem, signatures, flat, prior, options.visibility));
+                       KnownVisibility(problem, signatures, flat, options.visibility));
   std::vector<GroupSource> sources;
   std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
   int modes = 0;
@@ -370,7 +355,7 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
     if (problem.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
     sources.push_back(
         {g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g]), {}});
-    content.groups.push_back(MakeGroup(problem, signatures, sources.back(), prior, options.modes));
+    content.groups.push_back(MakeGroup(problem, signatures, sources.back(), options.modes));
     sources.back().evidence = EvidenceOf(
         problem, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
     for (const std::size_t k : sources.back().order) {
@@ -381,10 +366,10 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
   // Landmarks that never leave a mode have no rate to learn.
   if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
     SHIFTMAP_ASSIGN_OR_RETURN(output.chains,
-                              LearnChainsOf(problem, sources, prior, options, &content.groups));
+                              LearnChainsOf(problem, sources, options, &content.groups));
   }
   for (std::size_t i = 0; i < sources.size(); ++i) {
-    SetProbabilities(problem, sources[i], prior, content.stamp, &content.groups[i]);
+    SetProbabilities(problem, sources[i], content.stamp, &content.groups[i]);
   }
   output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
   output.evidence.resize(problem.runs.size());

@@ -112,29 +112,28 @@ Eigen::VectorXd StartOf(const MapProblem& problem,
                         std::size_t group,
                         const ModeChain& chain,
                         Stamp begin) {
-  const bool is_known = !problem.known.empty() && problem.known[group];
-  if (!is_known || begin < problem.known[group]->stamp) return chain.stationary();
-  const KnownStates& known = *problem.known[group];
+  const LandmarkGroup* const known = problem.Known(group);
+  if (known == nullptr || begin < problem.known_at) return chain.stationary();
   const std::vector<BuildMode>& modes = problem.modes[group];
-  Eigen::VectorXd start = Eigen::VectorXd::Constant(chain.states(), known.probabilities(0));
+  Eigen::VectorXd start(chain.states());
+  start(0) = known->probabilities(0);
   for (std::size_t k = 0; k < modes.size(); ++k) {
-    const auto number = std::find(known.numbers.begin() + 1, known.numbers.end(), modes[k].number);
-    auto& p = start(static_cast<Eigen::Index>(k) + 1);
-    if (number != known.numbers.end()) p = known.probabilities(number - known.numbers.begin());
-    if (modes[k].displaced) p = known.probabilities.maxCoeff();
+    start(static_cast<Eigen::Index>(k) + 1) =
+        modes[k].displaced ? known->probabilities.maxCoeff()
+                           : known->probabilities(std::max(0, known->StateOf(modes[k].number)));
   }
   start =
       (1.0 - kMistakeProbability) * start / start.sum() + kMistakeProbability * chain.stationary();
-  return chain.Propagate(start, begin - known.stamp);
+  return chain.Propagate(start, begin - problem.known_at);
 }
 
 }  // namespace
 
 ModeChain ChainOf(const MapProblem& problem, std::size_t group, const ModeOptions& options) {
   const auto modes = static_cast<int>(problem.modes[group].size());
-  const bool is_known = !problem.known.empty() && problem.known[group];
-  if (!is_known) return ModeChain::Uniform(modes, options.leave_rate_per_s);
-  const ModeChain& chain = problem.known[group]->chain;
+  const LandmarkGroup* const known = problem.Known(group);
+  if (known == nullptr) return ModeChain::Uniform(modes, options.leave_rate_per_s);
+  const ModeChain& chain = known->chain;
   return chain.states() == modes + 1 ? chain : ModeChain::Uniform(modes, chain.leave_rate_per_s());
 }
 

@@ -112,16 +112,15 @@ MapProblem StartProblem(const std::vector<Signature>& signatures,
                         const SensorCalibration& sensor) {
   MapProblem problem = StartProblem(signatures.size(), sensor);
   problem.known.resize(signatures.size());
+  problem.known_at = prior.stamp;
   for (const LandmarkGroup& group : prior.groups) {
     const auto g = static_cast<std::size_t>(
         std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
         signatures.begin());
-    KnownStates known{group.chain, {kAbsent}, group.probabilities, prior.stamp};
     for (const Mode& mode : group.modes) {
       problem.modes[g].push_back({mode.p_map_landmark, mode.number});
-      known.numbers.push_back(mode.number);
     }
-    problem.known[g] = std::move(known);
+    problem.known[g] = group;
   }
   const std::vector<Eigen::Vector2d> positions = ModePositions(problem);
   problem.in_map_units = positions.size() > 1;  // One position has no length.

@@ -18,8 +18,8 @@
 #include "mapper/problem/waiting_runs.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map/calibration.h"
+#include "mapstore/map/landmark_group.h"
 #include "mapstore/map/map_snapshot.h"
-#include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
 
@@ -65,14 +65,6 @@ struct BuildModeRef {
 /// The modes at which a run's visits hold, ascending, each once.
 std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 
-/// What the prior map knows of where a landmark stands.
-struct KnownStates {
-  ModeChain chain;
-  std::vector<ModeNumber> numbers;  ///< Of the chain's states, `absent` first.
-  Eigen::VectorXd probabilities;    ///< By state,
-  Stamp stamp;                      ///< at this time.
-};
-
 /// The mapping problem as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct MapProblem {
@@ -82,8 +74,15 @@ struct MapProblem {
   std::vector<WaitingRuns> waiting;           ///< Without a decided place (place_submaps.h).
   SensorCalibration sensor;
 
-  /// Per group; nothing for one that the prior map does not have. Empty without a prior map.
-  std::vector<std::optional<KnownStates>> known;
+  /// Per group what the prior map has of it; nothing for one that it does not have. Empty without a
+  /// prior map.
+  std::vector<std::optional<LandmarkGroup>> known;
+  Stamp known_at;  ///< Their probabilities hold then.
+
+  /// The same, or null.
+  const LandmarkGroup* Known(std::size_t group) const {
+    return !known.empty() && known[group] ? &*known[group] : nullptr;
+  }
 
   /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.
   std::vector<GraphPrior> priors;

@@ -16,6 +16,7 @@
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
 #include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/version_rows.h"
@@ -54,19 +55,11 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
   return OkStatus();
 }
 
-// The key of a row of the ledger within its area.
-struct EvidenceKey {
-  std::int64_t begin_ns;
-  std::int64_t end_ns;
-  std::int64_t report_id;
-  std::string signature;
-};
-
 // Rows of visits that ended before `before` and that count for none of the versions.
-StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
-                                                     std::int64_t area_id,
-                                                     const std::vector<std::int64_t>& versions,
-                                                     Stamp before) {
+StatusOr<std::vector<LedgerKey>> FindSpentEvidence(Database& database,
+                                                   std::int64_t area_id,
+                                                   const std::vector<std::int64_t>& versions,
+                                                   Stamp before) {
   std::vector<LedgerView> views;
   for (const std::int64_t version_id : versions) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, GetVersionById(database, version_id));
@@ -77,7 +70,7 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
       database.Prepare("SELECT begin_ns, end_ns, report_id, signature, version_id "
                        "FROM visit_evidence WHERE area_id = ?1 AND begin_ns < ?2 AND end_ns < ?2"));
   rows.Bind(area_id, ToNanoseconds(before));
-  std::vector<EvidenceKey> spent;
+  std::vector<LedgerKey> spent;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
     if (!row) return spent;
@@ -89,7 +82,13 @@ StatusOr<std::vector<EvidenceKey>> FindSpentEvidence(Database& database,
       counts = counts || !aside || aside == SetAside::kExcluded || aside == SetAside::kHeld;
       if (counts) break;
     }
-    if (!counts) spent.push_back({rows.Int64(0), rows.Int64(1), rows.Int64(2), rows.Text(3)});
+    if (counts) continue;
+    spent.push_back({StampFromNanoseconds(rows.Int64(0)),
+                     StampFromNanoseconds(rows.Int64(1)),
+                     rows.Int64(2),
+                     0,
+                     rows.Int64(4),
+                     rows.Text(3)});
   }
 }
 
@@ -139,16 +138,9 @@ Status CompactEvidence(Database& database,
                        const std::vector<std::int64_t>& versions,
                        Stamp before,
                        CompactResult* result) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceKey> spent,
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<LedgerKey> spent,
                             FindSpentEvidence(database, area_id, versions, before));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement erase,
-      database.Prepare("DELETE FROM visit_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
-                       "AND end_ns = ?3 AND report_id = ?4 AND signature = ?5"));
-  for (const EvidenceKey& key : spent) {
-    erase.Bind(area_id, key.begin_ns, key.end_ns, key.report_id, key.signature);
-    SHIFTMAP_RETURN_IF_ERROR(erase.Execute());
-  }
+  SHIFTMAP_RETURN_IF_ERROR(DeleteLedgerRows(database, area_id, spent));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t mapped,
                             DeleteSpentMapped(database, area_id, versions, before));
   result->evidence_rows += static_cast<std::int64_t>(spent.size()) + mapped;

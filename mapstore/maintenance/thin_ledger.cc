@@ -3,11 +3,11 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <string_view>
 #include <unordered_map>
-#include <utility>
 #include <vector>
 
 #include "mapstore/map/map_snapshot.h"
@@ -23,15 +23,6 @@ constexpr double kSure = 10.0;          // [nat]
 constexpr double kContradiction = 1.0;  // [nat]
 constexpr double kMoved = 0.05;         // Probability.
 
-// A row by its key.
-struct RowKey {
-  Stamp begin;
-  Stamp end;
-  std::int64_t report_id = 0;
-  std::int64_t run_id = 0;
-  std::int64_t version_id = 0;
-};
-
 // What a row says for a state: its log-likelihood less the largest of all others. [nat]
 double MarginOf(const Eigen::VectorXd& log_likelihoods, Eigen::Index state) {
   double others = -std::numeric_limits<double>::infinity();
@@ -45,11 +36,11 @@ double MarginOf(const Eigen::VectorXd& log_likelihoods, Eigen::Index state) {
 class Stretch {
  public:
   // Takes the next row, and adds those that it makes dispensable.
-  void Add(const RowKey& row,
+  void Add(const LedgerKey& row,
            std::int64_t vehicle,
            const Eigen::VectorXd& log_likelihoods,
            double max_gap_s,
-           std::vector<RowKey>* dispensable) {
+           std::vector<LedgerKey>* dispensable) {
     const double margin = state_ ? MarginOf(log_likelihoods, *state_) : 0.0;
     if (state_ && margin >= kSure) {
       AddSure({row, vehicle}, max_gap_s, dispensable);
@@ -69,11 +60,11 @@ class Stretch {
 
  private:
   struct SureRow {
-    RowKey row;
+    LedgerKey row;
     std::int64_t vehicle = 0;
   };
 
-  void AddSure(const SureRow& sure, double max_gap_s, std::vector<RowKey>* dispensable) {
+  void AddSure(const SureRow& sure, double max_gap_s, std::vector<LedgerKey>* dispensable) {
     dispensable->insert(dispensable->end(), between_.begin(), between_.end());
     between_.clear();
     against_ = 0.0;
@@ -97,7 +88,7 @@ class Stretch {
   }
 
   // A row that stays, and the last ones before it with it.
-  void Keep(const RowKey& row) {
+  void Keep(const LedgerKey& row) {
     last_kept_ = row.begin;
     last_.reset();
     last_of_another_.reset();
@@ -107,8 +98,8 @@ class Stretch {
   std::int64_t first_vehicle_ = 0;
   bool confirmed_ = false;  // By another vehicle.
   Stamp last_kept_;
-  std::vector<RowKey> between_;  // Since the last sure row,
-  double against_ = 0.0;         // and what they say against the state. [nat]
+  std::vector<LedgerKey> between_;  // Since the last sure row,
+  double against_ = 0.0;            // and what they say against the state. [nat]
   std::optional<SureRow> last_;
   std::optional<SureRow> last_of_another_;
 };
@@ -140,14 +131,13 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
                                   const std::string& owner) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadContent(database, version, owner));
   std::unordered_map<std::string_view, Group> groups = MakeGroups(content);
-  std::vector<std::pair<std::string, RowKey>> rows;  // With the signature.
+  std::vector<LedgerKey> dispensable;
   {
     LedgerView view(database, version);
     SHIFTMAP_ASSIGN_OR_RETURN(LedgerCursor cursor,
                               LedgerCursor::Make(database, area_id, Stamp::min(), before, before));
     std::vector<VisitEvidence::ModeLogLikelihood> modes;
     Eigen::VectorXd log_likelihoods;
-    std::vector<RowKey> dispensable;
     for (;;) {
       SHIFTMAP_ASSIGN_OR_RETURN(const LedgerRow* const row, cursor.Next());
       if (row == nullptr) break;
@@ -164,36 +154,12 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
       if (!StateLogLikelihoods(*group->second.group, modes, &log_likelihoods)) continue;
       SHIFTMAP_ASSIGN_OR_RETURN(const LedgerVehicle* const vehicle,
                                 view.VehicleOf(row->report_id, row->run_id));
-      dispensable.clear();
       group->second.stretch.Add(
-          {row->begin, row->end, row->report_id, row->run_id, row->version_id},
-          vehicle->key,
-          log_likelihoods,
-          group->second.max_gap_s,
-          &dispensable);
-      for (const RowKey& key : dispensable) rows.emplace_back(row->signature, key);
+          KeyOf(*row), vehicle->key, log_likelihoods, group->second.max_gap_s, &dispensable);
     }
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement reported,
-      database.Prepare("DELETE FROM visit_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
-                       "AND end_ns = ?3 AND report_id = ?4 AND signature = ?5"));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement mapped,
-      database.Prepare("DELETE FROM mapped_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
-                       "AND end_ns = ?3 AND version_id = ?4 AND run_id = ?5 AND signature = ?6"));
-  for (const auto& [signature, key] : rows) {
-    const std::int64_t begin_ns = ToNanoseconds(key.begin);
-    const std::int64_t end_ns = ToNanoseconds(key.end);
-    if (key.report_id != 0) {
-      reported.Bind(area_id, begin_ns, end_ns, key.report_id, signature);
-      SHIFTMAP_RETURN_IF_ERROR(reported.Execute());
-    } else {
-      mapped.Bind(area_id, begin_ns, end_ns, key.version_id, key.run_id, signature);
-      SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
-    }
-  }
-  return static_cast<std::int64_t>(rows.size());
+  SHIFTMAP_RETURN_IF_ERROR(DeleteLedgerRows(database, area_id, dispensable));
+  return std::ssize(dispensable);
 }
 
 }  // namespace shiftmap

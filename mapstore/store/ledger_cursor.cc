@@ -5,6 +5,36 @@
 
 namespace shiftmap {
 
+LedgerKey KeyOf(const LedgerRow& row) {
+  return {
+      row.begin, row.end, row.report_id, row.run_id, row.version_id, std::string(row.signature)};
+}
+
+Status DeleteLedgerRows(Database& database,
+                        std::int64_t area_id,
+                        const std::vector<LedgerKey>& keys) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement reported,
+      database.Prepare("DELETE FROM visit_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
+                       "AND end_ns = ?3 AND report_id = ?4 AND signature = ?5"));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement mapped,
+      database.Prepare("DELETE FROM mapped_evidence WHERE area_id = ?1 AND begin_ns = ?2 "
+                       "AND end_ns = ?3 AND version_id = ?4 AND run_id = ?5 AND signature = ?6"));
+  for (const LedgerKey& key : keys) {
+    const std::int64_t begin_ns = ToNanoseconds(key.begin);
+    const std::int64_t end_ns = ToNanoseconds(key.end);
+    if (key.report_id != 0) {
+      reported.Bind(area_id, begin_ns, end_ns, key.report_id, key.signature);
+      SHIFTMAP_RETURN_IF_ERROR(reported.Execute());
+    } else {
+      mapped.Bind(area_id, begin_ns, end_ns, key.version_id, key.run_id, key.signature);
+      SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
+    }
+  }
+  return OkStatus();
+}
+
 StatusOr<LedgerCursor> LedgerCursor::Make(
     Database& database, std::int64_t area_id, Stamp from, Stamp before, Stamp mapped_before) {
   SHIFTMAP_ASSIGN_OR_RETURN(

@@ -5,8 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/sqlite/database.h"
@@ -24,6 +26,22 @@ struct LedgerRow {
   std::string_view signature;
   std::string_view log_likelihoods;  ///< As in blob.h.
 };
+
+/// What tells a row of the ledger apart within its area.
+struct LedgerKey {
+  Stamp begin;
+  Stamp end;
+  std::int64_t report_id = 0;  ///< 0: the version mapped the run
+  std::int64_t run_id = 0;     ///< of this id; else these two are not part of the key.
+  std::int64_t version_id = 0;
+  std::string signature;
+};
+
+LedgerKey KeyOf(const LedgerRow& row);
+
+Status DeleteLedgerRows(Database& database,
+                        std::int64_t area_id,
+                        const std::vector<LedgerKey>& keys);
 
 /// The rows of an area in the order in which chains are filtered: by begin, then end; then reported
 /// before mapped ones, these by version, run and signature.

@@ -12,8 +12,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::size_t kShortHash = 12;
-
 Json VersionJson(const std::optional<VersionNumber>& version) {
   return version ? Json(version->value()) : Json(nullptr);
 }
@@ -56,7 +54,7 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
                   version.published ? "yes" : "",
                   version.content_stored ? "yes" : "no",
                   TimeText(version.created),
-                  version.content_hash.substr(0, kShortHash),
+                  ShortHash(version.content_hash),
                   version.tool});
   }
   context.Report({{"versions", list}}, table.ToString());

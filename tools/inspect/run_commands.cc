@@ -19,8 +19,6 @@ constexpr char kExclude[] = "exclude";
 constexpr char kInclude[] = "include";
 constexpr char kHold[] = "hold";
 
-constexpr std::size_t kShortHash = 12;
-
 struct RunsArguments {
   std::string action = kList;
   StoreArguments store;
@@ -86,7 +84,7 @@ Status List(const StoreArguments& arguments, Context& context) {
          run.vehicle,
          TimeText(run.begin),
          fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin)),
-         run.sha256.substr(0, kShortHash),
+         ShortHash(run.sha256),
          state});
   }
   Json taken_out = Json::array();

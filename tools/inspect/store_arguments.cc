@@ -52,6 +52,8 @@ StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) 
                            : store->LoadAt(arguments.area, version, at);
 }
 
+std::string ShortHash(const std::string& hash) { return hash.substr(0, 12); }
+
 std::string TimeText(Stamp stamp) { return stamp == Stamp() ? "-" : FormatUtc(stamp); }
 
 }  // namespace shiftmap

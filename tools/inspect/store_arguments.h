@@ -40,6 +40,9 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
 /// without one, by this host's clock.
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
 
+/// As many digits of a hash as people need.
+std::string ShortHash(const std::string& hash);
+
 /// FormatUtc(); a dash for the epoch, which stands for never.
 std::string TimeText(Stamp stamp);
 

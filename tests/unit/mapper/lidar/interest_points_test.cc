@@ -9,7 +9,7 @@
 #include <random>
 #include <string>
 
-#include "tests/unit/mapper/lidar/ray_caster.h"
+#include "tests/support/ray_caster.h"
 
 namespace shiftmap {
 namespace {

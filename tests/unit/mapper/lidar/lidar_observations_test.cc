@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/unit/mapper/lidar/ray_caster.h"
+#include "tests/support/ray_caster.h"
 
 namespace shiftmap {
 namespace {

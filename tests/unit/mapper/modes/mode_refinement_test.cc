@@ -126,11 +126,14 @@ TEST(ModeRefinement, SelectionStartsFromWhatThePriorMapKnew) {
   problem.modes[0] = {{problem.modes[0][0].p_map_landmark, ModeNumber(4)},
                       {problem.modes[0][0].p_map_landmark, ModeNumber(7)}};
   problem.known.resize(problem.modes.size());
-  KnownStates& known = problem.known[0].emplace(
-      ModeChain::Uniform(2, 1e-6), std::vector<ModeNumber>{kAbsent, ModeNumber(4), ModeNumber(7)});
+  LandmarkGroup& known = problem.known[0].emplace();
+  known.chain = ModeChain::Uniform(2, 1e-6);
+  known.modes.resize(2);
+  known.modes[0].number = ModeNumber(4);
+  known.modes[1].number = ModeNumber(7);
   const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
   const Stamp begin = VisitOf(problem, visits[0]).begin;
-  known.stamp = begin - FromSeconds(3600.0);
+  problem.known_at = begin - FromSeconds(3600.0);
   for (const int likely : {1, 2}) {
     known.probabilities = Eigen::Vector3d(0.1, 0.1, 0.1);
     known.probabilities(likely) = 0.8;
@@ -145,7 +148,7 @@ TEST(ModeRefinement, SelectionStartsFromWhatThePriorMapKnew) {
     EXPECT_NEAR(
         std::exp(sequence.log_initial(likely)), 1.0 / 3.0 + (stated - 1.0 / 3.0) * relaxed, 1e-12);
   }
-  known.stamp = begin + FromSeconds(1.0);  // The run is older.
+  problem.known_at = begin + FromSeconds(1.0);  // The run is older.
   const ModeSequenceProblem older = MakeGroupSequence(problem, visits, 0, options.modes);
   EXPECT_NEAR(std::exp(older.log_initial(2)), 1.0 / 3.0, 1e-12);
 }

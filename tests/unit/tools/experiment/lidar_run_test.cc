@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "tests/unit/mapper/lidar/ray_caster.h"
+#include "tests/support/ray_caster.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/experiment/pose_relations.h"
 

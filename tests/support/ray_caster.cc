@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/unit/mapper/lidar/ray_caster.h"
+#include "tests/support/ray_caster.h"
 
 #include <algorithm>
 #include <cmath>
