@@ -30,8 +30,8 @@ class ScanPolygon {
  public:
   /// @param border_lidar   What the beams hit, by strictly ascending bearing in [-π, π], lidar
   ///                       frame; for a beam without return where it could have hit. [m]
-  /// @param all_round      The first beam follows upon the last. Otherwise what is between these
-  ///                       two, behind the lidar, is not covered.
+  /// @param all_round      The beams cover the full circle. If not, the sector behind the lidar,
+  ///                       from the last beam to the first, is outside.
   /// @param grown_m        As in ScanPolygonOptions.
   ScanPolygon(std::span<const Eigen::Vector2d> border_lidar,
               const Se2& T_vehicle_lidar,
@@ -58,7 +58,7 @@ class ScanPolygonFieldOfView {
   /// @param pose                At the time of the scan.
   /// @param p_map_landmark      [m]
   /// @param cov_p_map_landmark  Taken for independent of the pose, as the paper does. [m²]
-  /// @return 0 for what is not a number.
+  /// @return 0 if a value is NaN.
   double operator()(const ScanPolygon& polygon,
                     const PoseWithCovariance& pose,
                     const Eigen::Vector2d& p_map_landmark,

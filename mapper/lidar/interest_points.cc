@@ -9,7 +9,7 @@
 namespace shiftmap {
 namespace {
 
-// Of a Gaussian: what is further than so many standard deviations counts for nothing.
+// The Gaussian is cut off at so many standard deviations.
 constexpr double kReach = 3.0;
 
 // Hits of neighbouring beams on one surface, points[begin, end).
