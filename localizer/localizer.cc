@@ -249,7 +249,7 @@ void Localizer::Step(const WindowScan& step) {
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
-  decisions_.insert(decisions_.end(), events.decisions.begin(), events.decisions.end());
+  for (const TreeDecision& made : events.decisions) decisions_.push_back(made.decision);
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
@@ -331,8 +331,7 @@ bool Localizer::NearAMode(int group, const SightingCollector::PlaceState& place)
 void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
   StateEvidence evidence;
   evidence.stamp = stamp;
-  for (std::size_t i = 0; i < events.decisions.size(); ++i) {
-    const Decision& decision = events.decisions[i];
+  for (const auto& [decision, surprising] : events.decisions) {
     const bool absent = decision.mode == kAbsent;
     const int group = snapshot_.GroupIndex(decision.signature);
     // One that is seen elsewhere is for ChangeMonitor::Sighted() to judge, which takes longer: the
@@ -341,9 +340,9 @@ void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
         events.outcomes.begin(), events.outcomes.end(), [&](const ObservationOutcome& outcome) {
           return outcome.group == group;
         });
-    const bool gone = absent && events.surprising[i] && !seen;
+    const bool gone = absent && surprising && !seen;
     changes_.Decided(group, gone && !at_two_places_.contains(decision.signature), stamp);
-    if (absent || !events.surprising[i]) continue;
+    if (absent || !surprising) continue;
     evidence.signature = decision.signature;
     evidence.mode = decision.mode;
     evidence.log_odds = decision.log_odds;

@@ -4,9 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "localizer/hypothesis/leaf_set.h"
-#include "localizer/hypothesis/sequential_test.h"
-#include "localizer/hypothesis/visit.h"
+#include "localizer/hypothesis/hypothesis_tree.h"
+#include "localizer/hypothesis/known_map_leaf.h"
 #include "localizer/models/mode_grid.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
@@ -43,8 +42,7 @@ struct ObservationOutcome {
 struct BankEvents {
   std::vector<ObservationOutcome> outcomes;
   std::vector<VisitEvidence> evidence;  ///< Of visits that ended.
-  std::vector<Decision> decisions;
-  std::vector<bool> surprising;  ///< Per decision: another mode than the map's favourite.
+  std::vector<TreeDecision> decisions;
 
   void Clear();
 };
@@ -82,25 +80,23 @@ class HypothesisBank {
   /// Ends all visits, as at the end of a shift.
   std::vector<VisitEvidence> EndVisits();
 
-  const Leaf& best() const { return leaves_.front(); }
+  const Leaf& best() const { return tree_.best(); }
 
   /// Where dead reckoning has the vehicle: it moves as the vehicle does, and is never corrected.
   const Se2& T_odom_vehicle() const { return T_odom_vehicle_; }
-  const LeafSet& leaves() const { return leaves_; }
-  const std::vector<Visit>& visits() const { return visits_; }
+  const LeafSet<Leaf>& leaves() const { return tree_.leaves(); }
+  const std::vector<Visit>& visits() const { return tree_.visits(); }
 
   /// Probability of each state of a group now; size n + 1, never exactly 0 or 1.
-  Eigen::VectorXd Probabilities(int group) const;
+  Eigen::VectorXd Probabilities(int group) const {
+    return tree_.Probabilities(group, snapshot_.groups(), stamp_);
+  }
 
   /// Largest probability mass that the bound on the leaves cost in one scan.
-  double dropped_mass_max() const { return dropped_mass_max_; }
-  int leaves_max() const { return leaves_max_; }
+  double dropped_mass_max() const { return tree_.dropped_mass_max(); }
+  int leaves_max() const { return tree_.leaves_max(); }
 
  private:
-  struct GroupPosterior {
-    Eigen::VectorXd probabilities;
-    Stamp stamp;
-  };
   // An observation against a mode of a leaf.
   struct ModeScore {
     KnownMapFilter::Prediction prediction;
@@ -110,12 +106,10 @@ class HypothesisBank {
   };
   struct SeenObservation;  // What all leaves have in common about an observation.
 
+  double Occluded() const { return snapshot_.calibration().sensor.occluded_visit_probability; }
   const LandmarkGroup& GroupAt(int group) const {
     return snapshot_.groups()[static_cast<std::size_t>(group)];
   }
-  void ReserveMemory();
-  Visit* FindVisit(int group);
-  std::size_t BeliefIndex(int group) const;  // Into Leaf::beliefs; size() if there is none.
   bool FarOutsideSector(const Mode& mode) const;
   bool InView(int group, double threshold) const;
   double InViewProbability(const KnownMapFilter::Point& point) const;
@@ -125,32 +119,25 @@ class HypothesisBank {
                     const SeenObservation& seen,
                     const ModeScore& score,
                     int state,
-                    GroupBelief* belief) const;
+                    PlaceBelief* belief) const;
 
   double LogAbsent(const SeenObservation& seen,
                    std::optional<double> log_ungated,
                    double weight,
                    Leaf* leaf,
-                   GroupBelief* belief) const;
+                   PlaceBelief* belief) const;
   void StartPlace(const SeenObservation& seen,
                   double probability,
                   Leaf* leaf,
-                  GroupBelief* belief) const;
+                  PlaceBelief* belief) const;
   // The place remembered for a group is apart from its modes.
   bool IsUnknown(int group, const Leaf& leaf) const;
-  void MissPlace(const Leaf& leaf, GroupBelief* belief) const;
+  void MissPlace(const Leaf& leaf, PlaceBelief* belief) const;
 
   // A bound on LogUngated() that costs less.
   static double LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score);
 
   void OpenVisitsInView(const Scan& scan);
-  void OpenVisit(int group);
-  VisitEvidence CloseVisit(std::size_t visit_index);
-  bool LeavesAgree(std::size_t index) const;
-  void EraseBelief(std::size_t index);
-  void CloseStaleVisits(std::vector<VisitEvidence>* evidence);
-  void ReleaseAgreedBeliefs();
-
   void Take(const Observation& observation, std::size_t index, int group);
   ObservationOutcome Judge(const SeenObservation& seen);
   double ViewWeight(Visit* visit) const;
@@ -159,7 +146,7 @@ class HypothesisBank {
   void AddChild(const Leaf& parent,
                 const SeenObservation& seen,
                 const ModeScore& score,
-                const GroupBelief& before,
+                const PlaceBelief& before,
                 int state,
                 double weight);
   void Resolve(const SeenObservation& seen,
@@ -168,35 +155,20 @@ class HypothesisBank {
                double weight,
                Leaf* leaf) const;
   void Miss(int group);
-  void AddMiss(int state, double log_miss, GroupBelief* belief, double* log_likelihood) const;
-  void Test(BankEvents* events);
-  void GiveUp(const HopelessStates& states,
-              const StateValues& log_alive,
-              std::size_t belief_index,
-              Visit* visit);
-  void Decide(int state, double log_odds, Visit* visit, BankEvents* events) const;
-  void Reduce();
 
   MapSnapshot snapshot_;
   HypothesisOptions options_;
   ModeGrid grid_;
   double gate_ = 0.0;                   // Chi-square quantile.
-  double threshold_ = 0.0;              // Of the sequential test.
   double unknown_place_density_ = 0.0;  // UnknownPlaceDensity().
   Eigen::Vector2d edge_of_view_;        // Of the sector, on the left; a unit vector.
   Stamp stamp_;
-  Se2 T_odom_vehicle_;                      // Dead-reckoned, the same for all leaves.
-  LeafSet leaves_;                          // By descending weight.
-  std::vector<Visit> visits_;               // Open ones, by group.
-  std::vector<GroupPosterior> posteriors_;  // Per group, for those without a belief.
-  std::vector<Stamp> held_since_;           // Per group: end of the visit whose belief leaves hold.
+  Se2 T_odom_vehicle_;  // Dead-reckoned, the same for all leaves.
+  HypothesisTree<Leaf> tree_;
   BankEvents events_;
-  std::vector<int> nearby_;       // Scratch.
-  std::vector<bool> must_agree_;  // By belief: its visit is open. Empty if not up to date.
+  std::vector<int> nearby_;                       // Scratch.
   std::vector<std::optional<ModeScore>> judged_;  // Of the heaviest leaf, by state.
   double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
-  double dropped_mass_max_ = 0.0;
-  int leaves_max_ = 1;
 };
 
 }  // namespace shiftmap

@@ -33,13 +33,6 @@ constexpr double kSameViewYaw = 0.05;      // [rad]
 // Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
 constexpr int kMaxContradictions = 5;
 
-/// Makes the probabilities of an unresolved belief sum to 1; returns the log of their sum before.
-double Normalize(GroupBelief* belief) {
-  const double total = LogSumExp(AsVector(belief->log_p));
-  if (total != kLogZero) AsVector(belief->log_p).array() -= total;
-  return total;
-}
-
 }  // namespace
 
 struct HypothesisBank::SeenObservation {
@@ -74,28 +67,29 @@ struct HypothesisBank::SeenObservation {
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
   const SeenObservation seen(observation,
                              group,
-                             BeliefIndex(group),
+                             tree_.BeliefIndex(group),
                              snapshot_.calibration().sensor,
                              unknown_place_density_);
   ObservationOutcome outcome = Judge(seen);
   outcome.index = index;
   events_.outcomes.push_back(outcome);
 
-  Visit* visit = FindVisit(group);
+  Visit* visit = tree_.FindVisit(group);
   if (visit->decided) {
     const bool agrees = *visit->decided == 0 ? !outcome.gated_any : outcome.gated;
     visit->contradictions = agrees ? 0 : visit->contradictions + 1;
     if (visit->contradictions >= kMaxContradictions) {
-      events_.evidence.push_back(CloseVisit(static_cast<std::size_t>(visit - visits_.data())));
-      OpenVisit(group);
-      visit = FindVisit(group);
+      const auto at = static_cast<std::size_t>(visit - tree_.visits().data());
+      events_.evidence.push_back(tree_.CloseVisit(at, snapshot_.groups()));
+      tree_.OpenVisit(group, snapshot_.groups(), stamp_);
+      visit = tree_.FindVisit(group);
     }
   }
   visit->end = stamp_;
   visit->seen = true;
   ++visit->observations;
   Observe(seen, ViewWeight(visit));
-  Reduce();
+  tree_.Reduce();
 }
 
 double HypothesisBank::InViewProbability(const KnownMapFilter::Point& point) const {
@@ -128,9 +122,9 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
                                   const SeenObservation& seen,
                                   const ModeScore& score,
                                   int state,
-                                  GroupBelief* belief) const {
+                                  PlaceBelief* belief) const {
   double log_clutter = seen.log_false_alarm;
-  AddMiss(state, score.log_miss, belief, &log_clutter);
+  AddMiss(state, score.log_miss, Occluded(), belief, &log_clutter);
   const auto prediction = leaf.filter.PredictObservation(seen.misjudged, score.prediction.point);
   const double log_misjudged =
       std::log(kMisjudgedShare) + score.log_detection + prediction.LogLikelihood();
@@ -147,7 +141,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
                                  std::optional<double> log_ungated,
                                  double weight,
                                  Leaf* leaf,
-                                 GroupBelief* belief) const {
+                                 PlaceBelief* belief) const {
   const UnknownPlace* const place =
       belief->place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
   if (!place) {
@@ -160,7 +154,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   const double log_detection = std::log(detection * std::max(in_view, options_.fov_leave));
   const double log_here = log_detection + prediction.LogLikelihood();
   double log_clutter = seen.log_any;
-  AddMiss(0, std::log1p(-detection * in_view), belief, &log_clutter);
+  AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_clutter);
   const double log_misjudged = std::log(kMisjudgedShare) + log_detection +
                                leaf->filter.PredictPlace(*place, seen.misjudged).LogLikelihood();
   const double log_not_here = LogAdd(log_clutter, log_misjudged);
@@ -189,7 +183,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
 void HypothesisBank::StartPlace(const SeenObservation& seen,
                                 double probability,
                                 Leaf* leaf,
-                                GroupBelief* belief) const {
+                                PlaceBelief* belief) const {
   leaf->filter.StartPlace(seen.group, seen.measurement, T_odom_vehicle_.translation());
   belief->place_probability = IsUnknown(seen.group, *leaf) ? probability : 0.0;
   belief->log_missed[0] = 0.0;
@@ -210,7 +204,7 @@ double HypothesisBank::LogUngatedAtMost(const SeenObservation& seen, const ModeS
 }
 
 ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {
-  const GroupBelief& belief = best().beliefs[seen.belief_index];
+  const PlaceBelief& belief = best().beliefs[seen.belief_index];
   ObservationOutcome outcome;
   outcome.group = seen.group;
   double best_score = kLogZero;
@@ -248,7 +242,7 @@ double HypothesisBank::ViewWeight(Visit* visit) const {
 void HypothesisBank::Observe(const SeenObservation& seen, double weight) {
   bool heaviest = true;
   heaviest_fork_ = kLogZero;
-  for (Leaf* leaf : leaves_.Rebuild()) {
+  for (Leaf* leaf : tree_.leaves().Rebuild()) {
     Branch(seen, weight, heaviest, leaf);
     heaviest = false;
   }
@@ -257,14 +251,14 @@ void HypothesisBank::Observe(const SeenObservation& seen, double weight) {
 void HypothesisBank::AddChild(const Leaf& parent,
                               const SeenObservation& seen,
                               const ModeScore& score,
-                              const GroupBelief& before,
+                              const PlaceBelief& before,
                               int state,
                               double weight) {
   const double log_weight =
       parent.log_weight + before.LogProbability(state) + weight * *score.log_likelihood;
   if (log_weight < heaviest_fork_ - kNegligible) return;
   heaviest_fork_ = std::max(heaviest_fork_, log_weight);
-  Leaf& child = leaves_.Add(parent);
+  Leaf& child = tree_.leaves().Add(parent);
   child.beliefs[seen.belief_index] = before;
   Resolve(seen, score, state, weight, &child);
 }
@@ -274,7 +268,7 @@ void HypothesisBank::Resolve(const SeenObservation& seen,
                              int state,
                              double weight,
                              Leaf* leaf) const {
-  GroupBelief& belief = leaf->beliefs[seen.belief_index];
+  PlaceBelief& belief = leaf->beliefs[seen.belief_index];
   leaf->log_weight += belief.LogProbability(state) + weight * *score.log_likelihood;
   leaf->filter.Update(score.prediction, {seen.group, state}, snapshot_, weight);
   leaf->filter.ErasePlace(seen.group);
@@ -285,8 +279,8 @@ void HypothesisBank::Resolve(const SeenObservation& seen,
 
 void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool heaviest, Leaf* leaf) {
   // The leaf itself becomes the rest: the observation is no known mode, and the filter stays.
-  GroupBelief& belief = leaf->beliefs[seen.belief_index];
-  const GroupBelief before = belief;
+  PlaceBelief& belief = leaf->beliefs[seen.belief_index];
+  const PlaceBelief before = belief;
   const bool unresolved = before.resolved == GroupBelief::kUnresolved;
   bool explained = false;
   double log_ungated_most = kLogZero;
@@ -299,7 +293,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
     if (!unresolved &&
         LogLikelihood(*leaf, {seen.group, state}, &score) >= LogUngatedAtMost(seen, score)) {
       Resolve(seen, score, state, weight, leaf);
-      leaves_.Keep(leaf);
+      tree_.leaves().Keep(leaf);
       return;
     }
     const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
@@ -315,7 +309,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       // A resolved leaf takes an observation for what it likelier is; for others it may be either.
       belief = before;
       Resolve(seen, score, state, weight, leaf);
-      leaves_.Keep(leaf);
+      tree_.leaves().Keep(leaf);
       return;
     } else {
       leaf->log_weight += weight * log_ungated;
@@ -333,17 +327,17 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
     leaf->log_weight += Normalize(&belief);
   }
   if (leaf->log_weight == kLogZero) {
-    leaves_.Drop(leaf);
+    tree_.leaves().Drop(leaf);
   } else {
-    leaves_.Keep(leaf);
+    tree_.leaves().Keep(leaf);
   }
 }
 
 void HypothesisBank::Miss(int group) {
-  const std::size_t index = BeliefIndex(group);
+  const std::size_t index = tree_.BeliefIndex(group);
   const double detection = snapshot_.calibration().sensor.detection_probability;
-  for (Leaf* leaf : leaves_.all()) {
-    GroupBelief& belief = leaf->beliefs[index];
+  for (Leaf* leaf : tree_.leaves().all()) {
+    PlaceBelief& belief = leaf->beliefs[index];
     const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
     for (int state = 1; state < belief.states(); ++state) {
       if (belief.LogProbability(state) == kLogZero) continue;
@@ -352,7 +346,7 @@ void HypothesisBank::Miss(int group) {
       if (in_view == 0.0) continue;
       double* const log_likelihood =
           unresolved ? &belief.log_p[static_cast<std::size_t>(state)] : &leaf->log_weight;
-      AddMiss(state, std::log1p(-detection * in_view), &belief, log_likelihood);
+      AddMiss(state, std::log1p(-detection * in_view), Occluded(), &belief, log_likelihood);
     }
     if (!unresolved) continue;
     MissPlace(*leaf, &belief);
@@ -360,7 +354,7 @@ void HypothesisBank::Miss(int group) {
   }
 }
 
-void HypothesisBank::MissPlace(const Leaf& leaf, GroupBelief* belief) const {
+void HypothesisBank::MissPlace(const Leaf& leaf, PlaceBelief* belief) const {
   if (belief->place_probability == 0.0 || belief->log_p[0] == kLogZero) return;
   const UnknownPlace* const place = leaf.filter.FindPlace(belief->group);
   if (!place) return;
@@ -368,20 +362,10 @@ void HypothesisBank::MissPlace(const Leaf& leaf, GroupBelief* belief) const {
   const double in_view = InViewProbability(leaf.filter.PredictPlace(*place));
   if (in_view == 0.0) return;
   double log_here = std::log(belief->place_probability);
-  AddMiss(0, std::log1p(-detection * in_view), belief, &log_here);
+  AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_here);
   const double total = LogAdd(log_here, std::log1p(-belief->place_probability));
   belief->log_p[0] += total;
   belief->place_probability = std::exp(log_here - total);
-}
-
-void HypothesisBank::AddMiss(int state,
-                             double log_miss,
-                             GroupBelief* belief,
-                             double* log_likelihood) const {
-  const double occluded = snapshot_.calibration().sensor.occluded_visit_probability;
-  double& run = belief->log_missed[static_cast<std::size_t>(state)];
-  *log_likelihood += LogMissedRun(run + log_miss, occluded) - LogMissedRun(run, occluded);
-  run += log_miss;
 }
 
 }  // namespace shiftmap

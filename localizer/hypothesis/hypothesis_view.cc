@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "localizer/hypothesis/hypothesis_tree.h"
+#include "localizer/hypothesis/tree_view.h"
 
 namespace shiftmap {
 namespace {
@@ -13,11 +13,11 @@ const LandmarkGroup& GroupOf(const MapSnapshot& snapshot, int group) {
   return snapshot.groups()[static_cast<std::size_t>(group)];
 }
 
-void AddTree(const LeafSet& leaves, const MapSnapshot& snapshot, HypothesisView* view) {
-  const HypothesisTree tree(leaves, HypothesisView::kMaxLeaves);
+void AddTree(const LeafSet<Leaf>& leaves, const MapSnapshot& snapshot, HypothesisView* view) {
+  const TreeView tree(leaves, HypothesisView::kMaxLeaves);
   view->nodes.resize(tree.nodes().size());
   for (std::size_t i = 0; i < tree.nodes().size(); ++i) {
-    const HypothesisTree::Node& from = tree.nodes()[i];
+    const TreeView::Node& from = tree.nodes()[i];
     HypothesisView::Node& node = view->nodes[i];
     node.probability = std::exp(from.log_probability);
     for (const std::size_t child : from.children) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
-
-#include "localizer/hypothesis/leaf.h"
 
 namespace shiftmap {
 
@@ -15,6 +15,7 @@ namespace shiftmap {
 ///
 /// Ownership: of the leaves; pointers to a leaf are valid until it goes. A copy has leaves of its
 /// own and none in reserve. Threads: none.
+template <class LeafType>
 class LeafSet {
  public:
   LeafSet() = default;
@@ -26,18 +27,18 @@ class LeafSet {
 
   std::size_t size() const { return active_.size(); }
   bool empty() const { return active_.empty(); }
-  Leaf& front() { return *active_.front(); }
-  const Leaf& front() const { return *active_.front(); }
-  const Leaf& back() const { return *active_.back(); }
-  const Leaf& operator[](std::size_t i) const { return *active_[i]; }
-  std::span<Leaf* const> all() { return active_; }
-  std::span<const Leaf* const> all() const { return {active_.data(), active_.size()}; }
+  LeafType& front() { return *active_.front(); }
+  const LeafType& front() const { return *active_.front(); }
+  const LeafType& back() const { return *active_.back(); }
+  const LeafType& operator[](std::size_t i) const { return *active_[i]; }
+  std::span<LeafType* const> all() { return active_; }
+  std::span<const LeafType* const> all() const { return {active_.data(), active_.size()}; }
 
   /// Makes memory for `leaves` leaves in all, with room for `beliefs` beliefs each.
-  void Reserve(std::size_t leaves, std::size_t beliefs, const Leaf& pattern);
+  void Reserve(std::size_t leaves, std::size_t beliefs, const LeafType& pattern);
 
   /// Appends a copy.
-  Leaf& Add(const Leaf& leaf);
+  LeafType& Add(const LeafType& leaf);
 
   void Clear();
   void PopBack();
@@ -47,15 +48,85 @@ class LeafSet {
 
   /// Takes all leaves out, in order. Each of them has then to be put back by Keep() or let go by
   /// Drop(); Add() may come between. Valid until the next Rebuild().
-  std::span<Leaf* const> Rebuild();
-  void Keep(Leaf* leaf) { active_.push_back(leaf); }
-  void Drop(Leaf* leaf) { spare_.push_back(leaf); }
+  std::span<LeafType* const> Rebuild();
+  void Keep(LeafType* leaf) { active_.push_back(leaf); }
+  void Drop(LeafType* leaf) { spare_.push_back(leaf); }
 
  private:
-  std::vector<std::unique_ptr<Leaf>> owned_;
-  std::vector<Leaf*> active_;   // In order.
-  std::vector<Leaf*> spare_;    // In reserve.
-  std::vector<Leaf*> rebuilt_;  // Those that Rebuild() took out.
+  std::vector<std::unique_ptr<LeafType>> owned_;
+  std::vector<LeafType*> active_;   // In order.
+  std::vector<LeafType*> spare_;    // In reserve.
+  std::vector<LeafType*> rebuilt_;  // Those that Rebuild() took out.
 };
+
+template <class LeafType>
+LeafSet<LeafType>::LeafSet(const LeafSet& other) {
+  for (const LeafType* leaf : other.active_) Add(*leaf);
+}
+
+template <class LeafType>
+LeafSet<LeafType>& LeafSet<LeafType>::operator=(const LeafSet& other) {
+  if (this != &other) *this = LeafSet(other);
+  return *this;
+}
+
+template <class LeafType>
+void LeafSet<LeafType>::Reserve(std::size_t leaves, std::size_t beliefs, const LeafType& pattern) {
+  owned_.reserve(leaves);
+  for (std::vector<LeafType*>* list : {&active_, &spare_, &rebuilt_}) list->reserve(leaves);
+  while (owned_.size() < leaves) {
+    spare_.push_back(owned_.emplace_back(std::make_unique<LeafType>(pattern)).get());
+  }
+  for (const std::unique_ptr<LeafType>& leaf : owned_) leaf->beliefs.reserve(beliefs);
+}
+
+template <class LeafType>
+LeafType& LeafSet<LeafType>::Add(const LeafType& leaf) {
+  if (spare_.empty()) {
+    active_.push_back(owned_.emplace_back(std::make_unique<LeafType>(leaf)).get());
+  } else {
+    LeafType* const reused = spare_.back();
+    spare_.pop_back();
+    *reused = leaf;
+    active_.push_back(reused);
+  }
+  return *active_.back();
+}
+
+template <class LeafType>
+void LeafSet<LeafType>::Clear() {
+  spare_.insert(spare_.end(), active_.begin(), active_.end());
+  active_.clear();
+}
+
+template <class LeafType>
+void LeafSet<LeafType>::PopBack() {
+  spare_.push_back(active_.back());
+  active_.pop_back();
+}
+
+template <class LeafType>
+void LeafSet<LeafType>::SortByWeight() {
+  // Without the buffer that std::stable_sort allocates. Leaves are few and nearly in order.
+  const auto lighter = [](const LeafType* a, const LeafType* b) {
+    return a->log_weight < b->log_weight;
+  };
+  for (std::size_t i = 1; i < active_.size(); ++i) {
+    if (!lighter(active_[i - 1], active_[i])) continue;
+    const auto end = active_.begin() + static_cast<std::ptrdiff_t>(i);
+    const auto place = std::upper_bound(
+        active_.begin(), end, active_[i], [&](const LeafType* a, const LeafType* b) {
+          return lighter(b, a);
+        });
+    std::rotate(place, end, end + 1);
+  }
+}
+
+template <class LeafType>
+std::span<LeafType* const> LeafSet<LeafType>::Rebuild() {
+  std::swap(active_, rebuilt_);
+  active_.clear();
+  return rebuilt_;
+}
 
 }  // namespace shiftmap

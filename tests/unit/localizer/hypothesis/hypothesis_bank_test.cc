@@ -39,17 +39,15 @@ Scan ScanOf(const MapContent& content, double at_s, const Eigen::Vector2d& z) {
 TEST(HypothesisBank, DecidesForTheModeThatIsSeen) {
   const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
-  std::vector<Decision> decisions;
-  std::vector<bool> surprising;
+  std::vector<TreeDecision> decisions;
   for (int i = 0; i < 20; ++i) {
     const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, {4.72, 0.559}));
     decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
-    surprising.insert(surprising.end(), events.surprising.begin(), events.surprising.end());
   }
   ASSERT_EQ(decisions.size(), 1u);  // Once per visit.
-  EXPECT_EQ(decisions[0].mode, ModeNumber(2));
-  EXPECT_GT(decisions[0].log_odds, 9.2);
-  EXPECT_TRUE(surprising[0]);
+  EXPECT_EQ(decisions[0].decision.mode, ModeNumber(2));
+  EXPECT_GT(decisions[0].decision.log_odds, 9.2);
+  EXPECT_TRUE(decisions[0].surprising);
   const Eigen::VectorXd p = bank.Probabilities(0);
   EXPECT_GT(p[2], 0.999);
   EXPECT_LT(p[2], 1.0);
@@ -92,7 +90,7 @@ TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
 TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
   const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
-  std::vector<Decision> decisions;
+  std::vector<TreeDecision> decisions;
   MotionIncrement ahead;
   ahead.T_begin_end = Se2(0.05, 0.0, 0.0);
   for (int i = 0; i < 60; ++i) {
@@ -104,7 +102,7 @@ TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
     decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
   }
   ASSERT_FALSE(decisions.empty());
-  EXPECT_EQ(decisions[0].mode, kAbsent);
+  EXPECT_EQ(decisions[0].decision.mode, kAbsent);
 }
 
 // From where a vehicle stands whose pose is vague, a landmark that moved looks as one at its mode
@@ -262,7 +260,7 @@ int DecideOneVisit(const MapContent& content, double alpha, int truth, std::uint
         Eigen::Vector2d(sensor.sd_range_m * normal(random), sensor.sd_bearing_rad * normal(random));
     const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, z));
     if (!events.decisions.empty()) {
-      return static_cast<int>(events.decisions[0].mode.value());
+      return static_cast<int>(events.decisions[0].decision.mode.value());
     }
   }
   return -1;
@@ -298,7 +296,7 @@ TEST(HypothesisBank, ADecisionIsRevisedByWhatComesAfterIt) {
   HypothesisBank bank(Snapshot(content), options, AtOrigin(0.05), StampFromSeconds(1000.0));
   MotionIncrement turn;  // Another view each time.
   turn.T_begin_end = Se2(0.0, 0.0, 0.06);
-  std::vector<Decision> decisions;
+  std::vector<TreeDecision> decisions;
   for (int i = 0; i < 12; ++i) {
     bank.Predict(turn, 0.3);
     const double range = i == 0 ? 4.1 : 4.4;
@@ -306,8 +304,8 @@ TEST(HypothesisBank, ADecisionIsRevisedByWhatComesAfterIt) {
     decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
   }
   ASSERT_EQ(decisions.size(), 2u);
-  EXPECT_EQ(decisions[0].mode, ModeNumber(1));
-  EXPECT_EQ(decisions[1].mode, ModeNumber(2));
+  EXPECT_EQ(decisions[0].decision.mode, ModeNumber(1));
+  EXPECT_EQ(decisions[1].decision.mode, ModeNumber(2));
   EXPECT_EQ(bank.EndVisits().size(), 1u);
 }
 

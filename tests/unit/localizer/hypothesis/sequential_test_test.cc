@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "localizer/hypothesis/known_map_leaf.h"
 #include "localizer/hypothesis/leaf_reduction.h"
 #include "localizer/hypothesis/visit.h"
 
@@ -122,7 +123,7 @@ Leaf MakeLeaf(double weight, int resolved, const Eigen::Vector3d& p) {
             std::log(weight),
             {},
             0};
-  GroupBelief belief;
+  PlaceBelief belief;
   belief.resolved = resolved;
   for (const double share : p) belief.log_p.push_back(std::log(share));
   belief.log_missed.resize(3, 0.0);
@@ -130,23 +131,23 @@ Leaf MakeLeaf(double weight, int resolved, const Eigen::Vector3d& p) {
   return leaf;
 }
 
-LeafSet SetOf(const std::vector<Leaf>& leaves) {
-  LeafSet set;
+LeafSet<Leaf> SetOf(const std::vector<Leaf>& leaves) {
+  LeafSet<Leaf> set;
   for (const Leaf& leaf : leaves) set.Add(leaf);
   return set;
 }
 
-Eigen::VectorXd Marginal(const LeafSet& leaves) {
+Eigen::VectorXd Marginal(const LeafSet<Leaf>& leaves) {
   const StateValues marginal = MarginalLogProbability(leaves, 0);
   return AsVector(marginal);
 }
 
 TEST(LeafReduction, MergingKeepsTheMarginal) {
   const Eigen::Vector3d p(0.5, 0.25, 0.25);
-  LeafSet leaves = SetOf({MakeLeaf(0.2, 1, p),
-                          MakeLeaf(0.3, GroupBelief::kUnresolved, p),
-                          MakeLeaf(0.4, 1, p),
-                          MakeLeaf(0.1, GroupBelief::kUnresolved, {0.1, 0.1, 0.8})});
+  LeafSet<Leaf> leaves = SetOf({MakeLeaf(0.2, 1, p),
+                                MakeLeaf(0.3, GroupBelief::kUnresolved, p),
+                                MakeLeaf(0.4, 1, p),
+                                MakeLeaf(0.1, GroupBelief::kUnresolved, {0.1, 0.1, 0.8})});
   const Eigen::VectorXd before = Marginal(leaves);
   MergeLeaves({true}, &leaves);
   ASSERT_EQ(leaves.size(), 2u);
@@ -159,7 +160,7 @@ TEST(LeafReduction, LeavesOfOneAssignmentStayApartWhereTheirPosesDo) {
   Leaf elsewhere = MakeLeaf(0.3, 1, p);
   const PoseWithCovariance far_off{Se2(4.0, 0.0, 0.0), Eigen::Matrix3d::Identity()};
   elsewhere.filter = KnownMapFilter(far_off, {});
-  LeafSet leaves = SetOf({MakeLeaf(0.4, 1, p), MakeLeaf(0.3, 1, p), elsewhere});
+  LeafSet<Leaf> leaves = SetOf({MakeLeaf(0.4, 1, p), MakeLeaf(0.3, 1, p), elsewhere});
   MergeLeaves({true}, &leaves);
   ASSERT_EQ(leaves.size(), 2u);
   EXPECT_NEAR(std::exp(leaves[0].log_weight), 0.7, 1e-12);
@@ -167,8 +168,8 @@ TEST(LeafReduction, LeavesOfOneAssignmentStayApartWhereTheirPosesDo) {
 }
 
 TEST(LeafReduction, ExcludingIsBayes) {
-  LeafSet leaves = SetOf({MakeLeaf(0.6, 1, {0.5, 0.25, 0.25}),
-                          MakeLeaf(0.4, GroupBelief::kUnresolved, {0.5, 0.3, 0.2})});
+  LeafSet<Leaf> leaves = SetOf({MakeLeaf(0.6, 1, {0.5, 0.25, 0.25}),
+                                MakeLeaf(0.4, GroupBelief::kUnresolved, {0.5, 0.3, 0.2})});
   Exclude(0, 1, &leaves);
   ASSERT_EQ(leaves.size(), 1u);
   EXPECT_NEAR(NormalizeWeights(&leaves), std::log(0.4 * 0.7), 1e-12);
@@ -176,9 +177,9 @@ TEST(LeafReduction, ExcludingIsBayes) {
 }
 
 TEST(LeafReduction, ReportsWhatTheBoundDropped) {
-  LeafSet leaves = SetOf({MakeLeaf(0.2, 0, {0.5, 0.3, 0.2}),
-                          MakeLeaf(0.7, 1, {0.5, 0.3, 0.2}),
-                          MakeLeaf(0.1, 2, {0.5, 0.3, 0.2})});
+  LeafSet<Leaf> leaves = SetOf({MakeLeaf(0.2, 0, {0.5, 0.3, 0.2}),
+                                MakeLeaf(0.7, 1, {0.5, 0.3, 0.2}),
+                                MakeLeaf(0.1, 2, {0.5, 0.3, 0.2})});
   EXPECT_NEAR(KeepHeaviest(2, 1e-6, &leaves), 0.1, 1e-12);
   ASSERT_EQ(leaves.size(), 2u);
   EXPECT_EQ(leaves[0].beliefs[0].resolved, 1);

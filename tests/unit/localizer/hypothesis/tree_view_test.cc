@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "localizer/hypothesis/hypothesis_tree.h"
+#include "localizer/hypothesis/tree_view.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ Leaf MakeLeaf(double weight, const std::vector<int>& resolved) {
             0};
   const int groups[] = {3, 5, 8};
   for (std::size_t i = 0; i < resolved.size(); ++i) {
-    GroupBelief belief;
+    PlaceBelief belief;
     belief.group = groups[i];
     belief.resolved = resolved[i];
     belief.log_p.resize(3, std::log(1.0 / 3.0));
@@ -33,18 +33,18 @@ Leaf MakeLeaf(double weight, const std::vector<int>& resolved) {
   return leaf;
 }
 
-TEST(HypothesisTree, InnerScoresAreSumsOverTheirLeaves) {
-  LeafSet leaves;
+TEST(TreeView, InnerScoresAreSumsOverTheirLeaves) {
+  LeafSet<Leaf> leaves;
   leaves.Add(MakeLeaf(0.40, {2, 1, 1}));
   leaves.Add(MakeLeaf(0.35, {1, 1, 1}));
   leaves.Add(MakeLeaf(0.25, {1, 1, 2}));
-  const HypothesisTree tree(leaves);
+  const TreeView tree(leaves);
   EXPECT_THAT(tree.groups(), ElementsAre(3, 8));  // All agree about 5.
-  const HypothesisTree::Node& root = tree.nodes()[0];
+  const TreeView::Node& root = tree.nodes()[0];
   EXPECT_NEAR(root.log_probability, 0.0, 1e-12);
   ASSERT_EQ(root.children.size(), 2u);
-  const HypothesisTree::Node& second = tree.nodes()[root.children[0]];
-  const HypothesisTree::Node& first = tree.nodes()[root.children[1]];
+  const TreeView::Node& second = tree.nodes()[root.children[0]];
+  const TreeView::Node& first = tree.nodes()[root.children[1]];
   EXPECT_EQ(second.state, 2);
   EXPECT_NEAR(std::exp(second.log_probability), 0.4, 1e-12);
   EXPECT_EQ(first.state, 1);
@@ -52,45 +52,45 @@ TEST(HypothesisTree, InnerScoresAreSumsOverTheirLeaves) {
   EXPECT_EQ(first.children.size(), 2u);
 }
 
-TEST(HypothesisTree, TheGlobalHypothesisIsTheBestChildOfTheBestChild) {
-  LeafSet leaves;
+TEST(TreeView, TheGlobalHypothesisIsTheBestChildOfTheBestChild) {
+  LeafSet<Leaf> leaves;
   leaves.Add(MakeLeaf(0.40, {2, 1, 1}));
   leaves.Add(MakeLeaf(0.35, {1, 1, 1}));
   leaves.Add(MakeLeaf(0.25, {1, 1, 2}));
-  EXPECT_EQ(HypothesisTree(leaves).GlobalHypothesis(), 1);  // Though leaf 0 is heavier.
+  EXPECT_EQ(TreeView(leaves).GlobalHypothesis(), 1);  // Though leaf 0 is heavier.
 }
 
-TEST(HypothesisTree, OfTheHeaviestLeavesAlone) {
-  LeafSet leaves;
+TEST(TreeView, OfTheHeaviestLeavesAlone) {
+  LeafSet<Leaf> leaves;
   leaves.Add(MakeLeaf(0.40, {2, 1, 1}));
   leaves.Add(MakeLeaf(0.35, {1, 1, 1}));
   leaves.Add(MakeLeaf(0.25, {1, 1, 2}));
-  const HypothesisTree tree(leaves, 2);
+  const TreeView tree(leaves, 2);
   EXPECT_THAT(tree.groups(), ElementsAre(3));
   EXPECT_NEAR(std::exp(tree.nodes()[0].log_probability), 0.75, 1e-12);
 }
 
-TEST(HypothesisTree, LeavesOfOneAssignmentShareANode) {
-  LeafSet leaves;
+TEST(TreeView, LeavesOfOneAssignmentShareANode) {
+  LeafSet<Leaf> leaves;
   leaves.Add(MakeLeaf(0.5, {2, 1, 1}));
   leaves.Add(MakeLeaf(0.3, {1, 1, 1}));
   leaves.Add(MakeLeaf(0.2, {2, 1, 1}));
-  const HypothesisTree tree(leaves);
+  const TreeView tree(leaves);
   ASSERT_EQ(tree.nodes().size(), 3u);
   EXPECT_NEAR(std::exp(tree.nodes()[1].log_probability), 0.7, 1e-12);
   EXPECT_EQ(tree.nodes()[1].leaf, 0);
 }
 
-TEST(HypothesisTree, OfOneLeafIsTheRoot) {
-  LeafSet leaves;
+TEST(TreeView, OfOneLeafIsTheRoot) {
+  LeafSet<Leaf> leaves;
   leaves.Add(MakeLeaf(1.0, {2, GroupBelief::kUnresolved, 1}));
-  const HypothesisTree tree(leaves);
+  const TreeView tree(leaves);
   EXPECT_EQ(tree.nodes().size(), 1u);
   EXPECT_EQ(tree.GlobalHypothesis(), 0);
 }
 
 // The probabilities of a level, those of unresolved nodes by their leaf, are the bank's.
-TEST(HypothesisTree, AgreesWithTheMarginalsOfABank) {
+TEST(TreeView, AgreesWithTheMarginalsOfABank) {
   MapContent content = MakeTwoModeMap(8, 8.0, 9);
   content.calibration.sensor.max_bearing_rad = 3.1;
   HypothesisOptions options;
@@ -109,8 +109,8 @@ TEST(HypothesisTree, AgreesWithTheMarginalsOfABank) {
     scan.observations.clear();
     scan.stamp += FromSeconds(0.3);
   }
-  const LeafSet& leaves = bank.leaves();
-  const HypothesisTree tree(leaves);
+  const LeafSet<Leaf>& leaves = bank.leaves();
+  const TreeView tree(leaves);
   ASSERT_GT(leaves.size(), 1u);
   ASSERT_FALSE(tree.groups().empty());
   for (const int group : tree.groups()) {
@@ -118,7 +118,7 @@ TEST(HypothesisTree, AgreesWithTheMarginalsOfABank) {
     while (leaves.front().beliefs[belief].group != group) ++belief;
     const StateValues marginal = MarginalLogProbability(leaves, belief);
     double resolved_2 = kLogZero;
-    for (const HypothesisTree::Node& node : tree.nodes()) {
+    for (const TreeView::Node& node : tree.nodes()) {
       if (node.group == group && node.state == 2)
         resolved_2 = LogAdd(resolved_2, node.log_probability);
     }
