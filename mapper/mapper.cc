@@ -68,15 +68,6 @@ std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
   return runs;
 }
 
-// A map of nothing but landmarks without signature has nothing to align a run by.
-Status CheckPrior(const MapContent& prior) {
-  if (prior.groups.empty() && !prior.anonymous_landmarks.empty()) {
-    return InvalidArgument("prior map: {} landmarks, none with a signature to align a run by",
-                           prior.anonymous_landmarks.size());
-  }
-  return OkStatus();
-}
-
 Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
   if (any) return OkStatus();
   if (rejected.empty()) return InvalidArgument("no runs to build from");
@@ -252,26 +243,6 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProb
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
   return iterations;
-}
-
-Status CheckInputs(const std::vector<MapperInput>& inputs,
-                   const std::optional<MapContent>& prior,
-                   const MapperOptions& options) {
-  SHIFTMAP_RETURN_IF_ERROR(options.Validate());
-  for (const MapperInput& input : inputs) {
-    if (const Status valid = ValidateRun(input.run); !valid.ok()) {
-      return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
-    }
-  }
-  return prior ? CheckPrior(*prior) : OkStatus();
-}
-
-// The order of time, whatever order the inputs were named in.
-void SortByBegin(std::vector<MapperInput>* inputs) {
-  std::sort(inputs->begin(), inputs->end(), [](const MapperInput& a, const MapperInput& b) {
-    return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
-           std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
-  });
 }
 
 std::vector<Signature> AllSignatures(const std::vector<MapperInput>& inputs,

@@ -10,21 +10,14 @@
 #include "mapper/calibration/vehicle_calibration.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/mapped_run.h"
+#include "mapper/mapper_input.h"
 #include "mapper/mapper_options.h"
 #include "mapper/modes/selection_summary.h"
 #include "mapper/problem/rejected_run.h"
 #include "mapstore/map/map_snapshot.h"
-#include "mapstore/run/run.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
-
-/// A run as the mapper takes it.
-struct MapperInput {
-  std::string name;    ///< For messages and files: the log's stem.
-  std::string sha256;  ///< Of the log file; orders runs that begin at the same time.
-  Run run;
-};
 
 /// Changes between a run and the map that have several explanations: the run waits.
 struct AmbiguousChange {

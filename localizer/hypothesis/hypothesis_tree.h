@@ -70,6 +70,11 @@ class HypothesisTree {
 
   /// Ends the visit at `visit_index`. Leaves that disagree go on holding their beliefs.
   VisitEvidence CloseVisit(std::size_t visit_index, const Groups& groups);
+
+  /// The visit's group was out of view and unseen for too long.
+  bool IsStale(const Visit& visit, Stamp now) const {
+    return now - visit.end > FromSeconds(limits_.visit_gap_s);
+  }
   void CloseStaleVisits(const Groups& groups, Stamp now, std::vector<VisitEvidence>* evidence);
 
   /// Forgets beliefs outside of visits about which all leaves agree by now.
@@ -92,6 +97,10 @@ class HypothesisTree {
   /// A group has one mode more: its last state, impossible so far in all leaves. In a visit under
   /// way it counts as what `absent` stood for.
   void AddState(int group);
+
+  /// A state >= 1 turns out to be the state `into` before it, with whose probability its own counts
+  /// from now on: another mode, or `absent`. States after it move up.
+  void MergeState(int group, int state, int into);
 
   /// Largest probability mass that the bound on the leaves cost in one step.
   double dropped_mass_max() const { return dropped_mass_max_; }
@@ -260,9 +269,8 @@ template <class LeafType>
 void HypothesisTree<LeafType>::CloseStaleVisits(const Groups& groups,
                                                 Stamp now,
                                                 std::vector<VisitEvidence>* evidence) {
-  const Duration gap = FromSeconds(limits_.visit_gap_s);
   for (std::size_t i = 0; i < visits_.size();) {
-    if (now - visits_[i].end > gap) {
+    if (IsStale(visits_[i], now)) {
       evidence->push_back(CloseVisit(i, groups));
     } else {
       ++i;
@@ -419,6 +427,43 @@ void HypothesisTree<LeafType>::AddState(int group) {
   for (LeafType* leaf : leaves_.all()) {
     leaf->beliefs[index].log_p.push_back(kLogZero);
     leaf->beliefs[index].log_missed.push_back(0.0);
+  }
+}
+
+template <class LeafType>
+void HypothesisTree<LeafType>::MergeState(int group, int state, int into) {
+  const auto renumbered = [&](int old) {
+    if (old == state) return into;
+    return old > state ? old - 1 : old;
+  };
+  Eigen::VectorXd& p = PosteriorOf(group).probabilities;
+  p[into] += p[state];
+  const Eigen::Index after = p.size() - state - 1;
+  p.segment(state, after) = p.tail(after).eval();
+  p.conservativeResize(p.size() - 1);
+  if (Visit* visit = FindVisit(group)) {
+    const auto i = static_cast<std::size_t>(state);
+    if (!visit->given_up[i]) visit->given_up[static_cast<std::size_t>(into)].reset();
+    visit->given_up.erase(visit->given_up.begin() + state);
+    visit->log_prior.erase(visit->log_prior.begin() + state);
+    if (visit->decided) visit->decided = renumbered(*visit->decided);
+  }
+  const std::size_t index = BeliefIndex(group);
+  if (index == leaves_.front().beliefs.size()) return;
+  for (LeafType* leaf : leaves_.all()) {
+    auto& belief = leaf->beliefs[index];
+    if (belief.resolved == state && into == 0) {
+      belief.resolved = GroupBelief::kUnresolved;
+      AsVector(belief.log_p).setConstant(kLogZero);
+      belief.log_p[0] = 0.0;
+    } else if (belief.resolved == GroupBelief::kUnresolved) {
+      double& log_p = belief.log_p[static_cast<std::size_t>(into)];
+      log_p = LogAdd(log_p, belief.log_p[static_cast<std::size_t>(state)]);
+    } else {
+      belief.resolved = renumbered(belief.resolved);
+    }
+    belief.log_p.erase(belief.log_p.begin() + state);
+    belief.log_missed.erase(belief.log_missed.begin() + state);
   }
 }
 

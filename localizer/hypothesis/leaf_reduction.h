@@ -38,9 +38,20 @@ StateValues MarginalLogProbability(const LeafSet<LeafType>& leaves, std::size_t 
   return marginal;
 }
 
+/// How far two filters' estimates are apart, squared, as if they were independent: (26) of T-IV,
+/// of the poses. A filter that estimates more has an overload.
+template <class Filter>
+double SquaredDistance(const Filter& a, const Filter& b) {
+  const PoseWithCovariance pose_a = a.Pose();
+  const PoseWithCovariance pose_b = b.Pose();
+  return SquaredMahalanobis(pose_a.T_map_vehicle,
+                            pose_b.T_map_vehicle,
+                            pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle);
+}
+
 namespace leaf_reduction_internal {
 
-// Squared Mahalanobis distances of two poses that count as one, κ² of T-IV (26). Leaves with one
+// Squared distances of two estimates that count as one, κ² of T-IV (26). Leaves with one
 // assignment have seen the same modes, and their poses differ by what each took for a false alarm:
 // a leaf that took a false alarm for the mode must not replace the one that did not.
 inline constexpr double kSamePose = 0.05;
@@ -66,11 +77,7 @@ bool SameHypothesis(const LeafType& a, const LeafType& b, const std::vector<bool
     if (must_agree[i]) return false;
     all_equal = false;
   }
-  const PoseWithCovariance pose_a = a.filter.Pose();
-  const PoseWithCovariance pose_b = b.filter.Pose();
-  const Eigen::Matrix3d cov = pose_a.cov_T_map_vehicle + pose_b.cov_T_map_vehicle;
-  return SquaredMahalanobis(pose_a.T_map_vehicle, pose_b.T_map_vehicle, cov) <
-         (all_equal ? kSamePoseOfOneAssignment : kSamePose);
+  return SquaredDistance(a.filter, b.filter) < (all_equal ? kSamePoseOfOneAssignment : kSamePose);
 }
 
 }  // namespace leaf_reduction_internal

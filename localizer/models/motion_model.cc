@@ -102,6 +102,12 @@ PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& 
           Symmetrized(F * pose.cov_T_map_vehicle * F.transpose() + motion.cov)};
 }
 
+// (T Exp(ξ))⁻¹ = T⁻¹ Exp(-Ad(T) ξ).
+MotionIncrement Inverse(const MotionIncrement& motion) {
+  const Eigen::Matrix3d A = motion.T_begin_end.Adjoint();
+  return {motion.T_begin_end.Inverse(), A * motion.cov * A.transpose(), -A * motion.J_calibration};
+}
+
 void AppendMotion(double v_mps,
                   double omega_radps,
                   Duration elapsed,

@@ -28,6 +28,9 @@ struct MotionIncrement {
 /// A pose moved on by a motion that is independent of it.
 PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion);
 
+/// The way back: from where the motion ended to where it began.
+MotionIncrement Inverse(const MotionIncrement& motion);
+
 /// Appends a stretch of constant velocity: the exact arc of SE(2), unlike the Euler step of T-IV
 /// (28).
 ///

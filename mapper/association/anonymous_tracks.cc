@@ -2,13 +2,13 @@
 #include "mapper/association/anonymous_tracks.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <map>
 #include <utility>
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/association/slam_association.h"
 #include "mapper/frontend/gated_landmarks.h"
 #include "mapper/frontend/slam_state.h"
 #include "mapstore/geometry/covariance.h"
@@ -18,9 +18,6 @@ namespace {
 
 // Scans between two looks for twins.
 constexpr int kTwinPeriod = 25;
-
-// Standard deviations of the pose that a landmark's place is looked for in.
-constexpr double kReachSd = 4.0;
 
 struct Sighted {
   int scan = 0;
@@ -73,7 +70,7 @@ class Tracker {
     for (const Observation& observation : scan.observations) {
       range_m = std::max(range_m, observation.PositionInVehicle().norm());
     }
-    const double slack_m = PlaceSlack(range_m);
+    const double slack_m = PlaceSlack(state_, range_m);
     state_.Focus(range_m + slack_m);
     TakeNamed(scan, usable.named);
     out_.observations += static_cast<int>(free.size());
@@ -121,12 +118,6 @@ class Tracker {
   }
 
  private:
-  // How far from where it is expected a landmark at `range_m` may appear.
-  double PlaceSlack(double range_m) const {
-    const Eigen::Matrix3d P = state_.PoseCovariance();
-    return kReachSd * (std::sqrt(P(0, 0) + P(1, 1)) + std::sqrt(P(2, 2)) * range_m) + 5.0;
-  }
-
   void TakeNamed(const Scan& scan, const std::vector<int>& named) {
     for (const int index : named) {
       const Observation& observation = scan.observations[static_cast<std::size_t>(index)];
@@ -140,47 +131,29 @@ class Tracker {
   // Pairs free observations with tracks of one kind, corrects the state by all of them at once.
   void AssociateWith(
       bool confirmed, const Scan& scan, int index, double slack_m, std::vector<int>* free) {
-    CompatibilityProblem problem;
-    problem.observations = static_cast<int>(free->size());
-    std::vector<SlamPair> pairs;
-    for (std::size_t i = 0; i < free->size(); ++i) {
-      const Observation& observation = scan.observations[static_cast<std::size_t>((*free)[i])];
-      const Eigen::Vector2d p = LandmarkPosition(observation, state_.pose());
-      for (const int landmark : state_.active()) {
-        const auto track = tracks_.find(landmark);
-        if (track == tracks_.end() || track->second.confirmed != confirmed) continue;
-        if ((state_.Position(landmark) - p).norm() > slack_m) continue;
-        const SlamPair pair{landmark, &observation};
-        Eigen::Matrix2d S;
-        if (SquaredMahalanobis(state_.Linearized(pair, &S).nu, S) > gate_) continue;
-        problem.candidates.push_back({static_cast<int>(i), landmark});
-        pairs.push_back(pair);
+    std::vector<int> landmarks;
+    for (const int landmark : state_.active()) {
+      const auto track = tracks_.find(landmark);
+      if (track != tracks_.end() && track->second.confirmed == confirmed) {
+        landmarks.push_back(landmark);
       }
     }
-    if (pairs.empty()) return;
-    JointInnovation joint = state_.Innovate(pairs);
-    problem.nu = std::move(joint.nu);
-    problem.covariance = std::move(joint.S);
-    const JointAssociation found = options_.joint
-                                       ? AssociateJointly(problem, options_.compatibility)
-                                       : AssociateNearest(problem, options_.compatibility);
+    SlamAssociation found =
+        AssociateLandmarks(scan,
+                           *free,
+                           landmarks,
+                           slack_m,
+                           options_.joint ? AssociationMethod::kJoint : AssociationMethod::kNearest,
+                           options_.compatibility,
+                           state_);
     out_.bounded_scans += found.complete ? 0 : 1;
-    std::vector<SlamPair> chosen;
-    std::vector<int> left;
-    for (std::size_t i = 0; i < free->size(); ++i) {
-      const int candidate = found.candidates[i];
-      if (candidate < 0) {
-        left.push_back((*free)[i]);
-        continue;
-      }
-      const SlamPair& pair = pairs[static_cast<std::size_t>(candidate)];
-      chosen.push_back(pair);
-      Track& track = tracks_.at(pair.landmark);
-      track.seen.push_back({index, (*free)[i]});
+    for (std::size_t i = 0; i < found.pairs.size(); ++i) {
+      Track& track = tracks_.at(found.pairs[i].landmark);
+      track.seen.push_back({index, found.paired[i]});
       track.confirmed |= static_cast<int>(track.seen.size()) >= options_.confirm_sightings;
     }
-    state_.Update(chosen);
-    *free = std::move(left);
+    state_.Update(found.pairs);
+    *free = std::move(found.left);
   }
 
   bool Isolated(const Observation& observation) const {

@@ -88,10 +88,25 @@ void CountDetections(const MapProblem& problem,
   }
 }
 
-SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
-  SensorCalibration sensor = problem.sensor;
+void SetFieldOfView(const std::vector<Eigen::Vector2d>& positions, SensorCalibration* sensor) {
   std::vector<double> ranges;
   std::vector<double> bearings;
+  for (const Eigen::Vector2d& q : positions) {
+    ranges.push_back(q.norm());
+    bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
+  }
+  sensor->max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
+  sensor->max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+}
+
+void SetDetection(const DetectionCount& count, SensorCalibration* sensor) {
+  sensor->detection_probability =
+      std::clamp((count.detected + 1.0) / (count.expected + 2.0), 0.05, 0.95);
+}
+
+SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
+  SensorCalibration sensor = problem.sensor;
+  std::vector<Eigen::Vector2d> positions;
   int outliers = 0;
   for (const BuildRun& run : problem.runs) {
     for (const Sighting& sighting : run.data->sightings) {
@@ -99,14 +114,11 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
         ++outliers;
         continue;
       }
-      const Eigen::Vector2d q = sighting.observation.PositionInVehicle();
-      ranges.push_back(q.norm());
-      bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
+      positions.push_back(sighting.observation.PositionInVehicle());
     }
   }
-  if (static_cast<int>(ranges.size()) < options.min_sightings) return sensor;
-  sensor.max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
-  sensor.max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+  if (static_cast<int>(positions.size()) < options.min_sightings) return sensor;
+  SetFieldOfView(positions, &sensor);
 
   DetectionCount count;
   double frames = 0.0;
@@ -115,9 +127,7 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
     CountDetections(problem, sensor, grid, run, &count);
     frames += static_cast<double>(run.data->frames.size());
   }
-  // Beta(1, 1) prior, and never so certain that one scan decides.
-  sensor.detection_probability =
-      std::clamp((count.detected + 1.0) / (count.expected + 2.0), 0.05, 0.95);
+  SetDetection(count, &sensor);
   const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
   sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
   return sensor;

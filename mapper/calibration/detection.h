@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <vector>
+
 #include "localizer/models/mode_grid.h"
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
@@ -28,6 +31,13 @@ void CountDetections(const MapProblem& problem,
                      const ModeGrid& grid,
                      const BuildRun& run,
                      DetectionCount* count);
+
+/// Sets the field of view to what holds nearly all of the observations.
+/// @param positions  Of landmarks in the vehicle frame, one at least. [m]
+void SetFieldOfView(const std::vector<Eigen::Vector2d>& positions, SensorCalibration* sensor);
+
+/// Sets P_D0 from counts, with a Beta(1, 1) prior, and never so certain that one scan decides.
+void SetDetection(const DetectionCount& count, SensorCalibration* sensor);
 
 /// The problem's sensor with field of view, P_D0 and clutter density of the fleet, from where its
 /// landmarks stood while it drove; as it was if fewer than `options.min_sightings` tell of it.

@@ -14,6 +14,7 @@
 #include "mapper/cli/run_loader.h"
 #include "mapper/cli/stop_signals.h"
 #include "mapper/selection/selector.h"
+#include "mapper/tree/tree_builder.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/folder.h"
@@ -246,6 +247,18 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   return mapper_options;
 }
 
+TreeSlamOptions MakeTreeOptions(const AreaBuildOptions& options, const MapperOptions& mapper) {
+  TreeSlamOptions tree = options.tree;
+  tree.insertion =
+      options.tree_insertion == "child" ? NewModeInsertion::kChild : NewModeInsertion::kBackTrack;
+  tree.merging = options.tree_merging == "mixture" ? LeafMerging::kMixture : LeafMerging::kHeavier;
+  tree.leave_rate_per_s = mapper.modes.leave_rate_per_s;
+  tree.anonymous = mapper.association.associate;
+  tree.association = AssociationMethod::kJoint;
+  tree.front_end = mapper.front_end;
+  return tree;
+}
+
 // The runs of a build that wait.
 std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
   std::vector<UnplacedRun> unplaced;
@@ -339,8 +352,15 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   AreaBuild build;
   build.not_given = NotGiven(std::move(prior.waiting), runs.inputs);
   std::unique_ptr<Progress> progress = context.MakeProgress();
+  const MapperMonitor monitor = MakeMonitor(progress.get());
   StatusOr<MapperResult> result =
-      BuildMap(std::move(runs.inputs), prior.content, mapper_options, MakeMonitor(progress.get()));
+      options.engine == "tree"
+          ? BuildMapByTree(std::move(runs.inputs),
+                           prior.content,
+                           mapper_options,
+                           MakeTreeOptions(options, mapper_options),
+                           monitor)
+          : BuildMap(std::move(runs.inputs), prior.content, mapper_options, monitor);
   progress.reset();
   // From here on it takes no time to speak of: what began to write ends.
   if (result.ok() ? !StopSignals::Received().empty()

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mapper/mapper.h"
+#include "mapper/tree/tree_options.h"
 #include "mapstore/cli/context.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/core/clock.h"
@@ -24,6 +25,9 @@ struct AreaBuildOptions {
   std::string area;
   std::string selector = "viterbi";
   std::string engine = "graph";
+  TreeSlamOptions tree;
+  std::string tree_insertion = "back-track";
+  std::string tree_merging = "heavier";
   std::string prior = "published";
   std::string anonymous = "ignore";
   std::string placement = "posterior";

@@ -64,7 +64,28 @@ void AddBuildCommand(Application* application) {
       .Option("--selector", &options->selector, "How the mode of a visit is chosen")
       .OneOf(SelectorNames())
       .Option("--engine", &options->engine, "How the map is estimated")
-      .OneOf({"graph"})
+      .OneOf({"graph", "tree"})
+      .Option("--tree-leaves", &options->tree.max_leaves, "Engine tree: leaves kept at most")
+      .InRange(1, 1000)
+      .Option("--tree-alpha",
+              &options->tree.alpha,
+              "Engine tree: accepted probability of a wrong decision")
+      .InRange(1e-12, 0.49)
+      .Flag("--tree-update-ungated",
+            &options->tree.update_ungated,
+            "Engine tree: what gates with no mode may also correct the mode that a leaf holds")
+      .Flag("--tree-transform",
+            &options->tree.transform_alternative,
+            "Engine tree: a landmark that was absent is at the first place where it is seen")
+      .Option("--tree-insertion",
+              &options->tree_insertion,
+              "Engine tree: a new mode holds since the begin of the visit, or is a child of the "
+              "leaf that found it")
+      .OneOf({"back-track", "child"})
+      .Option("--tree-merging",
+              &options->tree_merging,
+              "Engine tree: of two leaves that are alike the heavier stays, or their mixture")
+      .OneOf({"heavier", "mixture"})
       .Option("--prior", &options->prior, "Map to start from: published, none, or a version number")
       .Option("--anonymous",
               &options->anonymous,

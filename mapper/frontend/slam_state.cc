@@ -47,6 +47,36 @@ SlamState::SlamState(const Calibration& calibration) : calibration_(calibration)
   BeginGathering();
 }
 
+int SlamState::AddKnown(std::span<const Eigen::Vector2d> positions, const Eigen::MatrixXd& cov) {
+  SHIFTMAP_CHECK(passive_.empty(), "{} landmarks are passive", passive_.size());
+  const auto first = static_cast<int>(landmarks_.size());
+  const Eigen::Index before = covariance_.rows();
+  const Eigen::Index size = before + cov.rows();
+  covariance_.conservativeResize(size, size);
+  covariance_.bottomRows(cov.rows()).setZero();
+  covariance_.rightCols(cov.rows()).setZero();
+  covariance_.bottomRightCorner(cov.rows(), cov.rows()) = cov;
+  for (const Eigen::Vector2d& position : positions) {
+    active_.push_back(static_cast<int>(landmarks_.size()));
+    landmarks_.push_back({position, static_cast<int>(active_.size()) - 1, -1});
+  }
+  cross_.resize(size, 0);
+  BeginGathering();
+  return first;
+}
+
+void SlamState::StartFrom(const PoseWithCovariance& pose, const Calibration& calibration) {
+  calibration_ = calibration;
+  pose_ = pose.T_map_vehicle;
+  log_scale_.setZero();
+  covariance_.topRows<kVehicle>().setZero();
+  covariance_.leftCols<kVehicle>().setZero();
+  phi_.topRows<kVehicle>().setZero();
+  covariance_.topLeftCorner<3, 3>() = pose.cov_T_map_vehicle;
+  const double sd = calibration_.odometry.sd_log_scale;
+  covariance_(3, 3) = covariance_(4, 4) = sd * sd;
+}
+
 OdometryCalibration SlamState::Odometry() const {
   OdometryCalibration odometry = calibration_.odometry;
   odometry.scale_v *= std::exp(log_scale_.x());
@@ -70,6 +100,27 @@ Eigen::Matrix2d SlamState::DifferenceCovariance(int a, int b) const {
   const int j = Offset(b);
   return covariance_.block<2, 2>(i, i) + covariance_.block<2, 2>(j, j) -
          covariance_.block<2, 2>(i, j) - covariance_.block<2, 2>(j, i);
+}
+
+Eigen::MatrixXd SlamState::LandmarkCovariance(const std::vector<int>& landmarks) const {
+  std::vector<Eigen::Index> rows;
+  for (const int landmark : landmarks) {
+    rows.push_back(Offset(landmark));
+    rows.push_back(Offset(landmark) + 1);
+  }
+  return covariance_(rows, rows);
+}
+
+SlamState::Relative SlamState::RelativeTo(int landmark) const {
+  const int o = Offset(landmark);
+  const Eigen::Vector2d q = pose_.Inverse() * At(landmark).position;
+  Eigen::Matrix<double, 2, 3> H;
+  H << -1.0, 0.0, q.y(), 0.0, -1.0, -q.x();
+  const Eigen::Matrix2d R = pose_.Rotation().transpose();
+  const Eigen::Matrix2d cross = H * covariance_.block<3, 2>(0, o) * R.transpose();
+  const Eigen::Matrix2d cov = H * covariance_.topLeftCorner<3, 3>() * H.transpose() + cross +
+                              cross.transpose() + R * covariance_.block<2, 2>(o, o) * R.transpose();
+  return {q, Symmetrized(cov)};
 }
 
 void SlamState::Predict(const MotionIncrement& motion) {
@@ -281,9 +332,9 @@ JointInnovation SlamState::Innovate(std::span<const SlamPair> pairs) const {
   return joint;
 }
 
-void SlamState::Update(std::span<const SlamPair> pairs) {
-  if (pairs.empty()) return;
-  const JointInnovation joint = Innovate(pairs);
+JointInnovation SlamState::Update(std::span<const SlamPair> pairs) {
+  JointInnovation joint = Innovate(pairs);
+  if (pairs.empty()) return joint;
   Eigen::MatrixXd HPhi(joint.nu.size(), phi_.cols());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const int o = Offset(pairs[i].landmark);
@@ -292,6 +343,7 @@ void SlamState::Update(std::span<const SlamPair> pairs) {
         innovation.H_pose * phi_.topRows<3>() + innovation.H_landmark * phi_.middleRows<2>(o);
   }
   Correct(joint.nu, joint.S, joint.PHt, HPhi);
+  return joint;
 }
 
 void SlamState::Correct(const Eigen::VectorXd& nu,
@@ -328,6 +380,56 @@ void SlamState::Fuse(int a, int b) {
   const Eigen::MatrixXd HPhi = phi_.middleRows<2>(i) - phi_.middleRows<2>(j);
   Correct(At(b).position - At(a).position, Symmetrized(S), PHt, HPhi);
   Remove(b);
+}
+
+bool SlamState::HasLandmarksOf(const SlamState& other) const {
+  if (landmarks_.size() != other.landmarks_.size()) return false;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    const auto removed = [](const Landmark& l) { return l.active < 0 && l.passive < 0; };
+    if (removed(landmarks_[i]) != removed(other.landmarks_[i])) return false;
+  }
+  return true;
+}
+
+Eigen::VectorXd SlamState::StepTo(const SlamState& other) const {
+  Eigen::VectorXd step(covariance_.rows());
+  step.head<3>() = (pose_.Inverse() * other.pose_).Log();
+  step.segment<2>(3) = other.log_scale_ - log_scale_;
+  for (std::size_t i = 0; i < active_.size(); ++i) {
+    step.segment<2>(kVehicle + static_cast<Eigen::Index>(2 * i)) =
+        other.At(active_[i]).position - At(active_[i]).position;
+  }
+  return step;
+}
+
+double SlamState::SquaredDistanceTo(const SlamState& other) const {
+  SHIFTMAP_CHECK(active_ == other.active_, "other landmarks are active");
+  const Eigen::VectorXd step = StepTo(other);
+  Eigen::MatrixXd sum = covariance_ + other.covariance_;
+  // What neither is uncertain of, the scales of known odometry or a first pose, has no variance.
+  sum.diagonal().array() += kFuseSd * kFuseSd;
+  return step.dot(sum.selfadjointView<Eigen::Lower>().llt().solve(step));
+}
+
+void SlamState::MixWith(SlamState other, double share) {
+  for (SlamState* state : {this, &other}) {
+    state->Settle();
+    std::vector<int> all;
+    for (std::size_t i = 0; i < state->landmarks_.size(); ++i) {
+      const Landmark& landmark = state->landmarks_[i];
+      if (landmark.active >= 0 || landmark.passive >= 0) all.push_back(static_cast<int>(i));
+    }
+    state->SetActive(all);
+  }
+  focus_radius_ = -1.0;
+  const Eigen::VectorXd step = StepTo(other);
+  covariance_ = (1.0 - share) * covariance_ + share * other.covariance_ +
+                share * (1.0 - share) * step * step.transpose();
+  pose_ = pose_ * Se2::Exp(share * step.head<3>());
+  log_scale_ += share * step.segment<2>(3);
+  for (std::size_t i = 0; i < active_.size(); ++i) {
+    At(active_[i]).position += share * step.segment<2>(kVehicle + static_cast<Eigen::Index>(2 * i));
+  }
 }
 
 }  // namespace shiftmap

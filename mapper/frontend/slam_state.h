@@ -7,6 +7,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/run/run.h"
@@ -38,7 +39,17 @@ class SlamState {
  public:
   explicit SlamState(const Calibration& calibration);
 
+  /// Adds landmarks that are known before anything was seen, and returns the id of the first; the
+  /// others follow. Active. Precondition: nothing is passive.
+  /// @param cov  Joint covariance, 2n x 2n. [m²]
+  int AddKnown(std::span<const Eigen::Vector2d> positions, const Eigen::MatrixXd& cov);
+
+  /// Forgets where the vehicle was: it, or another one, goes on from a pose that is independent of
+  /// the landmarks, with odometry and sensor of their own.
+  void StartFrom(const PoseWithCovariance& pose, const Calibration& calibration);
+
   const Se2& pose() const { return pose_; }
+  PoseWithCovariance Pose() const { return {pose_, PoseCovariance()}; }
 
   /// The calibration with the scales as estimated so far.
   OdometryCalibration Odometry() const;
@@ -57,6 +68,22 @@ class SlamState {
 
   /// Of a landmark's position, active; zero uncertainty of the first pose. [m²]
   Eigen::Matrix2d PositionCovariance(int landmark) const;
+
+  /// Of (log scale_v, log scale_omega), as estimated so far about that of the calibration.
+  const Eigen::Vector2d& log_scale() const { return log_scale_; }
+
+  bool IsActive(int landmark) const { return At(landmark).active >= 0; }
+
+  /// Of active landmarks in this order, 2n x 2n. [m²]
+  Eigen::MatrixXd LandmarkCovariance(const std::vector<int>& landmarks) const;
+
+  /// Where a landmark is expected, seen from the vehicle, and the covariance of that by pose and
+  /// landmark. Active. [m], [m²]
+  struct Relative {
+    Eigen::Vector2d q_vehicle = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();
+  };
+  Relative RelativeTo(int landmark) const;
 
   void Predict(const MotionIncrement& motion);
 
@@ -84,10 +111,22 @@ class SlamState {
   JointInnovation Innovate(std::span<const SlamPair> pairs) const;
 
   /// Corrects the state by all pairs in one step; not at all if their covariance has gone astray.
-  void Update(std::span<const SlamPair> pairs);
+  /// Returns the innovation that it did so by.
+  JointInnovation Update(std::span<const SlamPair> pairs);
 
   /// Takes two active landmarks for one: p_a = p_b. `b` is removed.
   void Fuse(int a, int b);
+
+  /// True if both have the same landmarks under the same ids.
+  bool HasLandmarksOf(const SlamState& other) const;
+
+  /// Squared Mahalanobis distance of the two estimates of pose and active landmarks as if they were
+  /// independent, T-IV (26). Precondition: HasLandmarksOf(), the same ones active.
+  double SquaredDistanceTo(const SlamState& other) const;
+
+  /// The Gaussian with mean and covariance of the mixture of this, (1 - share), and `other`, share.
+  /// Precondition: HasLandmarksOf(). All landmarks are active after it.
+  void MixWith(SlamState other, double share);
 
  private:
   struct Landmark {
@@ -109,6 +148,7 @@ class SlamState {
   void RemoveActive(int index);
   void SetActive(const std::vector<int>& landmarks);  // Precondition: settled.
   void BeginGathering();
+  Eigen::VectorXd StepTo(const SlamState& other) const;  // Of the active states.
 
   Calibration calibration_;
   Se2 pose_;

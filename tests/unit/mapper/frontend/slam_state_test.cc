@@ -196,5 +196,93 @@ TEST(SlamState, FusedLandmarksAreOne) {
   EXPECT_NEAR(state.PositionCovariance(a)(0, 0), 0.5 * sd * sd, 1e-5);
 }
 
+// A vehicle that saw two of three landmarks, of which it knew one.
+SlamState SmallState(double seed_offset) {
+  SlamState state((Calibration()));
+  Eigen::Matrix2d cov;
+  cov << 0.04, 0.01, 0.01, 0.02;
+  const Eigen::Vector2d known(3.0, 1.0);
+  state.AddKnown({&known, 1}, cov);
+  Eigen::Matrix3d start = Eigen::Vector3d(0.04, 0.02, 0.01).asDiagonal();
+  state.StartFrom({Se2(0.1, -0.2, 0.3), start}, Calibration());
+  Observation observation;
+  observation.kind = Observation::Kind::kCartesian;
+  observation.z = {2.0 + seed_offset, 0.5};
+  const SlamPair pair{0, &observation};
+  state.Update({&pair, 1});
+  observation.z = {1.0, 2.0 - seed_offset};
+  state.Add(observation);
+  return state;
+}
+
+TEST(SlamState, KnownLandmarksAreIndependentOfTheStart) {
+  SlamState state((Calibration()));
+  const std::vector<Eigen::Vector2d> positions = {{1.0, 2.0}, {3.0, 4.0}};
+  Eigen::Matrix4d cov = Eigen::Matrix4d::Identity() * 0.1;
+  cov(0, 2) = cov(2, 0) = 0.05;
+  EXPECT_EQ(state.AddKnown(positions, cov), 0);
+  state.StartFrom({Se2(1.0, 0.0, 0.5), Eigen::Matrix3d::Identity()}, Calibration());
+  EXPECT_EQ((state.LandmarkCovariance({0, 1}) - cov).norm(), 0.0);
+  const SlamState::Relative relative = state.RelativeTo(1);
+  const Se2 pose(1.0, 0.0, 0.5);
+  EXPECT_LT((relative.q_vehicle - pose.Inverse() * positions[1]).norm(), 1e-12);
+  // dq/dξ = (-I, (q.y, -q.x)), and the landmark turned.
+  Eigen::Matrix<double, 2, 3> H;
+  H << -1.0, 0.0, relative.q_vehicle.y(), 0.0, -1.0, -relative.q_vehicle.x();
+  const Eigen::Matrix2d expected = H * H.transpose() + Eigen::Matrix2d::Identity() * 0.1;
+  EXPECT_LT((relative.cov - expected).norm(), 1e-12);
+}
+
+// Another vehicle knows nothing of where the last one was.
+TEST(SlamState, AStartForgetsThePoseAndKeepsTheMap) {
+  SlamState state = SmallState(0.1);
+  const Eigen::MatrixXd before = state.LandmarkCovariance({0, 1});
+  const Eigen::Vector2d position = state.Position(1);
+  const Eigen::Matrix3d start = Eigen::Matrix3d::Identity() * 0.01;
+  state.StartFrom({Se2(5.0, 5.0, 1.0), start}, Calibration());
+  EXPECT_EQ((state.LandmarkCovariance({0, 1}) - before).norm(), 0.0);
+  EXPECT_EQ(state.Position(1), position);
+  // Of a pose and landmarks that are independent, covariances add.
+  const Eigen::Vector2d q = state.RelativeTo(1).q_vehicle;
+  Eigen::Matrix<double, 2, 3> H;
+  H << -1.0, 0.0, q.y(), 0.0, -1.0, -q.x();
+  const Eigen::Matrix2d R = state.pose().Rotation();
+  const Eigen::Matrix2d expected =
+      H * start * H.transpose() + R.transpose() * state.PositionCovariance(1) * R;
+  EXPECT_LT((state.RelativeTo(1).cov - expected).norm(), 1e-12);
+}
+
+// First and second moments of the mixture, which do not depend on which of the two is asked.
+TEST(SlamState, AMixtureHasTheMomentsOfBoth) {
+  const SlamState a = SmallState(0.1);
+  const SlamState b = SmallState(-0.05);
+  ASSERT_TRUE(a.HasLandmarksOf(b));
+  SlamState mixed = a;
+  mixed.MixWith(b, 0.25);
+  const std::vector<int> all = {0, 1};
+  Eigen::Vector4d mean_a;
+  mean_a << a.Position(0), a.Position(1);
+  Eigen::Vector4d mean_b;
+  mean_b << b.Position(0), b.Position(1);
+  const Eigen::Vector4d mean = 0.75 * mean_a + 0.25 * mean_b;
+  const Eigen::Matrix4d second = 0.75 * (a.LandmarkCovariance(all) + mean_a * mean_a.transpose()) +
+                                 0.25 * (b.LandmarkCovariance(all) + mean_b * mean_b.transpose());
+  EXPECT_LT((mixed.Position(1) - mean.tail<2>()).norm(), 1e-12);
+  EXPECT_LT((mixed.LandmarkCovariance(all) + mean * mean.transpose() - second).norm(), 1e-12);
+  const Eigen::Vector3d between = (a.pose().Inverse() * b.pose()).Log();
+  EXPECT_LT(((a.pose().Inverse() * mixed.pose()).Log() - 0.25 * between).norm(), 1e-12);
+  SlamState other = b;
+  other.MixWith(a, 0.75);
+  EXPECT_LT((other.LandmarkCovariance(all) - mixed.LandmarkCovariance(all)).norm(), 1e-12);
+}
+
+TEST(SlamState, DistanceOfTwoEstimatesIsTheirMahalanobisDistance) {
+  const SlamState a = SmallState(0.1);
+  EXPECT_NEAR(a.SquaredDistanceTo(a), 0.0, 1e-12);
+  const SlamState b = SmallState(0.0);
+  EXPECT_NEAR(a.SquaredDistanceTo(b), b.SquaredDistanceTo(a), 0.02 * a.SquaredDistanceTo(b));
+  EXPECT_GT(a.SquaredDistanceTo(SmallState(-0.2)), a.SquaredDistanceTo(b));
+}
+
 }  // namespace
 }  // namespace shiftmap

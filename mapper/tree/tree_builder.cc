@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/tree/tree_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "localizer/models/motion_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapper/calibration/detection.h"
+#include "mapper/covariance/datum.h"
+#include "mapper/covariance/map_prior.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/frontend/pair_calibration.h"
+#include "mapper/tree/run_start.h"
+#include "mapper/tree/tree_slam.h"
+
+namespace shiftmap {
+namespace {
+
+// A run with its own calibration.
+struct TreeRun {
+  const MapperInput* input = nullptr;
+  Calibration calibration;
+  int observations = 0;  // Of identified landmarks.
+  int duplicates = 0;
+  int near = 0;
+};
+
+TreeRun PrepareRun(const MapperInput& input, const MapperOptions& options) {
+  const std::vector<Signature> signatures = CollectSignatures({&input.run}, {});
+  const MappingRun run = MakeMappingRun(input.run, signatures, options.front_end);
+  TreeRun prepared;
+  prepared.input = &input;
+  prepared.calibration =
+      options.calibrate ? CalibrateFromPairs(run, options.calibration) : options.calibration;
+  prepared.observations = static_cast<int>(run.sightings.size());
+  prepared.duplicates = run.duplicate_observations;
+  prepared.near = run.near_observations;
+  return prepared;
+}
+
+// Mean of the runs, for the map: scales and lag of odometry, mean squares of noise.
+Calibration FleetCalibration(const std::vector<TreeRun>& runs, const Calibration& fallback) {
+  if (runs.empty()) return fallback;
+  Calibration fleet = fallback;
+  const auto mean = [&](auto value) {
+    double sum = 0.0;
+    for (const TreeRun& run : runs) sum += value(run.calibration);
+    return sum / static_cast<double>(runs.size());
+  };
+  fleet.odometry.scale_v =
+      std::exp(mean([](const auto& c) { return std::log(c.odometry.scale_v); }));
+  fleet.odometry.scale_omega =
+      std::exp(mean([](const auto& c) { return std::log(c.odometry.scale_omega); }));
+  fleet.odometry.lag_s = mean([](const auto& c) { return c.odometry.lag_s; });
+  for (double SensorCalibration::*sd : {&SensorCalibration::sd_range_m,
+                                        &SensorCalibration::sd_bearing_rad,
+                                        &SensorCalibration::sd_position_m}) {
+    fleet.sensor.*sd = std::sqrt(mean([&](const auto& c) { return std::pow(c.sensor.*sd, 2); }));
+  }
+  return fleet;
+}
+
+SensorCalibration SeenFrom(const std::vector<TreeRun>& runs, SensorCalibration sensor) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const TreeRun& run : runs) {
+    for (const Scan& scan : run.input->run.scans) {
+      for (const Observation& observation : scan.observations) {
+        positions.push_back(observation.PositionInVehicle());
+      }
+    }
+  }
+  if (!positions.empty()) SetFieldOfView(positions, &sensor);
+  return sensor;
+}
+
+// The pose at the first odometry sample.
+Se2 StartOf(const TreeRun& run, const Se2& T_map_first_scan) {
+  const Run& log = run.input->run;
+  const Stamp begin = log.odometry.front().stamp;
+  const Stamp first = log.scans.front().stamp;
+  if (first <= begin) return T_map_first_scan;
+  std::size_t hint = 0;
+  return T_map_first_scan *
+         IntegrateMotion(log.odometry, begin, first, run.calibration.odometry, &hint)
+             .T_begin_end.Inverse();
+}
+
+// Filters runs one after the other.
+class Pass {
+ public:
+  Pass(const std::optional<MapContent>& prior,
+       const Calibration& calibration,
+       const MapperOptions& options,
+       const TreeSlamOptions& tree,
+       const MapperMonitor& monitor)
+      : calibration_(calibration),
+        options_(options),
+        monitor_(monitor),
+        slam_(tree, calibration, prior),
+        known_(prior.has_value()) {}
+
+  Status Filter(const std::vector<TreeRun>& runs, double from, double to) {
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      const double share = (to - from) / static_cast<double>(runs.size());
+      SHIFTMAP_RETURN_IF_ERROR(FilterRun(runs[i], from + share * static_cast<double>(i), share));
+    }
+    return OkStatus();
+  }
+
+  TreeSlam& slam() { return slam_; }
+  std::vector<MappedRun>& runs() { return runs_; }
+  std::vector<RejectedRun>& rejected() { return rejected_; }
+
+ private:
+  Status FilterRun(const TreeRun& run, double done, double share) {
+    const Run& log = run.input->run;
+    std::optional<RunStart> start = RunStart();
+    if (known_) start = FindRunStart(log, Snapshot(), run.calibration.odometry);
+    if (run.observations == 0 || !start) {
+      rejected_.push_back({run.input->name,
+                           run.observations == 0 ? "no identified landmark is seen"
+                                                 : "it fits no place of the map for certain"});
+      return OkStatus();
+    }
+    MappedRun mapped = Describe(run);
+    const Stamp found = log.scans[start->scan].stamp;
+    if (start->scan > 0) {
+      slam_.BeginRun(start->pose, run.calibration, found, TreeSlam::Direction::kBackward);
+      for (std::size_t i = start->scan; i-- > 0;) Step(run, i + 1, i, &mapped);
+      End(&mapped);
+      std::reverse(mapped.trajectory.begin(), mapped.trajectory.end());
+    }
+    slam_.BeginRun(start->pose, run.calibration, found);
+    hint_ = 0;
+    for (std::size_t i = start->scan; i < log.scans.size(); ++i) {
+      if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(Report(run, done + share * Share(i, log)));
+      Step(run, std::max(i, start->scan + 1) - 1, i, &mapped);
+    }
+    End(&mapped);
+    mapped.poses = static_cast<int>(mapped.trajectory.size());
+    mapped.odometry = slam_.Odometry();
+    mapped.T_map_start = StartOf(run, mapped.trajectory.front().T_map_vehicle);
+    runs_.push_back(std::move(mapped));
+    known_ = true;
+    return OkStatus();
+  }
+
+  // From one scan of a run to another, later or earlier.
+  void Step(const TreeRun& run, std::size_t from, std::size_t to, MappedRun* mapped) {
+    const Run& log = run.input->run;
+    const Stamp begin = log.scans[std::min(from, to)].stamp;
+    const Stamp end = log.scans[std::max(from, to)].stamp;
+    if (from != to) {
+      std::size_t hint = to > from ? hint_ : 0;
+      const MotionIncrement motion =
+          IntegrateMotion(log.odometry, begin, end, run.calibration.odometry, &hint);
+      if (to > from) hint_ = hint;
+      slam_.Predict(to > from ? motion : Inverse(motion));
+    }
+    const TreeEvents& events = slam_.Correct(log.scans[to]);
+    mapped->evidence.insert(mapped->evidence.end(), events.evidence.begin(), events.evidence.end());
+    mapped->outliers += events.ungated;
+    mapped->chi2 += events.nis_sum;
+    mapped->trajectory.push_back({log.scans[to].stamp, slam_.best().filter.state().pose()});
+  }
+
+  void End(MappedRun* mapped) {
+    for (VisitEvidence& visit : slam_.EndRun()) mapped->evidence.push_back(std::move(visit));
+  }
+
+  static double Share(std::size_t i, const Run& log) {
+    return static_cast<double>(i) / static_cast<double>(log.scans.size());
+  }
+
+  Status Report(const TreeRun& run, double done) const {
+    if (!monitor_) return OkStatus();
+    std::size_t modes = 0;
+    for (const LandmarkGroup& group : slam_.groups()) modes += group.modes.size();
+    const bool go_on = monitor_({fmt::format("run {}", run.input->name), done, 0.0, modes});
+    return go_on ? OkStatus() : MakeStatus(StatusCode::kCancelled, "build: stopped");
+  }
+
+  MapSnapshot Snapshot() {
+    MapContent content = slam_.Content();
+    content.calibration = calibration_;
+    return MapSnapshot("", VersionNumber(1), "", std::move(content));
+  }
+
+  static MappedRun Describe(const TreeRun& run) {
+    MappedRun mapped;
+    mapped.name = run.input->name;
+    mapped.sha256 = run.input->sha256;
+    mapped.uuid = run.input->run.info.uuid;
+    mapped.vehicle = run.input->run.info.vehicle;
+    mapped.begin = run.input->run.odometry.front().stamp;
+    mapped.end = run.input->run.odometry.back().stamp;
+    mapped.observations = run.observations;
+    mapped.duplicate_observations = run.duplicates;
+    mapped.near_observations = run.near;
+    return mapped;
+  }
+
+  Calibration calibration_;
+  const MapperOptions& options_;
+  const MapperMonitor& monitor_;
+  TreeSlam slam_;
+  std::size_t hint_ = 0;  // Of IntegrateMotion(), for the present run.
+  bool known_;            // There is a map to find a run on.
+  std::vector<MappedRun> runs_;
+  std::vector<RejectedRun> rejected_;
+};
+
+// Refers the covariance to the landmarks as a whole, and adds the scale that no run tells.
+void ReferCovariance(double sd_scale, MapContent* content) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const LandmarkGroup& group : content->groups) {
+    for (const Mode& mode : group.modes) positions.push_back(mode.p_map_landmark);
+  }
+  const Eigen::MatrixXd cov = AddScaleUncertainty(
+      positions, sd_scale, ReferToPositions(positions, content->covariance.Dense()));
+  content->covariance = JointCovariance::FromDense(cov);
+  int index = 0;
+  for (LandmarkGroup& group : content->groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = content->covariance.Block(index, index);
+      ++index;
+    }
+  }
+}
+
+StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<MappedRun>& runs,
+                                              const MapperOptions& options,
+                                              std::vector<LandmarkGroup>* groups) {
+  std::vector<EvidenceRow> rows = options.chains.ledger;
+  for (const MappedRun& run : runs) {
+    for (const VisitEvidence& visit : run.evidence)
+      rows.push_back({run.sha256, visit, run.vehicle});
+  }
+  GroupChainOptions learning = options.chains.learning;
+  learning.leave_rate_per_s = options.modes.leave_rate_per_s;
+  learning.threads = options.threads;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
+                            LearnGroupChains(*groups, rows, learning));
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    if (chains[i].learned) (*groups)[i].chain = chains[i].chain.chain();
+  }
+  return chains;
+}
+
+int CountModes(const std::vector<LandmarkGroup>& groups) {
+  int modes = 0;
+  for (const LandmarkGroup& group : groups) modes += static_cast<int>(group.modes.size());
+  return modes;
+}
+
+}  // namespace
+
+StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
+                                      const std::optional<MapContent>& prior,
+                                      const MapperOptions& options,
+                                      const TreeSlamOptions& tree,
+                                      const MapperMonitor& monitor) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckInputs(inputs, prior, options));
+  SHIFTMAP_RETURN_IF_ERROR(tree.Validate());
+  SortByBegin(&inputs);
+  MapperOptions with_prior = options;
+  std::optional<MapContent> known = prior;
+  double sd_scale = options.sd_range_scale;
+  if (known) {
+    with_prior.calibration = known->calibration;
+    sd_scale = std::max(sd_scale, TakeOutScale(options.sd_range_scale, &*known));
+  }
+  std::vector<TreeRun> runs;
+  for (const MapperInput& input : inputs) runs.push_back(PrepareRun(input, with_prior));
+  Calibration calibration = FleetCalibration(runs, with_prior.calibration);
+  const bool learn_sensor = options.calibrate && !known;
+  if (learn_sensor) {
+    calibration.sensor = SeenFrom(runs, calibration.sensor);
+    Pass first(known, calibration, options, tree, monitor);
+    SHIFTMAP_RETURN_IF_ERROR(first.Filter(runs, 0.0, 0.5));
+    SetDetection(first.slam().detections(), &calibration.sensor);
+  }
+  Pass pass(known, calibration, options, tree, monitor);
+  SHIFTMAP_RETURN_IF_ERROR(pass.Filter(runs, learn_sensor ? 0.5 : 0.0, 1.0));
+  if (pass.runs().empty()) {
+    return InvalidArgument("no run can be used; first: run '{}': {}",
+                           pass.rejected().front().name,
+                           pass.rejected().front().reason);
+  }
+  MapperResult result;
+  result.runs = std::move(pass.runs());
+  result.rejected = std::move(pass.rejected());
+  result.content = pass.slam().Content();
+  if (result.content.groups.empty()) {
+    return InvalidArgument("no run can be used: none has {} sightings of one landmark",
+                           tree.min_sightings);
+  }
+  result.content.calibration = calibration;
+  if (known) result.content.vehicles = known->vehicles;
+  if (options.now) result.content.stamp = std::min(result.content.stamp, *options.now);
+  ReferCovariance(sd_scale, &result.content);
+  if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
+    SHIFTMAP_ASSIGN_OR_RETURN(result.chains,
+                              LearnChains(result.runs, options, &result.content.groups));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
+  result.modes_created =
+      CountModes(result.content.groups) - (known ? CountModes(known->groups) : 0);
+  result.modes_merged = pass.slam().modes_merged();
+  result.outer_iterations = 1;
+  return result;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,411 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The life of groups, modes and visits. How observations weigh and fork leaves: tree_branching.cc.
+#include "mapper/tree/tree_slam.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "localizer/filter/known_map_filter.h"
+#include "localizer/models/detection_model.h"
+#include "localizer/models/observation_model.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
+constexpr int kMaxContradictions = 5;
+
+MotionIncrement Scaled(const MotionIncrement& motion, const Eigen::Vector2d& log_scale) {
+  MotionIncrement scaled = motion;
+  const Eigen::Vector3d step = motion.J_calibration.leftCols<2>() * log_scale;
+  scaled.T_begin_end = motion.T_begin_end * Se2::Exp(step);
+  return scaled;
+}
+
+std::vector<LandmarkGroup> GroupsOf(const std::optional<MapContent>& prior) {
+  return prior ? prior->groups : std::vector<LandmarkGroup>();
+}
+
+}  // namespace
+
+TreeSlam::TreeSlam(const TreeSlamOptions& options,
+                   const Calibration& calibration,
+                   const std::optional<MapContent>& prior)
+    : options_(options),
+      sensor_(calibration.sensor),
+      gate_(ChiSquareQuantile(options.gate_probability, 2)),
+      tree_({options.alpha, options.max_leaves, options.visit_gap_s},
+            GroupsOf(prior),
+            prior ? prior->stamp : Stamp()),
+      groups_(GroupsOf(prior)) {
+  SlamMap map(calibration, options.merging);
+  if (prior) AddPrior(*prior, &map);
+  tree_.Restart({std::move(map)});
+}
+
+void TreeSlam::AddPrior(const MapContent& prior, SlamMap* map) {
+  std::vector<Eigen::Vector2d> positions;
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    const int group = static_cast<int>(g);
+    index_[groups_[g].signature] = group;
+    chains_.push_back(groups_[g].chain);
+    confirmed_modes_.push_back(static_cast<int>(groups_[g].modes.size()));
+    map->AddGroup();
+    for (const Mode& mode : groups_[g].modes) {
+      map->AddMode(group);
+      positions.push_back(mode.p_map_landmark);
+    }
+  }
+  int landmark = map->state().AddKnown(positions, prior.covariance.Dense());
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    for (std::size_t k = 0; k < groups_[g].modes.size(); ++k) {
+      map->mode(static_cast<int>(g), static_cast<int>(k) + 1) = {landmark++,
+                                                                 options_.min_sightings};
+    }
+  }
+  for (const Mode& mode : prior.anonymous_landmarks) {
+    const int known = map->state().AddKnown({&mode.p_map_landmark, 1}, mode.cov_p_map_landmark);
+    map->anonymous().push_back({known, options_.confirm_sightings, 0, mode.last_seen});
+  }
+}
+
+void TreeSlam::BeginRun(const PoseWithCovariance& start,
+                        const Calibration& calibration,
+                        Stamp stamp,
+                        Direction direction) {
+  stamp_ = now_ = begin_ = stamp;
+  backward_ = direction == Direction::kBackward;
+  Calibration of_run = calibration;
+  sensor_.sd_range_m = calibration.sensor.sd_range_m;
+  sensor_.sd_bearing_rad = calibration.sensor.sd_bearing_rad;
+  sensor_.sd_position_m = calibration.sensor.sd_position_m;
+  of_run.sensor = sensor_;
+  for (SlamLeaf* leaf : tree_.leaves().all()) leaf->filter.state().StartFrom(start, of_run);
+}
+
+void TreeSlam::Predict(const MotionIncrement& motion) {
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamState& state = leaf->filter.state();
+    state.Predict(Scaled(motion, state.log_scale()));
+  }
+}
+
+void TreeSlam::PredictEuler(double v_mps,
+                            double omega_radps,
+                            double seconds,
+                            const Eigen::Matrix3d& Q) {
+  MotionIncrement motion;
+  motion.T_begin_end = Se2(v_mps * seconds, 0.0, omega_radps * seconds);
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamState& state = leaf->filter.state();
+    // From the map's axes to the vehicle's, at the end of the step.
+    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+    R.topLeftCorner<2, 2>() = (state.pose() * motion.T_begin_end).Rotation().transpose();
+    motion.cov = R * Q * R.transpose();
+    state.Predict(motion);
+  }
+}
+
+const TreeEvents& TreeSlam::Correct(const Scan& scan) {
+  events_.evidence.clear();
+  events_.decisions.clear();
+  events_.updates = events_.ungated = 0;
+  events_.nis_sum = 0.0;
+  stamp_ = scan.stamp;
+  now_ = backward_ ? begin_ + (begin_ - stamp_) : stamp_;
+  ++scan_;
+  CloseStaleVisits();
+  Scan corrected = scan;
+  double reach_m = sensor_.max_range_m;
+  for (Observation& observation : corrected.observations) {
+    observation = Corrected(observation, sensor_);
+    reach_m = std::max(reach_m, observation.PositionInVehicle().norm());
+  }
+  const UsableSightings usable = FindUsableSightings(corrected, options_.front_end);
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamState& state = leaf->filter.state();
+    state.Focus(reach_m + PlaceSlack(state, reach_m));
+  }
+  OpenVisitsInView();
+  for (const int i : usable.named) Take(corrected.observations[static_cast<std::size_t>(i)]);
+  for (const Visit& visit : tree_.visits()) {
+    if (!visit.seen) Miss(visit.group);
+  }
+  CountDetections(static_cast<int>(usable.named.size()));
+  if (options_.anonymous) {
+    for (SlamLeaf* leaf : tree_.leaves().all()) TakeAnonymous(corrected, usable.anonymous, leaf);
+  }
+  tree_.Reduce();
+  tree_.Test(groups_, now_, &events_.decisions);
+  tree_.ReleaseAgreedBeliefs();
+  return events_;
+}
+
+std::vector<VisitEvidence> TreeSlam::EndRun() {
+  std::vector<VisitEvidence> evidence;
+  while (!tree_.visits().empty()) evidence.push_back(CloseVisit(0));
+  return evidence;
+}
+
+int TreeSlam::GroupOf(const Signature& signature) {
+  const auto [entry, added] = index_.try_emplace(signature, static_cast<int>(groups_.size()));
+  if (added) {
+    LandmarkGroup group;
+    group.signature = signature;
+    group.chain = ModeChain::Uniform(0, options_.leave_rate_per_s);
+    chains_.push_back(group.chain);
+    confirmed_modes_.push_back(0);
+    tree_.AddGroup(group.probabilities, now_);
+    groups_.push_back(std::move(group));
+    for (SlamLeaf* leaf : tree_.leaves().all()) leaf->filter.AddGroup();
+  }
+  return entry->second;
+}
+
+double TreeSlam::InView(const SlamState::Relative& relative) const {
+  constexpr double kFarSd = 6.0;
+  if (relative.q_vehicle.norm() > sensor_.max_range_m + kFarSd * std::sqrt(relative.cov.trace())) {
+    return 0.0;
+  }
+  KnownMapFilter::Point point;
+  point.q = relative.q_vehicle;
+  point.cov_q = relative.cov;
+  return SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor_);
+}
+
+double TreeSlam::InView(const SlamMap& map, int landmark) const {
+  if (landmark == SlamMap::kNoLandmark || !map.state().IsActive(landmark)) return 0.0;
+  return InView(map.state().RelativeTo(landmark));
+}
+
+bool TreeSlam::AnyInView(int group, double threshold) const {
+  const int modes = static_cast<int>(groups_[static_cast<std::size_t>(group)].modes.size());
+  for (int state = 1; state <= modes; ++state) {
+    const SlamMap& map = best().filter;
+    if (InView(map, map.mode(group, state).landmark) > threshold) return true;
+  }
+  return false;
+}
+
+void TreeSlam::OpenVisitsInView() {
+  for (Visit& visit : tree_.visits()) {
+    visit.seen = false;
+    if (AnyInView(visit.group, options_.fov_leave)) visit.end = now_;
+  }
+  for (int group = 0; group < static_cast<int>(groups_.size()); ++group) {
+    if (!tree_.FindVisit(group) && AnyInView(group, options_.fov_enter)) {
+      tree_.OpenVisit(group, groups_, now_);
+    }
+  }
+}
+
+void TreeSlam::CloseStaleVisits() {
+  for (std::size_t i = 0; i < tree_.visits().size();) {
+    if (tree_.IsStale(tree_.visits()[i], now_)) {
+      events_.evidence.push_back(CloseVisit(i));
+    } else {
+      ++i;
+    }
+  }
+}
+
+VisitEvidence TreeSlam::CloseVisit(std::size_t visit_index) {
+  ReviseNewModes(tree_.visits()[visit_index].group);
+  VisitEvidence evidence = tree_.CloseVisit(visit_index, groups_);
+  if (backward_) {
+    const Stamp begin = begin_ - (evidence.end - begin_);
+    evidence.end = begin_ - (evidence.begin - begin_);
+    evidence.begin = begin;
+  }
+  return evidence;
+}
+
+void TreeSlam::Take(const Observation& observation) {
+  const int group = GroupOf(observation.signature);
+  if (!tree_.FindVisit(group)) tree_.OpenVisit(group, groups_, now_);
+  const double unit = SquareMetresPerUnit(observation);
+  Seen seen{&observation, group, 0, 0, 0.0, 0.0};
+  seen.log_false_alarm = std::log(sensor_.clutter_density_per_m2 * unit);
+  seen.log_new = std::log(sensor_.new_landmark_density_per_m2 * unit);
+  CountContradictions(seen);
+  seen.belief = tree_.BeliefIndex(group);
+  Visit& visit = *tree_.FindVisit(group);
+  visit.end = now_;
+  visit.seen = true;
+  ++visit.observations;
+  CountOutcome(seen);
+  const auto leaves = tree_.leaves().all();
+  const bool found = std::any_of(leaves.begin(), leaves.end(), [&](const SlamLeaf* leaf) {
+    return CanFindMode(leaf->beliefs[seen.belief]) && GatesNowhere(*leaf, seen);
+  });
+  if (found) seen.new_state = AddMode(group);
+  for (SlamLeaf* leaf : tree_.leaves().Rebuild()) Branch(seen, leaf);
+  tree_.Reduce();
+  const int resolved = best().beliefs[seen.belief].resolved;
+  if (resolved > 0) {
+    groups_[static_cast<std::size_t>(group)]
+        .modes[static_cast<std::size_t>(resolved) - 1]
+        .last_seen = stamp_;
+  }
+}
+
+void TreeSlam::CountOutcome(const Seen& seen) {
+  if (GatesNowhere(best(), seen)) {
+    ++events_.ungated;
+    return;
+  }
+  const GroupBelief& belief = best().beliefs[seen.belief];
+  if (belief.resolved <= 0) return;
+  const double nis = ScoreMode(best(), seen, belief.resolved).nis;
+  if (nis > gate_) return;
+  ++events_.updates;
+  events_.nis_sum += nis;
+}
+
+void TreeSlam::CountDetections(int seen) {
+  constexpr double kWellInView = 0.9;
+  for (const Visit& visit : tree_.visits()) {
+    if (seen - (visit.seen ? 1 : 0) == 0) continue;
+    const int resolved = best().beliefs[tree_.BeliefIndex(visit.group)].resolved;
+    if (resolved <= 0) continue;
+    const SlamMap& map = best().filter;
+    if (InView(map, map.mode(visit.group, resolved).landmark) < kWellInView) continue;
+    detections_.expected += 1.0;
+    detections_.detected += visit.seen ? 1.0 : 0.0;
+  }
+}
+
+void TreeSlam::CountContradictions(const Seen& seen) {
+  Visit* const visit = tree_.FindVisit(seen.group);
+  if (!visit->decided) return;
+  const bool agrees = *visit->decided == 0 ? GatesNowhere(best(), seen)
+                                           : ScoreMode(best(), seen, *visit->decided).nis <= gate_;
+  visit->contradictions = agrees ? 0 : visit->contradictions + 1;
+  if (visit->contradictions < kMaxContradictions) return;
+  events_.evidence.push_back(CloseVisit(static_cast<std::size_t>(visit - tree_.visits().data())));
+  tree_.OpenVisit(seen.group, groups_, now_);
+}
+
+void TreeSlam::SetChain(int group) {
+  const auto g = static_cast<std::size_t>(group);
+  LandmarkGroup& landmark = groups_[g];
+  const int modes = static_cast<int>(landmark.modes.size());
+  landmark.chain = chains_[g].states() == modes + 1
+                       ? chains_[g]
+                       : ModeChain::Uniform(modes, chains_[g].leave_rate_per_s());
+}
+
+int TreeSlam::AddMode(int group) {
+  LandmarkGroup& landmark = groups_[static_cast<std::size_t>(group)];
+  Mode mode;
+  mode.number = landmark.NextNumber();
+  mode.last_seen = stamp_;
+  landmark.modes.push_back(mode);
+  SetChain(group);
+  for (SlamLeaf* leaf : tree_.leaves().all()) leaf->filter.AddMode(group);
+  tree_.AddState(group);
+  return static_cast<int>(landmark.modes.size());
+}
+
+void TreeSlam::ReviseNewModes(int group) {
+  const auto g = static_cast<std::size_t>(group);
+  for (int state = static_cast<int>(groups_[g].modes.size()); state > confirmed_modes_[g];
+       --state) {
+    const SlamMap::ModeLandmark& mode = best().filter.mode(group, state);
+    if (mode.landmark == SlamMap::kNoLandmark || mode.sightings < options_.min_sightings) {
+      MergeMode(group, state, 0);
+    } else if (const int twin = TwinOf(group, state); twin > 0) {
+      MergeMode(group, state, twin);
+      ++modes_merged_;
+    }
+  }
+  confirmed_modes_[g] = static_cast<int>(groups_[g].modes.size());
+}
+
+int TreeSlam::TwinOf(int group, int state) const {
+  const SlamMap& map = best().filter;
+  const int landmark = map.mode(group, state).landmark;
+  const Eigen::Matrix2d floor =
+      Eigen::Matrix2d::Identity() * 2.0 * options_.position_floor_m * options_.position_floor_m;
+  for (int other = 1; other < state; ++other) {
+    const int twin = map.mode(group, other).landmark;
+    if (twin == SlamMap::kNoLandmark || !map.state().IsActive(twin)) continue;
+    const Eigen::Vector2d apart = map.state().Position(twin) - map.state().Position(landmark);
+    const Eigen::Matrix2d cov = map.state().DifferenceCovariance(twin, landmark) + floor;
+    if (SquaredMahalanobis(apart, cov) <= gate_) return other;
+  }
+  return 0;
+}
+
+void TreeSlam::MergeMode(int group, int state, int into) {
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamMap& map = leaf->filter;
+    SlamMap::ModeLandmark& gone = map.mode(group, state);
+    if (into > 0 && gone.landmark != SlamMap::kNoLandmark) {
+      SlamMap::ModeLandmark& kept = map.mode(group, into);
+      if (kept.landmark == SlamMap::kNoLandmark) {
+        std::swap(kept, gone);
+      } else {
+        map.state().Activate(kept.landmark);
+        map.state().Activate(gone.landmark);
+        map.state().Fuse(kept.landmark, gone.landmark);
+        kept.sightings += gone.sightings;
+        gone.landmark = SlamMap::kNoLandmark;
+      }
+    }
+    if (gone.landmark != SlamMap::kNoLandmark) map.state().Remove(gone.landmark);
+    map.EraseMode(group, state);
+  }
+  LandmarkGroup& landmark = groups_[static_cast<std::size_t>(group)];
+  const auto gone = landmark.modes.begin() + state - 1;
+  if (into > 0) {
+    Mode& kept = landmark.modes[static_cast<std::size_t>(into) - 1];
+    kept.last_seen = std::max(kept.last_seen, gone->last_seen);
+  }
+  landmark.modes.erase(gone);
+  SetChain(group);
+  tree_.MergeState(group, state, into);
+}
+
+MapContent TreeSlam::Content() {
+  SlamMap& map = tree_.leaves().front().filter;
+  map.state().Focus(std::numeric_limits<double>::max());
+  MapContent content;
+  content.stamp = stamp_;
+  std::vector<int> order;
+  for (int group = 0; group < static_cast<int>(groups_.size()); ++group) {
+    if (!groups_[static_cast<std::size_t>(group)].modes.empty()) order.push_back(group);
+  }
+  std::sort(order.begin(), order.end(), [&](int a, int b) {
+    return groups_[static_cast<std::size_t>(a)].signature <
+           groups_[static_cast<std::size_t>(b)].signature;
+  });
+  std::vector<int> landmarks;
+  for (const int g : order) {
+    LandmarkGroup group = groups_[static_cast<std::size_t>(g)];
+    group.probabilities = Probabilities(g);
+    for (std::size_t k = 0; k < group.modes.size(); ++k) {
+      const int landmark = map.mode(g, static_cast<int>(k) + 1).landmark;
+      landmarks.push_back(landmark);
+      group.modes[k].p_map_landmark = map.state().Position(landmark);
+      group.modes[k].cov_p_map_landmark = map.state().PositionCovariance(landmark);
+    }
+    content.groups.push_back(std::move(group));
+  }
+  content.covariance = JointCovariance::FromDense(map.state().LandmarkCovariance(landmarks));
+  for (const SlamMap::Anonymous& landmark : map.anonymous()) {
+    if (landmark.sightings < options_.confirm_sightings) continue;
+    Mode mode;
+    mode.p_map_landmark = map.state().Position(landmark.landmark);
+    mode.cov_p_map_landmark = map.state().PositionCovariance(landmark.landmark);
+    mode.last_seen = landmark.last_seen;
+    content.anonymous_landmarks.push_back(mode);
+  }
+  return content;
+}
+
+}  // namespace shiftmap
