@@ -112,11 +112,7 @@ void Localizer::FlushPaused() {
 
 void Localizer::LocalizeDue() {
   while (const HeldEvent* due = buffer_->Next()) {
-    if (due->is_scan) {
-      Localize(due->scan);
-    } else {
-      Localize(due->sample);
-    }
+    due->Visit([&](const auto& item) { Localize(item); });
   }
 }
 
@@ -129,6 +125,13 @@ void Localizer::Localize(const OdometrySample& sample) {
 void Localizer::Localize(const Scan& scan) {
   AccountTime(scan.stamp);
   ProcessScan(scan);
+  SetState(JudgeState());
+}
+
+// Before the start there is nothing to be in view.
+void Localizer::Localize(const LidarScan& scan) {
+  AccountTime(scan.stamp);
+  if (bank_) bank_->TakeLidar(scan);
   SetState(JudgeState());
 }
 
@@ -238,6 +241,7 @@ void Localizer::Step(const WindowScan& step) {
   const bool was_nowhere = IsNowhere(bank_->best().filter.Pose());
   const BankEvents& events = bank_->Correct(step.scan);
   scan_stamp_ = step.scan.stamp;
+  if (bank_->field_of_view().by_lidar()) ++statistics_.scans_by_lidar;
 
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance pose = bank_->best().filter.Pose();

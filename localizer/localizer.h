@@ -34,6 +34,7 @@ struct PoseEstimate {
 /// What happened so far.
 struct LocalizerStatistics {
   std::int64_t scans = 0;
+  std::int64_t scans_by_lidar = 0;  ///< Whose field of view was that of a lidar's scan.
   std::array<double, kLocalizerStates> seconds_in_state = {};  ///< By LocalizerState. [s]
   std::int64_t updates = 0;  ///< Observations that corrected the heaviest leaf; 2 dof each.
   double nis_sum = 0.0;      ///< Of their νᵀ S⁻¹ ν.
@@ -125,6 +126,7 @@ class Localizer {
  private:
   void Localize(const OdometrySample& sample);
   void Localize(const Scan& scan);
+  void Localize(const LidarScan& scan);
   void LocalizeDue();
   void ProcessScan(const Scan& scan);
   void TakeUsableObservations(const Scan& scan);

@@ -26,6 +26,8 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("fov_enter", hypotheses.fov_enter, 0.0, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(
       CheckRange("fov_leave", hypotheses.fov_leave, 0.0, hypotheses.fov_enter));
+  const FieldOfViewOptions& field_of_view = hypotheses.field_of_view;
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("max_lidar_age_s", field_of_view.max_lidar_age_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("visit_gap_s", hypotheses.visit_gap_s, 0.0, kDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_signatures", global_start.min_signatures, 3));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_probability", global_start.min_probability, 0.5, 1.0));

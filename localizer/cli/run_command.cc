@@ -46,6 +46,7 @@ struct RunOptions {
   double max_delay_s = 0.0;
   double clock_tolerance_s = kDefaultClockToleranceS;
   LimitOptions limits;
+  std::string field_of_view = FieldOfViewNames().front();
   std::string run;
 };
 
@@ -86,10 +87,12 @@ class Shift {
 
   // A file is read whole, because the report names its hash.
   Status ProcessFile(const std::string& path) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path));
-    const std::vector<RunEvent> events = MergeEvents(log.run);
-    SHIFTMAP_RETURN_IF_ERROR(Begin(log.run.info, StampOf(events.front())));
-    for (const RunEvent& event : events) SHIFTMAP_RETURN_IF_ERROR(Process(event));
+    SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path, {.lidar_scans = UsesLidar()}));
+    const auto take = [&](const RunEvent& event) -> Status {
+      if (!localizer_) SHIFTMAP_RETURN_IF_ERROR(Begin(log.run.info, StampOf(event)));
+      return Process(event);
+    };
+    SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(log.run, take));
     run_hash_ = log.sha256;
     run_uuid_ = log.run.info.uuid;
     summary_.truncation = log.truncation;
@@ -97,7 +100,7 @@ class Shift {
   }
 
   Status ProcessStream(const std::string& path) {
-    SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
+    SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, UsesLidar()));
     while (true) {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
       if (!event) break;
@@ -138,6 +141,10 @@ class Shift {
   const std::vector<StampedPose>& trajectory() const { return trajectory_; }
 
  private:
+  bool UsesLidar() const {
+    return options_.hypotheses.field_of_view.model == FieldOfViewModel::kScanPolygon;
+  }
+
   // The calibration is that of the vehicle, which only the log names.
   Status Begin(const RunInfo& info, Stamp begin) {
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, map_at_(begin));
@@ -160,9 +167,8 @@ class Shift {
     if (const auto* scan = std::get_if<Scan>(&event)) {
       summary_.latencies_ms.push_back(elapsed.count());
       CountSignatures(*scan);
-    } else {
-      has_odometry_ = true;
     }
+    has_odometry_ |= std::holds_alternative<OdometrySample>(event);
     RecordPoses();
     return OkStatus();
   }
@@ -267,12 +273,24 @@ void WarnOfImplausible(const std::string& run, const Localizer& localizer, const
       localizer.first_implausible()));
 }
 
+// The sector is what counts then, which is not what was asked for.
+void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
+  const LocalizerStatistics statistics = localizer.Statistics();
+  if (FieldOfViewNamed(options.field_of_view) != FieldOfViewModel::kScanPolygon ||
+      statistics.scans_by_lidar > 0) {
+    return;
+  }
+  context.Warn(fmt::format("run log '{}': no lidar scan counted, the field of view was the sector",
+                           options.run));
+}
+
 Status RunShift(const RunOptions& options, Context& context) {
   LocalizerOptions localizer_options;
   localizer_options.hypotheses.alpha = options.alpha;
   localizer_options.hypotheses.max_leaves = options.max_leaves;
   localizer_options.max_delay_s = options.max_delay_s;
   localizer_options.limits = options.limits;
+  localizer_options.hypotheses.field_of_view.model = FieldOfViewNamed(options.field_of_view);
   localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   const std::string& map_path = options.store ? *options.store : *options.snapshot;
@@ -289,6 +307,7 @@ Status RunShift(const RunOptions& options, Context& context) {
     context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
   WarnOfImplausible(options.run, shift.localizer(), context);
+  WarnOfNoLidar(options, shift.localizer(), context);
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   if (shift.localizer().Statistics().localized()) return OkStatus();
@@ -320,6 +339,11 @@ void AddRunCommand(Application* application) {
       .InRange(1e-12, 0.49)
       .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
       .InRange(1, 1024)
+      .Option("--field-of-view",
+              &options->field_of_view,
+              "Where a landmark that is not seen counts as missed: in the sensor's sector, or in "
+              "what of it the last lidar scan covers")
+      .OneOf(FieldOfViewNames())
       .Option(
           "--max-delay-s",
           &options->max_delay_s,

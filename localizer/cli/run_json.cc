@@ -109,6 +109,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["vehicle"] = summary.vehicle;
   document["calibration"] = CalibrationOwner(localizer);
   document["frames"] = statistics.scans;
+  document["frames_by_lidar"] = statistics.scans_by_lidar;
   document["state"] = ToString(localizer.state());
   document["states"] = StatesJson(statistics);
   document["state_changes"] = StateChangesJson(localizer);

@@ -37,6 +37,7 @@ struct ServeOptions {
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
   std::int64_t log_quota_mib = live::ServiceOptions().max_log_bytes >> 20;
   LimitOptions limits;
+  std::string field_of_view = FieldOfViewNames().front();
 };
 
 std::string CheckOptions(const ServeOptions& options) {
@@ -62,6 +63,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.localizer.initial_pose = ParseInitialPose(options.initial_pose);
   service.localizer.max_delay_s = options.max_delay_s;
   service.localizer.limits = options.limits;
+  service.localizer.hypotheses.field_of_view.model = FieldOfViewNamed(options.field_of_view);
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.max_log_bytes = options.log_quota_mib << 20;
@@ -114,6 +116,11 @@ void AddServeCommand(Application* application) {
       .InRange(1e-12, 0.49)
       .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
       .InRange(1, 1024)
+      .Option("--field-of-view",
+              &options->field_of_view,
+              "Where a landmark that is not seen counts as missed: in the sensor's sector, or in "
+              "what of it the last lidar scan covers")
+      .OneOf(FieldOfViewNames())
       .Option("--max-pose-age-s", &options->max_pose_age_s, "Oldest saved pose that is used")
       .InRange(0.0, 1e9)
       .Option("--max-delay-s",

@@ -40,14 +40,7 @@ void EventBuffer::Insert(const RunEvent& event) {
   if (slots_.size() == size_) slots_.emplace_back();
   HeldEvent& slot = slots_[size_];
   slot.stamp = StampOf(event);
-  if (const auto* sample = std::get_if<OdometrySample>(&event)) {
-    slot.is_scan = false;
-    slot.sample = *sample;
-  } else {
-    slot.is_scan = true;
-    slot.scan = std::get<Scan>(event);
-    observations_ += slot.scan.observations.size();
-  }
+  std::visit([&](const auto& item) { Put(item, &slot); }, event);
   const Stamp stamp = slot.stamp;
   newest_ = newest_ ? std::max(*newest_, stamp) : stamp;
   const auto last = slots_.begin() + static_cast<std::ptrdiff_t>(size_);
@@ -59,12 +52,30 @@ void EventBuffer::Insert(const RunEvent& event) {
   ++size_;
 }
 
+void EventBuffer::Put(const OdometrySample& sample, HeldEvent* slot) {
+  slot->kind = HeldEvent::Kind::kOdometry;
+  slot->sample = sample;
+}
+
+void EventBuffer::Put(const LidarScan& scan, HeldEvent* slot) {
+  slot->kind = HeldEvent::Kind::kLidar;
+  slot->lidar = scan;
+  beams_ += scan.ranges_m.size();
+}
+
+void EventBuffer::Put(const Scan& scan, HeldEvent* slot) {
+  slot->kind = HeldEvent::Kind::kScan;
+  slot->scan = scan;
+  observations_ += scan.observations.size();
+}
+
 const HeldEvent* EventBuffer::Next() {
   DropReturned();
   if (size_ == 0) return nullptr;
   const HeldEvent& oldest = slots_.front();
   const bool due = oldest.stamp <= *newest_ - max_delay_ || size_ > kMaxEvents ||
-                   observations_ > kMaxObservations || (flushed_ && oldest.stamp <= *flushed_);
+                   observations_ > kMaxObservations || beams_ > kMaxBeams ||
+                   (flushed_ && oldest.stamp <= *flushed_);
   if (!due) return nullptr;
   returned_ = true;
   return &oldest;
@@ -73,7 +84,9 @@ const HeldEvent* EventBuffer::Next() {
 void EventBuffer::DropReturned() {
   if (!returned_) return;
   returned_ = false;
-  if (slots_.front().is_scan) observations_ -= slots_.front().scan.observations.size();
+  const HeldEvent& oldest = slots_.front();
+  if (oldest.kind == HeldEvent::Kind::kScan) observations_ -= oldest.scan.observations.size();
+  if (oldest.kind == HeldEvent::Kind::kLidar) beams_ -= oldest.lidar.ranges_m.size();
   std::rotate(
       slots_.begin(), slots_.begin() + 1, slots_.begin() + static_cast<std::ptrdiff_t>(size_));
   --size_;

@@ -11,12 +11,22 @@
 
 namespace shiftmap {
 
-/// An item that waits for its turn: one of the two.
+/// An item that waits for its turn: one of the three, each of which keeps its memory.
 struct HeldEvent {
+  enum class Kind { kOdometry, kLidar, kScan };
+
   Stamp stamp;
-  bool is_scan = false;
+  Kind kind = Kind::kOdometry;
   OdometrySample sample;
+  LidarScan lidar;
   Scan scan;
+
+  /// Gives the item that it is.
+  template <typename Visitor>
+  auto Visit(const Visitor& visitor) const {
+    if (kind == Kind::kOdometry) return visitor(sample);
+    return kind == Kind::kLidar ? visitor(lidar) : visitor(scan);
+  }
 };
 
 /// Puts items that arrive late or out of order back into the order of their stamps.
@@ -29,12 +39,13 @@ struct HeldEvent {
 /// jumped, and would make everything after it late. It counts for nothing until the next item
 /// comes: if that is older, the item with the jump is dropped; else there was a gap.
 ///
-/// Memory: reuses that of items that went; at most kMaxEvents items of kMaxObservations in all, of
-/// which the oldest is due when another comes. Threads: none.
+/// Memory: reuses that of items that went; at most kMaxEvents items of kMaxObservations and
+/// kMaxBeams in all, of which the oldest is due when another comes. Threads: none.
 class EventBuffer {
  public:
   static constexpr std::size_t kMaxEvents = 1024;
   static constexpr std::size_t kMaxObservations = 50'000;
+  static constexpr std::size_t kMaxBeams = 1'000'000;
 
   /// @param max_delay  > 0: what an item may come later than a younger one.
   explicit EventBuffer(Duration max_delay);
@@ -59,6 +70,9 @@ class EventBuffer {
 
  private:
   void Insert(const RunEvent& event);
+  void Put(const OdometrySample& sample, HeldEvent* slot);
+  void Put(const LidarScan& scan, HeldEvent* slot);
+  void Put(const Scan& scan, HeldEvent* slot);
   void DropReturned();
 
   Duration max_delay_;
@@ -66,6 +80,7 @@ class EventBuffer {
   std::vector<HeldEvent> slots_;  // The first size_ by stamp; the others are for reuse.
   std::size_t size_ = 0;
   std::size_t observations_ = 0;       // Of the scans that are held.
+  std::size_t beams_ = 0;              // Of the lidar's.
   bool returned_ = false;              // The first one was returned by Next().
   std::optional<Stamp> newest_;        // Of those that were in slots_.
   std::optional<Stamp> flushed_;       // Everything up to it is due.

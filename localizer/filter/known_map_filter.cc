@@ -16,9 +16,6 @@ namespace {
 // Wheels wear and loads shift: the log-scales may wander by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
 
-// The bearing of what is nearer is undefined. [m]
-constexpr double kMinRange = 1e-3;
-
 // dq/dz for the position q that z measures. The range in it is a bound on the true one rather than
 // the measured one, which may be about zero.
 Eigen::Matrix2d DPositionDz(const Observation& observation, const Eigen::Matrix2d& cov_z) {
@@ -228,18 +225,6 @@ void KnownMapFilter::LetGoOfWeakest(int except) {
       std::min_element(considered_.begin(), considered_.end(), [&](const auto& a, const auto& b) {
         return weight(a) < weight(b);
       }));
-}
-
-Eigen::Vector2d KnownMapFilter::Point::RangeBearing() const {
-  return {std::max(q.norm(), kMinRange), std::atan2(q.y(), q.x())};
-}
-
-Eigen::Matrix2d KnownMapFilter::Point::CovRangeBearing() const {
-  const double range = std::max(q.norm(), kMinRange);
-  const Eigen::Vector2d direction = q / range;
-  Eigen::Matrix2d dz_dq;
-  dz_dq << direction.x(), direction.y(), -direction.y() / range, direction.x() / range;
-  return dz_dq * cov_q * dz_dq.transpose();
 }
 
 KnownMapFilter::Point KnownMapFilter::PredictPoint(ModeRef mode,

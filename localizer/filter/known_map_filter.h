@@ -70,10 +70,6 @@ class KnownMapFilter {
     Eigen::Matrix2d H_landmark = Eigen::Matrix2d::Zero();  ///< dq/dp_map_landmark.
     StateByPoint cov_state_q = StateByPoint::Zero();       ///< Of the state's error with q's.
     Eigen::Matrix2d cov_q = Eigen::Matrix2d::Zero();       ///< Of pose and mode, without sensor.
-
-    /// Where it is seen, (range, bearing), and the covariance of that. [m, rad]
-    Eigen::Vector2d RangeBearing() const;
-    Eigen::Matrix2d CovRangeBearing() const;
   };
   Point PredictPoint(ModeRef mode, const MapSnapshot& snapshot) const;
 

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <utility>
 
-#include "localizer/models/detection_model.h"
 #include "localizer/models/site_area.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -38,6 +37,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
                                Stamp stamp)
     : snapshot_(std::move(snapshot)),
       options_(options),
+      view_(snapshot_.calibration().sensor, options.field_of_view),
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       unknown_place_density_(UnknownPlaceDensity(snapshot_)),
@@ -59,17 +59,20 @@ void BankEvents::Clear() {
 
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
+  view_.Forget();
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {
   T_odom_vehicle_ = T_odom_vehicle_ * increment.T_begin_end;
+  view_.Move(increment.T_begin_end, stamp_, elapsed_s);
   for (Leaf* leaf : tree_.leaves().all()) leaf->filter.Predict(increment, elapsed_s);
 }
 
 const BankEvents& HypothesisBank::Correct(const Scan& scan) {
   events_.Clear();
   stamp_ = scan.stamp;
+  view_.Look(stamp_);
   tree_.CloseStaleVisits(snapshot_.groups(), stamp_, &events_.evidence);
   OpenVisitsInView(scan);
   for (std::size_t i = 0; i < scan.observations.size(); ++i) {
@@ -91,9 +94,10 @@ std::vector<VisitEvidence> HypothesisBank::EndVisits() {
   return evidence;
 }
 
-// By a bound on the bearing's variance that needs no correlations: Var(a + b) <= 2 Var a + 2 Var b;
-// and by the distance from the line along the edge of the sector, which is no more than range times
-// angle. Spares most groups near the vehicle the exact probability.
+// Outside of the sector is out of view by either model. By a bound on the bearing's variance that
+// needs no correlations: Var(a + b) <= 2 Var a + 2 Var b; and by the distance from the line along
+// the edge of the sector, which is no more than range times angle. Spares most groups near the
+// vehicle the exact probability.
 bool HypothesisBank::FarOutsideSector(const Mode& mode) const {
   constexpr double kSigmas = 6.0;  // P_FOV < 1e-8, below any threshold.
   const KnownMapFilter& filter = best().filter;

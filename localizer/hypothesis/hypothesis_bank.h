@@ -6,6 +6,7 @@
 
 #include "localizer/hypothesis/hypothesis_tree.h"
 #include "localizer/hypothesis/known_map_leaf.h"
+#include "localizer/models/field_of_view.h"
 #include "localizer/models/mode_grid.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
@@ -21,6 +22,7 @@ struct HypothesisOptions {
   /// An observation gates with a mode if its innovation is inside this share of its distribution,
   /// in (0, 1): for ObservationOutcome. What leaves make of it is weighed, not gated. [-]
   double gate_probability = 0.999;
+  FieldOfViewOptions field_of_view;
   /// P_FOV above which a group enters the field of view, γ1 of T-IV VIII-A. [-]
   double fov_enter = 0.5;
   /// P_FOV below which it leaves, γ2 < γ1. [-]
@@ -72,6 +74,10 @@ class HypothesisBank {
   /// Moves all leaves on.
   void Predict(const MotionIncrement& increment, double elapsed_s);
 
+  /// A lidar's scan, for the field of view of the landmark scans after it.
+  /// @param scan  As for FieldOfView::Take().
+  void TakeLidar(const LidarScan& scan) { view_.Take(scan); }
+
   /// Takes a scan in. Observations of signatures that the map does not know are skipped.
   /// @param scan  At the time that the leaves were moved to; every signature at most once.
   /// @return  Valid until the next call.
@@ -85,6 +91,9 @@ class HypothesisBank {
   /// Where dead reckoning has the vehicle: it moves as the vehicle does, and is never corrected.
   const Se2& T_odom_vehicle() const { return T_odom_vehicle_; }
   const LeafSet<Leaf>& leaves() const { return tree_.leaves(); }
+
+  /// At the last scan.
+  const FieldOfView& field_of_view() const { return view_; }
   const std::vector<Visit>& visits() const { return tree_.visits(); }
 
   /// Probability of each state of a group now; size n + 1, never exactly 0 or 1.
@@ -112,7 +121,9 @@ class HypothesisBank {
   }
   bool FarOutsideSector(const Mode& mode) const;
   bool InView(int group, double threshold) const;
-  double InViewProbability(const KnownMapFilter::Point& point) const;
+  double InViewProbability(const KnownMapFilter::Point& point) const {
+    return view_.Probability(point.q, point.cov_q);
+  }
   ModeScore Score(const Leaf& leaf, const SeenObservation& seen, int state) const;
   double LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* score) const;
   double LogUngated(const Leaf& leaf,
@@ -158,6 +169,7 @@ class HypothesisBank {
 
   MapSnapshot snapshot_;
   HypothesisOptions options_;
+  FieldOfView view_;
   ModeGrid grid_;
   double gate_ = 0.0;                   // Chi-square quantile.
   double unknown_place_density_ = 0.0;  // UnknownPlaceDensity().

@@ -92,11 +92,6 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
   tree_.Reduce();
 }
 
-double HypothesisBank::InViewProbability(const KnownMapFilter::Point& point) const {
-  return SectorFieldOfView(
-      point.RangeBearing(), point.CovRangeBearing(), snapshot_.calibration().sensor);
-}
-
 HypothesisBank::ModeScore HypothesisBank::Score(const Leaf& leaf,
                                                 const SeenObservation& seen,
                                                 int state) const {

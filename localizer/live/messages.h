@@ -56,8 +56,21 @@ struct Subscribe {
   bool decisions = false;
 };
 
-using Command =
-    std::variant<OdometrySample, Scan, GetState, Start, Stop, SetMap, InitializePose, Subscribe>;
+using Command = std::variant<OdometrySample,
+                             Scan,
+                             LidarScan,
+                             GetState,
+                             Start,
+                             Stop,
+                             SetMap,
+                             InitializePose,
+                             Subscribe>;
+
+/// True for an item of the run.
+inline bool Feeds(const Command& command) {
+  return std::holds_alternative<OdometrySample>(command) || std::holds_alternative<Scan>(command) ||
+         std::holds_alternative<LidarScan>(command);
+}
 
 struct Request {
   std::uint64_t id = 0;  ///< 0: no reply wanted.
@@ -110,11 +123,11 @@ struct ServiceState {
 struct Reply {
   std::uint64_t id = 0;
   Status status;
-  std::optional<ServiceState> state;  ///< After the request; none for odometry and scans.
+  std::optional<ServiceState> state;  ///< After the request; none for items of the run.
   std::optional<HypothesisView> hypotheses = std::nullopt;  ///< If asked for and there is a pose.
 };
 
-/// The pose after an odometry sample or a scan.
+/// The pose after an item of the run.
 struct PoseEvent {
   Stamp stamp;
   PoseWithCovariance pose;
@@ -142,10 +155,11 @@ struct ShiftHeader {
   double max_delay_s = 0.0;          ///< As LocalizerOptions::max_delay_s.
   std::optional<double> odometer_m;  ///< What the vehicle's odometer showed. [m]
   LimitOptions limits;               ///< As LocalizerOptions::limits.
+  FieldOfViewModel field_of_view = FieldOfViewModel::kSector;
 };
 
 /// Everything that a shift's result depends on, in order: the header, then the inputs as they came.
-using JournalRecord = std::variant<ShiftHeader, OdometrySample, Scan, InitializePose>;
+using JournalRecord = std::variant<ShiftHeader, OdometrySample, Scan, LidarScan, InitializePose>;
 
 /// Where the vehicle stood at the end of a shift.
 struct SavedPose {

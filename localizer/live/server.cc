@@ -181,9 +181,7 @@ void Server::Answer(Connection* client, const std::string& message) {
   }
   const auto* subscribe = std::get_if<Subscribe>(&request->command);
   if (subscribe != nullptr) client->set_subscription(*subscribe);
-  const bool feeds = std::holds_alternative<OdometrySample>(request->command) ||
-                     std::holds_alternative<Scan>(request->command);
-  if ((feeds || subscribe != nullptr) && !client->activity().kept) Keep(client);
+  if ((Feeds(request->command) || subscribe != nullptr) && !client->activity().kept) Keep(client);
   events_.clear();
   const Reply reply = service_->Handle(*request, &events_);
   if (id != 0) client->SendReply(FramedEvent(reply));

@@ -97,9 +97,7 @@ Reply Service::Handle(const Request& request, std::vector<Event>* events) {
   Inform(*events, first);
   // Nobody gets what no id asks for.
   if (request.id == 0) return reply;
-  const bool fed = std::holds_alternative<OdometrySample>(request.command) ||
-                   std::holds_alternative<Scan>(request.command);
-  if (!fed) reply.state = State();
+  if (!Feeds(request.command)) reply.state = State();
   const auto* get = std::get_if<GetState>(&request.command);
   if (get != nullptr && get->hypotheses) reply.hypotheses = Hypotheses();
   return reply;
@@ -131,6 +129,8 @@ Status Service::Do(const OdometrySample& sample, std::vector<Event>* events) {
 }
 
 Status Service::Do(const Scan& scan, std::vector<Event>* events) { return Feed(scan, events); }
+
+Status Service::Do(const LidarScan& scan, std::vector<Event>* events) { return Feed(scan, events); }
 
 Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
   if (!shift_) {

@@ -119,6 +119,7 @@ class Service {
 
   Status Do(const OdometrySample& sample, std::vector<Event>* events);
   Status Do(const Scan& scan, std::vector<Event>* events);
+  Status Do(const LidarScan& scan, std::vector<Event>* events);
   Status Do(const GetState&, std::vector<Event>*) { return OkStatus(); }
   Status Do(const Subscribe&, std::vector<Event>*) { return OkStatus(); }
   Status Do(const Start& start, std::vector<Event>* events);

@@ -36,6 +36,7 @@ Status Service::Do(const Start& start, std::vector<Event>*) {
   header.max_delay_s = options_.localizer.max_delay_s;
   header.odometer_m = start.odometer_m;
   header.limits = options_.localizer.limits;
+  header.field_of_view = options_.localizer.hypotheses.field_of_view.model;
   return BeginShift(header);
 }
 

@@ -34,6 +34,7 @@ LocalizerOptions Shift::OptionsOf(const ShiftHeader& header) {
   options.hypotheses.max_leaves = header.max_leaves;
   options.max_delay_s = header.max_delay_s;
   options.limits = header.limits;
+  options.hypotheses.field_of_view.model = header.field_of_view;
   return options;
 }
 

@@ -68,8 +68,8 @@ class LogMaker {
 
   Status WriteDue() {
     while (const HeldEvent* const event = order_->Next()) {
-      SHIFTMAP_RETURN_IF_ERROR(event->is_scan ? writer_->Write(event->scan)
-                                              : writer_->Write(event->sample));
+      SHIFTMAP_RETURN_IF_ERROR(
+          event->Visit([&](const auto& item) { return writer_->Write(item); }));
     }
     return OkStatus();
   }

@@ -10,16 +10,10 @@
 namespace shiftmap {
 namespace {
 
+constexpr double kFullTurn = 2.0 * std::numbers::pi;
+
 double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
-}
-
-// L with L Lᵀ = cov, also for a singular one.
-template <int kSize>
-Eigen::Matrix<double, kSize, kSize> SquareRoot(const Eigen::Matrix<double, kSize, kSize>& cov) {
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> solver;
-  solver.computeDirect(cov);
-  return solver.eigenvectors() * solver.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
 }  // namespace
@@ -30,15 +24,41 @@ ScanPolygon::ScanPolygon(std::span<const Eigen::Vector2d> border_lidar,
                          double grown_m)
     : T_lidar_vehicle_(T_vehicle_lidar.Inverse()) {
   for (const Eigen::Vector2d& p : border_lidar) {
-    border_.push_back(p + grown_m * p.normalized());
-    bearings_.push_back(std::atan2(p.y(), p.x()));
+    Add(std::atan2(p.y(), p.x()), p + grown_m * p.normalized());
   }
-  if (!all_round || border_.size() < 3) return;
-  // Once around: the last point before the first, and the first behind the last.
+  if (all_round && border_.size() >= 3) Close();
+}
+
+void ScanPolygon::Assign(const LidarScan& scan, double grown_m) {
+  const std::size_t beams = scan.ranges_m.size();
+  T_lidar_vehicle_ = scan.sensor.T_vehicle_lidar.Inverse();
+  border_.clear();
+  bearings_.clear();
+  for (std::size_t beam = 0; beam < beams; ++beam) {
+    const double bearing = scan.sensor.Bearing(beam, beams);
+    const auto measured = static_cast<double>(scan.ranges_m[beam]);
+    const double range =
+        grown_m + (scan.sensor.Returned(measured) ? measured : scan.sensor.max_range_m);
+    Add(bearing, {range * std::cos(bearing), range * std::sin(bearing)});
+  }
+  if (scan.sensor.AllRound(beams)) Close();
+}
+
+void ScanPolygon::Add(double bearing_rad, const Eigen::Vector2d& p_lidar) {
+  border_.push_back(p_lidar);
+  bearings_.push_back(bearing_rad);
+}
+
+void ScanPolygon::Close() {
+  // The last point before the first, and the first behind the last.
   border_.insert(border_.begin(), border_.back());
-  bearings_.insert(bearings_.begin(), bearings_.back() - 2.0 * std::numbers::pi);
-  border_.push_back(border_[1]);
-  bearings_.push_back(bearings_[1] + 2.0 * std::numbers::pi);
+  bearings_.insert(bearings_.begin(), bearings_.back() - kFullTurn);
+  Add(bearings_[1] + kFullTurn, border_[1]);
+}
+
+std::size_t ScanPolygon::Next(double bearing_rad) const {
+  const auto next = std::upper_bound(bearings_.begin() + 1, bearings_.end() - 1, bearing_rad);
+  return static_cast<std::size_t>(next - bearings_.begin());
 }
 
 bool ScanPolygon::Contains(const Eigen::Vector2d& p_vehicle) const {
@@ -47,36 +67,67 @@ bool ScanPolygon::Contains(const Eigen::Vector2d& p_vehicle) const {
   const double bearing = std::atan2(q.y(), q.x());
   if (!(bearing >= bearings_.front() && bearing <= bearings_.back())) return false;
   // The triangle between two beams: q is on the lidar's side of the border from a to b.
-  const auto next = std::upper_bound(bearings_.begin() + 1, bearings_.end() - 1, bearing);
-  const auto i = static_cast<std::size_t>(next - bearings_.begin());
-  const Eigen::Vector2d& a = border_[i - 1];
-  const Eigen::Vector2d& b = border_[i];
+  const std::size_t next = Next(bearing);
+  const Eigen::Vector2d& a = border_[next - 1];
+  const Eigen::Vector2d& b = border_[next];
   return Cross(b - a, q - a) >= 0.0;
 }
 
-ScanPolygonFieldOfView::ScanPolygonFieldOfView(const ScanPolygonOptions& options) {
+std::optional<bool> ScanPolygon::ContainsDisc(const Eigen::Vector2d& p_vehicle,
+                                              double radius_m) const {
+  if (border_.size() < 2) return false;
+  const Eigen::Vector2d q = T_lidar_vehicle_ * p_vehicle;
+  const double range = q.norm();
+  if (!(radius_m < range)) return std::nullopt;
+  const double bearing = std::atan2(q.y(), q.x());
+  const double half = std::asin(radius_m / range);
+  const double front = bearings_.front();
+  const double back = bearings_.back();
+  if (bearing - half < front || bearing + half > back) {
+    const bool behind = (bearing + half < front && bearing - half + kFullTurn > back) ||
+                        (bearing - half > back && bearing + half - kFullTurn < front);
+    return behind ? std::optional(false) : std::nullopt;
+  }
+  bool inside = true;
+  bool outside = true;
+  const std::size_t last = Next(bearing + half);
+  for (std::size_t next = Next(bearing - half); next <= last; ++next) {
+    const double a = border_[next - 1].norm();
+    const double b = border_[next].norm();
+    // The border between two beams δ apart is no nearer than min(a, b) cos(δ/2).
+    const double step = bearings_[next] - bearings_[next - 1];
+    inside = inside && range + radius_m < std::min(a, b) * (1.0 - 0.125 * step * step);
+    outside = outside && range - radius_m > std::max(a, b);
+  }
+  if (inside) return true;
+  return outside ? std::optional(false) : std::nullopt;
+}
+
+ScanPolygonShare::ScanPolygonShare(const ScanPolygonOptions& options) {
   std::mt19937_64 random(options.seed);
   std::normal_distribution<double> normal;
   draws_.resize(static_cast<std::size_t>(options.samples));
-  for (auto& draw : draws_) {
-    for (double& value : draw) value = normal(random);
+  for (Eigen::Vector2d& draw : draws_) {
+    draw.x() = normal(random);
+    draw.y() = normal(random);
+    longest_draw_ = std::max(longest_draw_, draw.norm());
   }
 }
 
-double ScanPolygonFieldOfView::operator()(const ScanPolygon& polygon,
-                                          const PoseWithCovariance& pose,
-                                          const Eigen::Vector2d& p_map_landmark,
-                                          const Eigen::Matrix2d& cov_p_map_landmark) const {
-  const Eigen::Matrix3d L_pose = SquareRoot<3>(pose.cov_T_map_vehicle);
-  const Eigen::Matrix2d L_landmark = SquareRoot<2>(cov_p_map_landmark);
-  const Se2 T_vehicle_map = pose.T_map_vehicle.Inverse();
-  const Eigen::Vector2d q = T_vehicle_map * p_map_landmark;
-  const Eigen::Matrix2d L_q = T_vehicle_map.Rotation() * L_landmark;
+double ScanPolygonShare::operator()(const ScanPolygon& polygon,
+                                    const Eigen::Vector2d& q,
+                                    const Eigen::Matrix2d& cov_q) const {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(cov_q);
+  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  // Most landmarks are far from the border, and all their samples on one side of it.
+  constexpr double kRounding = 1e-9;  // Of radii, and in metres.
+  const double radius_m = (1.0 + kRounding) * longest_draw_ * sd.maxCoeff() + kRounding;
+  if (const auto plain = polygon.ContainsDisc(q, radius_m)) return *plain ? 1.0 : 0.0;
+  const Eigen::Matrix2d L = solver.eigenvectors() * sd.asDiagonal();
   int inside = 0;
-  for (const auto& draw : draws_) {
-    // (T Exp(ξ))⁻¹ p = Exp(-ξ) T⁻¹ p.
-    const Se2 T_sample_vehicle = Se2::Exp(-(L_pose * draw.head<3>()));
-    if (polygon.Contains(T_sample_vehicle * (q + L_q * draw.tail<2>()))) ++inside;
+  for (const Eigen::Vector2d& draw : draws_) {
+    if (polygon.Contains(q + L * draw)) ++inside;
   }
   return static_cast<double>(inside) / static_cast<double>(draws_.size());
 }

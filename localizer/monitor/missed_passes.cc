@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "localizer/models/detection_model.h"
-
 namespace shiftmap {
 namespace {
 
@@ -50,7 +48,7 @@ std::vector<int> MissedPasses::Add(const Scan& scan,
     bool complete = false;
     for (std::size_t i = 0; i < modes.size(); ++i) {
       const Eigen::Vector2d& p = modes[i].p_map_landmark;
-      if (!WellInView(T_vehicle_map * p, sensor)) continue;
+      if (!bank.field_of_view().WellInView(T_vehicle_map * p)) continue;
       Misses& misses = Of(visit.group, static_cast<int>(i) + 1, snapshot);
       complete |= Missed(p - T_map_vehicle.translation(), log_miss, scan.stamp, &misses);
     }

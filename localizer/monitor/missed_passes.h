@@ -22,7 +22,7 @@ class MissedPasses {
   explicit MissedPasses(const MapSnapshot& snapshot);
 
   /// Takes a scan in that the pose explains.
-  /// @param bank  After it.
+  /// @param bank  After it; says where the field of view is.
   /// @return Groups of which a mode was just missed in the third pass or a later one, all others
   /// being
   ///         unlikely or missed as well.

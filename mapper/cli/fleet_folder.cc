@@ -29,7 +29,7 @@ StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const st
 }
 
 StatusOr<LogHead> ReadLogHead(const std::string& path) {
-  SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, false));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> first, stream.Next());
   if (!first) return InvalidArgument("run log '{}': no item", path);
   LogHead head{path, stream.info(), StampOf(*first), {}};

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "mapper/lidar/lidar_scan.h"
+#include "mapper/lidar/scan_points.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {

@@ -4,7 +4,7 @@
 #include <span>
 
 #include "mapper/lidar/interest_points.h"
-#include "mapper/lidar/lidar_scan.h"
+#include "mapper/lidar/scan_points.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"

@@ -84,14 +84,22 @@ class Collector {
       run_->odometry.push_back(*sample);
       return OkStatus();
     }
-    Scan& scan = std::get<Scan>(event);
-    SHIFTMAP_RETURN_IF_ERROR(MakeRoom(&run_->scans));
-    bytes_ += HeapBytes(scan);
-    run_->scans.push_back(std::move(scan));
-    return CheckBound(0);
+    if (auto* scan = std::get_if<Scan>(&event)) return Add(std::move(*scan), &run_->scans);
+    return Add(std::get<LidarScan>(std::move(event)), &run_->lidar_scans);
   }
 
  private:
+  template <typename Item>
+  Status Add(Item scan, std::vector<Item>* scans) {
+    SHIFTMAP_RETURN_IF_ERROR(MakeRoom(scans));
+    bytes_ += HeapBytes(scan);
+    scans->push_back(std::move(scan));
+    return CheckBound(0);
+  }
+
+  static std::int64_t HeapBytes(const LidarScan& scan) {
+    return static_cast<std::int64_t>(scan.ranges_m.capacity() * sizeof(float));
+  }
   static std::int64_t HeapBytes(const Scan& scan) {
     static const std::size_t kInPlace = std::string().capacity();
     std::size_t bytes = scan.observations.capacity() * sizeof(Observation);
@@ -122,7 +130,7 @@ class Collector {
     if (bytes_ + more_bytes <= max_bytes_) return OkStatus();
     return InvalidArgument("after {} odometry samples and {} scans: takes more than {} MiB",
                            run_->odometry.size(),
-                           run_->scans.size(),
+                           run_->scans.size() + run_->lidar_scans.size(),
                            max_bytes_ / kMib);
   }
 
@@ -143,7 +151,8 @@ Status CheckSize(const Scan& scan, const std::string& message) {
 Status WriteChecked(const Run& run, const std::string& path, const RunLogWriterOptions& options) {
   SHIFTMAP_RETURN_IF_ERROR(ValidateRun(run));
   SHIFTMAP_ASSIGN_OR_RETURN(RunLogWriter writer, RunLogWriter::Create(path, run.info, options));
-  for (const RunEvent& event : MergeEvents(run)) SHIFTMAP_RETURN_IF_ERROR(writer.Write(event));
+  SHIFTMAP_RETURN_IF_ERROR(
+      ForEachEvent(run, [&](const RunEvent& event) { return writer.Write(event); }));
   return writer.Finish();
 }
 
@@ -158,6 +167,7 @@ struct RunLogWriter::State {
   std::uint16_t info_channel = 0;
   std::uint16_t odometry_channel = 0;
   std::uint16_t scan_channel = 0;
+  std::uint16_t lidar_channel = 0;
   std::optional<Stamp> newest;
   bool has_odometry = false;
 
@@ -184,6 +194,9 @@ Status RunLogWriter::State::Write(const RunEvent& event) {
     has_odometry = true;
     return writer->Write(odometry_channel, time_ns, EncodeOdometry(*sample));
   }
+  if (const auto* lidar = std::get_if<LidarScan>(&event)) {
+    return writer->Write(lidar_channel, time_ns, EncodeLidarScan(*lidar));
+  }
   const Scan& scan = std::get<Scan>(event);
   SHIFTMAP_RETURN_IF_ERROR(CheckText(scan));
   const std::string message = EncodeScan(scan);
@@ -209,6 +222,7 @@ StatusOr<RunLogWriter> RunLogWriter::Create(const std::string& path,
   state->info_channel = state->AddChannel(kRunInfoTopic);
   state->odometry_channel = state->AddChannel(kOdometryTopic);
   state->scan_channel = state->AddChannel(kLandmarksTopic);
+  state->lidar_channel = state->AddChannel(kLidarTopic);
   return RunLogWriter(std::move(state));
 }
 
@@ -229,6 +243,7 @@ Status RunLogWriter::Finish() {
 
 struct RunLogStream::State {
   std::string path;
+  bool lidar_scans = true;
   std::ifstream file;
   std::optional<mcap::Reader> reader;
   RunInfo info;
@@ -271,6 +286,13 @@ StatusOr<std::optional<RunEvent>> RunLogStream::State::Decode(const mcap::LogMes
     SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, DecodeScan(message.data));
     return std::optional<RunEvent>(std::move(scan));
   }
+  if (lidar_scans) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool is_lidar, IsOn(kLidarTopic, *message.channel));
+    if (is_lidar) {
+      SHIFTMAP_ASSIGN_OR_RETURN(LidarScan scan, DecodeLidarScan(message.data));
+      return std::optional<RunEvent>(std::move(scan));
+    }
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const bool is_info, IsOn(kRunInfoTopic, *message.channel));
   if (is_info) {
     SHIFTMAP_ASSIGN_OR_RETURN(info, DecodeRunInfo(message.data));
@@ -278,9 +300,10 @@ StatusOr<std::optional<RunEvent>> RunLogStream::State::Decode(const mcap::LogMes
   return std::optional<RunEvent>();
 }
 
-StatusOr<RunLogStream> RunLogStream::Open(const std::string& path) {
+StatusOr<RunLogStream> RunLogStream::Open(const std::string& path, bool lidar_scans) {
   auto state = std::make_unique<State>();
   state->path = path;
+  state->lidar_scans = lidar_scans;
   SHIFTMAP_RETURN_IF_ERROR(About(path, state->Open()));
   return RunLogStream(std::move(state));
 }
@@ -301,7 +324,7 @@ const RunInfo& RunLogStream::info() const { return state_->info; }
 const std::string& RunLogStream::truncation() const { return state_->reader->truncation(); }
 
 StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& options) {
-  SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, options.lidar_scans));
   RunLog log;
   Collector collector(options.max_memory_bytes.value_or(MemoryBound() / kReaderShare), &log.run);
   for (;;) {

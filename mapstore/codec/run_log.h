@@ -24,7 +24,11 @@ struct RunLog {
 struct RunLogReaderOptions {
   /// What the run may take while it is read. Vectors that grow are there twice. By default a
   /// quarter of MemoryBound(), as a caller copies the run. [bytes]
-  std::optional<std::int64_t> max_memory_bytes;
+  std::optional<std::int64_t> max_memory_bytes = std::nullopt;
+
+  /// Off skips a lidar's scans as it does other topics: they take most of the memory of a log that
+  /// has them, and the mapper needs none.
+  bool lidar_scans = true;
 };
 
 /// Reads a run log (MCAP with shiftmap messages; see proto/README.md) whole and checks it with
@@ -79,8 +83,9 @@ class RunLogWriter {
 /// consumer's business.
 class RunLogStream {
  public:
-  /// @param path  A file, or "-" for standard input.
-  static StatusOr<RunLogStream> Open(const std::string& path);
+  /// @param path         A file, or "-" for standard input.
+  /// @param lidar_scans  As RunLogReaderOptions::lidar_scans.
+  static StatusOr<RunLogStream> Open(const std::string& path, bool lidar_scans = true);
 
   RunLogStream(RunLogStream&&) noexcept;
   RunLogStream& operator=(RunLogStream&&) noexcept;
@@ -89,7 +94,7 @@ class RunLogStream {
   /// The next item, or nothing at the end of the stream.
   StatusOr<std::optional<RunEvent>> Next();
 
-  /// Complete only after the first odometry or scan was read.
+  /// Complete only after the first item was read.
   const RunInfo& info() const;
 
   /// As RunLog::truncation; complete after Next() returned nothing.

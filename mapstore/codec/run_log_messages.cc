@@ -4,12 +4,19 @@
 #include <google/protobuf/arena.h>
 #include <google/protobuf/descriptor.pb.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
 #include "mapstore/codec/parse_proto.h"
 #include "mapstore/codec/run_log_proto.h"
 #include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
+
+constexpr double kMillimetresPerMetre = 1000.0;
 
 template <typename Proto>
 Status ParseItem(std::string_view bytes, Proto* message) {
@@ -96,6 +103,12 @@ std::string EncodeScan(const Scan& scan) {
   return message.SerializeAsString();
 }
 
+std::string EncodeLidarScan(const LidarScan& scan) {
+  proto::LidarScan message;
+  ToProto(scan, &message);
+  return message.SerializeAsString();
+}
+
 void ToProto(const OdometrySample& sample, proto::Odometry* out) {
   out->set_stamp_ns(ToNanoseconds(sample.stamp));
   out->set_v_mps(sample.v_mps);
@@ -106,6 +119,23 @@ void ToProto(const Scan& scan, proto::LandmarkScan* out) {
   out->set_stamp_ns(ToNanoseconds(scan.stamp));
   for (const Observation& observation : scan.observations) {
     ToProto(observation, out->add_observation());
+  }
+}
+
+void ToProto(const LidarScan& scan, proto::LidarScan* out) {
+  const LidarSensor& sensor = scan.sensor;
+  out->set_stamp_ns(ToNanoseconds(scan.stamp));
+  out->set_field_of_view_rad(sensor.field_of_view_rad);
+  out->set_max_range_m(sensor.max_range_m);
+  out->set_lidar_x_m(sensor.T_vehicle_lidar.x());
+  out->set_lidar_y_m(sensor.T_vehicle_lidar.y());
+  out->set_lidar_yaw_rad(sensor.T_vehicle_lidar.yaw());
+  out->mutable_range_step_mm()->Reserve(static_cast<int>(scan.ranges_m.size()));
+  std::int32_t before_mm = 0;
+  for (const float range_m : scan.ranges_m) {
+    const auto range_mm =
+        static_cast<std::int32_t>(std::lround(kMillimetresPerMetre * static_cast<double>(range_m)));
+    out->add_range_step_mm(range_mm - std::exchange(before_mm, range_mm));
   }
 }
 
@@ -134,6 +164,26 @@ StatusOr<Scan> FromProto(const proto::LandmarkScan& in) {
   return scan;
 }
 
+StatusOr<LidarScan> FromProto(const proto::LidarScan& in) {
+  LidarScan scan;
+  scan.stamp = StampFromNanoseconds(in.stamp_ns());
+  scan.sensor.field_of_view_rad = in.field_of_view_rad();
+  scan.sensor.max_range_m = in.max_range_m();
+  scan.sensor.T_vehicle_lidar = Se2(in.lidar_x_m(), in.lidar_y_m(), in.lidar_yaw_rad());
+  // One more than allowed shows that there are too many.
+  const std::size_t beams =
+      std::min(static_cast<std::size_t>(in.range_step_mm_size()), LidarScan::kMaxBeams + 1);
+  scan.ranges_m.reserve(beams);
+  std::int64_t range_mm = 0;
+  for (std::size_t beam = 0; beam < beams; ++beam) {
+    range_mm += in.range_step_mm(static_cast<int>(beam));
+    scan.ranges_m.push_back(
+        static_cast<float>(static_cast<double>(range_mm) / kMillimetresPerMetre));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(scan));
+  return scan;
+}
+
 StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes) {
   proto::RunInfo message;
   SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, &message));
@@ -156,6 +206,12 @@ StatusOr<Scan> DecodeScan(std::string_view bytes) {
   auto* message = google::protobuf::Arena::CreateMessage<proto::LandmarkScan>(&arena);
   SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, message));
   return FromProto(*message);
+}
+
+StatusOr<LidarScan> DecodeLidarScan(std::string_view bytes) {
+  proto::LidarScan message;
+  SHIFTMAP_RETURN_IF_ERROR(ParseItem(bytes, &message));
+  return FromProto(message);
 }
 
 }  // namespace shiftmap

@@ -21,6 +21,7 @@ struct RunLogTopic {
 inline constexpr RunLogTopic kRunInfoTopic{"/run_info", "shiftmap.proto.RunInfo"};
 inline constexpr RunLogTopic kOdometryTopic{"/odometry", "shiftmap.proto.Odometry"};
 inline constexpr RunLogTopic kLandmarksTopic{"/landmarks", "shiftmap.proto.LandmarkScan"};
+inline constexpr RunLogTopic kLidarTopic{"/lidar", "shiftmap.proto.LidarScan"};
 
 /// The FileDescriptorSet that describes all of them, as bytes.
 std::string RunLogSchema();
@@ -28,6 +29,7 @@ std::string RunLogSchema();
 std::string EncodeRunInfo(const RunInfo& info);
 std::string EncodeOdometry(const OdometrySample& sample);
 std::string EncodeScan(const Scan& scan);
+std::string EncodeLidarScan(const LidarScan& scan);
 
 /// Size of a message up to which it is an item of a run: a scan of ten thousand observations.
 /// [byte]
@@ -38,5 +40,6 @@ inline constexpr std::size_t kMaxItemBytes = std::size_t{1} << 20;
 StatusOr<RunInfo> DecodeRunInfo(std::string_view bytes);
 StatusOr<OdometrySample> DecodeOdometry(std::string_view bytes);
 StatusOr<Scan> DecodeScan(std::string_view bytes);
+StatusOr<LidarScan> DecodeLidarScan(std::string_view bytes);
 
 }  // namespace shiftmap

@@ -11,9 +11,11 @@ namespace shiftmap {
 
 void ToProto(const OdometrySample& sample, proto::Odometry* out);
 void ToProto(const Scan& scan, proto::LandmarkScan* out);
+void ToProto(const LidarScan& scan, proto::LidarScan* out);
 
 /// Errors: kInvalidArgument if the message fails ValidateEvent.
 StatusOr<OdometrySample> FromProto(const proto::Odometry& in);
 StatusOr<Scan> FromProto(const proto::LandmarkScan& in);
+StatusOr<LidarScan> FromProto(const proto::LidarScan& in);
 
 }  // namespace shiftmap

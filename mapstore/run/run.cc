@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/run/run.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <iterator>
@@ -60,6 +61,28 @@ Status ValidateItem(const Scan& scan) {
   return OkStatus();
 }
 
+Status ValidateItem(const LidarScan& scan) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(scan.stamp));
+  const auto refused = [&](const std::string& what) {
+    return InvalidArgument("lidar scan at {:.6f} s: {}", ToSecondsSinceEpoch(scan.stamp), what);
+  };
+  const Status sensor = scan.sensor.Validate();
+  if (!sensor.ok()) return refused(Message(sensor));
+  const std::size_t beams = scan.ranges_m.size();
+  if (beams < 2 || beams > LidarScan::kMaxBeams) {
+    return refused(fmt::format("{} beams, expected 2 to {}", beams, LidarScan::kMaxBeams));
+  }
+  for (std::size_t beam = 0; beam < beams; ++beam) {
+    const float range_m = scan.ranges_m[beam];
+    if (range_m >= 0.0f && range_m <= LidarSensor::kMaxRangeM) continue;
+    return refused(fmt::format("beam {}: range {} m, expected 0 (no return) to {}",
+                               beam,
+                               range_m,
+                               LidarSensor::kMaxRangeM));
+  }
+  return OkStatus();
+}
+
 template <typename Item>
 Status ValidateSequence(const std::vector<Item>& items, const char* name) {
   for (std::size_t i = 0; i < items.size(); ++i) {
@@ -88,19 +111,40 @@ Status ValidateEvent(const RunEvent& event) {
 Status ValidateRun(const Run& run) {
   if (run.odometry.empty()) return InvalidArgument("run has no odometry");
   SHIFTMAP_RETURN_IF_ERROR(ValidateSequence(run.odometry, "odometry"));
-  return ValidateSequence(run.scans, "scans");
+  SHIFTMAP_RETURN_IF_ERROR(ValidateSequence(run.scans, "scans"));
+  return ValidateSequence(run.lidar_scans, "lidar scans");
+}
+
+Status ForEachEvent(const Run& run, const std::function<Status(const RunEvent&)>& take) {
+  auto sample = run.odometry.begin();
+  auto lidar = run.lidar_scans.begin();
+  auto scan = run.scans.begin();
+  const auto stamp = [](const auto& items, auto next) {
+    return next == items.end() ? Stamp::max() : next->stamp;
+  };
+  for (;;) {
+    const Stamp odometry_stamp = stamp(run.odometry, sample);
+    const Stamp lidar_stamp = stamp(run.lidar_scans, lidar);
+    const Stamp scan_stamp = stamp(run.scans, scan);
+    const Stamp first = std::min({odometry_stamp, lidar_stamp, scan_stamp});
+    if (first == Stamp::max()) return OkStatus();
+    if (odometry_stamp == first) {
+      SHIFTMAP_RETURN_IF_ERROR(take(*sample++));
+    } else if (lidar_stamp == first) {
+      SHIFTMAP_RETURN_IF_ERROR(take(*lidar++));
+    } else {
+      SHIFTMAP_RETURN_IF_ERROR(take(*scan++));
+    }
+  }
 }
 
 std::vector<RunEvent> MergeEvents(const Run& run) {
   std::vector<RunEvent> events;
-  events.reserve(run.odometry.size() + run.scans.size());
-  auto scan = run.scans.begin();
-  for (const OdometrySample& sample : run.odometry) {
-    for (; scan != run.scans.end() && scan->stamp < sample.stamp; ++scan)
-      events.emplace_back(*scan);
-    events.emplace_back(sample);
-  }
-  for (; scan != run.scans.end(); ++scan) events.emplace_back(*scan);
+  events.reserve(run.odometry.size() + run.lidar_scans.size() + run.scans.size());
+  ForEachEvent(run, [&](const RunEvent& event) {
+    events.push_back(event);
+    return OkStatus();
+  }).IgnoreError();
   return events;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <string>
 #include <variant>
@@ -9,6 +10,7 @@
 
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/run/lidar_scan.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -57,24 +59,33 @@ struct Run {
   RunInfo info;
   std::vector<OdometrySample> odometry;  ///< By non-decreasing stamp.
   std::vector<Scan> scans;               ///< By non-decreasing stamp.
+  /// By non-decreasing stamp; of one lidar. Most logs have none.
+  std::vector<LidarScan> lidar_scans = {};
 };
 
-/// One item of a run in the order of time, as a live vehicle delivers it.
-using RunEvent = std::variant<OdometrySample, Scan>;
+/// One item of a run in the order of time, as a live vehicle delivers it. By index as they come
+/// where stamps are equal.
+using RunEvent = std::variant<OdometrySample, LidarScan, Scan>;
 
 inline Stamp StampOf(const RunEvent& event) {
   return std::visit([](const auto& item) { return item.stamp; }, event);
 }
 
 /// Checks one item by itself: a stamp within 146 years of 1970, numbers within ±1e9, range > 0,
-/// covariance positive definite. Errors: kInvalidArgument with the stamp and the value.
+/// covariance positive definite; a lidar's ranges in [0, 10 km], 2 to 10,000 of them. Errors:
+/// kInvalidArgument with the stamp and the value.
 Status ValidateEvent(const RunEvent& event);
 
 /// Checks a whole run: every item, stamps that do not go backwards, at least one odometry sample.
 /// Errors: kInvalidArgument, naming the first item that is wrong.
 Status ValidateRun(const Run& run);
 
-/// Both streams of a run merged by stamp; odometry first where stamps are equal.
+/// Gives the items of all streams by stamp; where stamps are equal odometry is first, then the
+/// lidar's scan, so that it holds for what was seen at its time.
+/// Errors: the first of `take`, which ends it.
+Status ForEachEvent(const Run& run, const std::function<Status(const RunEvent&)>& take);
+
+/// The same items, copied.
 std::vector<RunEvent> MergeEvents(const Run& run);
 
 }  // namespace shiftmap

@@ -4,39 +4,37 @@
 // beams and landmarks.
 #include <benchmark/benchmark.h>
 
-#include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <random>
 #include <vector>
 
-#include "localizer/models/scan_polygon.h"
+#include "localizer/models/field_of_view.h"
 
 namespace shiftmap {
 namespace {
 
 void FieldOfViewOfAScan(benchmark::State& state) {
-  const auto beams = static_cast<std::size_t>(state.range(0));
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
-  std::vector<Eigen::Vector2d> border;
-  for (std::size_t i = 0; i < beams; ++i) {
-    const double bearing =
-        std::numbers::pi * (static_cast<double>(i) / static_cast<double>(beams - 1) - 0.5);
-    const double range = 3.0 + 7.0 * uniform(random);
-    border.emplace_back(range * std::cos(bearing), range * std::sin(bearing));
+  LidarScan scan;
+  for (std::int64_t i = 0; i < state.range(0); ++i) {
+    scan.ranges_m.push_back(static_cast<float>(3.0 + 7.0 * uniform(random)));
   }
   std::vector<Eigen::Vector2d> landmarks;
   for (int i = 0; i < state.range(1); ++i) {
     landmarks.emplace_back(10.0 * uniform(random), 16.0 * uniform(random) - 8.0);
   }
-  const PoseWithCovariance pose{Se2(), Eigen::Vector3d(0.01, 0.01, 0.001).asDiagonal()};
-  const Eigen::Matrix2d cov = 0.01 * Eigen::Matrix2d::Identity();
-  const ScanPolygonOptions options;
-  const ScanPolygonFieldOfView view(options);
+  const Eigen::Matrix2d cov = 0.02 * Eigen::Matrix2d::Identity();
+  SensorCalibration sensor;
+  sensor.max_range_m = 20.0;
+  sensor.max_bearing_rad = std::numbers::pi;
+  FieldOfView view(sensor, {.model = FieldOfViewModel::kScanPolygon});
   for (auto _ : state) {
-    const ScanPolygon polygon(border, Se2(), false, options.grown_m);
+    view.Take(scan);
+    view.Look(scan.stamp);
     double sum = 0.0;
-    for (const Eigen::Vector2d& landmark : landmarks) sum += view(polygon, pose, landmark, cov);
+    for (const Eigen::Vector2d& landmark : landmarks) sum += view.Probability(landmark, cov);
     benchmark::DoNotOptimize(sum);
   }
 }

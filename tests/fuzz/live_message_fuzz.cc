@@ -62,6 +62,7 @@ std::vector<live::Request> Requests(double number) {
       stamp, {{Signature("17"), Observation::Kind::kRangeBearing, {number, number}, std::nullopt}}};
   return {{1, OdometrySample{stamp, number, -number}},
           {UINT64_MAX, scan},
+          {8, LidarScan{stamp, {}, {1.0f, 0.0f, 2.0f}}},
           {2, live::GetState{.hypotheses = true}},
           {3, live::Start{.vehicle = "truck", .odometer_m = number}},
           {4, live::Stop{.save_pose = true}},

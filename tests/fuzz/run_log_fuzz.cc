@@ -4,6 +4,7 @@
 // that is accepted must survive writing unchanged.
 #include "mapstore/codec/run_log.h"
 
+#include <algorithm>
 #include <iterator>
 #include <optional>
 
@@ -26,6 +27,7 @@ struct Topic {
 constexpr Topic kTopics[] = {{"/run_info", "shiftmap.proto.RunInfo"},
                              {"/odometry", "shiftmap.proto.Odometry"},
                              {"/landmarks", "shiftmap.proto.LandmarkScan"},
+                             {"/lidar", "shiftmap.proto.LidarScan"},
                              {"/odometry", "shiftmap.proto.RunInfo"},
                              {"/else", "shiftmap.proto.Odometry"}};
 
@@ -72,6 +74,13 @@ Run SeedRun(double number) {
                      {Signature(), Kind::kCartesian, {-number, number}, std::nullopt},
                      {Signature("17"), Kind::kCartesian, {number, number}, covariance}}},
                Scan{begin, {}}};
+  const auto range = static_cast<float>(std::min(number, LidarSensor::kMaxRangeM));
+  run.lidar_scans = {{begin, {}, {range, 0.0f, range}},
+                     {begin,
+                      {.field_of_view_rad = 6.28,
+                       .max_range_m = range,
+                       .T_vehicle_lidar = Se2(number, -number, number)},
+                      {0.0f, 0.0f}}};
   return run;
 }
 
@@ -89,6 +98,7 @@ std::vector<std::string> FuzzSeeds() {
     for (const OdometrySample& sample : run.odometry)
       messages += message(1, EncodeOdometry(sample));
     for (const Scan& scan : run.scans) messages += message(2, EncodeScan(scan));
+    for (const LidarScan& scan : run.lidar_scans) messages += message(3, EncodeLidarScan(scan));
     seeds.push_back(messages);
   }
   return seeds;

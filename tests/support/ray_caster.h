@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mapper/lidar/lidar_scan.h"
+#include "mapstore/run/lidar_scan.h"
 
 namespace shiftmap {
 

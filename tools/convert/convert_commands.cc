@@ -143,6 +143,7 @@ struct LidarArguments {
   std::string output;
   std::string vehicle = "lidar";
   std::optional<std::string> poses;
+  bool keep_scans = false;
   std::optional<double> field_of_view_rad;
   std::optional<double> max_range_m;
   double lidar_x_m = 0.0;
@@ -170,7 +171,8 @@ Status RunLidar(const LidarArguments& arguments,
   SHIFTMAP_ASSIGN_OR_RETURN(const LidarLog log, read(arguments.file));
   LidarFrontEndOptions front_end = arguments.front_end;
   front_end.sensor = SensorOf(arguments, log);
-  SHIFTMAP_ASSIGN_OR_RETURN(const Run run, MakeLidarRun(log, arguments.vehicle, front_end));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Run run,
+                            MakeLidarRun(log, arguments.vehicle, front_end, arguments.keep_scans));
   if (!context.dry_run()) {
     SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(run, arguments.output));
     if (arguments.poses) SHIFTMAP_RETURN_IF_ERROR(WriteTum(log.poses, *arguments.poses));
@@ -179,6 +181,7 @@ Status RunLidar(const LidarArguments& arguments,
             run,
             {{"field_of_view_rad", front_end.sensor.field_of_view_rad},
              {"max_range_m", front_end.sensor.max_range_m},
+             {"lidar_scans", run.lidar_scans.size()},
              {"skipped_rows", log.skipped_rows}},
             context);
   return OkStatus();
@@ -202,6 +205,9 @@ void AddLidarCommand(const std::string& name,
       .Required()
       .Option("--vehicle", &arguments->vehicle, "Name of the vehicle")
       .Option("--poses", &arguments->poses, "Write the poses that the log states here too")
+      .Flag("--keep-scans",
+            &arguments->keep_scans,
+            "Write the scans too, for shiftmap-localizer --field-of-view scan-polygon")
       .Option("--field-of-view-rad",
               &arguments->field_of_view_rad,
               "From the first beam to the last (default: the log's, else 3.1416)")

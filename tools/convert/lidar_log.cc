@@ -62,6 +62,15 @@ void AppendWay(const StampedPose& to, StampedPose* at, std::vector<OdometrySampl
   *at = {to.stamp, at->T_map_vehicle * R * Se2::Exp(drive) * R.Inverse()};
 }
 
+LidarScan KeptScan(const RangeScan& scan, const LidarSensor& sensor) {
+  LidarScan kept{scan.stamp, sensor, {}};
+  kept.ranges_m.reserve(scan.ranges_m.size());
+  for (const double range_m : scan.ranges_m) {
+    kept.ranges_m.push_back(sensor.Returned(range_m) ? static_cast<float>(range_m) : 0.0f);
+  }
+  return kept;
+}
+
 }  // namespace
 
 std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses) {
@@ -82,12 +91,14 @@ std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses
 
 StatusOr<Run> MakeLidarRun(const LidarLog& log,
                            const std::string& vehicle,
-                           const LidarFrontEndOptions& options) {
+                           const LidarFrontEndOptions& options,
+                           bool keep_scans) {
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
   if (log.scans.empty()) return InvalidArgument("file '{}': no scan", log.name);
   Run run{{vehicle, log.name}, OdometryFromPoses(log.poses), {}};
   for (const RangeScan& scan : log.scans) {
     run.scans.push_back(ObserveInterestPoints(scan.stamp, scan.ranges_m, options));
+    if (keep_scans) run.lidar_scans.push_back(KeptScan(scan, options.sensor));
   }
   if (const Status status = ValidateRun(run); !status.ok()) {
     return MakeStatus(status.code(), "file '{}': {}", log.name, Message(status));

@@ -51,10 +51,13 @@ struct LidarLog {
 /// @param poses  By stamp; of equal stamps the last counts.
 std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses);
 
-/// Odometry and interest points of a log. Errors: kInvalidArgument if the log has no scan, or
+/// Odometry and interest points of a log.
+/// @param keep_scans  Also the scans themselves; what is no return is 0 in them.
+/// Errors: kInvalidArgument if the log has no scan, or
 /// something of it is out of range.
 StatusOr<Run> MakeLidarRun(const LidarLog& log,
                            const std::string& vehicle,
-                           const LidarFrontEndOptions& options);
+                           const LidarFrontEndOptions& options,
+                           bool keep_scans = false);
 
 }  // namespace shiftmap

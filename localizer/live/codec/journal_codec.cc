@@ -21,6 +21,7 @@ void Fill(const ShiftHeader& header, proto::JournalRecord* record) {
   const LimitOptions& limits = header.limits;
   if (limits.max_range_m) out->set_max_range_m(*limits.max_range_m);
   if (limits.max_speed_mps) out->set_max_speed_mps(*limits.max_speed_mps);
+  out->set_field_of_view(static_cast<proto::FieldOfView>(header.field_of_view));
   if (limits.max_yaw_rate_radps) out->set_max_yaw_rate_radps(*limits.max_yaw_rate_radps);
 }
 
@@ -29,6 +30,10 @@ void Fill(const OdometrySample& sample, proto::JournalRecord* record) {
 }
 
 void Fill(const Scan& scan, proto::JournalRecord* record) { ToProto(scan, record->mutable_scan()); }
+
+void Fill(const LidarScan& scan, proto::JournalRecord* record) {
+  ToProto(scan, record->mutable_lidar_scan());
+}
 
 void Fill(const InitializePose& start, proto::JournalRecord* record) {
   ToProto(start.pose, record->mutable_initialize_pose()->mutable_pose());
@@ -51,6 +56,11 @@ StatusOr<JournalRecord> HeaderFromProto(const proto::ShiftHeader& in) {
   if (in.has_max_range_m()) limits.max_range_m = in.max_range_m();
   if (in.has_max_speed_mps()) limits.max_speed_mps = in.max_speed_mps();
   if (in.has_max_yaw_rate_radps()) limits.max_yaw_rate_radps = in.max_yaw_rate_radps();
+  if (in.field_of_view() != proto::SECTOR && in.field_of_view() != proto::SCAN_POLYGON) {
+    return InvalidArgument("field_of_view: {}, expected 0 or 1",
+                           static_cast<int>(in.field_of_view()));
+  }
+  header.field_of_view = static_cast<FieldOfViewModel>(in.field_of_view());
   return JournalRecord(std::move(header));
 }
 
@@ -73,6 +83,10 @@ StatusOr<JournalRecord> DecodeJournalRecord(std::string_view bytes) {
     }
     case proto::JournalRecord::kScan: {
       SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, ScanFromProto(message.scan()));
+      return JournalRecord(std::move(scan));
+    }
+    case proto::JournalRecord::kLidarScan: {
+      SHIFTMAP_ASSIGN_OR_RETURN(LidarScan scan, LidarScanFromProto(message.lidar_scan()));
       return JournalRecord(std::move(scan));
     }
     case proto::JournalRecord::kInitializePose: {

@@ -76,4 +76,10 @@ StatusOr<Scan> ScanFromProto(const proto::LandmarkScan& in) {
   return scan;
 }
 
+StatusOr<LidarScan> LidarScanFromProto(const proto::LidarScan& in) {
+  SHIFTMAP_ASSIGN_OR_RETURN(LidarScan scan, shiftmap::FromProto(in));
+  SHIFTMAP_RETURN_IF_ERROR(CheckStamp(scan.stamp));
+  return scan;
+}
+
 }  // namespace shiftmap::live

@@ -41,5 +41,6 @@ Status CheckStamp(Stamp stamp);
 /// Errors: kInvalidArgument.
 StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in);
 StatusOr<Scan> ScanFromProto(const proto::LandmarkScan& in);
+StatusOr<LidarScan> LidarScanFromProto(const proto::LidarScan& in);
 
 }  // namespace shiftmap::live

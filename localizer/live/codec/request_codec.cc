@@ -12,6 +12,8 @@ void Fill(const OdometrySample& sample, proto::Request* out) {
 
 void Fill(const Scan& scan, proto::Request* out) { ToProto(scan, out->mutable_scan()); }
 
+void Fill(const LidarScan& scan, proto::Request* out) { ToProto(scan, out->mutable_lidar_scan()); }
+
 void Fill(const GetState& get, proto::Request* out) {
   out->mutable_get_state()->set_hypotheses(get.hypotheses);
 }
@@ -73,6 +75,10 @@ StatusOr<Command> CommandFromProto(const proto::Request& in) {
     }
     case proto::Request::kScan: {
       SHIFTMAP_ASSIGN_OR_RETURN(Scan scan, ScanFromProto(in.scan()));
+      return Command(std::move(scan));
+    }
+    case proto::Request::kLidarScan: {
+      SHIFTMAP_ASSIGN_OR_RETURN(LidarScan scan, LidarScanFromProto(in.lidar_scan()));
       return Command(std::move(scan));
     }
     case proto::Request::kGetState:

@@ -83,6 +83,15 @@ function messageText(topic, message) {
   if (topic === "/odometry") {
     return `${message.stamp_ns} odometry ${bits(message.v_mps)} ${bits(message.omega_radps)}`;
   }
+  if (topic === "/lidar") {
+    let range_mm = 0;
+    const { field_of_view_rad, max_range_m, lidar_x_m, lidar_y_m, lidar_yaw_rad } = message;
+    return [
+      `${message.stamp_ns} lidar`,
+      ...[field_of_view_rad, max_range_m, lidar_x_m, lidar_y_m, lidar_yaw_rad].map(bits),
+      ...message.range_step_mm.map((step) => (range_mm += step)),
+    ].join(" ");
+  }
   return [`${message.stamp_ns} scan`, ...message.observation.map(observationText)].join(" ");
 }
 

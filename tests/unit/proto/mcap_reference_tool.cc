@@ -31,6 +31,11 @@ Run KnownRun() {
       scan.observations.push_back(observation);
     }
     run.scans.push_back(std::move(scan));
+    if (i % 20 != 0) continue;
+    LidarScan& lidar = run.lidar_scans.emplace_back();
+    lidar.stamp = stamp;
+    lidar.sensor.T_vehicle_lidar = Se2(0.1, -0.2, 0.3);
+    for (int k = 0; k < 50; ++k) lidar.ranges_m.push_back(static_cast<float>(7 * k % 11));
   }
   return run;
 }
@@ -43,6 +48,18 @@ void Print(const RunEvent& event) {
   fmt::print("{} ", ToNanoseconds(StampOf(event)));
   if (const auto* sample = std::get_if<OdometrySample>(&event)) {
     fmt::print("odometry {} {}\n", Bits(sample->v_mps), Bits(sample->omega_radps));
+    return;
+  }
+  if (const auto* lidar = std::get_if<LidarScan>(&event)) {
+    const LidarSensor& sensor = lidar->sensor;
+    fmt::print("lidar {} {} {} {} {}",
+               Bits(sensor.field_of_view_rad),
+               Bits(sensor.max_range_m),
+               Bits(sensor.T_vehicle_lidar.x()),
+               Bits(sensor.T_vehicle_lidar.y()),
+               Bits(sensor.T_vehicle_lidar.yaw()));
+    for (const float range_m : lidar->ranges_m) fmt::print(" {}", std::lround(1000.0 * range_m));
+    fmt::print("\n");
     return;
   }
   fmt::print("scan");

@@ -17,12 +17,16 @@ OdometrySample Sample(double stamp_s, double v_mps = 0.0) {
   return {StampFromSeconds(stamp_s), v_mps, 0.0};
 }
 
-// All that is due, by stamp in seconds and velocity.
+// All that is due, by stamp in seconds and velocity; of a scan -1, of a lidar's its range.
 std::vector<std::pair<double, double>> Drain(EventBuffer* buffer) {
+  struct Tag {
+    double operator()(const OdometrySample& sample) const { return sample.v_mps; }
+    double operator()(const LidarScan& scan) const { return static_cast<double>(scan.ranges_m[0]); }
+    double operator()(const Scan&) const { return -1.0; }
+  };
   std::vector<std::pair<double, double>> due;
   while (const HeldEvent* event = buffer->Next()) {
-    due.emplace_back(ToSecondsSinceEpoch(event->stamp),
-                     event->is_scan ? -1.0 : event->sample.v_mps);
+    due.emplace_back(ToSecondsSinceEpoch(event->stamp), event->Visit(Tag()));
   }
   return due;
 }
@@ -44,6 +48,7 @@ TEST(EventBuffer, WhatComesWithinTheBoundComesOutSorted) {
       const double arrival = same ? arrivals.back().first : stamp + delay(random);
       RunEvent event = Sample(stamp, i);
       if (is_scan) event = Scan{StampFromSeconds(stamp), {}};
+      if (i % 7 == 3) event = LidarScan{StampFromSeconds(stamp), {}, {static_cast<float>(i), 0.0f}};
       arrivals.emplace_back(arrival, event);
       expected.emplace_back(stamp, is_scan ? -1.0 : i);
     }
@@ -82,6 +87,16 @@ TEST(EventBuffer, IsBounded) {
     buffer.Add(Sample(1000.0 + 1e-3 * static_cast<double>(i)));
     Drain(&buffer);
     EXPECT_LE(buffer.size(), EventBuffer::kMaxEvents);
+  }
+}
+
+TEST(EventBuffer, IsBoundedInBeams) {
+  EventBuffer buffer(FromSeconds(kDelay));
+  const LidarScan scan{StampFromSeconds(1000.0), {}, std::vector(10'000, 1.0f)};
+  for (int i = 0; i < 300; ++i) {
+    buffer.Add(scan);
+    Drain(&buffer);
+    EXPECT_LE(buffer.size() * scan.ranges_m.size(), EventBuffer::kMaxBeams);
   }
 }
 

@@ -8,16 +8,32 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <random>
 
 #include "mapstore/codec/run_log_messages.h"
 #include "mapstore/map/sha256.h"
+#include "proto/run_log.pb.h"
 #include "tests/unit/proto/mcap_test_util.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr std::int64_t kBeginNs = 1'248'272'272'841'000'001;
+
+// Ranges of whole millimetres, up to the largest that there may be.
+LidarScan MakeLidarScan(Stamp stamp, std::mt19937_64* random) {
+  LidarScan scan;
+  scan.stamp = stamp;
+  scan.sensor = {
+      .field_of_view_rad = 4.7, .max_range_m = 30.1, .T_vehicle_lidar = {1.2, -0.3, 2.0}};
+  for (std::size_t i = 2 + (*random)() % 400; i > 0; --i) {
+    constexpr std::uint64_t kMostMm[] = {1, 3000, 10'000'001};
+    const auto range_mm = static_cast<double>((*random)() % kMostMm[i % 3]);
+    scan.ranges_m.push_back(static_cast<float>(range_mm / 1000.0));
+  }
+  return scan;
+}
 
 // A run with every kind of observation, at full precision.
 Run MakeRun(int samples) {
@@ -44,6 +60,7 @@ Run MakeRun(int samples) {
       scan.observations.push_back(observation);
     }
     run.scans.push_back(std::move(scan));
+    if (i % 6 == 0) run.lidar_scans.push_back(MakeLidarScan(stamp, &random));
   }
   return run;
 }
@@ -61,6 +78,16 @@ void ExpectEqual(const Scan& got, const Scan& expected) {
   }
 }
 
+void ExpectEqual(const LidarScan& got, const LidarScan& expected) {
+  EXPECT_EQ(got.stamp, expected.stamp);
+  EXPECT_EQ(got.sensor.field_of_view_rad, expected.sensor.field_of_view_rad);
+  EXPECT_EQ(got.sensor.max_range_m, expected.sensor.max_range_m);
+  const Se2& T = got.sensor.T_vehicle_lidar;
+  EXPECT_EQ(T.translation(), expected.sensor.T_vehicle_lidar.translation());
+  EXPECT_EQ(T.yaw(), expected.sensor.T_vehicle_lidar.yaw());
+  EXPECT_EQ(got.ranges_m, expected.ranges_m);
+}
+
 // `got` is the first items of `expected`.
 void ExpectPrefix(const Run& got, const Run& expected) {
   ASSERT_LE(got.odometry.size(), expected.odometry.size());
@@ -71,6 +98,10 @@ void ExpectPrefix(const Run& got, const Run& expected) {
   }
   ASSERT_LE(got.scans.size(), expected.scans.size());
   for (std::size_t i = 0; i < got.scans.size(); ++i) ExpectEqual(got.scans[i], expected.scans[i]);
+  ASSERT_LE(got.lidar_scans.size(), expected.lidar_scans.size());
+  for (std::size_t i = 0; i < got.lidar_scans.size(); ++i) {
+    ExpectEqual(got.lidar_scans[i], expected.lidar_scans[i]);
+  }
 }
 
 void ExpectEqual(const Run& got, const Run& expected) {
@@ -80,6 +111,7 @@ void ExpectEqual(const Run& got, const Run& expected) {
   EXPECT_EQ(got.info.area, expected.info.area);
   EXPECT_EQ(got.odometry.size(), expected.odometry.size());
   EXPECT_EQ(got.scans.size(), expected.scans.size());
+  EXPECT_EQ(got.lidar_scans.size(), expected.lidar_scans.size());
   ExpectPrefix(got, expected);
 }
 
@@ -143,6 +175,30 @@ TEST_F(RunLogTest, RoundTripsBitByBit) {
       EXPECT_EQ(log->sha256, *HashFile(path_));
     }
   }
+}
+
+// As any topic that it does not need, and that an older reader does not know.
+TEST_F(RunLogTest, AReaderMaySkipLidarScans) {
+  shiftmap::Run run = MakeRun(100);
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const auto without = ReadRunLog(path_, {.lidar_scans = false});
+  ASSERT_TRUE(without.ok()) << Message(without.status());
+  ASSERT_FALSE(run.lidar_scans.empty());
+  run.lidar_scans.clear();
+  ExpectEqual(without->run, run);
+  // Not even looked at.
+  PutMessage("/lidar", "shiftmap.proto.LidarScan", "protobuf", "\xff");
+  EXPECT_NE(Message(ReadRunLog(path_, {.lidar_scans = false}).status()).find("no odometry"),
+            std::string::npos);
+}
+
+TEST_F(RunLogTest, KeepsRangesToTheMillimetre) {
+  shiftmap::Run run = MakeRun(1);
+  run.lidar_scans = {{run.odometry[0].stamp, {}, {1.23449f, 1.2345f, 0.0004f, 9999.9996f}}};
+  ASSERT_TRUE(WriteRunLog(run, path_).ok());
+  const auto log = ReadRunLog(path_);
+  ASSERT_TRUE(log.ok()) << Message(log.status());
+  EXPECT_EQ(log->run.lidar_scans[0].ranges_m, (std::vector{1.234f, 1.235f, 0.0f, 10'000.0f}));
 }
 
 TEST_F(RunLogTest, TheSameRunGivesTheSameBytes) {
@@ -251,6 +307,29 @@ TEST_F(RunLogTest, NamesWhatIsWrongWithAMessage) {
   ExpectError(StatusCode::kInvalidArgument, "neither range_bearing nor position_in_vehicle");
 }
 
+// As a recorder that is not ours would write it.
+TEST_F(RunLogTest, NamesWhatIsWrongWithALidarScan) {
+  const auto expect_error = [&](const std::vector<std::int32_t>& steps, const std::string& part) {
+    proto::LidarScan message;
+    message.set_stamp_ns(1);
+    message.set_field_of_view_rad(3.0);
+    message.set_max_range_m(80.0);
+    message.mutable_range_step_mm()->Add(steps.begin(), steps.end());
+    PutMessage("/lidar", "shiftmap.proto.LidarScan", "protobuf", message.SerializeAsString());
+    ExpectError(StatusCode::kInvalidArgument, part);
+  };
+  constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
+  expect_error({}, "0 beams, expected 2 to 10000");
+  expect_error({5, -6}, "beam 1: range -0.001 m, expected 0 (no return) to 10000");
+  expect_error({0, kMost}, "beam 1: range 2147483");
+  // The sum does not come back.
+  expect_error(std::vector(100, kMost), "beam 0: range 2147483");
+  expect_error(std::vector(1'000'000, 0), "10001 beams, expected 2 to 10000");
+  expect_error({1, 1}, "no odometry");
+  PutMessage("/lidar", "shiftmap.proto.LandmarkScan", "protobuf", "");
+  ExpectError(StatusCode::kInvalidArgument, "expected protobuf message 'shiftmap.proto.LidarScan'");
+}
+
 TEST_F(RunLogTest, AMessageBeyondTheSizeOfAnItemIsNone) {
   // An observation of a position (field 3) that is all zeros takes four bytes, and much more here.
   std::string scan;
@@ -291,6 +370,9 @@ TEST_F(RunLogTest, ReadsNoFurtherThanItsBoundOnMemory) {
   expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", empty, 100'000);
   expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", full, 20);
   expect_bound("/landmarks", "shiftmap.proto.LandmarkScan", named, 20);
+  const std::string lidar =
+      EncodeLidarScan({StampFromNanoseconds(1), {}, std::vector(10'000, 1.0f)});
+  expect_bound("/lidar", "shiftmap.proto.LidarScan", lidar, 100);
 }
 
 TEST_F(RunLogTest, SkipsOtherTopics) {

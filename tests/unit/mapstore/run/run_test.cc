@@ -77,6 +77,45 @@ TEST(ValidateEventTest, RefusesWhatWouldOverflow) {
   refused(Scan{At(1.0), {RangeBearing(1.0, 1e100)}}, "1e+100");
 }
 
+TEST(ValidateEventTest, RefusesWhatNoLidarMeasures) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const auto refused = [](const LidarScan& scan, const std::string& message) {
+    EXPECT_THAT(ValidateEvent(scan), StatusIs(StatusCode::kInvalidArgument, message));
+  };
+  const LidarScan good{At(1.0), {}, {0.0f, 80.0f, 10'000.0f}};
+  EXPECT_THAT(ValidateEvent(good), IsOk());
+  for (const float range : {kNan, -0.001f, 10'000.1f, std::numeric_limits<float>::infinity()}) {
+    LidarScan scan = good;
+    scan.ranges_m[1] = range;
+    refused(scan, "lidar scan at 1.000000 s: beam 1: range ");
+  }
+  LidarScan scan = good;
+  scan.ranges_m.resize(1);
+  refused(scan, "1 beams, expected 2 to 10000");
+  scan.ranges_m.resize(10'001);
+  refused(scan, "10001 beams");
+  scan = good;
+  scan.sensor.field_of_view_rad = 6.3;
+  refused(scan, "field_of_view_rad 6.3");
+  scan = good;
+  scan.sensor.max_range_m = std::numeric_limits<double>::quiet_NaN();
+  refused(scan, "max_range_m nan");
+  scan = good;
+  scan.sensor.T_vehicle_lidar = Se2(1e10, 0.0, 0.0);
+  refused(scan, "lidar at x 1");
+  scan.sensor.T_vehicle_lidar = Se2(0.0, 0.0, std::numeric_limits<double>::quiet_NaN());
+  refused(scan, "yaw nan");
+  scan = good;
+  scan.stamp = Stamp::max();
+  refused(scan, "stamp_ns");
+  shiftmap::Run run;
+  run.odometry = {{At(1.0), 0.0, 0.0}};
+  run.lidar_scans = {good, good};
+  EXPECT_THAT(ValidateRun(run), IsOk());
+  run.lidar_scans[1].stamp = At(0.5);
+  EXPECT_THAT(ValidateRun(run), StatusIs(StatusCode::kInvalidArgument, "lidar scans goes back"));
+}
+
 TEST(MergeEventsTest, KeepsEverythingInOrderOfTimeOdometryFirst) {
   std::mt19937_64 random(TestSeed(51));
   for (int round = 0; round < 20; ++round) {
@@ -84,9 +123,10 @@ TEST(MergeEventsTest, KeepsEverythingInOrderOfTimeOdometryFirst) {
     for (int t = 0; t < 30; ++t) {
       for (auto n = random() % 3; n > 0; --n) run.odometry.push_back({At(t), double(n), 0.0});
       for (auto n = random() % 3; n > 0; --n) run.scans.push_back({At(t), {}});
+      for (auto n = random() % 3; n > 0; --n) run.lidar_scans.push_back({At(t), {}, {}});
     }
     const std::vector<RunEvent> events = MergeEvents(run);
-    ASSERT_EQ(events.size(), run.odometry.size() + run.scans.size());
+    ASSERT_EQ(events.size(), run.odometry.size() + run.scans.size() + run.lidar_scans.size());
     for (std::size_t i = 1; i < events.size(); ++i) {
       EXPECT_LE(StampOf(events[i - 1]), StampOf(events[i]));
       if (StampOf(events[i - 1]) == StampOf(events[i])) {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <cstddef>
 #include <numbers>
-#include <span>
 #include <vector>
 
+#include "mapstore/core/stamp.h"
 #include "mapstore/geometry/se2.h"
 #include "proto/core/status.h"
 
@@ -15,9 +14,12 @@ namespace shiftmap {
 /// A 2D lidar: n beams at equal steps, counter-clockwise, the first and the last at the ends of the
 /// field of view, which is symmetric about the lidar's x axis.
 struct LidarSensor {
+  /// No lidar's beams reach further. [m]
+  static constexpr double kMaxRangeM = 10'000.0;
+
   double field_of_view_rad = std::numbers::pi;  ///< In (0, 2π). [rad]
 
-  /// A range that is not below this, or not above 0, is no return. [m]
+  /// A range that is not below this, or not above 0, is no return; in (0, kMaxRangeM]. [m]
   double max_range_m = 80.0;
 
   Se2 T_vehicle_lidar = {};  ///< How it is mounted.
@@ -27,20 +29,25 @@ struct LidarSensor {
     return field_of_view_rad * (static_cast<double>(beam) / static_cast<double>(beams - 1) - 0.5);
   }
 
+  /// True if the way from the last beam to the first is one step, as on the full circle.
+  bool AllRound(std::size_t beams) const;
+
   bool Returned(double range_m) const { return range_m > 0.0 && range_m < max_range_m; }
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };
 
-/// What a beam hit.
-struct ScanPoint {
-  int beam = 0;
-  double range_m = 0.0;
-  Eigen::Vector2d p_lidar = Eigen::Vector2d::Zero();  ///< Lidar frame. [m]
-};
+/// What a 2D lidar measured in one sweep.
+struct LidarScan {
+  /// More are an error of the recorder.
+  static constexpr std::size_t kMaxBeams = 10'000;
 
-/// The returns of a scan, by beam. @param ranges_m  One per beam.
-std::vector<ScanPoint> ScanPoints(std::span<const double> ranges_m, const LidarSensor& sensor);
+  Stamp stamp;
+  LidarSensor sensor;
+
+  /// By beam, in [0, LidarSensor::kMaxRangeM]. A run log keeps whole millimetres. [m]
+  std::vector<float> ranges_m;
+};
 
 }  // namespace shiftmap

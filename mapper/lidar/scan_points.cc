@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/lidar/lidar_scan.h"
+#include "mapper/lidar/scan_points.h"
 
 #include <cmath>
+#include <cstddef>
 
 namespace shiftmap {
-
-Status LidarSensor::Validate() const {
-  if (!(field_of_view_rad > 0.0 && field_of_view_rad < 2.0 * std::numbers::pi)) {
-    return InvalidArgument("field_of_view_rad {}, expected in (0, 2π)", field_of_view_rad);
-  }
-  if (!(max_range_m > 0.0 && std::isfinite(max_range_m))) {
-    return InvalidArgument("max_range_m {}, expected > 0", max_range_m);
-  }
-  return OkStatus();
-}
 
 std::vector<ScanPoint> ScanPoints(std::span<const double> ranges_m, const LidarSensor& sensor) {
   std::vector<ScanPoint> points;
