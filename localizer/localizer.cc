@@ -25,6 +25,7 @@ constexpr double kMaxYawSd = 0.7;
 // that wait for a start.
 constexpr std::size_t kMaxUnknown = 256;
 constexpr std::size_t kMaxWindowObservations = 100'000;
+constexpr std::size_t kMaxWindowBeams = 2'000'000;
 
 std::string Describe(const OdometrySample& sample) {
   return fmt::format("odometry at {:.6f} s: v = {} m/s, omega = {} rad/s",
@@ -128,10 +129,11 @@ void Localizer::Localize(const Scan& scan) {
   SetState(JudgeState());
 }
 
-// Before the start there is nothing to be in view.
 void Localizer::Localize(const LidarScan& scan) {
   AccountTime(scan.stamp);
-  if (bank_) bank_->TakeLidar(scan);
+  if (options_.hypotheses.field_of_view.model == FieldOfViewModel::kScanPolygon) {
+    step_.lidar.Take(scan);
+  }
   SetState(JudgeState());
 }
 
@@ -148,6 +150,11 @@ void Localizer::ProcessScan(const Scan& scan) {
   ++statistics_.scans;
   TakeUsableObservations(scan);
   step_.motion = odometry_.Take(scan.stamp);
+  step_.lidar.Move(step_.motion.increment.T_begin_end,
+                   step_.motion.elapsed_s,
+                   scan.stamp,
+                   options_.hypotheses.field_of_view.max_lidar_age_s);
+  if (step_.lidar.counts) ++statistics_.scans_by_lidar;
   if (next_start_) {
     window_.clear();
     window_.push_back(step_);
@@ -177,10 +184,17 @@ void Localizer::ProcessScan(const Scan& scan) {
 void Localizer::BoundWindow(Stamp now) {
   const Duration kept = FromSeconds(options_.global_start.window_s);
   std::size_t observations = 0;
-  for (const WindowScan& scan : window_) observations += scan.scan.observations.size();
-  while (window_.front().scan.stamp < now - kept ||
-         (observations > kMaxWindowObservations && window_.size() > 1)) {
+  std::size_t beams = 0;
+  for (const WindowScan& scan : window_) {
+    observations += scan.scan.observations.size();
+    beams += scan.lidar.scan.ranges_m.size();
+  }
+  const auto full = [&] {
+    return observations > kMaxWindowObservations || beams > kMaxWindowBeams;
+  };
+  while (window_.front().scan.stamp < now - kept || (full() && window_.size() > 1)) {
     observations -= window_.front().scan.observations.size();
+    beams -= window_.front().lidar.scan.ranges_m.size();
     window_.pop_front();
   }
 }
@@ -239,9 +253,8 @@ void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const bool was_nowhere = IsNowhere(bank_->best().filter.Pose());
-  const BankEvents& events = bank_->Correct(step.scan);
+  const BankEvents& events = bank_->Correct(step.scan, &step.lidar);
   scan_stamp_ = step.scan.stamp;
-  if (bank_->field_of_view().by_lidar()) ++statistics_.scans_by_lidar;
 
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance pose = bank_->best().filter.Pose();
@@ -287,8 +300,13 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
   if (!health_.lost()) {
     if (health_.Confirms()) confirmed_ = scan.stamp;
     const PoseWithCovariance pose = bank_->best().filter.Pose();
-    const auto wrong_since =
-        FindWrongPose(recent_, health_, snapshot_, pose, options_.global_start, scan.stamp);
+    const auto wrong_since = FindWrongPose(recent_,
+                                           health_,
+                                           snapshot_,
+                                           pose,
+                                           bank_->field_of_view(),
+                                           options_.global_start,
+                                           scan.stamp);
     if (wrong_since) health_.DeclareLost(*wrong_since);
   }
   if (health_.lost() && !was_lost) DistrustPose();

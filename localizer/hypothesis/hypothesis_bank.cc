@@ -37,7 +37,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
                                Stamp stamp)
     : snapshot_(std::move(snapshot)),
       options_(options),
-      view_(snapshot_.calibration().sensor, options.field_of_view),
+      view_(snapshot_.calibration().sensor, options.field_of_view.polygon),
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       unknown_place_density_(UnknownPlaceDensity(snapshot_)),
@@ -59,20 +59,18 @@ void BankEvents::Clear() {
 
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
-  view_.Forget();
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {
   T_odom_vehicle_ = T_odom_vehicle_ * increment.T_begin_end;
-  view_.Move(increment.T_begin_end, stamp_, elapsed_s);
   for (Leaf* leaf : tree_.leaves().all()) leaf->filter.Predict(increment, elapsed_s);
 }
 
-const BankEvents& HypothesisBank::Correct(const Scan& scan) {
+const BankEvents& HypothesisBank::Correct(const Scan& scan, const LidarView* lidar) {
   events_.Clear();
   stamp_ = scan.stamp;
-  view_.Look(stamp_);
+  view_.Look(lidar);
   tree_.CloseStaleVisits(snapshot_.groups(), stamp_, &events_.evidence);
   OpenVisitsInView(scan);
   for (std::size_t i = 0; i < scan.observations.size(); ++i) {

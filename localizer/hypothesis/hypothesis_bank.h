@@ -74,14 +74,11 @@ class HypothesisBank {
   /// Moves all leaves on.
   void Predict(const MotionIncrement& increment, double elapsed_s);
 
-  /// A lidar's scan, for the field of view of the landmark scans after it.
-  /// @param scan  As for FieldOfView::Take().
-  void TakeLidar(const LidarScan& scan) { view_.Take(scan); }
-
   /// Takes a scan in. Observations of signatures that the map does not know are skipped.
-  /// @param scan  At the time that the leaves were moved to; every signature at most once.
+  /// @param scan   At the time that the leaves were moved to; every signature at most once.
+  /// @param lidar  At that time, for the field of view; null: none.
   /// @return  Valid until the next call.
-  const BankEvents& Correct(const Scan& scan);
+  const BankEvents& Correct(const Scan& scan, const LidarView* lidar = nullptr);
 
   /// Ends all visits, as at the end of a shift.
   std::vector<VisitEvidence> EndVisits();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "localizer/filter/odometry_buffer.h"
+#include "localizer/models/field_of_view.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/run/run.h"
 
@@ -15,6 +16,7 @@ namespace shiftmap {
 struct WindowScan {
   Scan scan;
   OdometryBuffer::Motion motion;  ///< Since the scan before.
+  LidarView lidar = {};           ///< At the scan.
 };
 
 /// How far dead reckoning had come at a time, for what it may be wrong by then.

@@ -39,25 +39,29 @@ FieldOfViewModel FieldOfViewNamed(const std::string& name) {
   return static_cast<FieldOfViewModel>(found - names.begin());
 }
 
-FieldOfView::FieldOfView(const SensorCalibration& sensor, const FieldOfViewOptions& options)
-    : sensor_(sensor), options_(options), share_(options.polygon) {}
-
-void FieldOfView::Take(const LidarScan& scan) {
-  if (options_.model != FieldOfViewModel::kScanPolygon) return;
-  polygon_.Assign(scan, options_.polygon.grown_m);
-  lidar_ = scan.stamp;
+void LidarView::Take(const LidarScan& newer) {
+  scan = newer;
+  T_scan_now = Se2();
 }
 
-void FieldOfView::Move(const Se2& T_begin_end, Stamp begin, double elapsed_s) {
-  if (!lidar_ || !(elapsed_s > 0.0)) return;
-  const double since_s = ToSeconds(begin - *lidar_) + elapsed_s;
-  const double share = std::clamp(since_s / elapsed_s, 0.0, 1.0);
-  if (share > 0.0) polygon_.MoveVehicle(Se2::Exp(share * T_begin_end.Log()));
+void LidarView::Move(const Se2& T_begin_end, double elapsed_s, Stamp now, double max_age_s) {
+  if (scan.ranges_m.empty()) return;
+  const double age_s = ToSeconds(now - scan.stamp);
+  counts = age_s >= 0.0 && age_s <= max_age_s;
+  if (!counts || !(elapsed_s > 0.0)) return;
+  const double share = std::min(age_s / elapsed_s, 1.0);
+  T_scan_now = T_scan_now * Se2::Exp(share * T_begin_end.Log());
 }
 
-void FieldOfView::Look(Stamp stamp) {
-  by_lidar_ =
-      lidar_ && *lidar_ <= stamp && stamp - *lidar_ <= FromSeconds(options_.max_lidar_age_s);
+FieldOfView::FieldOfView(const SensorCalibration& sensor, const ScanPolygonOptions& options)
+    : sensor_(sensor), grown_m_(options.grown_m), share_(options) {}
+
+void FieldOfView::Look(const LidarView* lidar) {
+  by_lidar_ = lidar != nullptr && lidar->counts;
+  if (!by_lidar_) return;
+  if (polygon_stamp_ != lidar->scan.stamp) polygon_.Assign(lidar->scan, grown_m_);
+  polygon_stamp_ = lidar->scan.stamp;
+  polygon_.SetVehicle(lidar->T_scan_now);
 }
 
 double FieldOfView::Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d& cov_q) const {
@@ -68,7 +72,7 @@ double FieldOfView::Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d&
 bool FieldOfView::WellInView(const Eigen::Vector2d& q) const {
   if (!shiftmap::WellInView(q, sensor_)) return false;
   // Half of what the area is grown by: what stands on a wall is in view of it.
-  const double clear_m = 0.5 * options_.polygon.grown_m;
+  const double clear_m = 0.5 * grown_m_;
   return !by_lidar_ || polygon_.ContainsDisc(q, clear_m).value_or(false);
 }
 

@@ -27,41 +27,40 @@ FieldOfViewModel FieldOfViewNamed(const std::string& name);
 struct FieldOfViewOptions {
   FieldOfViewModel model = FieldOfViewModel::kSector;
 
-  /// An older scan says nothing of what is occluded now, > 0. Larger bridges a slower lidar, and
-  /// people walk farther meanwhile. [s]
+  /// A scan counts for what is seen up to so much after it, > 0. Larger bridges a slower lidar, and
+  /// what occludes walks farther meanwhile. [s]
   double max_lidar_age_s = 0.5;
 
   ScanPolygonOptions polygon = {};
 };
 
+/// The last scan of a lidar, as seen from where the vehicle is now.
+struct LidarView {
+  bool counts = false;  ///< For now; false: there is no scan, or it is too old.
+  LidarScan scan;
+  Se2 T_scan_now;  ///< The way that the vehicle drove since.
+
+  /// Another scan came. Memory: reuses its own.
+  void Take(const LidarScan& newer);
+
+  /// The vehicle drove on for `elapsed_s` until `now`. A scan of in between moves by its share.
+  void Move(const Se2& T_begin_end, double elapsed_s, Stamp now, double max_age_s);
+};
+
 /// Where the sensor sees landmarks at a time: P_FOV by one of two models.
 ///
-/// The sector is what the sensor reaches. With kScanPolygon P_FOV is that of the sector times the
-/// share of the polygon of the last scan at or before the time, as the sensor that detects
-/// landmarks may reach less far than the lidar. Without a scan, or with an old one, the sector
-/// counts alone. So a bound on the sector's holds for both.
+/// The sector is what the sensor reaches. With a lidar's scan P_FOV is that of the sector times the
+/// share of the scan's polygon, as the sensor that detects landmarks may reach less far than the
+/// lidar; without one the sector counts alone. So a bound on the sector's holds for both.
 ///
 /// Memory: that of the largest scan, reused. Threads: const-safe.
 class FieldOfView {
  public:
-  FieldOfView(const SensorCalibration& sensor, const FieldOfViewOptions& options);
+  FieldOfView(const SensorCalibration& sensor, const ScanPolygonOptions& options);
 
-  /// A lidar's scan. Nothing with kSector.
-  /// @param scan  Valid by ValidateEvent(), not older than the one before.
-  void Take(const LidarScan& scan);
-
-  /// The vehicle drove from `begin` on for `elapsed_s`: the area is seen from where it is then. To
-  /// be called in the order of time; a scan inside the stretch moves on by its share of it.
-  void Move(const Se2& T_begin_end, Stamp begin, double elapsed_s);
-
-  /// What is asked from now on is of this time.
-  void Look(Stamp stamp);
-
-  /// Lets go of the scan.
-  void Forget() { lidar_.reset(); }
-
-  /// True if a scan counts now.
-  bool by_lidar() const { return by_lidar_; }
+  /// What is asked from now on is of the time of this view. The polygon of a scan is made once.
+  /// @param lidar  Its scan is valid by ValidateEvent(). Null: no lidar.
+  void Look(const LidarView* lidar);
 
   /// P_FOV, in [0, 1].
   /// @param q      Expected place of a landmark, vehicle frame. [m]
@@ -76,10 +75,10 @@ class FieldOfView {
 
  private:
   SensorCalibration sensor_;
-  FieldOfViewOptions options_;
+  double grown_m_;
   ScanPolygonShare share_;
   ScanPolygon polygon_;
-  std::optional<Stamp> lidar_;  // Of the scan that polygon_ is of.
+  std::optional<Stamp> polygon_stamp_;  // Of the scan that polygon_ is of.
   bool by_lidar_ = false;
 };
 

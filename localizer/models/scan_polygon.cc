@@ -22,7 +22,7 @@ ScanPolygon::ScanPolygon(std::span<const Eigen::Vector2d> border_lidar,
                          const Se2& T_vehicle_lidar,
                          bool all_round,
                          double grown_m)
-    : T_lidar_vehicle_(T_vehicle_lidar.Inverse()) {
+    : T_lidar_vehicle_(T_vehicle_lidar.Inverse()), T_lidar_now_(T_lidar_vehicle_) {
   for (const Eigen::Vector2d& p : border_lidar) {
     Add(std::atan2(p.y(), p.x()), p + grown_m * p.normalized());
   }
@@ -32,6 +32,7 @@ ScanPolygon::ScanPolygon(std::span<const Eigen::Vector2d> border_lidar,
 void ScanPolygon::Assign(const LidarScan& scan, double grown_m) {
   const std::size_t beams = scan.ranges_m.size();
   T_lidar_vehicle_ = scan.sensor.T_vehicle_lidar.Inverse();
+  T_lidar_now_ = T_lidar_vehicle_;
   border_.clear();
   bearings_.clear();
   for (std::size_t beam = 0; beam < beams; ++beam) {
@@ -63,7 +64,7 @@ std::size_t ScanPolygon::Next(double bearing_rad) const {
 
 bool ScanPolygon::Contains(const Eigen::Vector2d& p_vehicle) const {
   if (border_.size() < 2) return false;
-  const Eigen::Vector2d q = T_lidar_vehicle_ * p_vehicle;
+  const Eigen::Vector2d q = T_lidar_now_ * p_vehicle;
   const double bearing = std::atan2(q.y(), q.x());
   if (!(bearing >= bearings_.front() && bearing <= bearings_.back())) return false;
   // The triangle between two beams: q is on the lidar's side of the border from a to b.
@@ -76,7 +77,7 @@ bool ScanPolygon::Contains(const Eigen::Vector2d& p_vehicle) const {
 std::optional<bool> ScanPolygon::ContainsDisc(const Eigen::Vector2d& p_vehicle,
                                               double radius_m) const {
   if (border_.size() < 2) return false;
-  const Eigen::Vector2d q = T_lidar_vehicle_ * p_vehicle;
+  const Eigen::Vector2d q = T_lidar_now_ * p_vehicle;
   const double range = q.norm();
   if (!(radius_m < range)) return std::nullopt;
   const double bearing = std::atan2(q.y(), q.x());

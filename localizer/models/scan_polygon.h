@@ -46,14 +46,14 @@ class ScanPolygon {
   /// Takes the area of another scan, which is valid by ValidateEvent(). Memory: reuses its own.
   void Assign(const LidarScan& scan, double grown_m);
 
-  /// The vehicle drove on since the scan.
-  void MoveVehicle(const Se2& T_begin_end) { T_lidar_vehicle_ = T_lidar_vehicle_ * T_begin_end; }
+  /// Where the vehicle is, from where it was at the scan: at the same place until this is called.
+  void SetVehicle(const Se2& T_scan_now) { T_lidar_now_ = T_lidar_vehicle_ * T_scan_now; }
 
-  /// @param p_vehicle  Vehicle frame. [m]
+  /// @param p_vehicle  Frame of the vehicle where it is. [m]
   bool Contains(const Eigen::Vector2d& p_vehicle) const;
 
   /// True if the area contains every point of a disc, false if none; nothing if that is not plain.
-  /// @param p_vehicle  Its centre, vehicle frame. [m]
+  /// @param p_vehicle  Its centre, in the same frame. [m]
   std::optional<bool> ContainsDisc(const Eigen::Vector2d& p_vehicle, double radius_m) const;
 
  private:
@@ -64,6 +64,7 @@ class ScanPolygon {
   std::size_t Next(double bearing_rad) const;
 
   Se2 T_lidar_vehicle_;
+  Se2 T_lidar_now_;
   std::vector<Eigen::Vector2d> border_;  // Lidar frame, grown.
   std::vector<double> bearings_;         // Of the border, ascending.
 };

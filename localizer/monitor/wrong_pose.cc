@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "localizer/initialization/start_pose.h"
-#include "localizer/models/detection_model.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -36,19 +35,21 @@ PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<Window
 // they were most likely when the map was built.
 int CountMissed(const Se2& pose,
                 const std::vector<WindowScan>& window,
-                const MapSnapshot& snapshot) {
+                const MapSnapshot& snapshot,
+                FieldOfView field_of_view) {
   const SensorCalibration& sensor = snapshot.calibration().sensor;
   std::vector<double> missed(snapshot.groups().size());
   Se2 T_map_vehicle = pose;
   for (std::size_t i = window.size(); i-- > 0;) {
     const std::vector<Observation>& seen = window[i].scan.observations;
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
+    field_of_view.Look(&window[i].lidar);
     for (std::size_t group = 0; !seen.empty() && group < missed.size(); ++group) {
       const LandmarkGroup& landmark = snapshot.groups()[group];
       int likely = 0;
       landmark.probabilities.tail(landmark.probabilities.size() - 1).maxCoeff(&likely);
       const Mode& mode = landmark.modes[static_cast<std::size_t>(likely)];
-      if (!WellInView(T_vehicle_map * mode.p_map_landmark, sensor)) continue;
+      if (!field_of_view.WellInView(T_vehicle_map * mode.p_map_landmark)) continue;
       missed[group] -= std::log1p(-sensor.detection_probability);
     }
     for (const Observation& observation : seen) {
@@ -67,6 +68,7 @@ std::optional<Stamp> FindWrongPose(const RecentScans& recent,
                                    const HealthMonitor& health,
                                    const MapSnapshot& snapshot,
                                    const PoseWithCovariance& pose,
+                                   const FieldOfView& field_of_view,
                                    const GlobalStartOptions& options,
                                    Stamp now) {
   for (const double window_s : kWindowsS) {
@@ -83,10 +85,10 @@ std::optional<Stamp> FindWrongPose(const RecentScans& recent,
     if (!other || other->explained < support.agreeing + kMinGain) continue;
     const PoseWithCovariance there = MovedToEnd(*other, window);
     if (!ClearlyApart(there, pose)) continue;
-    if (support.turned >= kMinTurned || CountMissed(there.T_map_vehicle, window, snapshot) <
-                                            CountMissed(pose.T_map_vehicle, window, snapshot)) {
-      return since;
-    }
+    const auto missed_at = [&](const PoseWithCovariance& at) {
+      return CountMissed(at.T_map_vehicle, window, snapshot, field_of_view);
+    };
+    if (support.turned >= kMinTurned || missed_at(there) < missed_at(pose)) return since;
   }
   return std::nullopt;
 }

@@ -25,11 +25,13 @@ namespace shiftmap {
 /// seen before the pose went wrong, and without odometry that may be what is wrong.
 /// @param recent  Up to the present scan.
 /// @param pose    After it.
+/// @param field_of_view  The vehicle's.
 /// @return Begin of the window in which the pose was wrong; nothing if it may be right.
 std::optional<Stamp> FindWrongPose(const RecentScans& recent,
                                    const HealthMonitor& health,
                                    const MapSnapshot& snapshot,
                                    const PoseWithCovariance& pose,
+                                   const FieldOfView& field_of_view,
                                    const GlobalStartOptions& options,
                                    Stamp now);
 

@@ -17,9 +17,10 @@ namespace {
 void FieldOfViewOfAScan(benchmark::State& state) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
-  LidarScan scan;
+  LidarView lidar;
+  lidar.counts = true;
   for (std::int64_t i = 0; i < state.range(0); ++i) {
-    scan.ranges_m.push_back(static_cast<float>(3.0 + 7.0 * uniform(random)));
+    lidar.scan.ranges_m.push_back(static_cast<float>(3.0 + 7.0 * uniform(random)));
   }
   std::vector<Eigen::Vector2d> landmarks;
   for (int i = 0; i < state.range(1); ++i) {
@@ -29,10 +30,10 @@ void FieldOfViewOfAScan(benchmark::State& state) {
   SensorCalibration sensor;
   sensor.max_range_m = 20.0;
   sensor.max_bearing_rad = std::numbers::pi;
-  FieldOfView view(sensor, {.model = FieldOfViewModel::kScanPolygon});
+  FieldOfView view(sensor, {});
   for (auto _ : state) {
-    view.Take(scan);
-    view.Look(scan.stamp);
+    lidar.scan.stamp += Duration(1);  // Another scan: the polygon is made anew.
+    view.Look(&lidar);
     double sum = 0.0;
     for (const Eigen::Vector2d& landmark : landmarks) sum += view.Probability(landmark, cov);
     benchmark::DoNotOptimize(sum);

@@ -130,11 +130,33 @@ std::vector<RunEvent> BackAndForth(const MapContent& content, int scans) {
   return events;
 }
 
+// Puts a lidar's scan of open ground before every fourth scan.
+std::vector<RunEvent> WithLidar(const std::vector<RunEvent>& events) {
+  constexpr int kScansPerLidar = 4;
+  std::vector<RunEvent> with;
+  int scans = 0;
+  for (const RunEvent& event : events) {
+    if (std::holds_alternative<Scan>(event) && scans++ % kScansPerLidar == 0) {
+      LidarScan scan;
+      scan.stamp = StampOf(event);
+      scan.ranges_m.assign(361, 20.0f);
+      with.emplace_back(std::move(scan));
+    }
+    with.push_back(event);
+  }
+  return with;
+}
+
 TEST_F(AllocationTest, SteadyStreamTakesNothing) {
   const MapContent content = MakeTwoModeMap(80, 16.0, 3);
-  const std::vector<RunEvent> events = BackAndForth(content, 2000);
-  for (const double max_delay_s : {0.0, 0.2}) {
-    Localizer localizer(Snapshot(content), Options(max_delay_s));
+  const std::vector<RunEvent> odometry_and_scans = BackAndForth(content, 2000);
+  for (const auto& [max_delay_s, with_lidar] :
+       {std::pair(0.0, false), {0.2, false}, {0.0, true}, {0.2, true}}) {
+    const std::vector<RunEvent> events =
+        with_lidar ? WithLidar(odometry_and_scans) : odometry_and_scans;
+    LocalizerOptions options = Options(max_delay_s);
+    if (with_lidar) options.hypotheses.field_of_view.model = FieldOfViewModel::kScanPolygon;
+    Localizer localizer(Snapshot(content), options);
     const std::size_t warm = events.size() / 4;
     AllocationsOf(events, 0, warm, &localizer);
     const std::int64_t updates = localizer.Statistics().updates;
@@ -142,7 +164,8 @@ TEST_F(AllocationTest, SteadyStreamTakesNothing) {
     const std::int64_t taken = AllocationsOf(events, warm, events.size(), &localizer);
     EXPECT_GT(localizer.Statistics().updates, updates + 1000);
     EXPECT_EQ(localizer.Report().evidence.size() + localizer.decisions().size(), records);
-    EXPECT_EQ(taken, 0) << max_delay_s;
+    EXPECT_EQ(taken, 0) << max_delay_s << ", " << with_lidar;
+    EXPECT_EQ(localizer.Statistics().scans_by_lidar > 1900, with_lidar);
   }
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-const FieldOfViewOptions kByPolygon = {.model = FieldOfViewModel::kScanPolygon};
+constexpr double kMaxAge = 0.5;  // [s]
 
 Stamp At(double seconds) { return StampFromSeconds(1000.0 + seconds); }
 
@@ -62,24 +62,33 @@ void ExpectSame(const FieldOfView& a, const FieldOfView& b, double tolerance) {
   }
 }
 
+LidarView ViewOf(const LidarScan& scan, Stamp now) {
+  LidarView lidar;
+  lidar.Take(scan);
+  lidar.Move(Se2(), 0.0, now, kMaxAge);
+  return lidar;
+}
+
 TEST(FieldOfView, WithoutAScanOfTheTimeIsTheSector) {
-  FieldOfView sector(Sensor(), {});
-  FieldOfView polygon(Sensor(), kByPolygon);
+  const FieldOfView sector(Sensor(), {});
+  FieldOfView polygon(Sensor(), {});
+  LidarView lidar;
+  lidar.Move(Se2(), 0.1, At(0.0), kMaxAge);
+  polygon.Look(&lidar);
   ExpectSame(polygon, sector, 0.0);
   const LidarScan scan = ScanAt(Se2(), At(0.0));
-  sector.Take(scan);
-  polygon.Take(scan);
   // Before the scan, and when it is old.
   for (const double seconds : {-0.01, 0.51, 1e6}) {
-    for (FieldOfView* view : {&sector, &polygon}) view->Look(At(seconds));
-    EXPECT_FALSE(polygon.by_lidar());
+    lidar = ViewOf(scan, At(seconds));
+    EXPECT_FALSE(lidar.counts);
+    polygon.Look(&lidar);
     ExpectSame(polygon, sector, 0.0);
   }
-  for (FieldOfView* view : {&sector, &polygon}) view->Look(At(0.5));
-  EXPECT_TRUE(polygon.by_lidar());
-  EXPECT_FALSE(sector.by_lidar());
-  polygon.Forget();
-  polygon.Look(At(0.5));
+  lidar = ViewOf(scan, At(0.5));
+  EXPECT_TRUE(lidar.counts);
+  polygon.Look(&lidar);
+  EXPECT_EQ(polygon.Probability({5.0, 0.0}, 1e-4 * Eigen::Matrix2d::Identity()), 0.0);
+  polygon.Look(nullptr);
   ExpectSame(polygon, sector, 0.0);
 }
 
@@ -95,10 +104,10 @@ TEST(FieldOfView, SectorIsThatOfTheDetectionModel) {
 }
 
 TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
-  FieldOfView sector(Sensor(), {});
-  FieldOfView polygon(Sensor(), kByPolygon);
-  polygon.Take(ScanAt(Se2(), At(0.0)));
-  polygon.Look(At(0.0));
+  const FieldOfView sector(Sensor(), {});
+  FieldOfView polygon(Sensor(), {});
+  const LidarView lidar = ViewOf(ScanAt(Se2(), At(0.0)), At(0.0));
+  polygon.Look(&lidar);
   const Eigen::Matrix2d cov = 0.0025 * Eigen::Matrix2d::Identity();
   const auto both = [&](const Eigen::Vector2d& q) {
     return std::pair(polygon.Probability(q, cov), sector.Probability(q, cov));
@@ -127,16 +136,16 @@ TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
 TEST(FieldOfView, ALidarScanKeepsItsPlaceWhileTheVehicleDrives) {
   const Eigen::Vector3d twist_per_s(2.0, 0.0, 0.8);
   const auto pose = [&](double seconds) { return Se2::Exp(seconds * twist_per_s); };
-  FieldOfView moved(Sensor(), kByPolygon);
-  moved.Move(pose(0.3), At(-0.3), 0.3);  // Before it: of no matter.
-  moved.Take(ScanAt(pose(0.1), At(0.1)));
-  moved.Move(pose(0.2), At(0.0), 0.2);
-  moved.Move(pose(0.25), At(0.2), 0.25);
-  moved.Look(At(0.45));
-  ASSERT_TRUE(moved.by_lidar());
-  FieldOfView now(Sensor(), kByPolygon);
-  now.Take(ScanAt(pose(0.45), At(0.45)));
-  now.Look(At(0.45));
+  FieldOfView moved(Sensor(), {});
+  LidarView lidar;
+  lidar.Take(ScanAt(pose(0.1), At(0.1)));
+  lidar.Move(pose(0.2), 0.2, At(0.2), kMaxAge);  // It was made half-way.
+  lidar.Move(pose(0.25), 0.25, At(0.45), kMaxAge);
+  moved.Look(&lidar);
+  ASSERT_TRUE(lidar.counts);
+  FieldOfView now(Sensor(), {});
+  const LidarView at_end = ViewOf(ScanAt(pose(0.45), At(0.45)), At(0.45));
+  now.Look(&at_end);
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> uniform(-9.0, 9.0);
   const Eigen::Matrix2d cov = 0.0025 * Eigen::Matrix2d::Identity();

@@ -122,7 +122,7 @@ TEST(ScanPolygon, StaysWhereItIsWhenTheVehicleDrivesOn) {
   ScanPolygon polygon(Square(4.0), Se2(0.2, 0.1, 0.3), true, 0.5);
   const ScanPolygon before = polygon;
   const Se2 T_begin_end(0.7, -0.2, 0.4);
-  polygon.MoveVehicle(T_begin_end);
+  polygon.SetVehicle(T_begin_end);
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> uniform(-6.0, 6.0);
   for (int i = 0; i < 1000; ++i) {

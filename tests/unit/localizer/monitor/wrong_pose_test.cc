@@ -73,7 +73,8 @@ struct Seen {
   }
 
   std::optional<Stamp> WrongSince(const MapContent& content, const Se2& pose) const {
-    return FindWrongPose(recent, health, Snapshot(content), SureOf(pose), {}, At(3.0));
+    const FieldOfView sector(content.calibration.sensor, {});
+    return FindWrongPose(recent, health, Snapshot(content), SureOf(pose), sector, {}, At(3.0));
   }
 
   HealthMonitor health;
