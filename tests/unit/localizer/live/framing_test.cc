@@ -99,6 +99,39 @@ TEST(FramingTest, BadValuesAreRefusedWithTheirId) {
               StatusIs(StatusCode::kInvalidArgument, "1e+300"));
 }
 
+TEST(FramingTest, LidarScansSurviveTheWireAndTheJournal) {
+  LidarScan scan{StampFromSeconds(5.0), {}, {1.25f, 0.0f, 80.0f}};
+  scan.sensor.T_vehicle_lidar = Se2(1.0, -0.5, 0.3);
+  std::uint64_t id = 0;
+  const auto request = DecodeRequest(EncodeRequest({7, scan}), &id);
+  ASSERT_THAT(request, testing::IsOk());
+  EXPECT_EQ(std::get<LidarScan>(request->command).ranges_m, scan.ranges_m);
+  const auto record = DecodeJournalRecord(EncodeJournalRecord(scan));
+  ASSERT_THAT(record, testing::IsOk());
+  EXPECT_EQ(std::get<LidarScan>(*record).ranges_m, scan.ranges_m);
+  EXPECT_EQ(std::get<LidarScan>(*record).sensor.T_vehicle_lidar.yaw(), 0.3);
+  scan.ranges_m[1] = -1.0f;
+  EXPECT_THAT(DecodeRequest(EncodeRequest({8, scan}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "beam 1: range -1 m"));
+  EXPECT_EQ(id, 8u);
+  scan = {StampFromSeconds(-5.0), {}, {1.0f, 1.0f}};
+  EXPECT_THAT(DecodeRequest(EncodeRequest({9, scan}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "stamp_ns"));
+}
+
+TEST(FramingTest, TheJournalKeepsTheFieldOfView) {
+  ShiftHeader header;
+  for (const FieldOfViewModel model : {FieldOfViewModel::kSector, FieldOfViewModel::kScanPolygon}) {
+    header.field_of_view = model;
+    const auto record = DecodeJournalRecord(EncodeJournalRecord(header));
+    ASSERT_THAT(record, testing::IsOk());
+    EXPECT_EQ(std::get<ShiftHeader>(*record).field_of_view, model);
+  }
+  header.field_of_view = static_cast<FieldOfViewModel>(2);
+  EXPECT_THAT(DecodeJournalRecord(EncodeJournalRecord(header)),
+              StatusIs(StatusCode::kInvalidArgument, "field_of_view: 2"));
+}
+
 TEST(FramingTest, RepliesSurviveTheWire) {
   Reply reply;
   reply.id = 3;

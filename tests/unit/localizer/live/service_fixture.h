@@ -68,6 +68,21 @@ class ServiceTest : public ::testing::Test {
     return EncodeShiftReport(*report);
   }
 
+  // Puts a lidar's scan before every third scan of the shift: walls all round, at 4 m.
+  void AddLidarScans() {
+    std::vector<RunEvent> items;
+    int scans = 0;
+    for (RunEvent& item : items_) {
+      if (std::holds_alternative<Scan>(item) && scans++ % 3 == 0) {
+        LidarScan lidar{StampOf(item), {.field_of_view_rad = 6.2}, {}};
+        lidar.ranges_m.assign(300, 4.0f);
+        items.emplace_back(std::move(lidar));
+      }
+      items.push_back(std::move(item));
+    }
+    items_ = std::move(items);
+  }
+
   std::string Journal() const { return folder_.File("state") + "/shift.journal"; }
 
   testing::TempDir folder_;

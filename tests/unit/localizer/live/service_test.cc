@@ -125,6 +125,37 @@ TEST_F(ServiceTest, LateItemsAndACrashChangeNothing) {
   EXPECT_TRUE(said(&*service) == expected);
 }
 
+// The header of the journal keeps the model, and the journal the lidar's scans.
+TEST_F(ServiceTest, AShiftByScanPolygonIsResumedByIt) {
+  AddLidarScans();
+  const std::size_t crash = items_.size() / 2;
+  const auto report_of = [&](FieldOfViewModel model, bool crashes) {
+    ServiceOptions options = Options();
+    options.localizer.hypotheses.field_of_view.model = model;
+    const auto begin = [&](std::size_t end) {
+      StatusOr<Service> service = Service::Open(options);
+      EXPECT_THAT(service, IsOk());
+      EXPECT_THAT(Do(&*service, Start()), IsOk());
+      Feed(&*service, 0, end);
+      return *std::move(service);
+    };
+    if (crashes) begin(crash);
+    // Of a service whose next shift is by the sector.
+    Service service = crashes ? Opened() : begin(items_.size());
+    EXPECT_EQ(service.State().resumed, crashes);
+    if (crashes) Feed(&service, crash, items_.size());
+    EXPECT_THAT(Do(&service, live::Stop()), IsOk());
+    auto report = ReadShiftReport(service.State().report_path);
+    EXPECT_THAT(report, IsOk());
+    report->uuid.clear();
+    return EncodeShiftReport(*report);
+  };
+  const std::string polygon = report_of(FieldOfViewModel::kScanPolygon, false);
+  EXPECT_TRUE(report_of(FieldOfViewModel::kScanPolygon, true) == polygon);
+  // Most landmarks are beyond the walls, and that they are missed says nothing.
+  EXPECT_FALSE(report_of(FieldOfViewModel::kSector, false) == polygon);
+}
+
 // What is held is localized once no item has come for as long as one may be late, and the report
 // says what it says without the pause.
 TEST_F(ServiceTest, APauseOfTheStreamKeepsNothingWaiting) {

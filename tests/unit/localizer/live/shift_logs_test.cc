@@ -53,6 +53,8 @@ class ShiftLogsTest : public ServiceTest {
       ASSERT_EQ(logged[i].index(), items[i].index());
       if (const auto* sample = std::get_if<OdometrySample>(&items[i])) {
         EXPECT_EQ(std::get<OdometrySample>(logged[i]).omega_radps, sample->omega_radps);
+      } else if (const auto* lidar = std::get_if<LidarScan>(&items[i])) {
+        EXPECT_EQ(std::get<LidarScan>(logged[i]).ranges_m, lidar->ranges_m);
       } else {
         EXPECT_EQ(std::get<Scan>(logged[i]).observations.size(),
                   std::get<Scan>(items[i]).observations.size());
@@ -73,6 +75,22 @@ TEST_F(ShiftLogsTest, AShiftLeavesItsItemsUnderTheUuidOfItsReport) {
   EXPECT_TRUE(FilesEndingIn(".journal").empty());
   EXPECT_TRUE(warnings_.empty());
   EXPECT_THAT(ReadShiftReport(folder_.File("state") + "/" + uuid + ".report"), IsOk());
+}
+
+// Whether the shift uses them or not.
+TEST_F(ShiftLogsTest, ALidarsScansAreInTheLog) {
+  AddLidarScans();
+  for (const FieldOfViewModel model : {FieldOfViewModel::kSector, FieldOfViewModel::kScanPolygon}) {
+    for (const double max_delay_s : {0.0, 0.5}) {
+      ServiceOptions options = Options();
+      options.localizer.max_delay_s = max_delay_s;
+      options.localizer.hypotheses.field_of_view.model = model;
+      const StatusOr<RunLog> log = ReadRunLog(Log(WholeShift(options)));
+      ASSERT_THAT(log, IsOk());
+      ExpectSameItems(log->run, items_);
+    }
+  }
+  EXPECT_TRUE(warnings_.empty());
 }
 
 // Drivers deliver out of step; a log is in the order of time.

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "tests/unit/localizer/simulated_run.h"
@@ -32,7 +33,13 @@ class MissedPassesTest : public ::testing::Test {
 
   // How often the landmark is found gone over passes from these directions, and is seen once, by
   // chance, in pass `seen`.
-  int Gone(const std::vector<double>& directions_rad, int seen = -1) {
+  // @param wall_m  How far a lidar sees in every direction; nothing: there is none.
+  int Gone(const std::vector<double>& directions_rad,
+           int seen = -1,
+           std::optional<float> wall_m = std::nullopt) {
+    LidarView lidar;
+    lidar.counts = wall_m.has_value();
+    lidar.scan.ranges_m.assign(181, wall_m.value_or(0.0f));
     const MapSnapshot snapshot = Snapshot(content_);
     MissedPasses missed(snapshot);
     int gone = 0;
@@ -51,7 +58,7 @@ class MissedPassesTest : public ::testing::Test {
           observation.z = {3.0, 0.0};
           scan.observations.push_back(observation);
         }
-        bank.Correct(scan);
+        bank.Correct(scan, &lidar);
         gone += static_cast<int>(missed.Add(scan, bank, snapshot).size());
       }
     }
@@ -76,6 +83,13 @@ TEST_F(MissedPassesTest, ASignMissedFromBehindIsNot) {
 
 TEST_F(MissedPassesTest, WhatWasSeenStartsAgain) {
   EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}, 1), 0);
+}
+
+TEST_F(MissedPassesTest, WhatAWallHidesIsNotMissed) {
+  const std::vector<double> all_around = {0.1, 0.1 + kThird, 0.1 + 2.0 * kThird};
+  EXPECT_EQ(Gone(all_around, -1, 2.0f), 0);
+  EXPECT_EQ(Gone(all_around, -1, 3.0f), 1);  // It would stand on the wall.
+  EXPECT_EQ(Gone(all_around, -1, 20.0f), 1);
 }
 
 TEST_F(MissedPassesTest, OnePassIsBoundedEvidenceHoweverLong) {

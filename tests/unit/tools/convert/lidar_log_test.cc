@@ -132,6 +132,35 @@ TEST(MakeLidarRun, SurvivesTheRunLog) {
     EXPECT_EQ(scan.observations[0].cov_z, run->scans[i].observations[0].cov_z);
     EXPECT_LT((scan.observations[0].z - Eigen::Vector2d(3.0, 0.0)).norm(), 0.05);
   }
+  EXPECT_TRUE(read->run.lidar_scans.empty());
+}
+
+// To the millimetre, without what is no return, and beside the same landmarks.
+TEST(MakeLidarRun, KeepsScansWhereAsked) {
+  LidarLog log;
+  for (int i = 0; i < 3; ++i) {
+    const Stamp stamp = StampFromSeconds(1000.0 + i);
+    log.poses.push_back({stamp, Se2()});
+    log.scans.push_back({stamp, {1.2344, -1.0, 81.0, std::nan(""), 2.0 + i}});
+  }
+  LidarFrontEndOptions options;
+  options.sensor.T_vehicle_lidar = Se2(0.3, 0.1, 0.2);
+  const auto run = MakeLidarRun(log, "cart", options, true);
+  ASSERT_TRUE(run.ok()) << Message(run.status());
+  const testing::TempDir folder;
+  const std::string path = folder.File("run.mcap");
+  ASSERT_TRUE(WriteRunLog(*run, path).ok());
+  const auto read = ReadRunLog(path);
+  ASSERT_TRUE(read.ok()) << Message(read.status());
+  EXPECT_EQ(read->run.scans.size(), 3U);
+  ASSERT_EQ(read->run.lidar_scans.size(), 3U);
+  for (int i = 0; i < 3; ++i) {
+    const LidarScan& scan = read->run.lidar_scans[static_cast<std::size_t>(i)];
+    EXPECT_EQ(scan.stamp, StampFromSeconds(1000.0 + i));
+    EXPECT_EQ(scan.ranges_m, (std::vector{1.234f, 0.0f, 0.0f, 0.0f, 2.0f + static_cast<float>(i)}));
+    EXPECT_EQ(scan.sensor.max_range_m, 80.0);
+    EXPECT_EQ(scan.sensor.T_vehicle_lidar.x(), 0.3);
+  }
 }
 
 }  // namespace
