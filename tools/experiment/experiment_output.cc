@@ -28,6 +28,12 @@ Json RowJson(const std::vector<std::string>& columns, const std::vector<ResultTa
 
 }  // namespace
 
+Json RowsJson(const ResultTable& table) {
+  Json rows = Json::array();
+  for (const auto& row : table.rows()) rows.push_back(RowJson(table.columns(), row));
+  return rows;
+}
+
 StatusOr<ExperimentOutput> ExperimentOutput::Create(std::string name,
                                                     std::string directory,
                                                     bool dry_run) {
@@ -51,10 +57,10 @@ Status ExperimentOutput::WritePicture(const std::string& figure, const std::stri
 }
 
 StatusOr<Json> ExperimentOutput::WriteDocument(const Json& options, const ResultTable& table) {
-  Json rows = Json::array();
-  for (const auto& row : table.rows()) rows.push_back(RowJson(table.columns(), row));
-  Json document = {
-      {"experiment", name_}, {"version", SoftwareVersion()}, {"options", options}, {"rows", rows}};
+  Json document = {{"experiment", name_},
+                   {"version", SoftwareVersion()},
+                   {"options", options},
+                   {"rows", RowsJson(table)}};
   SHIFTMAP_RETURN_IF_ERROR(Write(name_ + ".json", JsonText(document)));
   document["files"] = files_;
   return document;

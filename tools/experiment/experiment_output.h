@@ -11,6 +11,9 @@
 
 namespace shiftmap {
 
+/// [{column: value, ...}, ...]; null for what is not finite.
+Json RowsJson(const ResultTable& table);
+
 /// The files of one experiment. With --dry-run nothing is written, and the paths are still listed.
 class ExperimentOutput {
  public:

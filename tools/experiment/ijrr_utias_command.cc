@@ -123,8 +123,8 @@ ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
 }
 
 // IJRR table 1: mean processor time per method and data set over displacements and robots.
-Json TimesJson(const std::vector<IjrrUtiasRow>& rows) {
-  Json times = Json::array();
+ResultTable MakeTimes(const std::vector<IjrrUtiasRow>& rows) {
+  ResultTable times({"method", "dataset", "mean_cpu_s", "frames_per_s"});
   for (const IjrrUtiasMethod& method : IjrrUtiasMethods()) {
     std::map<int, std::pair<double, double>> sums;  // Per data set: seconds, frames.
     std::map<int, int> counts;
@@ -135,10 +135,10 @@ Json TimesJson(const std::vector<IjrrUtiasRow>& rows) {
       ++counts[row.dataset];
     }
     for (const auto& [dataset, sum] : sums) {
-      times.push_back({{"method", method.name},
-                       {"dataset", dataset},
-                       {"mean_cpu_s", sum.first / counts[dataset]},
-                       {"frames_per_s", sum.second / sum.first}});
+      times.AddRow({method.name,
+                    static_cast<double>(dataset),
+                    sum.first / counts[dataset],
+                    sum.second / sum.first});
     }
   }
   return times;
@@ -248,7 +248,7 @@ Json OptionsJson(const IjrrUtiasOptions& options, const IjrrUtiasResult& result)
           {"seed", options.seed},
           {"realizations", options.realizations},
           {"mcts", MctsJson(options.mcts)},
-          {"times", TimesJson(result.rows)}};
+          {"times", RowsJson(MakeTimes(result.rows))}};
 }
 
 Status RunExperiment(const Arguments& arguments, Context& context) {
@@ -267,7 +267,7 @@ Status RunExperiment(const Arguments& arguments, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(WritePictures(options, result, &output));
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
                             output.WriteDocument(OptionsJson(options, result), table));
-  context.Report(document, table.ToText());
+  context.Report(document, table.ToText() + "\n" + MakeTimes(result.rows).ToText());
   return OkStatus();
 }
 

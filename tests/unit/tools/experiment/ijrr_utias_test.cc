@@ -248,6 +248,30 @@ TEST(IjrrUtiasCommand, GivesStandardErrorsAndDrawsTheDisplacementOfThePaper) {
               ::testing::HasSubstr("paths at 2.1 m"));
 }
 
+TEST(IjrrUtiasCommand, PrintsTheTimesOfTableOne) {
+  const std::string data = RecordedData();
+  if (data.empty()) GTEST_SKIP() << kNoRecordedData;
+  const testing::TempDir dir;
+  std::string out;
+  ASSERT_EQ(RunCommand({"--data",
+                        data,
+                        "--output",
+                        dir.File("out"),
+                        "--datasets",
+                        "3",
+                        "--deltas",
+                        "1",
+                        "--methods",
+                        "nohyp",
+                        "em",
+                        "--quiet"},
+                       &out),
+            0)
+      << out;
+  EXPECT_THAT(out, ::testing::ContainsRegex("method +dataset +mean_cpu_s +frames_per_s\n"));
+  EXPECT_THAT(out, ::testing::ContainsRegex("\nnohyp +3 +[0-9.]+ +[0-9.]+\n"));
+}
+
 // The mean over realizations is that of runs with the seeds one after the other.
 TEST(IjrrUtiasTest, ARealizationIsARunWithASeedOfItsOwn) {
   IjrrUtiasOptions options;
@@ -325,6 +349,28 @@ TEST(IjrrUtiasTest, FigureNineIsAsMeasured) {
         fmt::format("set {} at {} m: {}", expected.dataset, expected.delta_m, expected.method));
     EXPECT_NEAR(row->pose_rmse_m, expected.pose_rmse_m, 0.002);
     EXPECT_NEAR(row->landmark_rmse_m, expected.landmark_rmse_m, 0.002);
+  }
+}
+
+// Figure 10: with many modes em is as bad at any displacement.
+TEST(IjrrUtiasTest, FigureTenIsAsMeasured) {
+  IjrrUtiasOptions options;
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
+  options.datasets = {1};
+  options.deltas_m = {1.0, 2.5};
+  options.methods = {"em", "em-printed"};
+  const StatusOr<IjrrUtiasResult> few = RunIjrrUtias(options, {});
+  ASSERT_THAT(few, IsOk());
+  options.more_modes = true;
+  const StatusOr<IjrrUtiasResult> many = RunIjrrUtias(options, {});
+  ASSERT_THAT(many, IsOk());
+  ASSERT_EQ(many->rows.size(), 4u);
+  for (std::size_t i = 0; i < many->rows.size(); ++i) {
+    SCOPED_TRACE(fmt::format("{} at {} m", many->rows[i].method, many->rows[i].delta_m));
+    const bool printed = many->rows[i].method == "em-printed";
+    EXPECT_NEAR(many->rows[i].pose_rmse_m, printed ? 1.138 : 0.317, 0.002);
+    EXPECT_GE(many->rows[i].created, few->rows[i].created + 5.0);
   }
 }
 
