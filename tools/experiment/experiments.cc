@@ -12,6 +12,7 @@
 #include "tools/experiment/localizer_states_command.h"
 #include "tools/experiment/localizer_utias_command.h"
 #include "tools/experiment/nights_command.h"
+#include "tools/experiment/papers_command.h"
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
@@ -32,6 +33,7 @@ void AddExperiments(Application* application) {
   AddLocalizerUtiasExperiment(application);
   AddLocalizerStatesExperiment(application);
   AddNightsExperiment(application);
+  AddPapersCommand(application);
   AddRecurringChainsExperiment(application);
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);
