@@ -118,13 +118,17 @@ StatusOr<PaperValue> ParseValue(const Json& json, const std::string& item) {
   ObjectReader reader(json, item);
   PaperValue value;
   value.what = reader.Text("what");
-  value.printed = reader.TextOr("printed", "–");
+  value.column = reader.TextOr("column", "");
+  value.printed = reader.TextOr("printed", "");
   value.run = reader.Text("run");
   value.rows = reader.TextOr("rows", value.rows);
   value.row = reader.Cells("row");
   value.value = reader.Text("value");
   value.error = reader.TextOr("error", "");
   value.unit = reader.TextOr("unit", "");
+  if (!value.rows.starts_with('/') || value.rows.find('~') != std::string::npos) {
+    reader.Fail(fmt::format("rows '{}', expected a JSON pointer", value.rows));
+  }
   SHIFTMAP_RETURN_IF_ERROR(reader.Finish());
   return value;
 }

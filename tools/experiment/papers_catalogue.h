@@ -37,7 +37,8 @@ struct PaperRun {
 /// A number of a document, beside what is printed.
 struct PaperValue {
   std::string what;
-  std::string printed;         ///< As text; "–" for a figure that has no number there.
+  std::string column;          ///< Values of one `what` side by side have columns; else empty.
+  std::string printed;         ///< As text; empty for a figure that has no number there.
   std::string run;             ///< Name of a PaperRun.
   std::string rows = "/rows";  ///< JSON pointer to an array of objects.
   std::vector<std::pair<std::string, ResultTable::Cell>> row;  ///< Members of the object to take.

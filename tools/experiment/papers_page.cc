@@ -15,13 +15,15 @@ namespace {
 constexpr std::string_view kHead =
     "# The two papers, item by item\n"
     "\n"
-    "What each paper prints, where it is in this tree, which test holds it, and what came out. "
-    "The\n"
-    "command `shiftmap-experiment papers` writes this page from [its "
-    "catalogue]({root}/{catalogue})\n"
-    "and from documents of experiments, whose numbers are taken and never typed; it fails where a\n"
-    "file, symbol or test that is named here is not there. *Differs* and *not done* have their\n"
-    "reason beside them.\n";
+    "What each paper prints, where it is in this tree, which test holds it, and what came out.\n"
+    "Written from [the catalogue]({root}/{catalogue}) and from documents of experiments, whose\n"
+    "numbers are taken and never typed, by\n"
+    "\n"
+    "    shiftmap-experiment papers --results DIR tests/results --output tests/results/papers.md\n"
+    "\n"
+    "with the [runs](#runs) in DIR; what is not there comes from beside this page. The command "
+    "fails\n"
+    "where a file, symbol or test that the catalogue names is not there.\n";
 
 // A cell must not end the cell or the row.
 std::string Cell(const std::string& text) {
@@ -59,11 +61,17 @@ std::string StatusCell(const PaperItem& item) {
   return fmt::format("{}{} {}", status, sign, Cell(item.why));
 }
 
+// With a standard error, to the first digit of that; else to three digits.
+std::string NumberText(const PaperNumber& number) {
+  if (!std::isfinite(number.error)) return fmt::format("{:.3g}", number.value);
+  if (number.error * 1e3 < std::abs(number.value)) return fmt::format("{:.3g} ± 0", number.value);
+  const int digits = std::max(0, -static_cast<int>(std::floor(std::log10(number.error))));
+  return fmt::format("{:.{}f} ± {:.{}f}", number.value, digits, number.error, digits);
+}
+
 std::string NumberCell(const PaperNumber& number, const std::string& unit) {
   if (!std::isfinite(number.value)) return "failed";
-  std::string text = fmt::format("{:.3g}", number.value);
-  if (std::isfinite(number.error)) text += fmt::format(" ± {:.1g}", number.error);
-  return unit.empty() ? text : text + " " + unit;
+  return NumberText(number) + (unit.empty() ? "" : " " + unit);
 }
 
 StatusOr<std::string> CameOut(const PaperValue& value, const PaperDocuments& documents) {
@@ -85,22 +93,72 @@ std::string ItemTable(const PaperSection& section, const std::string& root) {
   return table;
 }
 
-// Empty if the section has no values.
-StatusOr<std::string> ValueTable(const Paper& paper,
-                                 const PaperSection& section,
-                                 const PaperDocuments& documents) {
-  std::string rows;
-  for (const PaperItem& item : section.items) {
-    for (const PaperValue& value : item.values) {
-      const StatusOr<std::string> came_out = CameOut(value, documents);
-      if (!came_out.ok()) {
-        return NotFound("{} {}: {}", paper.name, item.item, Message(came_out.status()));
-      }
-      rows += Row({Cell(item.item), Cell(value.what), Cell(value.printed), *came_out, value.run});
-    }
+std::string PrintedCell(const PaperValue& value) {
+  return value.printed.empty() ? "–" : Cell(value.printed);
+}
+
+// A line per value that has no column; empty without such.
+StatusOr<std::string> ValueLines(const PaperItem& item, const PaperDocuments& documents) {
+  std::string lines;
+  for (const PaperValue& value : item.values) {
+    if (!value.column.empty()) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string came_out, CameOut(value, documents));
+    lines += Row({Cell(item.item), Cell(value.what), PrintedCell(value), came_out, value.run});
   }
-  if (rows.empty()) return rows;
-  return Head({"item", "value", "printed", "came out", "run"}) + rows;
+  return lines;
+}
+
+void AddOnce(const std::string& text, std::vector<std::string>* texts) {
+  if (std::ranges::find(*texts, text) == texts->end()) texts->push_back(text);
+}
+
+// The values of an item that have columns: a line per `what`. What is printed is in brackets.
+StatusOr<std::string> ColumnTable(const PaperItem& item, const PaperDocuments& documents) {
+  std::vector<std::string> columns;
+  std::vector<std::string> lines;
+  std::map<std::pair<std::string, std::string>, std::string> cells;
+  std::map<std::string, std::vector<std::string>> runs;
+  for (const PaperValue& value : item.values) {
+    if (value.column.empty()) continue;
+    AddOnce(value.column, &columns);
+    AddOnce(value.what, &lines);
+    AddOnce(value.run, &runs[value.what]);
+    SHIFTMAP_ASSIGN_OR_RETURN(std::string cell, CameOut(value, documents));
+    if (!value.printed.empty()) cell += fmt::format(" ({})", Cell(value.printed));
+    cells[{value.what, value.column}] = std::move(cell);
+  }
+  if (lines.empty()) return std::string();
+  std::vector<std::string> head = {Cell(item.item) + ", in brackets: printed"};
+  for (const std::string& column : columns) head.push_back(Cell(column));
+  head.emplace_back("run");
+  std::string table = Head(head);
+  for (const std::string& line : lines) {
+    std::vector<std::string> row = {Cell(line)};
+    for (const std::string& column : columns) row.push_back(cells[{line, column}]);
+    row.push_back(fmt::format("{}", fmt::join(runs[line], ", ")));
+    table += Row(row);
+  }
+  return table;
+}
+
+// The tables of what came out; empty if the section has no values.
+StatusOr<std::string> ValueTables(const Paper& paper,
+                                  const PaperSection& section,
+                                  const PaperDocuments& documents) {
+  std::string lines;
+  std::string tables;
+  for (const PaperItem& item : section.items) {
+    const StatusOr<std::string> of_item = ValueLines(item, documents);
+    const StatusOr<std::string> table = ColumnTable(item, documents);
+    for (const auto* part : {&of_item, &table}) {
+      if (part->ok()) continue;
+      return NotFound("{} {}: {}", paper.name, item.item, Message(part->status()));
+    }
+    lines += *of_item;
+    tables += *table;
+  }
+  if (!lines.empty()) lines = Head({"item", "value", "printed", "came out", "run"}) + lines;
+  return lines + tables;
 }
 
 StatusOr<std::string> PaperPart(const Paper& paper,
@@ -108,7 +166,7 @@ StatusOr<std::string> PaperPart(const Paper& paper,
                                 const std::string& root) {
   std::string part = fmt::format("\n## {}\n\n{}\n", paper.name, paper.title);
   for (const PaperSection& section : paper.sections) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string values, ValueTable(paper, section, documents));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string values, ValueTables(paper, section, documents));
     part += fmt::format("\n### {}\n", section.title) + ItemTable(section, root) + values;
   }
   return part;

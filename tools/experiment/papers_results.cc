@@ -22,12 +22,16 @@ Json CellJson(const ResultTable::Cell& cell) {
   return std::visit([](const auto& value) { return Json(value); }, cell);
 }
 
+std::string CellText(const ResultTable::Cell& cell) {
+  return std::visit([](const auto& value) { return fmt::format("{}", value); }, cell);
+}
+
 // "delta_m 1, method mcts"
 std::string TextOf(const Members& members) {
   std::string text;
   for (const auto& [name, cell] : members) {
     if (!text.empty()) text += ", ";
-    text += std::visit([&](const auto& value) { return fmt::format("{} {}", name, value); }, cell);
+    text += name + " " + CellText(cell);
   }
   return text;
 }
@@ -43,7 +47,8 @@ StatusOr<Json> ReadDocument(const PaperRun& run, const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("result", path));
   Json document = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   const Members experiment = {{"experiment", run.Experiment()}};
-  if (document.is_discarded() || !HasMembers(document, experiment)) {
+  if (document.is_discarded() || !HasMembers(document, experiment) ||
+      !document.value("version", Json()).is_string()) {
     return InvalidArgument("result '{}': no document of '{}'", path, run.Experiment());
   }
   if (!run.options.empty() && !HasMembers(document.value("options", Json()), run.options)) {
