@@ -72,6 +72,76 @@ TEST(HypothesisBank, AVisitEndsAndTheChainRunsOn) {
   EXPECT_LT(bank.Probabilities(0)[1], decided - 0.1);
 }
 
+// T-IV VIII-A: between the two thresholds what is in view stays, and what is out of view too.
+TEST(HypothesisBank, ALandmarkAtTheEdgeOfViewStaysWhereItWas) {
+  const MapContent content = OneGroup({4.0, 0.0}, {500.0, 0.0});
+  const SensorCalibration& sensor = content.calibration.sensor;
+  const HypothesisOptions options;
+  HypothesisBank bank(Snapshot(content), options, AtOrigin(0.1), StampFromSeconds(1000.0));
+  Scan empty;
+  empty.stamp = StampFromSeconds(1000.0);
+  double yaw_rad = 0.0;
+  const auto turn_to = [&](double wanted_rad) {
+    MotionIncrement turn;
+    turn.T_begin_end = Se2(0.0, 0.0, wanted_rad - yaw_rad);
+    yaw_rad = wanted_rad;
+    bank.Predict(turn, 0.0);
+  };
+  const auto in_view = [&] {
+    const auto point = bank.best().filter.PredictPoint({0, 1}, Snapshot(content));
+    return SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor);
+  };
+  const auto visits_after = [&](double seconds) {
+    for (double waited_s = 0.0; waited_s < seconds; waited_s += 1.0) {
+      empty.stamp += FromSeconds(1.0);
+      bank.Correct(empty);
+    }
+    return bank.visits().size();
+  };
+  const double long_s = 3.0 * options.visit_gap_s;
+  turn_to(sensor.max_bearing_rad + 0.03);
+  ASSERT_GT(in_view(), options.fov_leave);
+  ASSERT_LT(in_view(), options.fov_enter);
+  EXPECT_EQ(visits_after(long_s), 0u);
+  turn_to(sensor.max_bearing_rad - 0.03);
+  ASSERT_GT(in_view(), options.fov_enter);
+  EXPECT_EQ(visits_after(1.0), 1u);
+  turn_to(sensor.max_bearing_rad + 0.03);
+  EXPECT_EQ(visits_after(long_s), 1u);
+  turn_to(sensor.max_bearing_rad + 0.3);
+  ASSERT_LT(in_view(), options.fov_leave);
+  EXPECT_EQ(visits_after(long_s), 0u);
+}
+
+// T-IV VI-A, for every mode.
+TEST(HypothesisBank, ModesShareAFilterUntilAnObservationTellsThemApart) {
+  const MapContent content = OneGroup({4.0, 0.0}, {4.0, 1.0});
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.5), StampFromSeconds(1000.0));
+  Scan empty;
+  empty.stamp = StampFromSeconds(1000.0);
+  bank.Correct(empty);
+  ASSERT_EQ(bank.visits().size(), 1u);
+  EXPECT_EQ(bank.leaves().size(), 1u);
+  EXPECT_EQ(bank.best().beliefs.at(0).resolved, GroupBelief::kUnresolved);
+  bank.Correct(ScanOf(content, 0.3, {4.0, 0.1}));
+  EXPECT_EQ(bank.leaves().size(), 3u);  // Either mode, and neither.
+}
+
+// T-IV VI-D: with P_FOV of the lower threshold.
+TEST(HypothesisBank, WhatIsSeenOutOfViewCountsAsInView) {
+  const auto log_odds = [](double max_bearing_rad) {
+    MapContent content = OneGroup({1.5, 3.7}, {500.0, 0.0});
+    content.calibration.sensor.max_bearing_rad = max_bearing_rad;
+    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+    const Eigen::Vector2d& q = content.groups[0].modes[0].p_map_landmark;
+    bank.Correct(ScanOf(content, 0.0, {q.norm(), std::atan2(q.y(), q.x())}));
+    EXPECT_EQ(bank.visits().size(), 1u);
+    const Eigen::VectorXd p = bank.Probabilities(0);
+    return std::log(p[1] / p[0]);
+  };
+  EXPECT_NEAR(log_odds(0.4) - log_odds(3.1), std::log(HypothesisOptions().fov_leave), 1e-3);
+}
+
 TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
   const MapContent content = OneGroup({4.0, 0.0}, {40.0, 40.0});
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
