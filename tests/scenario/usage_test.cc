@@ -45,6 +45,7 @@ const std::vector<Program>& Programs() {
         "localizer-decisions",
         "localizer-states",
         "localizer-utias",
+        "papers",
         "recurring-chains",
         "scale",
         "victoria-park"}},

@@ -93,7 +93,7 @@ void AddPapersCommand(Application* application) {
                    "Item by item of the two papers: where it is, its test, what came out. Lists "
                    "the commands that make the results",
                    [arguments](Context& context) { return MakePage(*arguments, context); })
-      .Option("--source", &arguments->source, "Root of the source tree; default .")
+      .Option("--source", &arguments->source, "Root of the source tree")
       .Option("--results",
               &arguments->results,
               "Folders of results, <folder>/<run>/<experiment>.json; of one run the first counts")
