@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
 #include "mapstore/core/ids.h"
+#include "mapstore/core/stamp.h"
 #include "mapstore/map/calibration.h"
-#include "mapstore/run/run.h"
-#include "mapstore/run/trajectory.h"
 #include "proto/core/status.h"
+#include "tools/sim/simulated_world.h"
 
 namespace shiftmap {
 
@@ -54,23 +53,6 @@ struct OpenWorldOptions {
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
-};
-
-/// A landmark and the places it can stand at; modes[i] is mode number i + 1.
-struct SimulatedGroup {
-  Signature signature;
-  std::vector<Eigen::Vector2d> modes;  ///< [m], in the map frame.
-};
-
-struct SimulatedRun {
-  Run run;
-  std::vector<StampedPose> truth;       ///< At every odometry stamp.
-  std::vector<ModeNumber> active_mode;  ///< By group; kAbsent if it is away.
-};
-
-struct SimulatedWorld {
-  std::vector<SimulatedGroup> groups;  ///< By ascending signature.
-  std::vector<SimulatedRun> runs;      ///< By start.
 };
 
 /// Simulates a world. The true motion of each odometry interval is the exact arc of the logged

@@ -5,14 +5,9 @@
 #include <random>
 
 #include "mapstore/geometry/se2.h"
+#include "tools/sim/odometry_motion.h"
 
 namespace shiftmap {
-
-/// Velocity of a vehicle in its own frame.
-struct Velocity {
-  double v_mps = 0.0;        ///< Forward. [m/s]
-  double omega_radps = 0.0;  ///< Counter-clockwise. [rad/s]
-};
 
 struct WaypointDriverOptions {
   double size_m = 40.0;     ///< Waypoints lie in [0, size]². [m]

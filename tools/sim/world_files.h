@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "proto/core/status.h"
-#include "tools/sim/open_world.h"
+#include "tools/sim/simulated_world.h"
 
 namespace shiftmap {
 
