@@ -8,7 +8,7 @@ packages=(
   # Build
   cmake g++ git ninja-build pkg-config protobuf-compiler
   # Libraries
-  libabsl-dev libceres-dev libcli11-dev libeigen3-dev libfmt-dev libmetis-dev libprotobuf-dev
+  libabsl-dev libceres-dev libcli11-dev libeigen3-dev libfmt-dev libmetis-dev libpng-dev libprotobuf-dev
   libboost-dev libspdlog-dev libsqlite3-dev libssl-dev libtomlplusplus-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks

@@ -2,10 +2,11 @@
 #include "tools/sim/sim_commands.h"
 
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "tools/sim/mine_command.h"
 #include "tools/sim/open_world.h"
 #include "tools/sim/world_files.h"
+#include "tools/sim/world_report.h"
 
 namespace shiftmap {
 namespace {
@@ -23,24 +24,7 @@ Status RunOpen(OpenArguments arguments, Context& context) {
   if (!context.dry_run()) {
     SHIFTMAP_ASSIGN_OR_RETURN(paths, WriteWorld(world, arguments.directory));
   }
-  Json runs = Json::array();
-  std::size_t observations = 0;
-  for (std::size_t r = 0; r < world.runs.size(); ++r) {
-    const Run& run = world.runs[r].run;
-    std::size_t count = 0;
-    for (const Scan& scan : run.scans) count += scan.observations.size();
-    observations += count;
-    runs.push_back({{"path", context.dry_run() ? "" : paths[r]},
-                    {"odometry", run.odometry.size()},
-                    {"scans", run.scans.size()},
-                    {"observations", count}});
-  }
-  context.Report({{"output", arguments.directory}, {"groups", world.groups.size()}, {"runs", runs}},
-                 fmt::format("{} runs with {} observations of {} landmarks in {}\n",
-                             world.runs.size(),
-                             observations,
-                             world.groups.size(),
-                             arguments.directory));
+  ReportWorld(world, arguments.directory, paths, &context);
   return OkStatus();
 }
 
@@ -93,6 +77,7 @@ void AddSimCommands(Application* application) {
       [arguments](Context& context) { return RunOpen(*arguments, context); });
   command.Writes();
   AddOptions(arguments.get(), &command);
+  AddMineCommand(application);
 }
 
 }  // namespace shiftmap
