@@ -5,22 +5,6 @@
 #include <cmath>
 
 namespace shiftmap {
-namespace {
-
-double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
-}  // namespace
-
-std::vector<Wall> WallsAlong(const std::vector<Eigen::Vector2d>& corners, bool closed) {
-  std::vector<Wall> walls;
-  for (std::size_t i = 0; i + 1 < corners.size(); ++i) {
-    walls.push_back({corners[i], corners[i + 1]});
-  }
-  if (closed) walls.push_back({corners.back(), corners.front()});
-  return walls;
-}
 
 std::vector<double> CastScan(const std::vector<Wall>& walls,
                              const Se2& T_map_lidar,
