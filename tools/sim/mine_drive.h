@@ -56,9 +56,11 @@ struct MineDriveOptions {
   std::vector<SimulatedLidar> lidars = {};
 
   /// The interest points of the scans are observations, too. The front end's sensor is not used:
-  /// each lidar has its own.
+  /// each lidar has its own. Walls of tunnels are seen at flat angles, where hits lie far apart:
+  /// they are one surface across wider gaps than in rooms.
   bool points = false;
-  LidarFrontEndOptions front_end{.sensor = {}, .points = {}, .max_point_range_m = 20.0};
+  LidarFrontEndOptions front_end{
+      .sensor = {}, .points = {.max_gap_m = 0.5}, .max_point_range_m = 20.0};
 
   /// A point gets the signature of a corner of the site within this of the corner's true place, in
   /// x and in y, by the true pose; the nearest one if there are several. T-IV IX-B takes boxes

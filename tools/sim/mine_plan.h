@@ -48,8 +48,8 @@ struct MinePlanOptions {
   int crosscuts = 2;                 ///< >= 0.
   double width_m = 6.0;              ///< Of drifts and crosscuts. [m]
   double drawpoint_width_m = 5.0;    ///< [m]
-  double drawpoint_length_m = 12.0;  ///< From the centre of the drift. [m]
-  double extension_m = 5.0;          ///< Of the extended drawpoint, in the modified version. [m]
+  double drawpoint_length_m = 10.0;  ///< From the centre of the drift. [m]
+  double extension_m = 4.0;          ///< Of the extended drawpoint, in the modified version. [m]
   double corner_shift_m = 1.5;       ///< Of the corner towards the drift, in the same. < 2.5. [m]
   double roughness_m = 0.2;          ///< Standard deviation of the bends of walls. [m]
 

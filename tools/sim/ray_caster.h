@@ -29,7 +29,7 @@ class RayCaster {
  public:
   /// @param walls   Finite. A wall without length is never hit.
   /// @param cell_m  Edge of a cell, > 0; larger where walls would need more than 4 million. [m]
-  explicit RayCaster(std::span<const Wall> walls, double cell_m = 1.0);
+  explicit RayCaster(std::span<const Wall> walls, double cell_m = 2.0);
 
   /// The nearest wall from `p_map` on. @param direction  Of unit length. @param max_range_m  Walls
   /// further away are not looked at; may be infinite.
@@ -53,7 +53,7 @@ class RayCaster {
   void ForEachCellOf(const Wall& wall, const Visit& visit) const;
 
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();  // Corner of the grid. [m]
-  double cell_m_ = 1.0;
+  double cell_m_ = 2.0;
   int columns_ = 1;
   int rows_ = 1;
   std::vector<std::uint32_t> begin_;  // Of each cell's segments, then their number.

@@ -28,9 +28,11 @@ const MineSite& Site() {
   return site;
 }
 
-std::vector<ModeNumber> FirstPlaces() {
-  return std::vector<ModeNumber>(Site().groups.size(), ModeNumber(1));
+std::vector<ModeNumber> FirstPlacesOf(const MineSite& site) {
+  return std::vector<ModeNumber>(site.groups.size(), ModeNumber(1));
 }
+
+std::vector<ModeNumber> FirstPlaces() { return FirstPlacesOf(Site()); }
 
 SimulatedDrive Drive(const MineDriveOptions& options,
                      PlanVersion version = PlanVersion::kOriginal,
@@ -121,6 +123,48 @@ TEST(MineDrive, TheSameSeedGivesTheSameBitsAndSensorsDoNotDisturbEachOther) {
   }
 }
 
+// The site with one more tag inside of each drawpoint, named after the barrier and place that hide
+// it.
+MineSite WithTagsBehindBarriers() {
+  MineSite site = Site();
+  for (std::size_t b = 0; b < site.barriers.size(); ++b) {
+    for (std::size_t i = 0; i < site.barriers[b].size(); ++i) {
+      const Wall& wall = site.barriers[b][i];
+      const Eigen::Vector2d along = (wall.b - wall.a).normalized();
+      const Eigen::Vector2d middle = 0.5 * (wall.a + wall.b);
+      site.groups.push_back({Signature(fmt::format("X{}.{}", b, i)),
+                             {middle - 2.0 * Eigen::Vector2d(-along.y(), along.x())}});
+    }
+  }
+  return site;
+}
+
+int TimesSeen(const SimulatedDrive& drive, const std::string& signature) {
+  int count = 0;
+  for (const Scan& scan : drive.simulated.run.scans) {
+    for (const Observation& z : scan.observations) count += z.signature.text() == signature;
+  }
+  return count;
+}
+
+TEST(MineDrive, AClosedBarrierHidesWhatIsBehindIt) {
+  const MineSite site = WithTagsBehindBarriers();
+  for (std::size_t b = 0; b < site.barriers.size(); ++b) {
+    for (std::size_t i = 0; i < site.barriers[b].size(); ++i) {
+      std::vector<ModeNumber> modes = FirstPlacesOf(site);
+      const std::string tag = fmt::format("X{}.{}", b, i);
+      modes[b] = ModeNumber(static_cast<std::int64_t>(i) + 1);
+      const auto closed = SimulateDrive(site, PlanVersion::kOriginal, modes, {}, kSeed);
+      ASSERT_THAT(closed, IsOk());
+      EXPECT_EQ(TimesSeen(*closed, tag), 0) << tag;
+      modes[b] = kAbsent;
+      const auto open = SimulateDrive(site, PlanVersion::kOriginal, modes, {}, kSeed);
+      ASSERT_THAT(open, IsOk());
+      EXPECT_GT(TimesSeen(*open, tag), 10) << tag;
+    }
+  }
+}
+
 // By brute force over the walls that stand.
 bool Hidden(const std::vector<Wall>& walls, const Eigen::Vector2d& p, const Eigen::Vector2d& q) {
   LidarSensor sensor;
@@ -133,27 +177,30 @@ TEST(MineDrive, NoTagIsSeenThroughAWallAndOthersWithTheStatedProbability) {
   MineDriveOptions options;
   options.tag_sensor.max_range_m = 40.0;
   options.driver.legs = 4;
-  const SimulatedDrive drive = Drive(options);
-  const std::vector<Wall> walls = Site().WallsOf(PlanVersion::kOriginal, FirstPlaces());
+  const MineSite site = WithTagsBehindBarriers();
+  const StatusOr<SimulatedDrive> drive =
+      SimulateDrive(site, PlanVersion::kOriginal, FirstPlacesOf(site), options, kSeed);
+  ASSERT_THAT(drive, IsOk());
+  const std::vector<Wall> walls = site.WallsOf(PlanVersion::kOriginal, FirstPlacesOf(site));
   int hidden = 0;
   int in_view = 0;
   int seen = 0;
   double sum_range2 = 0.0;
   double sum_bearing2 = 0.0;
-  const auto& scans = drive.simulated.run.scans;
+  const auto& scans = drive->simulated.run.scans;
   for (std::size_t s = 0; s < scans.size(); ++s) {
-    const Se2& pose = drive.simulated.truth[4 * s].T_map_vehicle;
+    const Se2& pose = drive->simulated.truth[4 * s].T_map_vehicle;
     std::map<Signature, Eigen::Vector2d> expected;
-    for (std::size_t g = 0; g < Site().groups.size(); ++g) {
-      if (g >= Site().barriers.size() && g < Site().barriers.size() + Site().corners) continue;
-      const Eigen::Vector2d q = pose.Inverse() * Site().groups[g].modes[0];
+    for (std::size_t g = 0; g < site.groups.size(); ++g) {
+      if (g >= site.barriers.size() && g < site.barriers.size() + site.corners) continue;
+      const Eigen::Vector2d q = pose.Inverse() * site.groups[g].modes[0];
       const double bearing = std::atan2(q.y(), q.x());
       if (q.norm() >= 40.0 || std::abs(bearing) >= options.tag_sensor.max_bearing_rad) continue;
-      if (Hidden(walls, pose.translation(), Site().groups[g].modes[0])) {
+      if (Hidden(walls, pose.translation(), site.groups[g].modes[0])) {
         ++hidden;
         continue;
       }
-      expected[Site().groups[g].signature] = {q.norm(), bearing};
+      expected[site.groups[g].signature] = {q.norm(), bearing};
     }
     in_view += static_cast<int>(expected.size());
     for (const Observation& observation : scans[s].observations) {
@@ -173,7 +220,9 @@ TEST(MineDrive, NoTagIsSeenThroughAWallAndOthersWithTheStatedProbability) {
 
 TEST(MineDrive, SignedCornersAreWhereTheVersionHasThem) {
   for (const PlanVersion version : {PlanVersion::kOriginal, PlanVersion::kModified}) {
-    const SimulatedDrive drive = Drive(WithLidars(), version);
+    MineDriveOptions options = WithLidars();
+    for (SimulatedLidar& lidar : options.lidars) lidar.beams = 541;
+    const SimulatedDrive drive = Drive(options, version);
     std::map<std::string, int> seen;
     int anonymous = 0;
     for (std::size_t s = 0; s < drive.simulated.run.scans.size(); ++s) {
@@ -193,7 +242,7 @@ TEST(MineDrive, SignedCornersAreWhereTheVersionHasThem) {
     }
     EXPECT_EQ(seen.size(), 3U);
     EXPECT_GT(anonymous, 500);
-    for (const auto& [signature, count] : seen) EXPECT_GT(count, 5) << signature;
+    for (const auto& [signature, count] : seen) EXPECT_GT(count, 1) << signature;
   }
 }
 

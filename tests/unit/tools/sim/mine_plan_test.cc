@@ -53,8 +53,8 @@ TEST(MinePlan, VersionsDifferAtTheirCornersOnly) {
     EXPECT_FALSE(HasWallAt(plan->modified, corner.original) &&
                  HasWallAt(plan->original, corner.modified));
   }
-  EXPECT_NEAR((plan->corners[0].modified - plan->corners[0].original).norm(), 5.0, 1e-9);
-  EXPECT_NEAR((plan->corners[1].modified - plan->corners[1].original).norm(), 5.0, 1e-9);
+  EXPECT_NEAR((plan->corners[0].modified - plan->corners[0].original).norm(), 4.0, 1e-9);
+  EXPECT_NEAR((plan->corners[1].modified - plan->corners[1].original).norm(), 4.0, 1e-9);
   EXPECT_NEAR((plan->corners[2].modified - plan->corners[2].original).norm(), 1.5, 1e-9);
   const auto shared =
       std::count_if(plan->original.begin(), plan->original.end(), [&](const Wall& wall) {
