@@ -84,7 +84,6 @@ StatusOr<MinePlan> ReadPlan(const MineArguments& arguments) {
                                             {window[0], window[1], window[2], window[3]},
                                             arguments.tolerance_m));
   plan.modified = plan.original;
-  plan.path = PathOf(arguments);
   return plan;
 }
 
@@ -154,6 +153,7 @@ void AddLandmarkOptions(MineWorldOptions* world, Command* command) {
 void AddVehicleOptions(MineDriveOptions* drive, Command* command) {
   command->Option("--speed-mps", &drive->driver.speed_mps, "Top speed");
   command->Option("--legs", &drive->driver.legs, "Drives along the path: there, backwards, ...");
+  command->Flag("--from-top", &drive->driver.from_end, "Start at the end of the path");
   command->Option("--odometry-rate-hz", &drive->odometry_rate_hz, "Odometry samples per second");
   command->Option("--scan-rate-hz", &drive->scan_rate_hz, "Scans per second");
   command->Option("--odometry-scale-v", &drive->odometry.scale_v, "True over logged speed");

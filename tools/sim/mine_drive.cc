@@ -15,23 +15,6 @@ namespace {
 
 enum Stream { kMotion, kOdometry, kTags, kLidars };
 
-Status CheckPath(const std::vector<Eigen::Vector2d>& path, const std::vector<Wall>& rock) {
-  if (path.size() < 2) {
-    return InvalidArgument("world: a path of {} points, expected 2 or more", path.size());
-  }
-  const RayCaster walls(rock);
-  for (std::size_t i = 0; i + 1 < path.size(); ++i) {
-    if (path[i] != path[i + 1] && walls.InSight(path[i], path[i + 1])) continue;
-    return InvalidArgument(
-        "world: the path from ({:.1f}, {:.1f}) to ({:.1f}, {:.1f}) crosses a wall or has no length",
-        path[i].x(),
-        path[i].y(),
-        path[i + 1].x(),
-        path[i + 1].y());
-  }
-  return OkStatus();
-}
-
 class DriveSimulator {
  public:
   DriveSimulator(const MineSite& site,
@@ -175,6 +158,25 @@ Status MineDriveOptions::Validate() const {
   for (const SimulatedLidar& lidar : lidars) SHIFTMAP_RETURN_IF_ERROR(lidar.Validate());
   SHIFTMAP_RETURN_IF_ERROR(front_end.Validate());
   return CheckNotNegative("corner box", corner_box_m);
+}
+
+Status CheckPath(const std::vector<Eigen::Vector2d>& path, const std::vector<Wall>& rock) {
+  if (path.size() < 2) {
+    return InvalidArgument("world: a path of {} points, expected 2 or more", path.size());
+  }
+  const RayCaster walls(rock);
+  for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+    const Eigen::Vector2d& a = path[i];
+    const Eigen::Vector2d& b = path[i + 1];
+    if (a.allFinite() && b.allFinite() && a != b && walls.InSight(a, b)) continue;
+    return InvalidArgument(
+        "world: the path from ({:.1f}, {:.1f}) to ({:.1f}, {:.1f}) crosses a wall or has no length",
+        a.x(),
+        a.y(),
+        b.x(),
+        b.y());
+  }
+  return OkStatus();
 }
 
 std::vector<SimulatedLidar> FrontAndRearLidar() {

@@ -71,6 +71,10 @@ struct MineDriveOptions {
   Status Validate() const;
 };
 
+/// Errors: kInvalidArgument unless the path has two points or more, none twice in a row, and
+/// crosses no wall.
+Status CheckPath(const std::vector<Eigen::Vector2d>& path, const std::vector<Wall>& rock);
+
 /// A front and a rear lidar, half a circle each.
 std::vector<SimulatedLidar> FrontAndRearLidar();
 
@@ -94,8 +98,7 @@ struct SimulatedDrive {
 ///                     count, they follow from the version.
 /// Determinism: the same input gives the same bits. The motion does not depend on the sensors, nor
 /// what one sensor reads on another.
-/// Errors: as Validate(); kInvalidArgument if the path has less than two points or crosses a wall,
-/// or if the active modes do not fit the site.
+/// Errors: as Validate() and CheckPath(); kInvalidArgument if the active modes do not fit the site.
 StatusOr<SimulatedDrive> SimulateDrive(const MineSite& site,
                                        PlanVersion version,
                                        const std::vector<ModeNumber>& active_mode,

@@ -17,6 +17,7 @@ constexpr double kBendEveryM = 12.0;
 constexpr double kBendSdM = 0.7;
 
 constexpr double kRoughStepM = 2.0;
+constexpr double kMaxLengthM = 10000.0;
 
 // Drawpoints lean towards the top by this, as loaders need to turn into them.
 constexpr double kDrawpointAngleRad = 65.0 / 180.0 * std::numbers::pi;
@@ -255,6 +256,9 @@ Status MinePlanOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckNotNegative("drawpoint extension", extension_m));
   SHIFTMAP_RETURN_IF_ERROR(CheckNotNegative("corner shift", corner_shift_m));
   SHIFTMAP_RETURN_IF_ERROR(CheckNotNegative("roughness", roughness_m));
+  if (length_m > kMaxLengthM) {
+    return InvalidArgument("world: drift length = {}, expected <= {}", length_m, kMaxLengthM);
+  }
   if (corner_shift_m >= kBayDepthM) {
     return InvalidArgument("world: corner shift = {}, expected < {}", corner_shift_m, kBayDepthM);
   }

@@ -43,7 +43,7 @@ struct MinePlan {
 /// drawpoints that turn off to either side, and crosscuts to a second drift on its left.
 struct MinePlanOptions {
   std::uint64_t seed = 1;
-  double length_m = 150.0;           ///< Of the drift. [m]
+  double length_m = 150.0;           ///< Of the drift, at most 10 km. [m]
   int drawpoints = 8;                ///< >= 2. One of them is extended, and has no barrier.
   int crosscuts = 2;                 ///< >= 0.
   double width_m = 6.0;              ///< Of drifts and crosscuts. [m]

@@ -11,13 +11,20 @@
 namespace shiftmap {
 namespace {
 
+StatusOr<MinePlan> MakePlan(const MineWorldOptions& options) {
+  if (options.drawn) return *options.drawn;
+  MinePlanOptions plan = options.plan;
+  plan.seed = options.seed;
+  return GenerateMinePlan(plan);
+}
+
+// Tags hang where vehicles drive.
 StatusOr<MineSite> MakeSite(const MineWorldOptions& options) {
-  MinePlanOptions plan_options = options.plan;
-  plan_options.seed = options.seed;
+  SHIFTMAP_ASSIGN_OR_RETURN(MinePlan plan, MakePlan(options));
+  if (!options.drive.path.empty()) plan.path = options.drive.path;
+  SHIFTMAP_RETURN_IF_ERROR(CheckPath(plan.path, plan.walls(options.versions.front())));
   MineLandmarkOptions landmarks = options.landmarks;
   landmarks.seed = options.seed;
-  if (options.drawn) return MakeMineSite(*options.drawn, landmarks);
-  SHIFTMAP_ASSIGN_OR_RETURN(MinePlan plan, GenerateMinePlan(plan_options));
   return MakeMineSite(std::move(plan), landmarks);
 }
 

@@ -28,7 +28,9 @@ PathDriver::PathDriver(std::span<const Eigen::Vector2d> path,
     : path_(path.begin(), path.end()),
       options_(options),
       loader_(loader),
-      length_m_(LengthOf(path)) {}
+      length_m_(LengthOf(path)) {
+  if (options.from_end) std::reverse(path_.begin(), path_.end());
+}
 
 Se2 PathDriver::Start() const {
   const Eigen::Vector2d ahead = path_[1] - path_[0];

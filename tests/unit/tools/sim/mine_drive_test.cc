@@ -74,6 +74,8 @@ TEST(MineDrive, OdometryHasTheNoiseOfThePaper) {
   const SimulatedDrive drive = Drive(options);
   const std::size_t count = drive.true_odometry.size();
   ASSERT_GT(count, 5000U);
+  const Eigen::Vector2d end = drive.simulated.truth.back().T_map_vehicle.translation();
+  EXPECT_LT((end - Site().plan.path.front()).norm(), 1.0) << "back again, after ten legs";
   Eigen::Array2d sum(0.0, 0.0);
   Eigen::Array2d sum2(0.0, 0.0);
   Eigen::Array2d lagged(0.0, 0.0);

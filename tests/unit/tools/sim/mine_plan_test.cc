@@ -88,6 +88,8 @@ TEST(MinePlan, RefusesWhatDoesNotFit) {
               StatusIs(StatusCode::kInvalidArgument, "1 drawpoints"));
   EXPECT_THAT(GenerateMinePlan({.length_m = -1.0}),
               StatusIs(StatusCode::kInvalidArgument, "length = -1"));
+  EXPECT_THAT(GenerateMinePlan({.length_m = 1e9}),
+              StatusIs(StatusCode::kInvalidArgument, "length = 1000000000"));
   EXPECT_THAT(GenerateMinePlan({.corner_shift_m = 2.5}),
               StatusIs(StatusCode::kInvalidArgument, "corner shift = 2.5"));
 }

@@ -60,6 +60,15 @@ TEST(PathDriver, EndsWhereALegEnds) {
   EXPECT_NEAR(static_cast<double>(back.size()), 2.0 * static_cast<double>(there.size()), 100.0);
 }
 
+TEST(PathDriver, FromTheEndItDrivesTheOtherWay) {
+  const Path reversed(Bends().rbegin(), Bends().rend());
+  const std::vector<Se2> a = DriveAlong(Bends(), {.from_end = true});
+  const std::vector<Se2> b = DriveAlong(reversed, {});
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(a.front().translation(), Bends().back());
+  EXPECT_EQ(a.back().translation(), b.back().translation());
+}
+
 TEST(PathDriver, ATurnOfTheWorldTurnsTheDrive) {
   const Se2 T_b_a(40.0, -7.0, 2.0);
   Path turned;
