@@ -3,7 +3,6 @@
 // Simulated shifts in a mine, through the programs as a user runs them.
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "tests/scenario/command.h"
@@ -63,11 +62,6 @@ TEST_F(MineTest, WritesThePlanBesideTheRuns) {
   // A barrier with three places, three corners with two, ten tags with two.
   EXPECT_EQ(ReadCsv(File("truth.csv")).size(), 3U + 6U + 20U);
   EXPECT_EQ(ReadCsv(File("modes.csv")).size(), 14U);
-}
-
-TEST_F(MineTest, ADryRunWritesNothing) {
-  RunForJson("shiftmap-sim", Mine({"--shifts", "1", "--dry-run"}));
-  EXPECT_FALSE(std::filesystem::exists(Folder()));
 }
 
 TEST_F(MineTest, SaysWhatIsWrong) {

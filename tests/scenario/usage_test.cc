@@ -55,7 +55,7 @@ const std::vector<Program>& Programs() {
         "rollback", "verify",   "backup",   "restore", "compact", "migrate"}},
       {"shiftmap-localizer", {"run", "return", "serve", "ctl"}},
       {"shiftmap-mapper", {"build", "import"}},
-      {"shiftmap-sim", {"open"}},
+      {"shiftmap-sim", {"mine", "open"}},
   };
   return *programs;
 }
@@ -179,6 +179,7 @@ TEST_F(OutputTest, DryRunWritesNothing) {
       {"shiftmap-inspect", OfMap({"export", "--csv", "--output", out})},
       {"shiftmap-inspect", OfMap({"export", "--snapshot", "--output", out})},
       {"shiftmap-sim", {"open", out, "--duration-s", "20"}},
+      {"shiftmap-sim", {"mine", out, "--shifts", "1"}},
   };
   for (const auto& [program, words] : commands) {
     Arguments dry = words;
@@ -226,6 +227,7 @@ TEST_F(OutputTest, FolderThatCannotBeWrittenToIsTemporary) {
   expect("shiftmap-inspect", OfMap({"export", "--csv", "--output", out}), out);
   expect("shiftmap-inspect", OfMap({"export", "--snapshot", "--output", out}), out);
   expect("shiftmap-sim", {"open", out, "--duration-s", "20"}, out);
+  expect("shiftmap-sim", {"mine", out, "--shifts", "1"}, out);
   EXPECT_TRUE(Contents(folder_.path()) == before);
 }
 
@@ -249,6 +251,7 @@ TEST_F(OutputTest, FileInThePlaceOfAFolderIsBadInput) {
   const std::string file = folder_.File("survey.csv");
   const auto before = Contents(folder_.path());
   ExpectError("shiftmap-sim", {"open", file, "--duration-s", "20"}, kBadInput, file);
+  ExpectError("shiftmap-sim", {"mine", file, "--shifts", "1"}, kBadInput, file);
   ExpectError(
       "shiftmap-mapper", OfMap({"build", "--trajectories", file, world_.Log(1)}), kBadInput, file);
   EXPECT_TRUE(Contents(folder_.path()) == before);
