@@ -71,8 +71,8 @@ struct MineDriveOptions {
   Status Validate() const;
 };
 
-/// Errors: kInvalidArgument unless the path has two points or more, none twice in a row, and
-/// crosses no wall.
+/// Checks that a path can be driven. Errors: kInvalidArgument unless it has two points or more,
+/// none twice in a row, and crosses no wall.
 Status CheckPath(const std::vector<Eigen::Vector2d>& path, const std::vector<Wall>& rock);
 
 /// A front and a rear lidar, half a circle each.
@@ -97,7 +97,7 @@ struct SimulatedDrive {
 /// @param active_mode  By group of the site: where each landmark stands. Those of corners do not
 ///                     count, they follow from the version.
 /// Determinism: the same input gives the same bits. The motion does not depend on the sensors, nor
-/// what one sensor reads on another.
+/// what the tag sensor sees on the lidars.
 /// Errors: as Validate() and CheckPath(); kInvalidArgument if the active modes do not fit the site.
 StatusOr<SimulatedDrive> SimulateDrive(const MineSite& site,
                                        PlanVersion version,
