@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "localizer/models/field_of_view.h"
 #include "mapper/association/slam_association.h"
 #include "mapper/frontend/usable_sightings.h"
 #include "proto/core/status.h"
@@ -36,6 +37,9 @@ struct TreeSlamOptions {
   /// T-IV VIII-A. T-IV IX-E: 0.8 and 0.1. [-]
   double fov_enter = 0.8;
   double fov_leave = 0.1;
+
+  /// By the sensor's sector, or by the scans of a lidar if the run has any.
+  FieldOfViewOptions field_of_view = {};
 
   /// A visit ends when its group was out of view and unseen for this long, > 0. [s]
   double visit_gap_s = 5.0;

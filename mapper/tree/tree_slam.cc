@@ -8,8 +8,6 @@
 #include <limits>
 #include <utility>
 
-#include "localizer/filter/known_map_filter.h"
-#include "localizer/models/detection_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -37,6 +35,7 @@ TreeSlam::TreeSlam(const TreeSlamOptions& options,
                    const std::optional<MapContent>& prior)
     : options_(options),
       sensor_(calibration.sensor),
+      view_(calibration.sensor, options.field_of_view.polygon),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       tree_({options.alpha, options.max_leaves, options.visit_gap_s},
             GroupsOf(prior),
@@ -110,7 +109,7 @@ void TreeSlam::PredictEuler(double v_mps,
   }
 }
 
-const TreeEvents& TreeSlam::Correct(const Scan& scan) {
+const TreeEvents& TreeSlam::Correct(const Scan& scan, const LidarView* lidar) {
   events_.evidence.clear();
   events_.decisions.clear();
   events_.updates = events_.ungated = 0;
@@ -118,6 +117,7 @@ const TreeEvents& TreeSlam::Correct(const Scan& scan) {
   stamp_ = scan.stamp;
   now_ = backward_ ? begin_ + (begin_ - stamp_) : stamp_;
   ++scan_;
+  view_.Look(lidar);
   CloseStaleVisits();
   Scan corrected = scan;
   double reach_m = sensor_.max_range_m;
@@ -171,10 +171,7 @@ double TreeSlam::InView(const SlamState::Relative& relative) const {
   if (relative.q_vehicle.norm() > sensor_.max_range_m + kFarSd * std::sqrt(relative.cov.trace())) {
     return 0.0;
   }
-  KnownMapFilter::Point point;
-  point.q = relative.q_vehicle;
-  point.cov_q = relative.cov;
-  return SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor_);
+  return view_.Probability(relative.q_vehicle, relative.cov);
 }
 
 double TreeSlam::InView(const SlamMap& map, int landmark) const {

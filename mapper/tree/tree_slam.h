@@ -64,8 +64,9 @@ class TreeSlam {
   void PredictEuler(double v_mps, double omega_radps, double seconds, const Eigen::Matrix3d& Q);
 
   /// Branching, scores, pruning and measurement update. Observations of one signature at two places
-  /// are left out. @return Valid until the next call.
-  const TreeEvents& Correct(const Scan& scan);
+  /// are left out. Returns what is valid until the next call.
+  /// @param lidar  What occludes landmarks at the time of the scan; null: nothing known does.
+  const TreeEvents& Correct(const Scan& scan, const LidarView* lidar = nullptr);
 
   /// Ends all visits. Landmarks whose mode is open stay so.
   std::vector<VisitEvidence> EndRun();
@@ -155,6 +156,7 @@ class TreeSlam {
 
   TreeSlamOptions options_;
   SensorCalibration sensor_;
+  FieldOfView view_;
   double gate_;
   HypothesisTree<SlamLeaf> tree_;
   std::vector<LandmarkGroup> groups_;

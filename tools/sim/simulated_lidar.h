@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <span>
 
-#include "mapper/lidar/lidar_scan.h"
+#include "mapstore/run/lidar_scan.h"
 #include "proto/core/status.h"
 #include "tools/sim/random.h"
 #include "tools/sim/ray_caster.h"
