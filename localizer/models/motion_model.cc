@@ -102,6 +102,20 @@ PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& 
           Symmetrized(F * pose.cov_T_map_vehicle * F.transpose() + motion.cov)};
 }
 
+MotionIncrement EulerStep(const Se2& T_map_vehicle,
+                          double v_mps,
+                          double omega_radps,
+                          double seconds,
+                          const Eigen::Matrix3d& Q) {
+  MotionIncrement step;
+  step.T_begin_end = Se2(v_mps * seconds, 0.0, omega_radps * seconds);
+  // From the map's axes to the vehicle's at the end of the step.
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  R.topLeftCorner<2, 2>() = (T_map_vehicle * step.T_begin_end).Rotation().transpose();
+  step.cov = R * Q * R.transpose();
+  return step;
+}
+
 // (T Exp(ξ))⁻¹ = T⁻¹ Exp(-Ad(T) ξ).
 MotionIncrement Inverse(const MotionIncrement& motion) {
   const Eigen::Matrix3d A = motion.T_begin_end.Adjoint();

@@ -28,6 +28,14 @@ struct MotionIncrement {
 /// A pose moved on by a motion that is independent of it.
 PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion);
 
+/// T-IV (28): a step along the heading at its begin, with noise of the pose along the map's axes.
+/// @param Q  Of (x, y, yaw), per step. [m², m rad, rad²]
+MotionIncrement EulerStep(const Se2& T_map_vehicle,
+                          double v_mps,
+                          double omega_radps,
+                          double seconds,
+                          const Eigen::Matrix3d& Q);
+
 /// The way back: from where the motion ended to where it began.
 MotionIncrement Inverse(const MotionIncrement& motion);
 

@@ -254,7 +254,7 @@ TreeSlamOptions MakeTreeOptions(const AreaBuildOptions& options, const MapperOpt
   tree.merging = options.tree_merging == "mixture" ? LeafMerging::kMixture : LeafMerging::kHeavier;
   tree.leave_rate_per_s = mapper.modes.leave_rate_per_s;
   tree.anonymous = mapper.association.associate;
-  tree.association = AssociationMethod::kJoint;
+  tree.anonymous_landmarks.association = AssociationMethod::kJoint;
   tree.front_end = mapper.front_end;
   return tree;
 }

@@ -5,6 +5,7 @@
 
 #include "localizer/hypothesis/leaf.h"
 #include "mapper/frontend/slam_state.h"
+#include "mapper/tree/anonymous_update.h"
 #include "mapper/tree/tree_options.h"
 
 namespace shiftmap {
@@ -20,14 +21,6 @@ class SlamMap {
   struct ModeLandmark {
     int landmark = kNoLandmark;  ///< In state(); kNoLandmark: this leaf has not found it.
     int sightings = 0;           ///< That corrected it.
-  };
-
-  /// A landmark without signature.
-  struct Anonymous {
-    int landmark = 0;
-    int sightings = 0;
-    int first_scan = 0;
-    Stamp last_seen = {};
   };
 
   SlamMap(const Calibration& calibration, LeafMerging merging)
@@ -51,14 +44,14 @@ class SlamMap {
   /// Takes a mode out of the list of its group; later ones move up.
   void EraseMode(int group, int state);
 
-  std::vector<Anonymous>& anonymous() { return anonymous_; }
-  const std::vector<Anonymous>& anonymous() const { return anonymous_; }
+  std::vector<AnonymousLandmark>& anonymous() { return anonymous_; }
+  const std::vector<AnonymousLandmark>& anonymous() const { return anonymous_; }
 
  private:
   SlamState state_;
   LeafMerging merging_;
   std::vector<std::vector<ModeLandmark>> modes_;  // By group, then state - 1.
-  std::vector<Anonymous> anonymous_;
+  std::vector<AnonymousLandmark> anonymous_;
 };
 
 /// T-IV (26), of pose and map; of the poses alone where the maps are not of the same landmarks.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // How observations weigh and fork the leaves, T-IV (20) and V-B.
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -16,19 +15,6 @@ namespace {
 // A mode whose innovation is farther out corrects no leaf, whatever the options: its score is e⁻²⁰⁰
 // of others. [-]
 constexpr double kMaxUngatedNis = 400.0;
-
-// An observation of no landmark begins one if it is outside of this gate of all others: else it is
-// a badly measured one.
-constexpr double kIsolationProbability = 0.9999;
-
-double LogGaussianOf(const JointInnovation& joint) {
-  const Eigen::LLT<Eigen::MatrixXd> llt(joint.S);
-  if (llt.info() != Eigen::Success) return 0.0;  // Nothing was updated.
-  const Eigen::VectorXd whitened = llt.matrixL().solve(joint.nu);
-  const double log_det = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-  const double dimensions = static_cast<double>(joint.nu.size());
-  return -0.5 * (whitened.squaredNorm() + log_det + dimensions * std::log(2.0 * M_PI));
-}
 
 }  // namespace
 
@@ -192,74 +178,6 @@ void TreeSlam::Miss(int group) {
               log_likelihood);
     }
     if (unresolved) leaf->log_weight += Normalize(&belief);
-  }
-}
-
-void TreeSlam::TakeAnonymous(const Scan& scan,
-                             const std::vector<int>& observations,
-                             SlamLeaf* leaf) const {
-  SlamState& slam = leaf->filter.state();
-  std::vector<SlamMap::Anonymous>& known = leaf->filter.anonymous();
-  std::vector<int> free = observations;
-  for (const bool confirmed : {true, false}) {
-    std::vector<int> landmarks;
-    for (const SlamMap::Anonymous& landmark : known) {
-      const bool is_confirmed = landmark.sightings >= options_.confirm_sightings;
-      if (is_confirmed == confirmed && slam.IsActive(landmark.landmark)) {
-        landmarks.push_back(landmark.landmark);
-      }
-    }
-    SlamAssociation found = AssociateLandmarks(scan,
-                                               free,
-                                               landmarks,
-                                               PlaceSlack(slam, sensor_.max_range_m),
-                                               options_.association,
-                                               {.gate_probability = options_.gate_probability},
-                                               slam);
-    if (!found.pairs.empty()) {
-      leaf->log_weight += LogGaussianOf(slam.Update(found.pairs));
-      leaf->log_weight +=
-          static_cast<double>(found.pairs.size()) * std::log(sensor_.detection_probability);
-    }
-    for (const SlamPair& pair : found.pairs) {
-      const auto seen = std::find_if(known.begin(), known.end(), [&](const auto& landmark) {
-        return landmark.landmark == pair.landmark;
-      });
-      ++seen->sightings;
-      seen->last_seen = stamp_;
-    }
-    free = std::move(found.left);
-  }
-  BeginAnonymous(scan, free, leaf);
-  std::erase_if(known, [&](const SlamMap::Anonymous& landmark) {
-    const bool expired = landmark.sightings < options_.confirm_sightings &&
-                         scan_ - landmark.first_scan >= options_.confirm_within_scans;
-    if (expired) slam.Remove(landmark.landmark);
-    return expired;
-  });
-}
-
-void TreeSlam::BeginAnonymous(const Scan& scan,
-                              const std::vector<int>& observations,
-                              SlamLeaf* leaf) const {
-  SlamState& slam = leaf->filter.state();
-  std::vector<SlamMap::Anonymous>& known = leaf->filter.anonymous();
-  static const double gate = ChiSquareQuantile(kIsolationProbability, 2);
-  const double density = sensor_.clutter_density_per_m2 + sensor_.new_landmark_density_per_m2;
-  for (const int i : observations) {
-    const Observation& observation = scan.observations[static_cast<std::size_t>(i)];
-    leaf->log_weight += std::log(density * SquareMetresPerUnit(observation));
-    const double slack_m = PlaceSlack(slam, observation.PositionInVehicle().norm());
-    const Eigen::Vector2d p = LandmarkPosition(observation, slam.pose());
-    const bool isolated =
-        std::none_of(known.begin(), known.end(), [&](const SlamMap::Anonymous& landmark) {
-          if (!slam.IsActive(landmark.landmark)) return false;
-          if ((slam.Position(landmark.landmark) - p).norm() > slack_m) return false;
-          Eigen::Matrix2d S;
-          const Innovation innovation = slam.Linearized({landmark.landmark, &observation}, &S);
-          return SquaredMahalanobis(innovation.nu, S) < gate;
-        });
-    if (isolated) known.push_back({slam.Add(observation), 1, scan_, stamp_});
   }
 }
 

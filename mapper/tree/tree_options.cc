@@ -21,7 +21,12 @@ Status TreeSlamOptions::Validate() const {
   if (!(leave_rate_per_s >= 0.0)) {
     return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", leave_rate_per_s);
   }
-  if (min_sightings < 1 || confirm_sightings < 1 || confirm_within_scans < 1) {
+  if (!probability(anonymous_landmarks.gate_probability)) {
+    return InvalidArgument("gate_probability: {}, expected within (0, 1)",
+                           anonymous_landmarks.gate_probability);
+  }
+  if (min_sightings < 1 || anonymous_landmarks.confirm_sightings < 1 ||
+      anonymous_landmarks.confirm_within_scans < 1) {
     return InvalidArgument("min_sightings, confirm_sightings, confirm_within_scans: expected > 0");
   }
   if (!(position_floor_m >= 0.0)) {

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "localizer/models/field_of_view.h"
-#include "mapper/association/slam_association.h"
 #include "mapper/frontend/usable_sightings.h"
+#include "mapper/tree/anonymous_update.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -65,13 +65,8 @@ struct TreeSlamOptions {
   /// to their uncertainty. [m]
   double position_floor_m = 0.07;
 
-  /// Landmarks without signature: whether they are mapped, and which observation is of which.
-  bool anonymous = true;
-  AssociationMethod association = AssociationMethod::kNearest;
-
-  /// One of them is dropped if it was not seen so often within so many scans of its first.
-  int confirm_sightings = 3;
-  int confirm_within_scans = 15;
+  bool anonymous = true;  ///< Landmarks without signature are mapped.
+  AnonymousOptions anonymous_landmarks = {};
 
   FrontEndOptions front_end = {};
 

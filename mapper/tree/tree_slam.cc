@@ -68,7 +68,8 @@ void TreeSlam::AddPrior(const MapContent& prior, SlamMap* map) {
   }
   for (const Mode& mode : prior.anonymous_landmarks) {
     const int known = map->state().AddKnown({&mode.p_map_landmark, 1}, mode.cov_p_map_landmark);
-    map->anonymous().push_back({known, options_.confirm_sightings, 0, mode.last_seen});
+    map->anonymous().push_back(
+        {known, options_.anonymous_landmarks.confirm_sightings, 0, mode.last_seen});
   }
 }
 
@@ -97,15 +98,9 @@ void TreeSlam::PredictEuler(double v_mps,
                             double omega_radps,
                             double seconds,
                             const Eigen::Matrix3d& Q) {
-  MotionIncrement motion;
-  motion.T_begin_end = Se2(v_mps * seconds, 0.0, omega_radps * seconds);
   for (SlamLeaf* leaf : tree_.leaves().all()) {
     SlamState& state = leaf->filter.state();
-    // From the map's axes to the vehicle's, at the end of the step.
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    R.topLeftCorner<2, 2>() = (state.pose() * motion.T_begin_end).Rotation().transpose();
-    motion.cov = R * Q * R.transpose();
-    state.Predict(motion);
+    state.Predict(EulerStep(state.pose(), v_mps, omega_radps, seconds, Q));
   }
 }
 
@@ -137,7 +132,15 @@ const TreeEvents& TreeSlam::Correct(const Scan& scan, const LidarView* lidar) {
   }
   CountDetections(static_cast<int>(usable.named.size()));
   if (options_.anonymous) {
-    for (SlamLeaf* leaf : tree_.leaves().all()) TakeAnonymous(corrected, usable.anonymous, leaf);
+    for (SlamLeaf* leaf : tree_.leaves().all()) {
+      leaf->log_weight += UpdateAnonymous(corrected,
+                                          usable.anonymous,
+                                          scan_,
+                                          sensor_,
+                                          options_.anonymous_landmarks,
+                                          &leaf->filter.anonymous(),
+                                          &leaf->filter.state());
+    }
   }
   tree_.Reduce();
   tree_.Test(groups_, now_, &events_.decisions);
@@ -394,8 +397,8 @@ MapContent TreeSlam::Content() {
     content.groups.push_back(std::move(group));
   }
   content.covariance = JointCovariance::FromDense(map.state().LandmarkCovariance(landmarks));
-  for (const SlamMap::Anonymous& landmark : map.anonymous()) {
-    if (landmark.sightings < options_.confirm_sightings) continue;
+  for (const AnonymousLandmark& landmark : map.anonymous()) {
+    if (landmark.sightings < options_.anonymous_landmarks.confirm_sightings) continue;
     Mode mode;
     mode.p_map_landmark = map.state().Position(landmark.landmark);
     mode.cov_p_map_landmark = map.state().PositionCovariance(landmark.landmark);

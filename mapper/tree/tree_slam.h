@@ -144,10 +144,6 @@ class TreeSlam {
   void FindMode(const Seen& seen, double log_prior, SlamLeaf* leaf) const;
   void Miss(int group);
 
-  void TakeAnonymous(const Scan& scan, const std::vector<int>& observations, SlamLeaf* leaf) const;
-
-  void BeginAnonymous(const Scan& scan, const std::vector<int>& observations, SlamLeaf* leaf) const;
-
   void SetChain(int group);
   int AddMode(int group);
   void ReviseNewModes(int group);

@@ -16,6 +16,7 @@
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
+#include "tools/experiment/tiv_mine_command.h"
 #include "tools/experiment/vehicle_faults_command.h"
 #include "tools/experiment/victoria_park_command.h"
 
@@ -37,6 +38,7 @@ void AddExperiments(Application* application) {
   AddRecurringChainsExperiment(application);
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);
+  AddTivMineExperiments(application);
   AddVehicleFaultsExperiment(application);
   AddVictoriaParkExperiment(application);
 }

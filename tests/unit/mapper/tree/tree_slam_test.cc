@@ -287,7 +287,7 @@ TEST(TreeSlam, IsPlainEkfSlamInAStaticWorld) {
 TEST(TreeSlam, LandmarksWithoutSignatureAreMappedBesideOthers) {
   for (const AssociationMethod method : {AssociationMethod::kNearest, AssociationMethod::kJoint}) {
     Circuit circuit;
-    TreeSlam slam = Standing({.association = method}, std::nullopt);
+    TreeSlam slam = Standing({.anonymous_landmarks = {.association = method}}, std::nullopt);
     for (int step = 0; step < Circuit::kSteps; ++step) {
       if (step > 0) slam.Predict(circuit.Move());
       std::vector<Observation> seen = circuit.See(false);

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/tiv_arguments.h"
+
+namespace shiftmap {
+
+void TivArguments::AddTo(Command* command) {
+  command->Option("--output", &output, "Folder for CSV, JSON and SVG")
+      .Required()
+      .Option("--noise",
+              &noise,
+              "Noise that filters assume: printed in T-IV; matched to what is simulated; ideal, "
+              "with Gaussian sightings instead of interest points")
+      .OneOf({"printed", "matched", "ideal"})
+      .Option("--motion", &motion, "T-IV (28), or the exact arc")
+      .OneOf({"euler", "arc"})
+      .Option("--runs", &runs, "Simulated drives")
+      .InRange(2, 100000)
+      .Option("--length-m", &length_m, "Of the drift")
+      .InRange(60.0, 1000.0)
+      .Option("--threads", &threads, "Threads; the results do not depend on it")
+      .InRange(1, 64)
+      .Option("--seed", &seed, "Seed of the mine, and of the drives")
+      .Writes();
+}
+
+TivOptions TivArguments::World() const {
+  TivOptions options;
+  options.noise = noise == "printed"   ? TivNoise::kPrinted
+                  : noise == "matched" ? TivNoise::kMatched
+                                       : TivNoise::kIdeal;
+  options.seed = seed;
+  options.length_m = length_m;
+  options.euler = motion == "euler";
+  return options;
+}
+
+Json TivArguments::OptionsJson() const {
+  return {
+      {"noise", noise}, {"motion", motion}, {"runs", runs}, {"length_m", length_m}, {"seed", seed}};
+}
+
+}  // namespace shiftmap

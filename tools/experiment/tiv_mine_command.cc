@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/tiv_mine_command.h"
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "mapper/parallel.h"
+#include "mapstore/geometry/covariance.h"
+#include "tools/experiment/experiment_output.h"
+#include "tools/experiment/tiv_arguments.h"
+#include "tools/experiment/tiv_mine.h"
+
+namespace shiftmap {
+namespace {
+
+// What a method's errors come to.
+struct Summary {
+  double rmse_before_m = 0.0;  // Until a corner is seen that moved.
+  double rmse_after_m = 0.0;   // From then on.
+  double final_rmse_m = 0.0;
+  double mean_nees = 0.0;
+  double in_band = 0.0;  // Share of the steps with a mean NEES in its 95 % interval.
+};
+
+double RootMeanSquare(const std::vector<TivMineStep>& steps, std::size_t from, std::size_t to) {
+  double sum = 0.0;
+  for (std::size_t i = from; i < to; ++i) sum += steps[i].rmse_m * steps[i].rmse_m;
+  return to > from ? std::sqrt(sum / static_cast<double>(to - from)) : 0.0;
+}
+
+Summary Summarize(const std::vector<TivMineStep>& steps, std::size_t change, int runs) {
+  const double low = ChiSquareQuantile(0.025, 3 * runs) / runs;
+  const double high = ChiSquareQuantile(0.975, 3 * runs) / runs;
+  Summary summary;
+  summary.rmse_before_m = RootMeanSquare(steps, 0, change);
+  summary.rmse_after_m = RootMeanSquare(steps, change, steps.size());
+  summary.final_rmse_m = steps.back().rmse_m;
+  for (const TivMineStep& step : steps) {
+    summary.mean_nees += step.nees / static_cast<double>(steps.size());
+    summary.in_band +=
+        (step.nees >= low && step.nees <= high ? 1.0 : 0.0) / static_cast<double>(steps.size());
+  }
+  return summary;
+}
+
+struct Method {
+  const char* name;
+  const std::vector<TivError> TivMineRun::*errors;
+};
+
+constexpr Method kMethods[] = {{"multi-hypothesis", &TivMineRun::multi},
+                               {"static", &TivMineRun::fixed},
+                               {"dead reckoning", &TivMineRun::reckoning}};
+
+StatusOr<std::vector<TivMineRun>> RunAll(const TivWorld& world,
+                                         const TivArguments& arguments,
+                                         Context& context) {
+  std::vector<StatusOr<TivMineRun>> results(static_cast<std::size_t>(arguments.runs), TivMineRun());
+  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  ForEachIndex(results.size(), arguments.threads, [&](std::size_t i) {
+    results[i] = RunTivMine(world, arguments.SeedOf(i));
+  });
+  std::vector<TivMineRun> runs;
+  for (StatusOr<TivMineRun>& result : results) {
+    SHIFTMAP_RETURN_IF_ERROR(result.status());
+    runs.push_back(*std::move(result));
+  }
+  return runs;
+}
+
+// The first step at which half of the drives see a corner that moved.
+std::size_t ChangeStep(const std::vector<TivMineRun>& runs) {
+  std::vector<bool> seen(runs.size());
+  const std::size_t steps = runs.front().corner_seen.size();
+  for (std::size_t i = 0; i < steps; ++i) {
+    for (std::size_t r = 0; r < runs.size(); ++r) seen[r] = seen[r] || runs[r].corner_seen[i];
+    if (2 * std::count(seen.begin(), seen.end(), true) >= std::ssize(seen)) return i;
+  }
+  return steps;
+}
+
+Status MeasureMine(const TivArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("tiv-mine", arguments.output, context.dry_run()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld world, TivWorld::Make(arguments.World()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivMineRun> runs, RunAll(world, arguments, context));
+  const std::size_t change = ChangeStep(runs);
+  Chart rmse{.title = "Mine, modified after it was mapped",
+             .x_label = "time [s]",
+             .y_label = "RMSE of the position [m]",
+             .log_y = true};
+  Chart nees{.title = "Consistency: 3 is right",
+             .x_label = "time [s]",
+             .y_label = "mean NEES",
+             .log_y = true};
+  int kept = 0;
+  int corners = 0;
+  double leaves = 0.0;
+  int leaves_max = 0;
+  for (const TivMineRun& run : runs) {
+    for (const int count : run.leaves) {
+      leaves += static_cast<double>(count) / static_cast<double>(run.leaves.size() * runs.size());
+      leaves_max = std::max(leaves_max, count);
+    }
+    for (const TivCorner& corner : run.corners) {
+      ++corners;
+      kept += corner.p_prior > 0.5;
+    }
+  }
+  ResultTable summary({"method",
+                       "rmse_before_m",
+                       "rmse_after_m",
+                       "final_rmse_m",
+                       "mean_nees",
+                       "steps_in_band",
+                       "leaves",
+                       "leaves_max",
+                       "corners_seen",
+                       "prior_kept"});
+  std::vector<std::vector<TivMineStep>> by_method;
+  for (const Method& method : kMethods) {
+    by_method.push_back(MeanOverRuns(runs, method.errors));
+    const Summary of = Summarize(by_method.back(), change, arguments.runs);
+    const bool multi = method.errors == &TivMineRun::multi;
+    const auto only = [&](double value) {
+      return multi ? value : std::numeric_limits<double>::quiet_NaN();
+    };
+    summary.AddRow({std::string(method.name),
+                    of.rmse_before_m,
+                    of.rmse_after_m,
+                    of.final_rmse_m,
+                    of.mean_nees,
+                    of.in_band,
+                    only(leaves),
+                    only(leaves_max),
+                    only(corners),
+                    only(kept)});
+    ChartSeries& of_rmse = SeriesNamed(method.name, &rmse);
+    ChartSeries& of_nees = SeriesNamed(method.name, &nees);
+    of_rmse.marker_radius = of_nees.marker_radius = 0.0;
+    for (std::size_t i = 0; i < by_method.back().size(); ++i) {
+      const double t = static_cast<double>(i) / world.options().scan_rate_hz;
+      of_rmse.points.emplace_back(t, by_method.back()[i].rmse_m);
+      of_nees.points.emplace_back(t, by_method.back()[i].nees);
+    }
+  }
+  ResultTable steps({"time_s",
+                     "corner_seen",
+                     "rmse_multi_m",
+                     "rmse_static_m",
+                     "rmse_reckoning_m",
+                     "nees_multi",
+                     "nees_static",
+                     "nees_reckoning"});
+  for (std::size_t i = 0; i < by_method.front().size(); ++i) {
+    double seen = 0.0;
+    for (const TivMineRun& run : runs) {
+      seen += (run.corner_seen[i] ? 1.0 : 0.0) / static_cast<double>(runs.size());
+    }
+    steps.AddRow({static_cast<double>(i) / world.options().scan_rate_hz,
+                  seen,
+                  by_method[0][i].rmse_m,
+                  by_method[1][i].rmse_m,
+                  by_method[2][i].rmse_m,
+                  by_method[0][i].nees,
+                  by_method[1][i].nees,
+                  by_method[2][i].nees});
+  }
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(steps));
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", rmse));
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("nees", nees));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
+                            output.WriteDocument(arguments.OptionsJson(), summary));
+  context.Report(document, summary.ToText());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddTivMineExperiments(Application* application) {
+  auto arguments = std::make_shared<TivArguments>();
+  Command& command = application->AddCommand(
+      "tiv-mine",
+      "T-IV figure 6: a mine that was modified after it was mapped",
+      [arguments](Context& context) { return MeasureMine(*arguments, context); });
+  arguments->AddTo(&command);
+}
+
+}  // namespace shiftmap
