@@ -16,8 +16,8 @@ MapperInput InputOf(const std::string& name, const std::vector<RunEvent>& events
   for (const RunEvent& event : events) {
     if (const auto* sample = std::get_if<OdometrySample>(&event)) {
       input.run.odometry.push_back(*sample);
-    } else {
-      input.run.scans.push_back(std::get<Scan>(event));
+    } else if (const auto* scan = std::get_if<Scan>(&event)) {
+      input.run.scans.push_back(*scan);
     }
   }
   return input;

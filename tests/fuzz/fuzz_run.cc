@@ -18,6 +18,7 @@ enum EditKind : std::size_t {
   kRepeat,
   kStuck,
   kEnd,
+  kLidar,
   kKinds
 };
 
@@ -41,14 +42,28 @@ Observation TakeObservation(FuzzInput* input) {
   return observation;
 }
 
+LidarScan TakeLidarScan(Stamp stamp, FuzzInput* input) {
+  LidarScan scan;
+  scan.stamp = stamp;
+  scan.sensor.field_of_view_rad = input->Number();
+  scan.sensor.max_range_m = input->Number();
+  const double x_m = input->Number();
+  scan.sensor.T_vehicle_lidar = Se2(x_m, 0.0, input->Number());
+  for (std::uint64_t beams = input->Take(1); beams > 0; --beams) {
+    scan.ranges_m.push_back(static_cast<float>(input->Number()));
+  }
+  return scan;
+}
+
 void SetNumbers(FuzzInput* input, RunEvent* event) {
   if (auto* sample = std::get_if<OdometrySample>(event)) {
     sample->v_mps = input->Number();
     sample->omega_radps = input->Number();
     return;
   }
-  auto& observations = std::get<Scan>(*event).observations;
-  if (observations.empty()) return;
+  auto* scan = std::get_if<Scan>(event);
+  if (scan == nullptr || scan->observations.empty()) return;
+  auto& observations = scan->observations;
   Observation& observation = observations[input->Index(observations.size())];
   observation.z.x() = input->Number();
   observation.z.y() = input->Number();
@@ -117,6 +132,9 @@ void EditEvents(FuzzInput* input, std::vector<RunEvent>* events) {
       case kStuck:
         Stick(input, at, events);
         break;
+      case kLidar:
+        events->insert(item, TakeLidarScan(StampOf(*item), input));
+        break;
       default:
         return;
     }
@@ -149,6 +167,14 @@ std::vector<std::string> EditSeeds() {
       seeds.push_back(Edit(kScan, kObservation) + std::string{name, '\1'} + zero + zero + '\3' +
                       number + number + zero);
     }
+  }
+  // A lidar of three beams, of which something is extreme.
+  const std::string one = ExtremeNumber(2);
+  for (std::size_t i = 0; i < std::size(kExtremes); ++i) {
+    const std::string number = ExtremeNumber(i);
+    const std::string lidar = Edit(kScan, kLidar);
+    seeds.push_back(lidar + one + one + number + number + '\3' + one + number + one);
+    seeds.push_back(lidar + number + number + one + one + '\3' + one + one + number);
   }
   for (const char unit : {'\0', '\1', '\2', '\3', '\4'}) {
     for (const char count : {'\x01', '\x7f', '\x80', '\xff'}) {

@@ -41,7 +41,7 @@ void CheckReport(ShiftReport report) {
 
 std::vector<std::string> FuzzSeeds() {
   std::vector<std::string> seeds;
-  for (const char options : {'\0', '\3'}) {
+  for (const char options : {'\0', '\3', '\6'}) {
     for (const std::string& edit : EditSeeds()) seeds.push_back(options + edit);
   }
   return seeds;
@@ -54,6 +54,9 @@ void RunFuzzInput(std::string_view bytes) {
   LocalizerOptions options;
   if ((choice & 1U) != 0) options.max_delay_s = 0.2;
   if ((choice & 2U) != 0) options.initial_pose = {Se2(), Eigen::Matrix3d::Identity() * 0.01};
+  if ((choice & 4U) != 0) {
+    options.hypotheses.field_of_view.model = FieldOfViewModel::kScanPolygon;
+  }
   Localizer localizer(MapSnapshot("area", VersionNumber(1), std::string(64, 'a'), world.content),
                       options);
   std::vector<RunEvent> events = world.events;

@@ -32,6 +32,7 @@ class Vehicle {
     options_.state_dir = folder.File("state");
     options_.vehicle = "truck";
     options_.software = "fuzz";
+    options_.localizer.hypotheses.field_of_view.model = FieldOfViewModel::kScanPolygon;
     options_.clock = [] { return StampFromSeconds(4.0e9); };
     options_.warn = [](const std::string&) {};
     if (!std::filesystem::exists(options_.map_path)) {
