@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The localizer's step on maps of up to 1,000 landmarks with three places each: 20 scans per second
-// with ten observations, wrong places believed in at the start. By groups and leaves. Counters:
+// with ten observations, wrong places believed in at the start. By groups, leaves, and beams of a
+// lidar that scans as often (0: there is none, and the field of view is the sector). Counters:
 // quantiles of single steps in microseconds of processor time, leaves, and the start-up with that
 // map.
 #include <benchmark/benchmark.h>
@@ -52,7 +53,22 @@ MapContent Strip(int groups) {
   return content;
 }
 
-std::vector<RunEvent> Drive(const MapContent& content) {
+/// Between walls 6 m to the left and to the right, along the strip: many landmarks stand on them.
+LidarScan BetweenWalls(Stamp stamp, std::int64_t beams) {
+  constexpr double kWall = 6.0;
+  constexpr double kFarthest = 30.0;
+  LidarScan scan;
+  scan.stamp = stamp;
+  for (std::int64_t i = 0; i < beams; ++i) {
+    const double bearing =
+        scan.sensor.Bearing(static_cast<std::size_t>(i), static_cast<std::size_t>(beams));
+    scan.ranges_m.push_back(
+        static_cast<float>(std::min(kFarthest, kWall / std::abs(std::sin(bearing)))));
+  }
+  return scan;
+}
+
+std::vector<RunEvent> Drive(const MapContent& content, std::int64_t beams) {
   std::mt19937_64 random(2);
   std::normal_distribution<double> normal;
   const SensorCalibration& sensor = content.calibration.sensor;
@@ -60,6 +76,7 @@ std::vector<RunEvent> Drive(const MapContent& content) {
   for (int step = 0; step < kScans; ++step) {
     const Stamp stamp = StampFromSeconds(1000.0 + kScanPeriod * step);
     events.emplace_back(OdometrySample{stamp, kSpeed, 0.0});
+    if (beams > 0) events.emplace_back(BetweenWalls(stamp, beams));
     const Se2 T_map_vehicle(5.0 + kSpeed * kScanPeriod * step, 0.0, 0.0);
     Scan scan;
     scan.stamp = stamp;
@@ -90,8 +107,9 @@ double MicrosecondsUsed() {
 
 void BM_Step(benchmark::State& state) {
   const MapContent content = Strip(static_cast<int>(state.range(0)));
-  const std::vector<RunEvent> events = Drive(content);
+  const std::vector<RunEvent> events = Drive(content, state.range(2));
   LocalizerOptions options;
+  if (state.range(2) > 0) options.hypotheses.field_of_view.model = FieldOfViewModel::kScanPolygon;
   options.hypotheses.max_leaves = static_cast<int>(state.range(1));
   options.initial_pose =
       PoseWithCovariance{Se2(5.0, 0.0, 0.0), Eigen::Vector3d(0.04, 0.04, 0.0025).asDiagonal()};
@@ -125,9 +143,11 @@ void BM_Step(benchmark::State& state) {
   state.counters["leaves_max"] = leaves_max;
 }
 BENCHMARK(BM_Step)
-    ->Args({250, 8})
-    ->Args({1000, 8})
-    ->Args({1000, 48})
+    ->Args({250, 8, 0})
+    ->Args({1000, 8, 0})
+    ->Args({1000, 48, 0})
+    ->Args({1000, 8, 361})
+    ->Args({1000, 48, 361})
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace
