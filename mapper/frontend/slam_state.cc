@@ -38,7 +38,8 @@ void RemoveColumns(Eigen::Index at, Eigen::MatrixXd* matrix) {
 
 }  // namespace
 
-SlamState::SlamState(const Calibration& calibration) : calibration_(calibration) {
+SlamState::SlamState(const Calibration& calibration, Errors errors)
+    : calibration_(calibration), errors_(errors) {
   covariance_ = Eigen::MatrixXd::Zero(kVehicle, kVehicle);
   const double sd = calibration.odometry.sd_log_scale;
   covariance_(3, 3) = covariance_(4, 4) = sd * sd;
@@ -356,6 +357,7 @@ void SlamState::Correct(const Eigen::VectorXd& nu,
   const Eigen::MatrixXd W = llt.matrixL().solve(PHt.transpose()).transpose();
   const Eigen::VectorXd whitened = llt.matrixL().solve(nu);
   const Eigen::VectorXd step = W * whitened;
+  const Se2 pose_before = pose_;
   pose_ = pose_ * Se2::Exp(step.head<3>());
   log_scale_ += step.segment<2>(3);
   for (std::size_t i = 0; i < active_.size(); ++i) {
@@ -363,12 +365,42 @@ void SlamState::Correct(const Eigen::VectorXd& nu,
   }
   covariance_.selfadjointView<Eigen::Lower>().rankUpdate(W, -1.0);
   covariance_.triangularView<Eigen::StrictlyUpper>() = covariance_.transpose();
-  if (phi_.cols() == 0) return;
-  const Eigen::MatrixXd V = llt.matrixL().solve(HPhi);
-  phi_.noalias() -= W * V;
-  psi_.selfadjointView<Eigen::Lower>().rankUpdate(V.transpose(), 1.0);
-  psi_.triangularView<Eigen::StrictlyUpper>() = psi_.transpose();
-  theta_.noalias() += V.transpose() * whitened;
+  if (phi_.cols() > 0) {
+    const Eigen::MatrixXd V = llt.matrixL().solve(HPhi);
+    phi_.noalias() -= W * V;
+    psi_.selfadjointView<Eigen::Lower>().rankUpdate(V.transpose(), 1.0);
+    psi_.triangularView<Eigen::StrictlyUpper>() = psi_.transpose();
+    theta_.noalias() += V.transpose() * whitened;
+  }
+  if (errors_ == Errors::kInvariant) Transport(pose_before, step);
+}
+
+// With the turn θ of the whole about the origin taken out of it, an error is e_p - J p θ of a
+// landmark at p, and R ρ - J t θ of a pose (R, t) with the error (ρ, θ) in its own frame. These
+// stay as they are when the estimate moves:
+//
+//   e_p' = e_p + J Δp θ,   ρ' = R'ᵀ (R ρ + J Δt θ),   θ' = θ.
+//
+// Landmarks that are not active move with the next change of the set, and keep their errors.
+void SlamState::Transport(const Se2& pose_before, const Eigen::VectorXd& step) {
+  const auto turned = [](const Eigen::Vector2d& v) { return Eigen::Vector2d(-v.y(), v.x()); };
+  const Eigen::Matrix2d back = pose_.Rotation().transpose();
+  const Eigen::Matrix2d R = back * pose_before.Rotation();
+  Eigen::VectorXd by_turn = Eigen::VectorXd::Zero(covariance_.rows());
+  by_turn.head<2>() = back * turned(pose_.translation() - pose_before.translation());
+  for (Eigen::Index o = kVehicle; o < by_turn.size(); o += 2) {
+    by_turn.segment<2>(o) = turned(step.segment<2>(o));
+  }
+  const auto transport_rows = [&](Eigen::MatrixXd* rows) {
+    rows->topRows<2>() = (R * rows->topRows<2>()).eval();
+    const Eigen::RowVectorXd yaw = rows->row(2);
+    rows->noalias() += by_turn * yaw;
+  };
+  transport_rows(&covariance_);
+  covariance_.transposeInPlace();
+  transport_rows(&covariance_);
+  covariance_ = Symmetrized(covariance_);
+  transport_rows(&phi_);
 }
 
 void SlamState::Fuse(int a, int b) {

@@ -37,7 +37,14 @@ struct JointInnovation {
 /// filter; a step costs the square of the active states, a change of the set that of all.
 class SlamState {
  public:
-  explicit SlamState(const Calibration& calibration);
+  /// What errors are of when a correction moves the estimate. As EKF-SLAM is printed they stay as
+  /// numbers. Then a turn of pose and landmarks together, of which no observation tells, is
+  /// another combination of them before and after, and the filter comes to believe that it knows
+  /// it. Invariant errors turn with the estimate (A. Barrau, S. Bonnabel: An EKF-SLAM algorithm
+  /// with consistency properties, arXiv:1510.06263, 2015).
+  enum class Errors { kPrinted, kInvariant };
+
+  explicit SlamState(const Calibration& calibration, Errors errors = Errors::kPrinted);
 
   /// Adds landmarks that are known before anything was seen, and returns the id of the first; the
   /// others follow. Active. Precondition: nothing is passive.
@@ -150,7 +157,11 @@ class SlamState {
   void BeginGathering();
   Eigen::VectorXd StepTo(const SlamState& other) const;  // Of the active states.
 
+  // Takes errors about an estimate to be about the present one.
+  void Transport(const Se2& pose_before, const Eigen::VectorXd& step);
+
   Calibration calibration_;
+  Errors errors_;
   Se2 pose_;
   Eigen::Vector2d log_scale_ = Eigen::Vector2d::Zero();
   std::vector<Landmark> landmarks_;

@@ -23,8 +23,8 @@ class SlamMap {
     int sightings = 0;           ///< That corrected it.
   };
 
-  SlamMap(const Calibration& calibration, LeafMerging merging)
-      : state_(calibration), merging_(merging) {}
+  SlamMap(const Calibration& calibration, SlamState::Errors errors, LeafMerging merging)
+      : state_(calibration, errors), merging_(merging) {}
 
   PoseWithCovariance Pose() const { return state_.Pose(); }
   SlamState& state() { return state_; }

@@ -55,6 +55,9 @@ struct TreeSlamOptions {
   /// was seen may also have been clutter.
   bool transform_alternative = false;
 
+  /// EKF-SLAM as printed is too certain of its heading.
+  SlamState::Errors errors = SlamState::Errors::kInvariant;
+
   NewModeInsertion insertion = NewModeInsertion::kBackTrack;
   LeafMerging merging = LeafMerging::kHeavier;
 

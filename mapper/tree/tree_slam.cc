@@ -41,7 +41,7 @@ TreeSlam::TreeSlam(const TreeSlamOptions& options,
             GroupsOf(prior),
             prior ? prior->stamp : Stamp()),
       groups_(GroupsOf(prior)) {
-  SlamMap map(calibration, options.merging);
+  SlamMap map(calibration, options.errors, options.merging);
   if (prior) AddPrior(*prior, &map);
   tree_.Restart({std::move(map)});
 }

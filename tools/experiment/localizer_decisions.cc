@@ -88,7 +88,7 @@ std::vector<VisitDecision> DecideVisit(const SimulatedVisit& visit,
   std::vector<VisitDecision> first;
   for (std::size_t i = 0; i < visit.scans.size(); ++i) {
     bank.Predict(visit.motions[i], kVisitScanPeriod);
-    for (const Decision& decision : bank.Correct(visit.scans[i]).decisions) {
+    for (const auto& [decision, surprising] : bank.Correct(visit.scans[i]).decisions) {
       const int group = snapshot.GroupIndex(decision.signature);
       const bool again = std::any_of(first.begin(), first.end(), [&](const VisitDecision& other) {
         return other.group == group;

@@ -87,7 +87,7 @@ Drive Localize(const UtiasShift& shift,
       usable.observations.push_back(Corrected(observation, map.calibration().sensor));
       ++seen[observation.signature];
     }
-    for (const Decision& decision : bank.Correct(usable).decisions) {
+    for (const auto& [decision, surprising] : bank.Correct(usable).decisions) {
       drive.decisions.push_back(decision);
       drive.observations.push_back(seen[decision.signature]);
     }

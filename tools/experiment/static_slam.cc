@@ -9,28 +9,26 @@
 
 namespace shiftmap {
 
-StaticSlam::StaticSlam(StaticPolicy policy,
-                       double gate_probability,
-                       const AnonymousOptions& anonymous,
-                       const Calibration& calibration,
-                       const MapContent& prior)
+StaticSlam::StaticSlam(StaticPolicy policy, const TreeSlamOptions& options, const TreeSlam& mapped)
     : policy_(policy),
-      gate_(ChiSquareQuantile(gate_probability, 2)),
-      anonymous_options_(anonymous),
-      sensor_(calibration.sensor),
-      state_(calibration) {
-  std::vector<Eigen::Vector2d> positions;
-  for (const LandmarkGroup& group : prior.groups) {
-    for (const Mode& mode : group.modes) {
-      landmarks_[group.signature].push_back(static_cast<int>(positions.size()));
-      positions.push_back(mode.p_map_landmark);
+      gate_(ChiSquareQuantile(options.gate_probability, 2)),
+      anonymous_options_(options.anonymous_landmarks),
+      state_(mapped.best().filter.state()),
+      anonymous_(mapped.best().filter.anonymous()) {
+  const SlamMap& map = mapped.best().filter;
+  for (std::size_t g = 0; g < mapped.groups().size(); ++g) {
+    const LandmarkGroup& group = mapped.groups()[g];
+    for (std::size_t k = 0; k < group.modes.size(); ++k) {
+      const int landmark = map.mode(static_cast<int>(g), static_cast<int>(k) + 1).landmark;
+      if (landmark != SlamMap::kNoLandmark) landmarks_[group.signature].push_back(landmark);
     }
   }
-  state_.AddKnown(positions, prior.covariance.Dense());
-  for (const Mode& mode : prior.anonymous_landmarks) {
-    const int known = state_.AddKnown({&mode.p_map_landmark, 1}, mode.cov_p_map_landmark);
-    anonymous_.push_back({known, anonymous_options_.confirm_sightings, 0, mode.last_seen});
-  }
+}
+
+void StaticSlam::Forget(const Signature& signature, std::size_t i) {
+  std::vector<int>& landmarks = landmarks_[signature];
+  state_.Remove(landmarks[i]);
+  landmarks.erase(landmarks.begin() + static_cast<std::ptrdiff_t>(i));
 }
 
 void StaticSlam::BeginRun(const PoseWithCovariance& start, const Calibration& calibration) {

@@ -5,8 +5,7 @@
 #include <vector>
 
 #include "mapper/frontend/slam_state.h"
-#include "mapper/tree/anonymous_update.h"
-#include "mapstore/map/map_snapshot.h"
+#include "mapper/tree/tree_slam.h"
 #include "mapstore/run/run.h"
 
 namespace shiftmap {
@@ -26,12 +25,11 @@ enum class StaticPolicy {
 /// noise.
 class StaticSlam {
  public:
-  /// @param prior  Every mode of it is a landmark; those without signature too.
-  StaticSlam(StaticPolicy policy,
-             double gate_probability,
-             const AnonymousOptions& anonymous,
-             const Calibration& calibration,
-             const MapContent& prior);
+  /// On the map of a TreeSlam's likeliest leaf: every mode of it is a landmark.
+  StaticSlam(StaticPolicy policy, const TreeSlamOptions& options, const TreeSlam& mapped);
+
+  /// Takes a landmark of a signature out of the map, the number `i` of landmarks().
+  void Forget(const Signature& signature, std::size_t i);
 
   void BeginRun(const PoseWithCovariance& start, const Calibration& calibration);
   SlamState& state() { return state_; }

@@ -17,6 +17,10 @@ void TivArguments::AddTo(Command* command) {
       .InRange(2, 100000)
       .Option("--length-m", &length_m, "Of the drift")
       .InRange(60.0, 1000.0)
+      .Flag("--own-map",
+            &own_map,
+            "Each drive gets a map from a drive of its own: the errors of one map are the same in "
+            "all drives on it")
       .Option("--threads", &threads, "Threads; the results do not depend on it")
       .InRange(1, 64)
       .Option("--seed", &seed, "Seed of the mine, and of the drives")
@@ -32,6 +36,13 @@ TivOptions TivArguments::World() const {
   options.length_m = length_m;
   options.euler = motion == "euler";
   return options;
+}
+
+StatusOr<TivWorld> TivArguments::WorldOf(const TivWorld& world, std::size_t run) const {
+  if (!own_map) return world;
+  constexpr std::uint64_t kMaps = 500'000'000;  // Apart from the seeds of drives.
+  SHIFTMAP_ASSIGN_OR_RETURN(TreeSlam mapped, world.MapOriginal(kMaps + SeedOf(run)));
+  return world.WithMap(std::move(mapped));
 }
 
 Json TivArguments::OptionsJson() const {

@@ -28,7 +28,8 @@ std::vector<TivCorner> JudgeCorners(const TivWorld& world,
                                     const std::map<Signature, int>& sightings,
                                     const MapContent& posterior) {
   std::vector<TivCorner> corners;
-  for (const LandmarkGroup& before : world.prior().groups) {
+  for (const LandmarkGroup& before : world.mapped().groups()) {
+    if (before.modes.empty()) continue;
     const auto seen = sightings.find(before.signature);
     if (seen == sightings.end() || seen->second < world.tree().min_sightings) continue;
     const LandmarkGroup& after = *Find(posterior, before.signature);
@@ -49,16 +50,12 @@ std::vector<TivCorner> JudgeCorners(const TivWorld& world,
 }  // namespace
 
 StatusOr<TivMineRun> RunTivMine(const TivWorld& world, std::uint64_t seed) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive, world.Simulate(PlanVersion::kModified, seed));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive, world.Simulate(PlanVersion::kModified, seed, 1));
   const Calibration& calibration = world.calibration();
   const PoseWithCovariance start = world.Start(drive.steps.front().truth, seed);
-  TreeSlam multi(world.tree(), calibration, world.prior());
+  TreeSlam multi = world.mapped();
   multi.BeginRun(start, calibration, drive.steps.front().scan.stamp);
-  StaticSlam fixed(StaticPolicy::kAlwaysUpdate,
-                   world.tree().gate_probability,
-                   world.tree().anonymous_landmarks,
-                   calibration,
-                   world.prior());
+  StaticSlam fixed(StaticPolicy::kAlwaysUpdate, world.tree(), world.mapped());
   fixed.BeginRun(start, calibration);
   SlamState reckoning(calibration);
   reckoning.StartFrom(start, calibration);

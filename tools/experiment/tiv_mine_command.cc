@@ -60,7 +60,8 @@ StatusOr<std::vector<TivMineRun>> RunAll(const TivWorld& world,
   std::vector<StatusOr<TivMineRun>> results(static_cast<std::size_t>(arguments.runs), TivMineRun());
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   ForEachIndex(results.size(), arguments.threads, [&](std::size_t i) {
-    results[i] = RunTivMine(world, arguments.SeedOf(i));
+    const StatusOr<TivWorld> own = arguments.WorldOf(world, i);
+    results[i] = own.ok() ? RunTivMine(*own, arguments.SeedOf(i)) : own.status();
   });
   std::vector<TivMineRun> runs;
   for (StatusOr<TivMineRun>& result : results) {

@@ -20,8 +20,10 @@ constexpr double kReach = 20.0;          // [m]
 constexpr int kTags = 40;
 constexpr std::size_t kViewBeams = 360;
 
-// Π of T-IV IX-E: that a landmark still stands where it was last.
-constexpr double kStays = 0.9;
+// From a drive to the next, and the rate at which a landmark of one mode has left it by then with
+// 0.1: 1/2 + 1/2 exp(-2 λ Δt) = 0.9, Π of T-IV IX-E. [s], [1/s]
+constexpr double kDay = 86400.0;
+const double kLeaveRate = -0.5 * std::log(0.8) / kDay;
 
 // One lidar at the vehicle's origin that covers what several do.
 LidarScan Combined(const std::vector<SimulatedLidar>& lidars,
@@ -130,17 +132,12 @@ MineDriveOptions MakeDrive(const TivOptions& options) {
   drive.tag_sensor.max_bearing_rad = std::numbers::pi;
   drive.lidars = FrontAndRearLidar();
   drive.points = options.noise != TivNoise::kIdeal;
+  drive.front_end.points.edges = false;
+  // As the points of these walls scatter about their corners.
+  drive.front_end.sd_place_m = 0.03;
+  drive.front_end.sd_range_m = 0.02;
+  drive.front_end.sd_bearing_rad = 0.005;
   return drive;
-}
-
-// The map as the filters of the experiments get it: each group where it was last, or away.
-void StateProbabilities(MapContent* content) {
-  for (LandmarkGroup& group : content->groups) {
-    const int modes = static_cast<int>(group.modes.size());
-    group.chain = ModeChain::Uniform(modes, 0.0);
-    group.probabilities = Eigen::VectorXd::Constant(modes + 1, (1.0 - kStays) / modes);
-    group.probabilities(1) = kStays;
-  }
 }
 
 }  // namespace
@@ -165,43 +162,47 @@ StatusOr<TivWorld> TivWorld::Make(const TivOptions& options) {
   SetNoise(options, world.drive_, &world.calibration_, &world.Q_);
   world.tree_.alpha = 1e-8;  // T-IV IX-E, as what follows.
   world.tree_.gate_probability = 0.99;
-  world.tree_.leave_rate_per_s = 0.0;
+  world.tree_.leave_rate_per_s = kLeaveRate;
   world.tree_.field_of_view.model = FieldOfViewModel::kScanPolygon;
 
-  SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive,
-                            world.Simulate(PlanVersion::kOriginal, options.seed));
-  TreeSlam slam(world.tree_, world.calibration_, std::nullopt);
+  SHIFTMAP_ASSIGN_OR_RETURN(world.mapped_, world.MapOriginal(options.seed));
+  return world;
+}
+
+StatusOr<TreeSlam> TivWorld::MapOriginal(std::uint64_t seed) const {
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive, Simulate(PlanVersion::kOriginal, seed, 0));
+  TreeSlam slam(tree_, calibration_, std::nullopt);
   slam.BeginRun({drive.steps.front().truth, Eigen::Matrix3d::Zero()},
-                world.calibration_,
+                calibration_,
                 drive.steps.front().scan.stamp);
   for (const TivDrive::Step& step : drive.steps) {
-    Predict(world, drive, step, &slam);
+    Predict(*this, drive, step, &slam);
     const LidarView view{true, step.view, Se2()};
     slam.Correct(step.scan, &view);
   }
   slam.EndRun();
-  world.prior_ = slam.Content();
-  if (world.prior_.groups.empty()) {
-    return InvalidArgument("seed {}: no moved corner is seen, try another", options.seed);
+  if (slam.Content().groups.empty()) {
+    return InvalidArgument("seed {}: no moved corner is seen, try another", seed);
   }
-  StateProbabilities(&world.prior_);
-  return world;
+  return slam;
 }
 
-TivWorld TivWorld::WithPrior(MapContent prior) const {
+TivWorld TivWorld::WithMap(TreeSlam mapped) const {
   TivWorld world = *this;
-  world.prior_ = std::move(prior);
+  world.mapped_ = std::move(mapped);
   return world;
 }
 
-StatusOr<TivDrive> TivWorld::Simulate(PlanVersion version, std::uint64_t seed) const {
+StatusOr<TivDrive> TivWorld::Simulate(PlanVersion version, std::uint64_t seed, int day) const {
   std::vector<ModeNumber> modes(site_.groups.size(), kAbsent);
   modes = site_.WithCornersOf(version, std::move(modes));
   for (std::size_t g = site_.barriers.size() + site_.corners; g < modes.size(); ++g) {
     modes[g] = ModeNumber(1);
   }
+  MineDriveOptions of_day = drive_;
+  of_day.start = drive_.start + FromSeconds(kDay * day);
   SHIFTMAP_ASSIGN_OR_RETURN(const SimulatedDrive simulated,
-                            SimulateDrive(site_, version, modes, drive_, seed));
+                            SimulateDrive(site_, version, modes, of_day, seed));
   std::mt19937_64 random(seed);
   TivDrive drive;
   drive.odometry_period_s = 1.0 / drive_.odometry_rate_hz;

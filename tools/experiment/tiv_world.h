@@ -11,7 +11,6 @@
 #include "localizer/models/field_of_view.h"
 #include "mapper/frontend/slam_state.h"
 #include "mapper/tree/tree_slam.h"
-#include "mapstore/map/map_snapshot.h"
 #include "proto/core/status.h"
 #include "tools/sim/mine_drive.h"
 
@@ -49,18 +48,21 @@ struct TivDrive {
   double odometry_period_s = 0.05;  ///< T.
 };
 
-/// The mine, its filters' noise, and the map of its original version.
+/// The mine, its filters' noise, and a filter that has mapped its original version.
 class TivWorld {
  public:
-  /// Makes the mine and, by TreeSlam over a drive through the original version from its true start,
-  /// the prior map. Groups hold at their modes with 0.9, are absent with 0.1: Π of T-IV IX-E.
-  /// Errors: those of the simulator; kInvalidArgument if the drive does not see a moved corner.
+  /// Makes the mine and its map. Errors: those of MapOriginal().
   static StatusOr<TivWorld> Make(const TivOptions& options);
 
-  /// The same mine with another map.
-  TivWorld WithPrior(MapContent prior) const;
+  /// TreeSlam after a drive through the original version from its true start. All of its
+  /// covariance is kept, which a stored map does not have of landmarks without signature.
+  /// Errors: those of the simulator; kInvalidArgument if the drive does not see a moved corner.
+  StatusOr<TreeSlam> MapOriginal(std::uint64_t seed) const;
 
-  const MapContent& prior() const { return prior_; }
+  /// The same mine, mapped otherwise.
+  TivWorld WithMap(TreeSlam mapped) const;
+
+  const TreeSlam& mapped() const { return *mapped_; }
   const TreeSlamOptions& tree() const { return tree_; }
   const Calibration& calibration() const { return calibration_; }
   const TivOptions& options() const { return options_; }
@@ -69,7 +71,9 @@ class TivWorld {
   /// Q of T-IV (28), per step of T, order (x, y, yaw). [m², rad²]
   const Eigen::Matrix3d& Q() const { return Q_; }
 
-  StatusOr<TivDrive> Simulate(PlanVersion version, std::uint64_t seed) const;
+  /// A day after day `day` - 1: in between a landmark stays where it is with probability 0.9, Π of
+  /// T-IV IX-E.
+  StatusOr<TivDrive> Simulate(PlanVersion version, std::uint64_t seed, int day) const;
 
   /// A start around the truth with its covariance.
   PoseWithCovariance Start(const Se2& truth, std::uint64_t seed) const;
@@ -86,7 +90,7 @@ class TivWorld {
   Calibration calibration_;
   TreeSlamOptions tree_;
   Eigen::Matrix3d Q_ = Eigen::Matrix3d::Zero();
-  MapContent prior_;
+  std::optional<TreeSlam> mapped_;
 };
 
 /// Predicts a TreeSlam, and a SlamState, to a step.
