@@ -112,6 +112,12 @@ Eigen::MatrixXd SlamState::LandmarkCovariance(const std::vector<int>& landmarks)
   return covariance_(rows, rows);
 }
 
+Eigen::MatrixXd SlamState::PoseAndLandmarkCovariance() const {
+  std::vector<Eigen::Index> rows = {0, 1, 2};
+  for (Eigen::Index i = kVehicle; i < covariance_.rows(); ++i) rows.push_back(i);
+  return covariance_(rows, rows);
+}
+
 SlamState::Relative SlamState::RelativeTo(int landmark) const {
   const int o = Offset(landmark);
   const Eigen::Vector2d q = pose_.Inverse() * At(landmark).position;

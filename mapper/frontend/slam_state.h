@@ -84,6 +84,9 @@ class SlamState {
   /// Of active landmarks in this order, 2n x 2n. [m²]
   Eigen::MatrixXd LandmarkCovariance(const std::vector<int>& landmarks) const;
 
+  /// Of the pose, order (x, y, yaw), and all active landmarks. [m², m rad, rad²]
+  Eigen::MatrixXd PoseAndLandmarkCovariance() const;
+
   /// Where a landmark is expected, seen from the vehicle, and the covariance of that by pose and
   /// landmark. Active. [m], [m²]
   struct Relative {

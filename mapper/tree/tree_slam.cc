@@ -154,6 +154,17 @@ std::vector<VisitEvidence> TreeSlam::EndRun() {
   return evidence;
 }
 
+void TreeSlam::ForgetAnonymous(const std::function<bool(const Eigen::Vector2d&)>& is_forgotten) {
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamState& state = leaf->filter.state();
+    std::erase_if(leaf->filter.anonymous(), [&](const AnonymousLandmark& landmark) {
+      const bool forgotten = is_forgotten(state.Position(landmark.landmark));
+      if (forgotten) state.Remove(landmark.landmark);
+      return forgotten;
+    });
+  }
+}
+
 int TreeSlam::GroupOf(const Signature& signature) {
   const auto [entry, added] = index_.try_emplace(signature, static_cast<int>(groups_.size()));
   if (added) {

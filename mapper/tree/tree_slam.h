@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -74,6 +75,9 @@ class TreeSlam {
   const LeafSet<SlamLeaf>& leaves() const { return tree_.leaves(); }
   const std::vector<Visit>& visits() const { return tree_.visits(); }
   const SlamLeaf& best() const { return tree_.best(); }
+
+  /// Takes landmarks without signature out of the map, by where each leaf has them.
+  void ForgetAnonymous(const std::function<bool(const Eigen::Vector2d&)>& is_forgotten);
 
   /// Scales of odometry as the likeliest leaf estimates them so far.
   OdometryCalibration Odometry() const { return best().filter.state().Odometry(); }

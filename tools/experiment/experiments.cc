@@ -17,6 +17,7 @@
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
 #include "tools/experiment/tiv_mine_command.h"
+#include "tools/experiment/tiv_removal_command.h"
 #include "tools/experiment/vehicle_faults_command.h"
 #include "tools/experiment/victoria_park_command.h"
 
@@ -39,6 +40,7 @@ void AddExperiments(Application* application) {
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);
   AddTivMineExperiments(application);
+  AddTivRemovalExperiment(application);
   AddVehicleFaultsExperiment(application);
   AddVictoriaParkExperiment(application);
 }

@@ -14,7 +14,7 @@ namespace shiftmap {
 /// The options that the experiments of T-IV IX have in common.
 struct TivArguments {
   std::string output;
-  std::string noise = "printed";
+  std::string noise = "matched";
   std::string motion = "euler";
   int runs = 100;
   int threads = 1;

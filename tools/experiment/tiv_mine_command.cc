@@ -11,6 +11,7 @@
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/tiv_arguments.h"
 #include "tools/experiment/tiv_mine.h"
+#include "tools/experiment/tiv_picture.h"
 
 namespace shiftmap {
 namespace {
@@ -179,6 +180,31 @@ Status MeasureMine(const TivArguments& arguments, Context& context) {
   return OkStatus();
 }
 
+Status DrawPosterior(const TivArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("tiv-posterior", arguments.output, context.dry_run()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld world, TivWorld::Make(arguments.World()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivMineRun run, RunTivMine(world, arguments.SeedOf(0)));
+  ResultTable table({"signature", "mode", "x_m", "y_m", "probability"});
+  for (const LandmarkGroup& group : run.posterior.groups) {
+    for (std::size_t k = 0; k < group.modes.size(); ++k) {
+      const Mode& mode = group.modes[k];
+      table.AddRow({group.signature.text(),
+                    static_cast<double>(mode.number.value()),
+                    mode.p_map_landmark.x(),
+                    mode.p_map_landmark.y(),
+                    group.probabilities(static_cast<Eigen::Index>(k) + 1)});
+    }
+  }
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(output.WritePicture("map", DrawTivPosterior(world, run)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
+                            output.WriteDocument(arguments.OptionsJson(), table));
+  context.Report(document, table.ToText());
+  return OkStatus();
+}
+
 }  // namespace
 
 void AddTivMineExperiments(Application* application) {
@@ -188,6 +214,12 @@ void AddTivMineExperiments(Application* application) {
       "T-IV figure 6: a mine that was modified after it was mapped",
       [arguments](Context& context) { return MeasureMine(*arguments, context); });
   arguments->AddTo(&command);
+  auto posterior = std::make_shared<TivArguments>();
+  Command& drawn = application->AddCommand(
+      "tiv-posterior",
+      "T-IV figure 8: map and trajectories after one drive through the modified mine",
+      [posterior](Context& context) { return DrawPosterior(*posterior, context); });
+  posterior->AddTo(&drawn);
 }
 
 }  // namespace shiftmap

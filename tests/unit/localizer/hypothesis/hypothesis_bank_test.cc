@@ -89,7 +89,7 @@ TEST(HypothesisBank, ALandmarkAtTheEdgeOfViewStaysWhereItWas) {
   };
   const auto in_view = [&] {
     const auto point = bank.best().filter.PredictPoint({0, 1}, Snapshot(content));
-    return SectorFieldOfView(point.RangeBearing(), point.CovRangeBearing(), sensor);
+    return bank.field_of_view().Probability(point.q, point.cov_q);
   };
   const auto visits_after = [&](double seconds) {
     for (double waited_s = 0.0; waited_s < seconds; waited_s += 1.0) {

@@ -284,5 +284,49 @@ TEST(SlamState, DistanceOfTwoEstimatesIsTheirMahalanobisDistance) {
   EXPECT_GT(a.SquaredDistanceTo(SmallState(-0.2)), a.SquaredDistanceTo(b));
 }
 
+// What a state knows of a turn of everything about the origin: nᵀ P⁻¹ n with n the direction of
+// that turn at the estimate.
+double InformationOfTurn(const SlamState& state) {
+  const auto turned = [](const Eigen::Vector2d& v) { return Eigen::Vector2d(-v.y(), v.x()); };
+  const std::vector<int>& landmarks = state.active();
+  const auto size = static_cast<Eigen::Index>(3 + 2 * landmarks.size());
+  Eigen::VectorXd n(size);
+  n.head<2>() = state.pose().Rotation().transpose() * turned(state.pose().translation());
+  n(2) = 1.0;
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    n.segment<2>(static_cast<Eigen::Index>(3 + 2 * i)) = turned(state.Position(landmarks[i]));
+  }
+  return n.dot(state.PoseAndLandmarkCovariance().llt().solve(n));
+}
+
+// No observation between vehicle and landmarks tells of a turn of the whole.
+TEST(SlamState, InvariantErrorsLearnNothingOfATurnOfTheWhole) {
+  for (const SlamState::Errors errors :
+       {SlamState::Errors::kPrinted, SlamState::Errors::kInvariant}) {
+    SlamState state(Calibration(), errors);
+    Eigen::Matrix3d start = Eigen::Vector3d(1.0, 1.0, 0.3).asDiagonal();
+    state.StartFrom({Se2(5.0, 2.0, 0.4), start}, Calibration());
+    Observation observation;
+    observation.kind = Observation::Kind::kCartesian;
+    for (const Eigen::Vector2d& z : {Eigen::Vector2d(3.0, 1.0), Eigen::Vector2d(2.0, -2.0)}) {
+      observation.z = z;
+      state.Add(observation);
+    }
+    MotionIncrement motion;
+    motion.T_begin_end = Se2(0.5, 0.1, 0.2);
+    motion.cov = Eigen::Vector3d(0.2, 0.2, 0.1).asDiagonal();
+    state.Predict(motion);
+    const double before = InformationOfTurn(state);
+    observation.z = {3.3, -0.6};  // Far from where it is expected: the estimate moves.
+    const SlamPair pair{0, &observation};
+    state.Update({&pair, 1});
+    if (errors == SlamState::Errors::kInvariant) {
+      EXPECT_NEAR(InformationOfTurn(state), before, 1e-6 * before);
+    } else {
+      EXPECT_GT(InformationOfTurn(state), 1.001 * before);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap
