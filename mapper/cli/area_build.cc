@@ -173,6 +173,7 @@ RunLoaderOptions LoaderOptions(const AreaBuildOptions& options, const PriorMap& 
   if (prior.content) loader.prior_modes = prior.content->covariance.size();
   loader.limits =
       options.limits.For(prior.content ? prior.content->calibration.sensor : SensorCalibration());
+  loader.lidar_scans = FieldOfViewNamed(options.field_of_view) == FieldOfViewModel::kScanPolygon;
   loader.now = now;
   loader.clock_tolerance_s = options.clock_tolerance_s;
   loader.unique_names = options.trajectories.has_value();
@@ -193,6 +194,7 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
   provenance.configuration = Json{{"revision", SoftwareRevision()},
                                   {"selector", options.selector},
                                   {"engine", options.engine},
+                                  {"poses", options.engine == "tree" ? "filtered" : "smoothed"},
                                   {"prior", options.prior},
                                   {"anonymous", options.anonymous},
                                   {"placement", options.placement},
@@ -253,6 +255,7 @@ TreeSlamOptions MakeTreeOptions(const AreaBuildOptions& options, const MapperOpt
       options.tree_insertion == "child" ? NewModeInsertion::kChild : NewModeInsertion::kBackTrack;
   tree.merging = options.tree_merging == "mixture" ? LeafMerging::kMixture : LeafMerging::kHeavier;
   tree.leave_rate_per_s = mapper.modes.leave_rate_per_s;
+  tree.field_of_view.model = FieldOfViewNamed(options.field_of_view);
   tree.anonymous = mapper.association.associate;
   tree.anonymous_landmarks.association = AssociationMethod::kJoint;
   tree.front_end = mapper.front_end;

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "localizer/models/field_of_view.h"
 #include "mapper/mapper.h"
 #include "mapper/tree/tree_options.h"
 #include "mapstore/cli/context.h"
@@ -26,6 +27,7 @@ struct AreaBuildOptions {
   std::string selector = "viterbi";
   std::string engine = "graph";
   TreeSlamOptions tree;
+  std::string field_of_view = FieldOfViewNames().front();  ///< Of the tree.
   std::string tree_insertion = "back-track";
   std::string tree_merging = "heavier";
   std::string prior = "published";

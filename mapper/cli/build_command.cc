@@ -65,6 +65,11 @@ void AddBuildCommand(Application* application) {
       .OneOf(SelectorNames())
       .Option("--engine", &options->engine, "How the map is estimated")
       .OneOf({"graph", "tree"})
+      .Option("--field-of-view",
+              &options->field_of_view,
+              "Engine tree: where a landmark that is not seen counts as missed, in the sensor's "
+              "sector, or in what of it the last lidar scan covers")
+      .OneOf(FieldOfViewNames())
       .Option("--tree-leaves", &options->tree.max_leaves, "Engine tree: leaves kept at most")
       .InRange(1, 1000)
       .Option("--tree-alpha",
@@ -122,6 +127,11 @@ void AddBuildCommand(Application* application) {
       .Option("RUN.mcap", &options->logs, "Run logs of the area, of any days and vehicles")
       .Required()
       .Check([options] {
+        const bool sector = options->field_of_view == FieldOfViewNames().front();
+        if (options->engine == "graph" && !sector) {
+          return fmt::format("--field-of-view {}: --engine graph knows the sector only",
+                             options->field_of_view);
+        }
         if (IsPriorName(options->prior)) return std::string();
         return fmt::format("--prior '{}', expected published, none or a version number",
                            options->prior);

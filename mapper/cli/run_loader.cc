@@ -123,8 +123,9 @@ bool Loader::KeepLongest(const std::string& path, const RunLog& log) {
 }
 
 Status Loader::Load(const std::string& path) {
-  StatusOr<RunLog> log = ReadRunLog(
-      path, {.max_memory_bytes = options_.max_memory_bytes / kReaderShare, .lidar_scans = false});
+  StatusOr<RunLog> log = ReadRunLog(path,
+                                    {.max_memory_bytes = options_.max_memory_bytes / kReaderShare,
+                                     .lidar_scans = options_.lidar_scans});
   if (!log.ok()) {
     if (ExitCodeFor(log.status()) != ExitCode::kBadInput) return log.status();
     Reject(path, log.status());

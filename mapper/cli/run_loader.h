@@ -26,6 +26,7 @@ struct RunLoaderOptions {
   std::int64_t prior_modes = 0;
   int threads = 1;
 
+  bool lidar_scans = false;  ///< As RunLogReaderOptions::lidar_scans.
   ItemLimits limits;
   Stamp now = SystemNow();
   double clock_tolerance_s = kDefaultClockToleranceS;  ///< As CheckNotInFuture. [s]

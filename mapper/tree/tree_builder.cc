@@ -99,6 +99,7 @@ class Pass {
       : calibration_(calibration),
         options_(options),
         monitor_(monitor),
+        field_of_view_(tree.field_of_view),
         slam_(tree, calibration, prior),
         known_(prior.has_value()) {}
 
@@ -160,11 +161,34 @@ class Pass {
       if (to > from) hint_ = hint;
       slam_.Predict(to > from ? motion : Inverse(motion));
     }
-    const TreeEvents& events = slam_.Correct(log.scans[to]);
+    const LidarView lidar = LidarViewAt(run, log.scans[to].stamp);
+    const TreeEvents& events = slam_.Correct(log.scans[to], &lidar);
     mapped->evidence.insert(mapped->evidence.end(), events.evidence.begin(), events.evidence.end());
     mapped->outliers += events.ungated;
     mapped->chi2 += events.nis_sum;
     mapped->trajectory.push_back({log.scans[to].stamp, slam_.best().filter.state().pose()});
+  }
+
+  // The last scan of the run's lidar by then, if the field of view goes by it.
+  LidarView LidarViewAt(const TreeRun& run, Stamp stamp) const {
+    const Run& log = run.input->run;
+    LidarView view;
+    if (field_of_view_.model != FieldOfViewModel::kScanPolygon) return view;
+    const auto later =
+        std::upper_bound(log.lidar_scans.begin(),
+                         log.lidar_scans.end(),
+                         stamp,
+                         [](Stamp wanted, const LidarScan& scan) { return wanted < scan.stamp; });
+    if (later == log.lidar_scans.begin()) return view;
+    const LidarScan& scan = *std::prev(later);
+    const double age_s = ToSeconds(stamp - scan.stamp);
+    if (age_s > field_of_view_.max_lidar_age_s) return view;
+    view.Take(scan);
+    std::size_t hint = hint_;
+    const MotionIncrement since =
+        IntegrateMotion(log.odometry, scan.stamp, stamp, run.calibration.odometry, &hint);
+    view.Move(since.T_begin_end, age_s, stamp, field_of_view_.max_lidar_age_s);
+    return view;
   }
 
   void End(MappedRun* mapped) {
@@ -206,6 +230,7 @@ class Pass {
   Calibration calibration_;
   const MapperOptions& options_;
   const MapperMonitor& monitor_;
+  FieldOfViewOptions field_of_view_;
   TreeSlam slam_;
   std::size_t hint_ = 0;  // Of IntegrateMotion(), for the present run.
   bool known_;            // There is a map to find a run on.

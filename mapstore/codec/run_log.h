@@ -27,7 +27,7 @@ struct RunLogReaderOptions {
   std::optional<std::int64_t> max_memory_bytes = std::nullopt;
 
   /// Off skips a lidar's scans as it does other topics: they take most of the memory of a log that
-  /// has them, and the mapper needs none.
+  /// has them, and graphs need none.
   bool lidar_scans = true;
 };
 

@@ -55,6 +55,33 @@ TEST_F(MineTest, AMapOfTwoShiftsHasItsLandmarksWhereTheyStand) {
   EXPECT_LT(error["rmse_m"], 0.1);
 }
 
+// Scans of the lidar go from the log into the views of the tree engine and of the localizer.
+TEST_F(MineTest, TheTreeEngineMapsAndTheLocalizerDrivesByWhatTheLidarCovers) {
+  RunForJson("shiftmap-sim", Mine({"--shifts", "3", "--seed", "3", "--keep-scans"}));
+  const std::string store = dir_.File("maps.db");
+  Arguments build = {
+      "build", "--store", store, "--area", "mine", "--field-of-view", "scan-polygon"};
+  build.insert(build.end(), {File("run_000.mcap"), File("run_001.mcap")});
+  ExpectError("shiftmap-mapper", build, 2, "--field-of-view scan-polygon");
+  build.insert(build.end(), {"--engine", "tree"});
+  const Json map = RunForJson("shiftmap-mapper", build);
+  EXPECT_EQ(map["runs"].size(), 2U);
+  const Json error = RunForJson(
+      "shiftmap-eval", {"map", "--store", store, "--area", "mine", File("run_001.places.csv")});
+  EXPECT_EQ(error["matched"], 11);
+  EXPECT_LT(error["rmse_m"], 0.3);
+  const Json shift = RunForJson("shiftmap-localizer",
+                                {"run",
+                                 "--store",
+                                 store,
+                                 "--area",
+                                 "mine",
+                                 "--field-of-view",
+                                 "scan-polygon",
+                                 File("run_002.mcap")});
+  EXPECT_GT(shift["frames_by_lidar"], 100);
+}
+
 TEST_F(MineTest, WritesThePlanBesideTheRuns) {
   RunForJson("shiftmap-sim", Mine({"--shifts", "1", "--points", "--sign-corners"}));
   EXPECT_GT(ReadCsv(File("plan.csv")).size(), 200U);

@@ -102,7 +102,7 @@ Status RunMine(MineArguments arguments, Context& context) {
   options.drive.start = StampFromSeconds(arguments.start_s);
   options.drive.path = PathOf(arguments);
   options.landmarks.corners = arguments.sign_corners;
-  if (options.drive.points) AddLidars(arguments, &options.drive);
+  if (options.drive.points || options.drive.log_scans) AddLidars(arguments, &options.drive);
   if (arguments.plan == kModified) options.versions = {PlanVersion::kModified};
   if (arguments.drawing()) {
     SHIFTMAP_ASSIGN_OR_RETURN(options.drawn, ReadPlan(arguments));
@@ -183,6 +183,7 @@ void AddSensorOptions(MineArguments* arguments, Command* command) {
   command->Flag("--points",
                 &drive.points,
                 "Log the corners that a front and a rear lidar see, without signature");
+  command->Flag("--keep-scans", &drive.log_scans, "Log the scans of the front lidar");
   command->Flag("--sign-corners",
                 &arguments->sign_corners,
                 "Corners that the plans have apart get signatures");

@@ -102,6 +102,10 @@ class DriveSimulator {
     taken.lidar = index;
     taken.ranges_m.resize(static_cast<std::size_t>(lidar.beams));
     TakeRanges(walls_, lidar, pose.T_map_vehicle, &lidars_, taken.ranges_m);
+    if (options_.log_scans && index == 0) {
+      drive_.simulated.run.lidar_scans.push_back(
+          {pose.stamp, lidar.sensor, {taken.ranges_m.begin(), taken.ranges_m.end()}});
+    }
     if (!options_.points) return;
     Scan points = ObserveInterestPoints(pose.stamp, taken.ranges_m, front_ends_[index]);
     scan->observations.insert(scan->observations.end(),

@@ -55,6 +55,9 @@ struct MineDriveOptions {
   /// On the front body, whose motion odometry reports. None: nothing is scanned.
   std::vector<SimulatedLidar> lidars = {};
 
+  /// The scans of the first lidar are in the log.
+  bool log_scans = false;
+
   /// The interest points of the scans are observations, too. The front end's sensor is not used:
   /// each lidar has its own. Walls of tunnels are seen at flat angles, where hits lie far apart:
   /// they are one surface across wider gaps than in rooms.
