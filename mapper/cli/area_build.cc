@@ -249,11 +249,16 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   return mapper_options;
 }
 
+LeafMerging MergingNamed(const std::string& name) {
+  if (name == "none") return LeafMerging::kNone;
+  return name == "mixture" ? LeafMerging::kMixture : LeafMerging::kHeavier;
+}
+
 TreeSlamOptions MakeTreeOptions(const AreaBuildOptions& options, const MapperOptions& mapper) {
   TreeSlamOptions tree = options.tree;
   tree.insertion =
       options.tree_insertion == "child" ? NewModeInsertion::kChild : NewModeInsertion::kBackTrack;
-  tree.merging = options.tree_merging == "mixture" ? LeafMerging::kMixture : LeafMerging::kHeavier;
+  tree.merging = MergingNamed(options.tree_merging);
   tree.leave_rate_per_s = mapper.modes.leave_rate_per_s;
   tree.field_of_view.model = FieldOfViewNamed(options.field_of_view);
   tree.anonymous = mapper.association.associate;

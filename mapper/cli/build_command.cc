@@ -89,8 +89,8 @@ void AddBuildCommand(Application* application) {
       .OneOf({"back-track", "child"})
       .Option("--tree-merging",
               &options->tree_merging,
-              "Engine tree: of two leaves that are alike the heavier stays, or their mixture")
-      .OneOf({"heavier", "mixture"})
+              "Engine tree: of two leaves that are alike the heavier stays, their mixture, or both")
+      .OneOf({"heavier", "mixture", "none"})
       .Option("--prior", &options->prior, "Map to start from: published, none, or a version number")
       .Option("--anonymous",
               &options->anonymous,

@@ -2,6 +2,7 @@
 #include "mapper/tree/slam_leaf.h"
 
 #include <cmath>
+#include <limits>
 
 namespace shiftmap {
 namespace {
@@ -17,6 +18,7 @@ void SlamMap::EraseMode(int group, int state) {
 }
 
 double SquaredDistance(const SlamMap& a, const SlamMap& b) {
+  if (a.merging() == LeafMerging::kNone) return std::numeric_limits<double>::infinity();
   const PoseWithCovariance pose_a = a.Pose();
   const PoseWithCovariance pose_b = b.Pose();
   const double of_poses = SquaredMahalanobis(pose_a.T_map_vehicle,

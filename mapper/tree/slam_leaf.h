@@ -55,6 +55,7 @@ class SlamMap {
 };
 
 /// T-IV (26), of pose and map; of the poses alone where the maps are not of the same landmarks.
+/// Infinite where leaves are not to merge.
 double SquaredDistance(const SlamMap& a, const SlamMap& b);
 
 using SlamLeaf = BasicLeaf<SlamMap>;

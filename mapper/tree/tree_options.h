@@ -21,6 +21,7 @@ enum class NewModeInsertion {
 enum class LeafMerging {
   kHeavier,  ///< The likelier filter.
   kMixture,  ///< Mean and covariance of both, weighted by their probabilities, as T-IV VII-C.
+  kNone,     ///< Leaves stay apart until they are too light or too many.
 };
 
 struct TreeSlamOptions {

@@ -48,6 +48,7 @@ const std::vector<Program>& Programs() {
         "papers",
         "recurring-chains",
         "scale",
+        "tiv-approximations",
         "victoria-park"}},
       {"shiftmap-inspect",
        {"areas",    "versions", "show",     "modes",   "history", "sightings", "runs",

@@ -16,6 +16,7 @@
 #include "tools/experiment/recurring_chains_command.h"
 #include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
+#include "tools/experiment/tiv_approximations_command.h"
 #include "tools/experiment/tiv_mine_command.h"
 #include "tools/experiment/tiv_removal_command.h"
 #include "tools/experiment/vehicle_faults_command.h"
@@ -39,6 +40,7 @@ void AddExperiments(Application* application) {
   AddRecurringChainsExperiment(application);
   AddRunMapsExperiment(application);
   AddScaleExperiment(application);
+  AddTivApproximationsExperiment(application);
   AddTivMineExperiments(application);
   AddTivRemovalExperiment(application);
   AddVehicleFaultsExperiment(application);
