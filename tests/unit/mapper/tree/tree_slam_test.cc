@@ -212,6 +212,33 @@ TEST(TreeSlam, OnlyGatedObservationsCorrectUnlessAskedFor) {
   EXPECT_EQ(leaves, 2u);
 }
 
+// T-IV V-A: a leaf that took what was seen for another mode may become the likeliest one later.
+TEST(TreeSlam, AfterTheVisitAllLeavesHaveTheModeThatWasFound) {
+  MapContent prior = OneMode();
+  prior.groups[0].modes[0].cov_p_map_landmark = Eigen::Matrix2d::Identity() * 0.04;
+  prior.covariance = JointCovariance({prior.groups[0].modes[0].cov_p_map_landmark}, {});
+  TreeSlam slam = Standing({.update_ungated = true}, prior);
+  for (int i = 0; i < 4; ++i) slam.Correct(ScanOf(0.2 * i, {At("18", 4.0, 1.2)}));
+  slam.EndRun();
+  ASSERT_EQ(slam.groups()[0].modes.size(), 2u);
+  ASSERT_EQ(slam.leaves().size(), 2u);
+  for (const SlamLeaf* leaf : slam.leaves().all()) {
+    const int landmark = leaf->filter.mode(0, 2).landmark;
+    ASSERT_NE(landmark, SlamMap::kNoLandmark);
+    EXPECT_LT((leaf->filter.state().Position(landmark) - Eigen::Vector2d(4.0, 1.2)).norm(), 1e-9);
+  }
+}
+
+// T-IV VII-C: what merging spares.
+TEST(TreeSlam, LeavesStayApartWithoutMerging) {
+  const auto leaves = [](LeafMerging merging) {
+    TreeSlam slam = Standing({.update_ungated = true, .merging = merging}, OneMode());
+    for (int i = 0; i < 4; ++i) slam.Correct(ScanOf(0.2 * i, {At("18", 4.0, 0.4)}));
+    return slam.leaves().size();
+  };
+  EXPECT_GT(leaves(LeafMerging::kNone), leaves(LeafMerging::kHeavier));
+}
+
 // A vehicle that drives around a circle with landmarks on both sides.
 struct Circuit {
   static constexpr int kSteps = 160;
