@@ -226,6 +226,7 @@ void TreeSlam::CloseStaleVisits() {
 
 VisitEvidence TreeSlam::CloseVisit(std::size_t visit_index) {
   ReviseNewModes(tree_.visits()[visit_index].group);
+  ShareModes(tree_.visits()[visit_index].group);
   VisitEvidence evidence = tree_.CloseVisit(visit_index, groups_);
   if (backward_) {
     const Stamp begin = begin_ - (evidence.end - begin_);
@@ -335,6 +336,25 @@ void TreeSlam::ReviseNewModes(int group) {
     }
   }
   confirmed_modes_[g] = static_cast<int>(groups_[g].modes.size());
+}
+
+// Modes are in the map of every leaf, T-IV V-A. One that took what was seen for something else gets
+// a mode where the likeliest leaf sees it from the vehicle: as if seen once, now.
+void TreeSlam::ShareModes(int group) {
+  SlamMap& best = tree_.leaves().front().filter;
+  const int modes = static_cast<int>(groups_[static_cast<std::size_t>(group)].modes.size());
+  for (int state = 1; state <= modes; ++state) {
+    const SlamMap::ModeLandmark& known = best.mode(group, state);
+    for (SlamLeaf* leaf : tree_.leaves().all()) {
+      SlamMap::ModeLandmark& mode = leaf->filter.mode(group, state);
+      if (mode.landmark != SlamMap::kNoLandmark) continue;
+      best.state().Activate(known.landmark);
+      Observation seen;
+      seen.kind = Observation::Kind::kCartesian;
+      seen.z = best.state().RelativeTo(known.landmark).q_vehicle;
+      mode = {leaf->filter.state().Add(seen), known.sightings};
+    }
+  }
 }
 
 int TreeSlam::TwinOf(int group, int state) const {

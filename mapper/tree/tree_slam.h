@@ -92,6 +92,7 @@ class TreeSlam {
 
   /// The map of the likeliest leaf, covariances as the filter has them: of a map without a prior,
   /// relative to the first pose. Groups without modes and unconfirmed landmarks are left out.
+  /// Precondition: no visit is open.
   MapContent Content();
 
   /// Landmarks in view whose mode the likeliest leaf knew, and how many of them were seen, in scans
@@ -151,6 +152,7 @@ class TreeSlam {
   void SetChain(int group);
   int AddMode(int group);
   void ReviseNewModes(int group);
+  void ShareModes(int group);
   void MergeMode(int group, int state, int into);
   int TwinOf(int group, int state) const;
 
