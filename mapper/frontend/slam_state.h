@@ -67,6 +67,9 @@ class SlamState {
   /// Ids of the active landmarks; those within the reach of the last Focus() are among them.
   const std::vector<int>& active() const { return active_; }
 
+  /// Landmarks, active or not.
+  std::size_t size() const { return active_.size() + passive_.size(); }
+
   /// Up to date for active landmarks, or after Settle(). [m]
   const Eigen::Vector2d& Position(int landmark) const { return At(landmark).position; }
 

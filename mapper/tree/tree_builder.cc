@@ -19,6 +19,8 @@
 namespace shiftmap {
 namespace {
 
+constexpr double kMib = 1024.0 * 1024.0;
+
 // A run with its own calibration.
 struct TreeRun {
   const MapperInput* input = nullptr;
@@ -137,7 +139,7 @@ class Pass {
     slam_.BeginRun(start->pose, run.calibration, found);
     hint_ = 0;
     for (std::size_t i = start->scan; i < log.scans.size(); ++i) {
-      if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(Report(run, done + share * Share(i, log)));
+      if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(GoOn(run, done + share * Share(i, log)));
       Step(run, std::max(i, start->scan + 1) - 1, i, &mapped);
     }
     End(&mapped);
@@ -199,7 +201,24 @@ class Pass {
     return static_cast<double>(i) / static_cast<double>(log.scans.size());
   }
 
-  Status Report(const TreeRun& run, double done) const {
+  // Every leaf has the joint covariance of all landmarks.
+  Status CheckMemory() const {
+    const double states = 2.0 * static_cast<double>(slam_.best().filter.state().size());
+    const double bytes = 8.0 * states * states * slam_.leaves_max();
+    if (options_.max_memory_bytes <= 0 || bytes <= static_cast<double>(options_.max_memory_bytes)) {
+      return OkStatus();
+    }
+    return InvalidArgument(
+        "a tree of {} leaves over {:.0f} landmarks takes {:.0f} MiB, more than {} MiB: fewer "
+        "leaves, or the graph engine, take less",
+        slam_.leaves_max(),
+        0.5 * states,
+        bytes / kMib,
+        options_.max_memory_bytes / static_cast<std::int64_t>(kMib));
+  }
+
+  Status GoOn(const TreeRun& run, double done) const {
+    SHIFTMAP_RETURN_IF_ERROR(CheckMemory());
     if (!monitor_) return OkStatus();
     std::size_t modes = 0;
     for (const LandmarkGroup& group : slam_.groups()) modes += group.modes.size();

@@ -3,6 +3,7 @@
 // The life of groups, modes and visits. How observations weigh and fork leaves: tree_branching.cc.
 #include "mapper/tree/tree_slam.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -66,10 +67,25 @@ void TreeSlam::AddPrior(const MapContent& prior, SlamMap* map) {
                                                                  options_.min_sightings};
     }
   }
-  for (const Mode& mode : prior.anonymous_landmarks) {
-    const int known = map->state().AddKnown({&mode.p_map_landmark, 1}, mode.cov_p_map_landmark);
+  AddAnonymous(prior.anonymous_landmarks, map);
+}
+
+// What errors they share the map does not say: each is the sum of two of its covariance, one in
+// common with the others and one its own.
+void TreeSlam::AddAnonymous(const std::vector<Mode>& landmarks, SlamMap* map) const {
+  std::vector<Eigen::Vector2d> positions;
+  Eigen::MatrixXd roots(2 * landmarks.size(), 2);
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    positions.push_back(landmarks[i].p_map_landmark);
+    roots.middleRows<2>(static_cast<Eigen::Index>(2 * i)) =
+        landmarks[i].cov_p_map_landmark.llt().matrixL();
+  }
+  Eigen::MatrixXd cov = roots * roots.transpose();
+  for (Eigen::Index i = 0; i < cov.rows(); i += 2) cov.block<2, 2>(i, i) *= 2.0;
+  int known = map->state().AddKnown(positions, cov);
+  for (const Mode& mode : landmarks) {
     map->anonymous().push_back(
-        {known, options_.anonymous_landmarks.confirm_sightings, 0, mode.last_seen});
+        {known++, options_.anonymous_landmarks.confirm_sightings, 0, mode.last_seen});
   }
 }
 

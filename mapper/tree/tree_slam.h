@@ -122,6 +122,7 @@ class TreeSlam {
 
   int GroupOf(const Signature& signature);
   void AddPrior(const MapContent& prior, SlamMap* map);
+  void AddAnonymous(const std::vector<Mode>& landmarks, SlamMap* map) const;
   double InView(const SlamState::Relative& relative) const;
   double InView(const SlamMap& map, int landmark) const;
   bool AnyInView(int group, double threshold) const;

@@ -13,6 +13,8 @@ void TivArguments::AddTo(Command* command) {
       .OneOf({"printed", "matched", "ideal"})
       .Option("--motion", &motion, "T-IV (28), or the exact arc")
       .OneOf({"euler", "arc"})
+      .Option("--errors", &errors, "Of EKF-SLAM: as printed, or invariant")
+      .OneOf({"printed", "invariant"})
       .Option("--runs", &runs, "Simulated drives")
       .InRange(2, 100000)
       .Option("--length-m", &length_m, "Of the drift")
@@ -35,6 +37,8 @@ TivOptions TivArguments::World() const {
   options.seed = seed;
   options.length_m = length_m;
   options.euler = motion == "euler";
+  options.errors =
+      errors == "printed" ? SlamState::Errors::kPrinted : SlamState::Errors::kInvariant;
   return options;
 }
 

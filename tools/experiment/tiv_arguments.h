@@ -16,6 +16,7 @@ struct TivArguments {
   std::string output;
   std::string noise = "matched";
   std::string motion = "euler";
+  std::string errors = "invariant";
   int runs = 100;
   int threads = 1;
   std::uint64_t seed = 1;

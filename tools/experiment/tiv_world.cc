@@ -162,6 +162,7 @@ StatusOr<TivWorld> TivWorld::Make(const TivOptions& options) {
   SetNoise(options, world.drive_, &world.calibration_, &world.Q_);
   world.tree_.alpha = 1e-8;  // T-IV IX-E, as what follows.
   world.tree_.gate_probability = 0.99;
+  world.tree_.errors = options.errors;
   world.tree_.leave_rate_per_s = kLeaveRate;
   world.tree_.field_of_view.model = FieldOfViewModel::kScanPolygon;
 

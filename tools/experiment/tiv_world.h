@@ -29,6 +29,7 @@ struct TivOptions {
   double length_m = 100.0;  ///< Of the drift. [m]
   double scan_rate_hz = 5.0;
   bool euler = true;  ///< T-IV (28), else the exact arc.
+  SlamState::Errors errors = SlamState::Errors::kInvariant;
 
   /// Of the pose that a drive starts with, standard deviations. [m], [rad]
   double start_sd_m = 0.05;

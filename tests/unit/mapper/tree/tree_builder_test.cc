@@ -17,6 +17,7 @@ using testing::MatchedMode;
 using testing::MatchModes;
 using testing::Simulate;
 using testing::SmallWorld;
+using testing::StatusIs;
 using testing::VisitedModes;
 
 MapperOptions Options() {
@@ -104,6 +105,13 @@ TEST(TreeBuilder, StopsWhenAsked) {
         return false;
       });
   EXPECT_EQ(result.status().code(), StatusCode::kCancelled);
+}
+
+TEST(TreeBuilder, RefusesMoreLandmarksThanFitIntoMemory) {
+  MapperOptions options = Options();
+  options.max_memory_bytes = 1000;
+  const auto result = BuildMapByTree(Inputs(Simulate(SmallWorld(8))), std::nullopt, options, {});
+  EXPECT_THAT(result, StatusIs(StatusCode::kInvalidArgument, "graph engine"));
 }
 
 TEST(TreeBuilder, RefusesOptionsOutOfRange) {

@@ -331,6 +331,31 @@ TEST(TreeSlam, LandmarksWithoutSignatureAreMappedBesideOthers) {
   }
 }
 
+// A stored map does not say that the errors of its landmarks without signature are shared.
+TEST(TreeSlam, LandmarksWithoutSignatureOfAMapAreNotTakenForIndependent) {
+  MapContent prior = OneMode();
+  const Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * 0.04;
+  for (int i = 0; i < 20; ++i) {
+    Mode mode;
+    mode.p_map_landmark = {3.0 + 0.2 * i, i % 2 == 0 ? 2.0 : -2.0};
+    mode.cov_p_map_landmark = cov;
+    prior.anonymous_landmarks.push_back(mode);
+  }
+  TreeSlam slam(TreeSlamOptions(), TestCalibration(), prior);
+  slam.BeginRun(
+      {Se2(), Eigen::Matrix3d::Identity() * 0.2}, TestCalibration(), StampFromSeconds(1000.0));
+  for (int i = 0; i < 10; ++i) {
+    std::vector<Observation> seen;
+    for (const Mode& mode : prior.anonymous_landmarks) {
+      seen.push_back(At("", mode.p_map_landmark.x(), mode.p_map_landmark.y()));
+    }
+    slam.Correct(ScanOf(0.2 * i, seen));
+  }
+  const Eigen::Matrix3d P = slam.best().filter.Pose().cov_T_map_vehicle;
+  EXPECT_GT(P(0, 0), 0.04);  // As one landmark is known, and not 0.04 / 20.
+  EXPECT_GT(P(1, 1), 0.04);
+}
+
 // The map moves with the pose that the run begins at.
 TEST(TreeSlam, DoesNotDependOnTheFrame) {
   const Se2 moved(30.0, -5.0, 2.0);
