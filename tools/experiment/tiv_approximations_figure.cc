@@ -14,9 +14,10 @@
 namespace shiftmap {
 namespace {
 
-// A place that draws A away by more than a gate and less than a hopeless score.
 constexpr int kScans = 48;
 constexpr std::uint64_t kFigureSeed = 3;
+
+// m_2^1 is just outside of the gate of m_1^1: A is as likely as it can be.
 const Eigen::Vector2d kFirstMode(5.0, 2.0);     // m_1^1 [m]
 const Eigen::Vector2d kFirstPlace(5.6, 3.1);    // m_2^1 [m]
 const Eigen::Vector2d kActiveMode(12.0, -2.0);  // m_2^2 [m]

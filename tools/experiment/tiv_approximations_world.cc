@@ -12,6 +12,9 @@ namespace {
 // Fates of the landmarks along the way, shuffled for each drive.
 constexpr LandmarkFate kFates[] = {LandmarkFate::kStays,
                                    LandmarkFate::kStays,
+                                   LandmarkFate::kStays,
+                                   LandmarkFate::kStays,
+                                   LandmarkFate::kStays,
                                    LandmarkFate::kKnownPlace,
                                    LandmarkFate::kNewPlace,
                                    LandmarkFate::kNewPlace,
@@ -27,6 +30,9 @@ constexpr double kMaxYawRate = 0.03;    // [rad/s]
 constexpr double kAbsentPrior = 0.1;
 constexpr double kSecondPrior = 0.2;
 constexpr double kLeaveRate = 1e-5;  // [1/s]
+
+// The scales of odometry are known: drives have slip alone.
+constexpr double kKnownScale = 1e-6;
 
 // Drives differ in all that is random, and false alarms in nothing else.
 constexpr std::uint64_t kFalseAlarmSeed = 0x9E3779B97F4A7C15;
@@ -153,7 +159,7 @@ Status TivDriveOptions::Validate() const {
 
 Calibration TivCalibration(const TivDriveOptions& options) {
   Calibration calibration;
-  calibration.odometry.sd_log_scale = 0.0;
+  calibration.odometry.sd_log_scale = kKnownScale;
   SensorCalibration& sensor = calibration.sensor;
   sensor.sd_position_m = options.sd_position_m;
   sensor.max_range_m = options.max_range_m;

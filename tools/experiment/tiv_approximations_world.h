@@ -63,8 +63,8 @@ struct TivDriveOptions {
   double detection_probability = 0.8;
   double false_alarms_per_m2 = 3e-4;   ///< β_FA of each signature, if there are false alarms.
   double new_landmarks_per_m2 = 3e-4;  ///< β_NT, as the filter has it.
-  double shift_min_m = 0.8;            ///< Between two places of a landmark, at least. [m]
-  double shift_max_m = 2.5;            ///< From a landmark's first place, at most. [m]
+  double shift_min_m = 1.2;            ///< Between two places of a landmark, at least. [m]
+  double shift_max_m = 3.0;            ///< From a landmark's first place, at most. [m]
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
