@@ -25,6 +25,9 @@ const Eigen::Vector2d kOtherMode(10.6, -3.4);   // m_1^2 [m]
 constexpr double kAbsentPrior = 0.1;
 constexpr double kOtherPrior = 0.1;
 
+// A hypothesis counts as rejected if the other one is so many times as likely.
+constexpr double kRejected = 100.0;
+
 // Of the first landmark, in a tree that the prior map begins.
 constexpr int kStateA = 1;
 constexpr int kStateB = 2;
@@ -115,12 +118,12 @@ std::optional<HypothesisView> ViewOf(const TreeSlam& slam, int state) {
   return view;
 }
 
-// From the returned scan on B is likelier than A.
-int BLeadsFrom(const std::vector<HypothesisPair>& pairs) {
+// From the returned scan on B is so many times as likely as A.
+int BLeadsFrom(const std::vector<HypothesisPair>& pairs, double times) {
   auto scan = static_cast<int>(pairs.size());
   while (scan > 0) {
     const HypothesisPair& pair = pairs[static_cast<std::size_t>(scan) - 1];
-    if (pair.ProbabilityOfB() <= pair.ProbabilityOfA()) break;
+    if (pair.ProbabilityOfB() <= times * pair.ProbabilityOfA()) break;
     --scan;
   }
   return std::min(scan, static_cast<int>(pairs.size()) - 1);
@@ -346,7 +349,7 @@ std::vector<HypothesisPair> FollowTivFigure(const TivFigureScene& scene, bool up
 TivFigureMoments FindTivFigureMoments(const TivFigureScene& scene,
                                       const std::vector<HypothesisPair>& ungated,
                                       const std::vector<HypothesisPair>& gated) {
-  return {scene.second_seen - 1, BLeadsFrom(ungated), BLeadsFrom(gated)};
+  return {scene.second_seen - 1, BLeadsFrom(ungated, 1.0), BLeadsFrom(gated, kRejected)};
 }
 
 std::string DrawTivFigure(const TivFigureScene& scene,
