@@ -53,8 +53,8 @@ std::vector<HypothesisPair> FollowTivFigure(const TivFigureScene& scene, bool up
 struct TivFigureMoments {
   int adapted = 0;   ///< (b): the last before L01 is seen.
   int selected = 0;  ///< (c): from here on B is likelier than A.
-  int rejected =
-      0;  ///< (d): from here on B is 100 times as likely as A, what gates alone correcting.
+  /// (d): from here on B is a hundred times as likely as A, if only what gates corrects.
+  int rejected = 0;
 };
 TivFigureMoments FindTivFigureMoments(const TivFigureScene& scene,
                                       const std::vector<HypothesisPair>& ungated,
