@@ -37,6 +37,7 @@ const std::vector<Program>& Programs() {
       {"shiftmap-eval", {"trajectory", "map"}},
       {"shiftmap-experiment",
        {"alignments",
+        "engines",
         "ijrr-selectors",
         "ijrr-utias",
         "lidar-repeatability",

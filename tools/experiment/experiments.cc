@@ -2,6 +2,7 @@
 #include "tools/experiment/experiments.h"
 
 #include "tools/experiment/alignments_command.h"
+#include "tools/experiment/engines_command.h"
 #include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
@@ -26,6 +27,7 @@ namespace shiftmap {
 
 void AddExperiments(Application* application) {
   AddAlignmentsExperiment(application);
+  AddEnginesExperiment(application);
   AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
