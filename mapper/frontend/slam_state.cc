@@ -2,6 +2,7 @@
 #include "mapper/frontend/slam_state.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 #include <utility>
 
@@ -76,6 +77,30 @@ void SlamState::StartFrom(const PoseWithCovariance& pose, const Calibration& cal
   covariance_.topLeftCorner<3, 3>() = pose.cov_T_map_vehicle;
   const double sd = calibration_.odometry.sd_log_scale;
   covariance_(3, 3) = covariance_(4, 4) = sd * sd;
+}
+
+void SlamState::TieStartTo(const std::vector<int>& landmarks) {
+  constexpr double kMinSpread = 1.0;  // Of the landmarks about their mean, summed. [m²]
+  Eigen::Matrix3d N = Eigen::Matrix3d::Zero();
+  Eigen::MatrixXd A(3, 2 * landmarks.size());
+  std::vector<Eigen::Index> rows;
+  for (const int landmark : landmarks) {
+    const Eigen::Vector2d q = pose_.Inverse() * At(landmark).position;
+    Eigen::Matrix<double, 2, 3> H;  // Its motion in the vehicle frame with all of them.
+    H << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
+    N += H.transpose() * H;
+    A.middleCols<2>(static_cast<Eigen::Index>(rows.size())) =
+        H.transpose() * pose_.Rotation().transpose();
+    for (const int axis : {0, 1}) rows.push_back(Offset(landmark) + axis);
+  }
+  const auto count = static_cast<double>(landmarks.size());
+  if (landmarks.size() < 2 || N.determinant() < kMinSpread * count * count) return;
+  A = N.ldlt().solve(A).eval();
+  const Eigen::MatrixXd cross = A * covariance_(rows, Eigen::all);
+  covariance_.topLeftCorner<3, 3>() += A * covariance_(rows, rows) * A.transpose();
+  covariance_.topRows<3>() += cross;
+  covariance_.leftCols<3>() += cross.transpose();
+  phi_.topRows<3>() = A * phi_(rows, Eigen::all);
 }
 
 OdometryCalibration SlamState::Odometry() const {

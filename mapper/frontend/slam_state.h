@@ -55,6 +55,11 @@ class SlamState {
   /// the landmarks, with odometry and sensor of their own.
   void StartFrom(const PoseWithCovariance& pose, const Calibration& calibration);
 
+  /// After StartFrom(), whose covariance then is that of the pose among these landmarks: where they
+  /// are off together, in least squares by one rigid motion, the pose is off as they are. Nothing
+  /// changes where they tell no rigid motion, as one landmark. Precondition: they are active.
+  void TieStartTo(const std::vector<int>& landmarks);
+
   const Se2& pose() const { return pose_; }
   PoseWithCovariance Pose() const { return {pose_, PoseCovariance()}; }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/tree/run_start.h"
 
+#include <Eigen/LU>
 #include <cstddef>
 #include <deque>
 #include <vector>
@@ -14,6 +15,11 @@ namespace {
 // Standard deviations of a start are taken for so many times as large.
 constexpr double kInflation = 2.0;
 
+// After the first start that is found, others are looked for so long. [s]
+constexpr double kLookOnS = 60.0;
+
+double Volume(const PoseWithCovariance& pose) { return pose.cov_T_map_vehicle.determinant(); }
+
 }  // namespace
 
 std::optional<RunStart> FindRunStart(const Run& run,
@@ -22,7 +28,9 @@ std::optional<RunStart> FindRunStart(const Run& run,
   const GlobalStartOptions options;
   std::deque<WindowScan> window;
   std::size_t hint = 0;
-  for (std::size_t i = 0; i < run.scans.size(); ++i) {
+  std::optional<RunStart> best;
+  Stamp last = Stamp::max();
+  for (std::size_t i = 0; i < run.scans.size() && run.scans[i].stamp <= last; ++i) {
     WindowScan step{run.scans[i], {}};
     std::erase_if(step.scan.observations,
                   [](const Observation& observation) { return observation.signature.anonymous(); });
@@ -39,11 +47,12 @@ std::optional<RunStart> FindRunStart(const Run& run,
     const std::vector<WindowScan> scans(window.begin(), window.end());
     const std::optional<GlobalStart> found = FindRecentStart(scans, map, options);
     if (!found) continue;
-    RunStart start{i + 1 - scans.size() + found->scan, found->pose};
-    start.pose.cov_T_map_vehicle *= kInflation * kInflation;
-    return start;
+    if (!best) last = run.scans[i].stamp + FromSeconds(kLookOnS);
+    if (best && Volume(found->pose) >= Volume(best->pose)) continue;
+    best = RunStart{i + 1 - scans.size() + found->scan, found->pose};
   }
-  return std::nullopt;
+  if (best) best->pose.cov_T_map_vehicle *= kInflation * kInflation;
+  return best;
 }
 
 }  // namespace shiftmap

@@ -17,8 +17,10 @@ struct RunStart {
   PoseWithCovariance pose;  ///< At that scan.
 };
 
-/// Where a run is on a map: the first pose that its sightings agree on (FindRecentStart). Standard
-/// deviations are twice as large as that search has them: the same sightings are then used again.
+/// Where a run is on a map: a pose that its sightings agree on (FindRecentStart), of those found in
+/// the first minute of such the one with the least covariance, as a vague start gates with the
+/// wrong mode. Standard deviations are twice as large as that search has them: the same sightings
+/// are then used again.
 /// @return Nothing if the run fits no place of the map.
 std::optional<RunStart> FindRunStart(const Run& run,
                                      const MapSnapshot& map,

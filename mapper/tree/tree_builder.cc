@@ -90,6 +90,24 @@ Se2 StartOf(const TreeRun& run, const Se2& T_map_first_scan) {
              .T_begin_end.Inverse();
 }
 
+// Refers the covariance to the landmarks as a whole, and adds the scale that no run tells.
+void ReferCovariance(double sd_scale, MapContent* content) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const LandmarkGroup& group : content->groups) {
+    for (const Mode& mode : group.modes) positions.push_back(mode.p_map_landmark);
+  }
+  const Eigen::MatrixXd cov = AddScaleUncertainty(
+      positions, sd_scale, ReferToPositions(positions, content->covariance.Dense()));
+  content->covariance = JointCovariance::FromDense(cov);
+  int index = 0;
+  for (LandmarkGroup& group : content->groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = content->covariance.Block(index, index);
+      ++index;
+    }
+  }
+}
+
 // Filters runs one after the other.
 class Pass {
  public:
@@ -129,14 +147,13 @@ class Pass {
       return OkStatus();
     }
     MappedRun mapped = Describe(run);
-    const Stamp found = log.scans[start->scan].stamp;
     if (start->scan > 0) {
-      slam_.BeginRun(start->pose, run.calibration, found, TreeSlam::Direction::kBackward);
+      Begin(*start, run, TreeSlam::Direction::kBackward);
       for (std::size_t i = start->scan; i-- > 0;) Step(run, i + 1, i, &mapped);
       End(&mapped);
       std::reverse(mapped.trajectory.begin(), mapped.trajectory.end());
     }
-    slam_.BeginRun(start->pose, run.calibration, found);
+    Begin(*start, run, TreeSlam::Direction::kForward);
     hint_ = 0;
     for (std::size_t i = start->scan; i < log.scans.size(); ++i) {
       if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(GoOn(run, done + share * Share(i, log)));
@@ -149,6 +166,15 @@ class Pass {
     runs_.push_back(std::move(mapped));
     known_ = true;
     return OkStatus();
+  }
+
+  void Begin(const RunStart& start, const TreeRun& run, TreeSlam::Direction direction) {
+    const Stamp stamp = run.input->run.scans[start.scan].stamp;
+    if (known_) {
+      slam_.BeginRunOnMap(start.pose, run.calibration, stamp, direction);
+    } else {
+      slam_.BeginRun(start.pose, run.calibration, stamp, direction);
+    }
   }
 
   // From one scan of a run to another, later or earlier.
@@ -229,6 +255,7 @@ class Pass {
   MapSnapshot Snapshot() {
     MapContent content = slam_.Content();
     content.calibration = calibration_;
+    ReferCovariance(0.0, &content);  // The first pose is of no interest to where a run starts.
     return MapSnapshot("", VersionNumber(1), "", std::move(content));
   }
 
@@ -256,24 +283,6 @@ class Pass {
   std::vector<MappedRun> runs_;
   std::vector<RejectedRun> rejected_;
 };
-
-// Refers the covariance to the landmarks as a whole, and adds the scale that no run tells.
-void ReferCovariance(double sd_scale, MapContent* content) {
-  std::vector<Eigen::Vector2d> positions;
-  for (const LandmarkGroup& group : content->groups) {
-    for (const Mode& mode : group.modes) positions.push_back(mode.p_map_landmark);
-  }
-  const Eigen::MatrixXd cov = AddScaleUncertainty(
-      positions, sd_scale, ReferToPositions(positions, content->covariance.Dense()));
-  content->covariance = JointCovariance::FromDense(cov);
-  int index = 0;
-  for (LandmarkGroup& group : content->groups) {
-    for (Mode& mode : group.modes) {
-      mode.cov_p_map_landmark = content->covariance.Block(index, index);
-      ++index;
-    }
-  }
-}
 
 StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<MappedRun>& runs,
                                               const MapperOptions& options,

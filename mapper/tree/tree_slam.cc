@@ -103,6 +103,23 @@ void TreeSlam::BeginRun(const PoseWithCovariance& start,
   for (SlamLeaf* leaf : tree_.leaves().all()) leaf->filter.state().StartFrom(start, of_run);
 }
 
+void TreeSlam::BeginRunOnMap(const PoseWithCovariance& start,
+                             const Calibration& calibration,
+                             Stamp stamp,
+                             Direction direction) {
+  BeginRun(start, calibration, stamp, direction);
+  for (SlamLeaf* leaf : tree_.leaves().all()) {
+    SlamState& state = leaf->filter.state();
+    state.Focus(sensor_.max_range_m);
+    std::vector<int> near;
+    for (const int landmark : state.active()) {
+      const double range_m = (state.Position(landmark) - state.pose().translation()).norm();
+      if (range_m <= sensor_.max_range_m) near.push_back(landmark);
+    }
+    state.TieStartTo(near);
+  }
+}
+
 void TreeSlam::Predict(const MotionIncrement& motion) {
   for (SlamLeaf* leaf : tree_.leaves().all()) {
     SlamState& state = leaf->filter.state();

@@ -57,6 +57,14 @@ class TreeSlam {
                 Stamp stamp,
                 Direction direction = Direction::kForward);
 
+  /// The same for a pose that was found among landmarks of the map: its covariance is that relative
+  /// to those in reach, and where they are off together the pose is off as they are. Else every run
+  /// would tell anew, and wrongly, where the far end of a map is.
+  void BeginRunOnMap(const PoseWithCovariance& start,
+                     const Calibration& calibration,
+                     Stamp stamp,
+                     Direction direction = Direction::kForward);
+
   /// Time update of all leaves.
   void Predict(const MotionIncrement& motion);
 

@@ -195,14 +195,29 @@ void ScoreModes(const MapContent& content,
   }
 }
 
+// Poses in the frame of the truth at scans that saw something. The tree engine has poses where
+// nothing was seen as well.
+std::vector<StampedPose> PosesThatSee(const std::vector<StampedPose>& trajectory,
+                                      const Run& run,
+                                      const Se2& T_truth_map) {
+  std::vector<StampedPose> poses;
+  auto scan = run.scans.begin();
+  for (const StampedPose& pose : trajectory) {
+    while (scan != run.scans.end() && scan->stamp < pose.stamp) ++scan;
+    if (scan == run.scans.end() || scan->observations.empty()) continue;
+    poses.push_back({pose.stamp, T_truth_map * pose.T_map_vehicle});
+  }
+  return poses;
+}
+
 Status ScoreTrajectories(const MapperResult& result,
                          const Se2& T_truth_map,
                          const SimulatedWorld& world,
                          EngineScore* score) {
   for (const MappedRun& run : result.runs) {
-    std::vector<StampedPose> poses = run.trajectory;
-    for (StampedPose& pose : poses) pose.T_map_vehicle = T_truth_map * pose.T_map_vehicle;
     const auto index = static_cast<std::size_t>(std::stoi(run.name));
+    const std::vector<StampedPose> poses =
+        PosesThatSee(run.trajectory, world.runs[index].run, T_truth_map);
     SHIFTMAP_ASSIGN_OR_RETURN(const TrajectoryError error,
                               EvaluateTrajectory(poses, world.runs[index].truth, {}));
     score->poses += error.matched;

@@ -22,7 +22,7 @@ struct EngineScore {
   int matched = 0;          ///< The other modes;
   double squared_m2 = 0.0;  ///< their squared distances from their places,
   double squared_deviations = 0.0;   ///< and the same in standard deviations of the map.
-  int poses = 0;                     ///< Of all trajectories;
+  int poses = 0;                     ///< Of all trajectories, at scans that saw something;
   double squared_of_poses_m2 = 0.0;  ///< their squared distances from the truth.
   double processor_s = 0.0;          ///< Of the build.
   double wall_s = 0.0;               ///< The same by the clock on the wall.

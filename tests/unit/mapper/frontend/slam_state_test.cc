@@ -252,6 +252,56 @@ TEST(SlamState, AStartForgetsThePoseAndKeepsTheMap) {
   EXPECT_LT((state.RelativeTo(1).cov - expected).norm(), 1e-12);
 }
 
+// What all landmarks are off by together is not seen from a pose among them, however large it is,
+// and no sighting from there tells of it.
+TEST(SlamState, AStartAmongLandmarksIsOffAsTheyAre) {
+  const std::vector<Eigen::Vector2d> positions = {{1.0, 2.0}, {3.0, 4.0}, {-2.0, 6.0}};
+  const PoseWithCovariance start{Se2(1.0, 0.0, 0.5), Eigen::Matrix3d::Identity() * 0.01};
+  Eigen::Matrix<double, 6, 3> rigid;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector2d p = positions[static_cast<std::size_t>(i)];
+    rigid.middleRows<2>(2 * i) << 1.0, 0.0, -p.y(), 0.0, 1.0, p.x();
+  }
+  const Eigen::Vector3d common(4.0, 1.0, 0.01);  // (0.5 m)² and more.
+  std::vector<SlamState> states;
+  for (const double share : {0.0, 1.0}) {
+    SlamState& state = states.emplace_back(Calibration());
+    state.AddKnown(positions,
+                   Eigen::MatrixXd::Identity(6, 6) * 0.01 +
+                       share * rigid * common.asDiagonal() * rigid.transpose());
+    state.StartFrom(start, Calibration());
+    state.TieStartTo({0, 1, 2});
+  }
+  for (const int landmark : {0, 1, 2}) {
+    const Eigen::Matrix2d alone = states[0].RelativeTo(landmark).cov;
+    EXPECT_LT((states[1].RelativeTo(landmark).cov - alone).norm(), 1e-9);
+  }
+  const Eigen::MatrixXd G = rigid.householderQr().householderQ() * Eigen::MatrixXd::Identity(6, 3);
+  const auto of_common = [&](const SlamState& state) -> Eigen::Matrix3d {
+    return G.transpose() * state.LandmarkCovariance({0, 1, 2}) * G;
+  };
+  const Eigen::Matrix3d before = of_common(states[1]);
+  Observation observation;
+  observation.kind = Observation::Kind::kCartesian;
+  for (int i = 0; i < 30; ++i) {
+    for (const int landmark : {0, 1, 2}) {
+      observation.z = start.T_map_vehicle.Inverse() * positions[static_cast<std::size_t>(landmark)];
+      const SlamPair pair{landmark, &observation};
+      states[1].Update({&pair, 1});
+    }
+  }
+  EXPECT_LT((of_common(states[1]) - before).norm(), 1e-6 * before.norm());
+}
+
+// One landmark tells no heading: the start stays as it is.
+TEST(SlamState, AStartIsNotTiedToOneLandmark) {
+  SlamState state = SmallState(0.1);
+  const PoseWithCovariance start{Se2(5.0, 5.0, 1.0), Eigen::Matrix3d::Identity() * 0.01};
+  state.StartFrom(start, Calibration());
+  state.TieStartTo({1});
+  EXPECT_EQ(state.PoseCovariance(), start.cov_T_map_vehicle);
+}
+
 // First and second moments of the mixture, which do not depend on which of the two is asked.
 TEST(SlamState, AMixtureHasTheMomentsOfBoth) {
   const SlamState a = SmallState(0.1);

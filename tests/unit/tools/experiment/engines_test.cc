@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/support/status_matchers.h"
 #include "tools/sim/open_world.h"
 
@@ -47,11 +49,10 @@ TEST(Engines, AgreeWhereNothingMoves) {
   }
 }
 
-// Landmarks that read as one another from half way on: places that the truth does not have.
+// Places that the truth does not have.
 TEST(Engines, AModeWithoutAPlaceIsAnException) {
   StatusOr<SimulatedWorld> world = SimulateOpen(SmallFloor(2));
   ASSERT_THAT(world, IsOk());
-  const Signature wrong = world->groups[0].signature;
   world->groups[0].modes[0] += Eigen::Vector2d(3.0, 0.0);
   world->groups[0].modes[1] += Eigen::Vector2d(3.0, 0.0);
   EnginesResult result;
