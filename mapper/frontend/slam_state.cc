@@ -25,6 +25,9 @@ constexpr std::size_t kAlwaysActive = 30;
 // [m]
 constexpr double kFuseSd = 1e-3;
 
+// J v: a quarter turn.
+Eigen::Vector2d Turned(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+
 void RemoveRows(Eigen::Index at, Eigen::MatrixXd* matrix) {
   const Eigen::Index below = matrix->rows() - at - 2;
   matrix->middleRows(at, below) = matrix->bottomRows(below).eval();
@@ -249,10 +252,22 @@ void SlamState::Settle() {
         cross_.transpose() * (psi_ * cross_).eval();
     passive_covariance_.triangularView<Eigen::StrictlyUpper>() = passive_covariance_.transpose();
     cross_ = (phi_ * cross_).eval();
+    if (errors_ == Errors::kInvariant) TransportPassive(step);
   } else {
     cross_.resize(covariance_.rows(), 0);
   }
   BeginGathering();
+}
+
+void SlamState::TransportPassive(const Eigen::VectorXd& step) {
+  Eigen::VectorXd by_turn(step.size());
+  for (Eigen::Index o = 0; o < step.size(); o += 2) {
+    by_turn.segment<2>(o) = Turned(step.segment<2>(o));
+  }
+  const Eigen::RowVectorXd yaw = cross_.row(2);
+  passive_covariance_ += by_turn * yaw + yaw.transpose() * by_turn.transpose() +
+                         covariance_(2, 2) * by_turn * by_turn.transpose();
+  cross_ += covariance_.col(2) * by_turn.transpose();
 }
 
 void SlamState::SetActive(const std::vector<int>& landmarks) {
@@ -412,15 +427,14 @@ void SlamState::Correct(const Eigen::VectorXd& nu,
 //
 //   e_p' = e_p + J Δp θ,   ρ' = R'ᵀ (R ρ + J Δt θ),   θ' = θ.
 //
-// Landmarks that are not active move with the next change of the set, and keep their errors.
+// Landmarks that are not active move at the next Settle(), and their errors with them.
 void SlamState::Transport(const Se2& pose_before, const Eigen::VectorXd& step) {
-  const auto turned = [](const Eigen::Vector2d& v) { return Eigen::Vector2d(-v.y(), v.x()); };
   const Eigen::Matrix2d back = pose_.Rotation().transpose();
   const Eigen::Matrix2d R = back * pose_before.Rotation();
   Eigen::VectorXd by_turn = Eigen::VectorXd::Zero(covariance_.rows());
-  by_turn.head<2>() = back * turned(pose_.translation() - pose_before.translation());
+  by_turn.head<2>() = back * Turned(pose_.translation() - pose_before.translation());
   for (Eigen::Index o = kVehicle; o < by_turn.size(); o += 2) {
-    by_turn.segment<2>(o) = turned(step.segment<2>(o));
+    by_turn.segment<2>(o) = Turned(step.segment<2>(o));
   }
   const auto transport_rows = [&](Eigen::MatrixXd* rows) {
     rows->topRows<2>() = (R * rows->topRows<2>()).eval();

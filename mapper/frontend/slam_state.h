@@ -170,6 +170,7 @@ class SlamState {
 
   // Takes errors about an estimate to be about the present one.
   void Transport(const Se2& pose_before, const Eigen::VectorXd& step);
+  void TransportPassive(const Eigen::VectorXd& step);
 
   Calibration calibration_;
   Errors errors_;

@@ -2,6 +2,8 @@
 #include "tools/experiment/tiv_mine_command.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -55,11 +57,8 @@ constexpr Method kMethods[] = {{"multi-hypothesis", &TivMineRun::multi},
                                {"static", &TivMineRun::fixed},
                                {"dead reckoning", &TivMineRun::reckoning}};
 
-StatusOr<std::vector<TivMineRun>> RunAll(const TivWorld& world,
-                                         const TivArguments& arguments,
-                                         Context& context) {
+StatusOr<std::vector<TivMineRun>> RunAll(const TivWorld& world, const TivArguments& arguments) {
   std::vector<StatusOr<TivMineRun>> results(static_cast<std::size_t>(arguments.runs), TivMineRun());
-  const std::unique_ptr<Progress> progress = context.MakeProgress();
   ForEachIndex(results.size(), arguments.threads, [&](std::size_t i) {
     const StatusOr<TivWorld> own = arguments.WorldOf(world, i);
     results[i] = own.ok() ? RunTivMine(*own, arguments.SeedOf(i)) : own.status();
@@ -88,7 +87,7 @@ Status MeasureMine(const TivArguments& arguments, Context& context) {
       ExperimentOutput output,
       ExperimentOutput::Create("tiv-mine", arguments.output, context.dry_run()));
   SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld world, TivWorld::Make(arguments.World()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivMineRun> runs, RunAll(world, arguments, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivMineRun> runs, RunAll(world, arguments));
   const std::size_t change = ChangeStep(runs);
   Chart rmse{.title = "Mine, modified after it was mapped",
              .x_label = "time [s]",

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -46,21 +47,33 @@ double Excess(const std::vector<TivRemovalRun>& runs, double TivRemovalRun::*oth
   return mean.standard_error > 0.0 ? mean.mean / mean.standard_error : 0.0;
 }
 
-StatusOr<std::vector<TivRemovalRun>> RunAll(const TivWorld& world,
-                                            double share,
-                                            const TivArguments& arguments) {
-  std::vector<StatusOr<TivRemovalRun>> results(static_cast<std::size_t>(arguments.runs),
-                                               TivRemovalRun());
+// By share.
+using Runs = std::vector<std::vector<TivRemovalRun>>;
+
+StatusOr<std::vector<TivRemovalRun>> RunShares(const TivWorld& world,
+                                               const TivArguments& arguments,
+                                               std::size_t i) {
+  const std::uint64_t seed = arguments.SeedOf(i);
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld own, arguments.WorldOf(world, i));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld both, MapBothVersions(own, seed));
+  std::vector<TivRemovalRun> by_share;
+  for (const double share : kShares) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const TivRemovalRun run, RunTivRemoval(both, share, seed));
+    by_share.push_back(run);
+  }
+  return by_share;
+}
+
+StatusOr<Runs> RunAll(const TivWorld& world, const TivArguments& arguments) {
+  std::vector<StatusOr<std::vector<TivRemovalRun>>> results(
+      static_cast<std::size_t>(arguments.runs), std::vector<TivRemovalRun>());
   ForEachIndex(results.size(), arguments.threads, [&](std::size_t i) {
-    const std::uint64_t seed = arguments.SeedOf(i);
-    const StatusOr<TivWorld> own = arguments.WorldOf(world, i);
-    const StatusOr<TivWorld> both = own.ok() ? MapBothVersions(*own, seed) : own.status();
-    results[i] = both.ok() ? RunTivRemoval(*both, share, seed) : both.status();
+    results[i] = RunShares(world, arguments, i);
   });
-  std::vector<TivRemovalRun> runs;
-  for (const StatusOr<TivRemovalRun>& result : results) {
+  Runs runs(std::size(kShares));
+  for (const StatusOr<std::vector<TivRemovalRun>>& result : results) {
     SHIFTMAP_RETURN_IF_ERROR(result.status());
-    runs.push_back(*result);
+    for (std::size_t s = 0; s < runs.size(); ++s) runs[s].push_back((*result)[s]);
   }
   return runs;
 }
@@ -78,14 +91,12 @@ Status Measure(const TivArguments& arguments, Context& context) {
               .x_label = "share removed",
               .y_label = "final RMSE of the position [m]",
               .log_y = true};
-  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  SHIFTMAP_ASSIGN_OR_RETURN(const Runs runs, RunAll(world, arguments));
   for (std::size_t s = 0; s < std::size(kShares); ++s) {
-    progress->Update("shares", static_cast<double>(s) / std::size(kShares));
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivRemovalRun> runs,
-                              RunAll(world, kShares[s], arguments));
     for (const Method& method : kMethods) {
-      const double rmse = Rmse(runs, method.distance_m);
-      table.AddRow({kShares[s], std::string(method.name), rmse, Excess(runs, method.distance_m)});
+      const double rmse = Rmse(runs[s], method.distance_m);
+      table.AddRow(
+          {kShares[s], std::string(method.name), rmse, Excess(runs[s], method.distance_m)});
       SeriesNamed(method.name, &chart).points.emplace_back(kShares[s], rmse);
     }
   }
