@@ -50,8 +50,13 @@ StatusOr<TivWorld> TivArguments::WorldOf(const TivWorld& world, std::size_t run)
 }
 
 Json TivArguments::OptionsJson() const {
-  return {
-      {"noise", noise}, {"motion", motion}, {"runs", runs}, {"length_m", length_m}, {"seed", seed}};
+  return {{"noise", noise},
+          {"motion", motion},
+          {"errors", errors},
+          {"runs", runs},
+          {"length_m", length_m},
+          {"map", own_map ? "own" : "shared"},
+          {"seed", seed}};
 }
 
 }  // namespace shiftmap
