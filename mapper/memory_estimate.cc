@@ -80,6 +80,7 @@ void AddRun(const Run& run, BuildSize* size) {
   size->key_frames += key_frames;
   const auto landmarks = static_cast<std::int64_t>(seen.size());
   size->odometry_samples += static_cast<std::int64_t>(run.odometry.size());
+  for (const LidarScan& scan : run.lidar_scans) size->lidar_beams += std::ssize(scan.ranges_m);
   size->landmarks = std::max(size->landmarks, landmarks);
   size->scans += static_cast<std::int64_t>(run.scans.size());
   size->runs += 1;
@@ -89,6 +90,7 @@ void AddRun(const Run& run, BuildSize* size) {
 
 void AddSize(const BuildSize& runs, BuildSize* size) {
   size->odometry_samples += runs.odometry_samples;
+  size->lidar_beams += runs.lidar_beams;
   size->scans += runs.scans;
   size->observations += runs.observations;
   size->key_frames += runs.key_frames;
@@ -108,6 +110,7 @@ std::int64_t ExpectedModes(const BuildSize& size) {
 std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const auto bytes = [](std::size_t value) { return static_cast<std::int64_t>(value); };
   const std::int64_t logs = size.odometry_samples * bytes(sizeof(OdometrySample)) +
+                            size.lidar_beams * bytes(sizeof(float)) +
                             size.scans * bytes(sizeof(Scan)) +
                             size.observations * bytes(sizeof(Observation));
   const std::int64_t graph =

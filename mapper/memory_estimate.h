@@ -18,6 +18,7 @@ struct BuildSize {
   std::int64_t odometry_samples = 0;
   std::int64_t scans = 0;
   std::int64_t observations = 0;
+  std::int64_t lidar_beams = 0;
   std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
 
   /// What a segment of a run couples with, GraphElimination: sums over all segments of how much it

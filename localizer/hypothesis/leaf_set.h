@@ -26,6 +26,8 @@ class LeafSet {
   ~LeafSet() = default;
 
   std::size_t size() const { return active_.size(); }
+  /// Leaves that there is memory for.
+  std::size_t owned() const { return owned_.size(); }
   bool empty() const { return active_.empty(); }
   LeafType& front() { return *active_.front(); }
   const LeafType& front() const { return *active_.front(); }

@@ -191,18 +191,27 @@ std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
 Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& result) {
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
-  provenance.configuration = Json{{"revision", SoftwareRevision()},
-                                  {"selector", options.selector},
-                                  {"engine", options.engine},
-                                  {"poses", options.engine == "tree" ? "filtered" : "smoothed"},
-                                  {"prior", options.prior},
-                                  {"anonymous", options.anonymous},
-                                  {"placement", options.placement},
-                                  {"calibrate", !options.no_calibration},
-                                  {"leave_rate_per_s", options.leave_rate_per_s},
-                                  {"learned_rates", !options.no_learned_rates},
-                                  {"vehicles", VehiclesJson(result.vehicles)}}
-                                 .dump();
+  Json configuration = Json{{"revision", SoftwareRevision()},
+                            {"selector", options.selector},
+                            {"engine", options.engine},
+                            {"poses", options.engine == "tree" ? "filtered" : "smoothed"},
+                            {"prior", options.prior},
+                            {"anonymous", options.anonymous},
+                            {"placement", options.placement},
+                            {"calibrate", !options.no_calibration},
+                            {"leave_rate_per_s", options.leave_rate_per_s},
+                            {"learned_rates", !options.no_learned_rates},
+                            {"vehicles", VehiclesJson(result.vehicles)}};
+  if (options.engine == "tree") {
+    configuration["tree"] = {{"field_of_view", options.field_of_view},
+                             {"leaves", options.tree.max_leaves},
+                             {"alpha", options.tree.alpha},
+                             {"update_ungated", options.tree.update_ungated},
+                             {"transform", options.tree.transform_alternative},
+                             {"insertion", options.tree_insertion},
+                             {"merging", options.tree_merging}};
+  }
+  provenance.configuration = configuration.dump();
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
     provenance.runs.push_back({run.name,

@@ -31,6 +31,14 @@ bool IsPriorName(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && number > 0;
 }
 
+bool HasTreeOptions(const AreaBuildOptions& options) {
+  const AreaBuildOptions defaults;
+  return options.tree.max_leaves != defaults.tree.max_leaves ||
+         options.tree.alpha != defaults.tree.alpha || options.tree.update_ungated ||
+         options.tree.transform_alternative || options.tree_insertion != defaults.tree_insertion ||
+         options.tree_merging != defaults.tree_merging;
+}
+
 Status Build(const AreaBuildOptions& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
   const StopSignals signals;
@@ -61,7 +69,7 @@ void AddBuildCommand(Application* application) {
       .Required()
       .Option("--area", &options->area, "Area to make a version of")
       .Required()
-      .Option("--selector", &options->selector, "How the mode of a visit is chosen")
+      .Option("--selector", &options->selector, "Engine graph: how the mode of a visit is chosen")
       .OneOf(SelectorNames())
       .Option("--engine", &options->engine, "How the map is estimated")
       .OneOf({"graph", "tree"})
@@ -96,10 +104,11 @@ void AddBuildCommand(Application* application) {
               &options->anonymous,
               "Observations without a signature: leave them out, or associate them jointly")
       .OneOf({"ignore", "associate"})
-      .Option("--placement",
-              &options->placement,
-              "Where a run lies that few landmarks tie to the map: only where no other explanation "
-              "is likely, and else it waits, or where most agree")
+      .Option(
+          "--placement",
+          &options->placement,
+          "Engine graph: where a run lies that few landmarks tie to the map, only where no other "
+          "explanation is likely, and else it waits, or where most agree")
       .OneOf({"posterior", "consensus"})
       .Flag("--no-publish", &options->no_publish, "Add the version, but publish it later")
       .Flag("--no-calibration",
@@ -131,6 +140,9 @@ void AddBuildCommand(Application* application) {
         if (options->engine == "graph" && !sector) {
           return fmt::format("--field-of-view {}: --engine graph knows the sector only",
                              options->field_of_view);
+        }
+        if (options->engine == "graph" && HasTreeOptions(*options)) {
+          return std::string("--tree-…: --engine graph has no tree");
         }
         if (IsPriorName(options->prior)) return std::string();
         return fmt::format("--prior '{}', expected published, none or a version number",

@@ -72,6 +72,7 @@ int SlamState::AddKnown(std::span<const Eigen::Vector2d> positions, const Eigen:
 
 void SlamState::StartFrom(const PoseWithCovariance& pose, const Calibration& calibration) {
   calibration_ = calibration;
+  focus_radius_ = -1.0;
   pose_ = pose.T_map_vehicle;
   log_scale_.setZero();
   covariance_.topRows<kVehicle>().setZero();

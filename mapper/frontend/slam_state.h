@@ -28,13 +28,14 @@ struct JointInnovation {
   std::vector<Innovation> pairs;  ///< Each by itself.
 };
 
-/// The state of EKF-SLAM over one run, in the frame of its first pose: the vehicle's pose, the log
+/// The state of EKF-SLAM, in the frame of its first pose or of the landmarks that it knew: the
+/// vehicle's pose, the log
 /// scales of its odometry, landmark positions, and their joint covariance.
 ///
 /// Compressed filter (Guivant, Nebot, 2001): a step touches the vehicle and the *active* landmarks
 /// only, those around the vehicle. What steps do to the others is gathered in Φ, Ψ, θ over the
 /// active states and applied when the active set changes. The estimates are those of the full
-/// filter; a step costs the square of the active states, a change of the set that of all.
+/// filter, with invariant errors to first order; a step costs the square of the active states, a change of the set that of all.
 class SlamState {
  public:
   /// What errors are of when a correction moves the estimate. As EKF-SLAM is printed they stay as

@@ -44,6 +44,9 @@ class SlamMap {
   /// Takes a mode out of the list of its group; later ones move up.
   void EraseMode(int group, int state);
 
+  /// True if both know the same landmarks under the same ids.
+  bool HasLandmarksOf(const SlamMap& other) const;
+
   std::vector<AnonymousLandmark>& anonymous() { return anonymous_; }
   const std::vector<AnonymousLandmark>& anonymous() const { return anonymous_; }
 

@@ -30,6 +30,14 @@ struct TreeRun {
   int near = 0;
 };
 
+// Pairs of sightings a moment apart tell the noise that changes within a moment. A filter needs
+// that of errors that last longer, too: the noise that is configured is the least.
+void AtLeast(const SensorCalibration& configured, SensorCalibration* sensor) {
+  sensor->sd_range_m = std::max(sensor->sd_range_m, configured.sd_range_m);
+  sensor->sd_bearing_rad = std::max(sensor->sd_bearing_rad, configured.sd_bearing_rad);
+  sensor->sd_position_m = std::max(sensor->sd_position_m, configured.sd_position_m);
+}
+
 TreeRun PrepareRun(const MapperInput& input, const MapperOptions& options) {
   const std::vector<Signature> signatures = CollectSignatures({&input.run}, {});
   const MappingRun run = MakeMappingRun(input.run, signatures, options.front_end);
@@ -37,6 +45,7 @@ TreeRun PrepareRun(const MapperInput& input, const MapperOptions& options) {
   prepared.input = &input;
   prepared.calibration =
       options.calibrate ? CalibrateFromPairs(run, options.calibration) : options.calibration;
+  AtLeast(options.calibration.sensor, &prepared.calibration.sensor);
   prepared.observations = static_cast<int>(run.sightings.size());
   prepared.duplicates = run.duplicate_observations;
   prepared.near = run.near_observations;
@@ -120,8 +129,9 @@ class Pass {
         options_(options),
         monitor_(monitor),
         field_of_view_(tree.field_of_view),
+        tree_(tree),
         slam_(tree, calibration, prior),
-        known_(prior.has_value()) {}
+        known_(prior && !prior->groups.empty()) {}
 
   Status Filter(const std::vector<TreeRun>& runs, double from, double to) {
     for (std::size_t i = 0; i < runs.size(); ++i) {
@@ -139,7 +149,10 @@ class Pass {
   Status FilterRun(const TreeRun& run, double done, double share) {
     const Run& log = run.input->run;
     std::optional<RunStart> start = RunStart();
-    if (known_) start = FindRunStart(log, Snapshot(), run.calibration.odometry);
+    if (known_) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, Snapshot());
+      start = FindRunStart(log, map, run.calibration.odometry);
+    }
     if (run.observations == 0 || !start) {
       rejected_.push_back({run.input->name,
                            run.observations == 0 ? "no identified landmark is seen"
@@ -149,7 +162,10 @@ class Pass {
     MappedRun mapped = Describe(run);
     if (start->scan > 0) {
       Begin(*start, run, TreeSlam::Direction::kBackward);
-      for (std::size_t i = start->scan; i-- > 0;) Step(run, i + 1, i, &mapped);
+      for (std::size_t i = start->scan; i-- > 0;) {
+        if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(GoOn(run, done));
+        Step(run, i + 1, i, &mapped);
+      }
       End(&mapped);
       std::reverse(mapped.trajectory.begin(), mapped.trajectory.end());
     }
@@ -163,8 +179,17 @@ class Pass {
     mapped.poses = static_cast<int>(mapped.trajectory.size());
     mapped.odometry = slam_.Odometry();
     mapped.T_map_start = StartOf(run, mapped.trajectory.front().T_map_vehicle);
+    const auto& groups = slam_.groups();
+    known_ = std::any_of(groups.begin(), groups.end(), [](const LandmarkGroup& group) {
+      return !group.modes.empty();
+    });
+    if (!known_) {  // Nothing says where other runs are from what it mapped.
+      rejected_.push_back({run.input->name,
+                           fmt::format("it has {} sightings of no landmark", tree_.min_sightings)});
+      slam_ = TreeSlam(tree_, calibration_, std::nullopt);
+      return OkStatus();
+    }
     runs_.push_back(std::move(mapped));
-    known_ = true;
     return OkStatus();
   }
 
@@ -230,14 +255,15 @@ class Pass {
   // Every leaf has the joint covariance of all landmarks.
   Status CheckMemory() const {
     const double states = 2.0 * static_cast<double>(slam_.best().filter.state().size());
-    const double bytes = 8.0 * states * states * slam_.leaves_max();
+    const auto leaves = slam_.leaves().owned();
+    const double bytes = 8.0 * states * states * static_cast<double>(leaves);
     if (options_.max_memory_bytes <= 0 || bytes <= static_cast<double>(options_.max_memory_bytes)) {
       return OkStatus();
     }
     return InvalidArgument(
         "a tree of {} leaves over {:.0f} landmarks takes {:.0f} MiB, more than {} MiB: fewer "
         "leaves, or the graph engine, take less",
-        slam_.leaves_max(),
+        leaves,
         0.5 * states,
         bytes / kMib,
         options_.max_memory_bytes / static_cast<std::int64_t>(kMib));
@@ -252,10 +278,11 @@ class Pass {
     return go_on ? OkStatus() : MakeStatus(StatusCode::kCancelled, "build: stopped");
   }
 
-  MapSnapshot Snapshot() {
+  StatusOr<MapSnapshot> Snapshot() {
     MapContent content = slam_.Content();
     content.calibration = calibration_;
     ReferCovariance(0.0, &content);  // The first pose is of no interest to where a run starts.
+    SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(content));
     return MapSnapshot("", VersionNumber(1), "", std::move(content));
   }
 
@@ -277,6 +304,7 @@ class Pass {
   const MapperOptions& options_;
   const MapperMonitor& monitor_;
   FieldOfViewOptions field_of_view_;
+  TreeSlamOptions tree_;
   TreeSlam slam_;
   std::size_t hint_ = 0;  // Of IntegrateMotion(), for the present run.
   bool known_;            // There is a map to find a run on.
@@ -318,6 +346,7 @@ StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
                                       const MapperMonitor& monitor) {
   SHIFTMAP_RETURN_IF_ERROR(CheckInputs(inputs, prior, options));
   SHIFTMAP_RETURN_IF_ERROR(tree.Validate());
+  if (inputs.empty()) return InvalidArgument("no runs to build from");
   SortByBegin(&inputs);
   MapperOptions with_prior = options;
   std::optional<MapContent> known = prior;

@@ -18,6 +18,9 @@ namespace {
 // Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
 constexpr int kMaxContradictions = 5;
 
+// No landmark without signature is known better, which keeps its covariance positive. [m]
+constexpr double kLeastSd = 1e-3;
+
 MotionIncrement Scaled(const MotionIncrement& motion, const Eigen::Vector2d& log_scale) {
   MotionIncrement scaled = motion;
   const Eigen::Vector3d step = motion.J_calibration.leftCols<2>() * log_scale;
@@ -390,14 +393,16 @@ void TreeSlam::ShareModes(int group) {
   }
 }
 
-int TreeSlam::TwinOf(int group, int state) const {
-  const SlamMap& map = best().filter;
+int TreeSlam::TwinOf(int group, int state) {
+  SlamMap& map = tree_.leaves().front().filter;
   const int landmark = map.mode(group, state).landmark;
+  map.state().Activate(landmark);
   const Eigen::Matrix2d floor =
       Eigen::Matrix2d::Identity() * 2.0 * options_.position_floor_m * options_.position_floor_m;
   for (int other = 1; other < state; ++other) {
     const int twin = map.mode(group, other).landmark;
-    if (twin == SlamMap::kNoLandmark || !map.state().IsActive(twin)) continue;
+    if (twin == SlamMap::kNoLandmark) continue;
+    map.state().Activate(twin);
     const Eigen::Vector2d apart = map.state().Position(twin) - map.state().Position(landmark);
     const Eigen::Matrix2d cov = map.state().DifferenceCovariance(twin, landmark) + floor;
     if (SquaredMahalanobis(apart, cov) <= gate_) return other;
@@ -465,7 +470,8 @@ MapContent TreeSlam::Content() {
     if (landmark.sightings < options_.anonymous_landmarks.confirm_sightings) continue;
     Mode mode;
     mode.p_map_landmark = map.state().Position(landmark.landmark);
-    mode.cov_p_map_landmark = map.state().PositionCovariance(landmark.landmark);
+    mode.cov_p_map_landmark = map.state().PositionCovariance(landmark.landmark) +
+                              Eigen::Matrix2d::Identity() * kLeastSd * kLeastSd;
     mode.last_seen = landmark.last_seen;
     content.anonymous_landmarks.push_back(mode);
   }

@@ -163,7 +163,7 @@ class TreeSlam {
   void ReviseNewModes(int group);
   void ShareModes(int group);
   void MergeMode(int group, int state, int into);
-  int TwinOf(int group, int state) const;
+  int TwinOf(int group, int state);
 
   TreeSlamOptions options_;
   SensorCalibration sensor_;

@@ -63,6 +63,11 @@ TEST_F(MineTest, TheTreeEngineMapsAndTheLocalizerDrivesByWhatTheLidarCovers) {
       "build", "--store", store, "--area", "mine", "--field-of-view", "scan-polygon"};
   build.insert(build.end(), {File("run_000.mcap"), File("run_001.mcap")});
   ExpectError("shiftmap-mapper", build, 2, "--field-of-view scan-polygon");
+  build[5] = "--tree-insertion";
+  build[6] = "child";
+  ExpectError("shiftmap-mapper", build, 2, "--engine graph has no tree");
+  build[5] = "--field-of-view";
+  build[6] = "scan-polygon";
   build.insert(build.end(), {"--engine", "tree"});
   const Json map = RunForJson("shiftmap-mapper", build);
   EXPECT_EQ(map["runs"].size(), 2U);

@@ -15,6 +15,11 @@ StaticSlam::StaticSlam(StaticPolicy policy, const TreeSlamOptions& options, cons
       anonymous_options_(options.anonymous_landmarks),
       state_(mapped.best().filter.state()),
       anonymous_(mapped.best().filter.anonymous()) {
+  std::erase_if(anonymous_, [&](const AnonymousLandmark& landmark) {
+    const bool confirmed = landmark.sightings >= anonymous_options_.confirm_sightings;
+    if (!confirmed) state_.Remove(landmark.landmark);
+    return !confirmed;
+  });
   const SlamMap& map = mapped.best().filter;
   for (std::size_t g = 0; g < mapped.groups().size(); ++g) {
     const LandmarkGroup& group = mapped.groups()[g];

@@ -17,6 +17,9 @@
 namespace shiftmap {
 namespace {
 
+// Apart from the seeds of the drives that are judged.
+constexpr std::uint64_t kMapSeeds = 700'000'000;
+
 constexpr double kShares[] = {0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0};
 
 struct Method {
@@ -55,7 +58,7 @@ StatusOr<std::vector<TivRemovalRun>> RunShares(const TivWorld& world,
                                                std::size_t i) {
   const std::uint64_t seed = arguments.SeedOf(i);
   SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld own, arguments.WorldOf(world, i));
-  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld both, MapBothVersions(own, seed));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld both, MapBothVersions(own, kMapSeeds + seed));
   std::vector<TivRemovalRun> by_share;
   for (const double share : kShares) {
     SHIFTMAP_ASSIGN_OR_RETURN(const TivRemovalRun run, RunTivRemoval(both, share, seed));

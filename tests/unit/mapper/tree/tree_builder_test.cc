@@ -99,6 +99,26 @@ TEST(TreeBuilder, LeavesOutARunFromElsewhere) {
   EXPECT_EQ(result->rejected[0].name, stranger.name);
 }
 
+// A first run that sees each landmark once maps nothing; the others are mapped without it.
+TEST(TreeBuilder, AUselessFirstRunCostsOnlyItself) {
+  std::vector<MapperInput> inputs = Inputs(Simulate(SmallWorld(9)));
+  std::vector<Scan>& scans = inputs.front().run.scans;
+  const auto seen = std::find_if(
+      scans.begin(), scans.end(), [](const Scan& scan) { return !scan.observations.empty(); });
+  ASSERT_NE(seen, scans.end());
+  scans = {*seen};
+  const auto result = BuildMapByTree(inputs, std::nullopt, Options(), {});
+  ASSERT_THAT(result, IsOk());
+  ASSERT_EQ(result->rejected.size(), 1u);
+  EXPECT_EQ(result->rejected[0].name, inputs.front().name);
+  EXPECT_EQ(result->runs.size(), inputs.size() - 1);
+}
+
+TEST(TreeBuilder, NeedsARun) {
+  EXPECT_THAT(BuildMapByTree({}, std::nullopt, Options(), {}),
+              StatusIs(StatusCode::kInvalidArgument, "no runs"));
+}
+
 TEST(TreeBuilder, StopsWhenAsked) {
   const auto result =
       BuildMapByTree(Inputs(Simulate(SmallWorld(8))), std::nullopt, Options(), {}, [](const auto&) {
