@@ -21,8 +21,8 @@ class LeafSet {
   LeafSet() = default;
   LeafSet(const LeafSet& other);
   LeafSet& operator=(const LeafSet& other);
-  LeafSet(LeafSet&&) = default;
-  LeafSet& operator=(LeafSet&&) = default;
+  LeafSet(LeafSet&&) noexcept = default;
+  LeafSet& operator=(LeafSet&&) noexcept = default;
   ~LeafSet() = default;
 
   std::size_t size() const { return active_.size(); }
