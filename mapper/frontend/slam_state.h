@@ -35,7 +35,8 @@ struct JointInnovation {
 /// Compressed filter (Guivant, Nebot, 2001): a step touches the vehicle and the *active* landmarks
 /// only, those around the vehicle. What steps do to the others is gathered in Φ, Ψ, θ over the
 /// active states and applied when the active set changes. The estimates are those of the full
-/// filter, with invariant errors to first order; a step costs the square of the active states, a change of the set that of all.
+/// filter, with invariant errors to first order; a step costs the square of the active states, a
+/// change of the set that of all.
 class SlamState {
  public:
   /// What errors are of when a correction moves the estimate. As EKF-SLAM is printed they stay as
