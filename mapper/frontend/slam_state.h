@@ -29,8 +29,7 @@ struct JointInnovation {
 };
 
 /// The state of EKF-SLAM, in the frame of its first pose or of the landmarks that it knew: the
-/// vehicle's pose, the log
-/// scales of its odometry, landmark positions, and their joint covariance.
+/// vehicle's pose, the log scales of its odometry, landmark positions, and their joint covariance.
 ///
 /// Compressed filter (Guivant, Nebot, 2001): a step touches the vehicle and the *active* landmarks
 /// only, those around the vehicle. What steps do to the others is gathered in Φ, Ψ, θ over the
