@@ -2,6 +2,7 @@
 #include "mapper/map_output.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -202,15 +203,12 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                                                 const std::vector<GroupSource>& sources,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
-  std::vector<EvidenceRow> evidence = options.chains.ledger;
+  std::vector<EvidenceRow> rows;
   for (const GroupSource& source : sources) {
-    for (EvidenceRow& row : RowsOf(problem, source)) evidence.push_back(std::move(row));
+    for (EvidenceRow& row : RowsOf(problem, source)) rows.push_back(std::move(row));
   }
-  GroupChainOptions learning = options.chains.learning;
-  learning.leave_rate_per_s = options.modes.leave_rate_per_s;
-  learning.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
-                            LearnGroupChains(*groups, evidence, learning));
+                            LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
     const bool known = problem.Known(sources[i].group) != nullptr;
     if (chains[i].learned || !known) (*groups)[i].chain = chains[i].chain.chain();
@@ -283,13 +281,7 @@ void SetCovariance(const JointCovariance& cov,
     cross.push_back(block);
   }
   content->covariance = JointCovariance(std::move(diagonal), std::move(cross));
-  int index = 0;
-  for (LandmarkGroup& group : content->groups) {
-    for (Mode& mode : group.modes) {
-      mode.cov_p_map_landmark = content->covariance.Block(index, index);
-      ++index;
-    }
-  }
+  SetMarginals(content);
 }
 
 // Adds what runs found that has no signature: every position of a track is a landmark by itself, as
@@ -321,6 +313,27 @@ void AddTracks(const MapProblem& problem,
 }
 
 }  // namespace
+
+StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<LandmarkGroup>& groups,
+                                              std::vector<EvidenceRow> rows,
+                                              const MapperOptions& options) {
+  std::vector<EvidenceRow> evidence = options.chains.ledger;
+  std::move(rows.begin(), rows.end(), std::back_inserter(evidence));
+  GroupChainOptions learning = options.chains.learning;
+  learning.leave_rate_per_s = options.modes.leave_rate_per_s;
+  learning.threads = options.threads;
+  return LearnGroupChains(groups, evidence, learning);
+}
+
+void SetMarginals(MapContent* content) {
+  int index = 0;
+  for (LandmarkGroup& group : content->groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = content->covariance.Block(index, index);
+      ++index;
+    }
+  }
+}
 
 StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                    const std::vector<Signature>& signatures,

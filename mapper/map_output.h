@@ -28,6 +28,15 @@ struct MapOutput {
   std::vector<std::vector<ModeVisibility>> visibility;  ///< From where each run saw the modes.
 };
 
+/// The chains that the ledger of the options and a build's own rows speak for, one per group.
+/// Errors: kInvalidArgument, as LearnGroupChains.
+StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<LandmarkGroup>& groups,
+                                              std::vector<EvidenceRow> rows,
+                                              const MapperOptions& options);
+
+/// Gives each mode of a map its marginal of the joint covariance.
+void SetMarginals(MapContent* content);
+
 /// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
 /// end of the newest run, or at MapperOptions::now if that is earlier.
 /// @param signatures  Of the problem's groups.

@@ -8,14 +8,20 @@
 
 namespace shiftmap {
 
-Se2 StartPose(const BuildRun& run) {
-  const Stamp begin = run.data->begin();
-  const Stamp first = run.data->frames.front().stamp;
-  if (first <= begin) return run.poses.front();
+Se2 PoseAtBegin(std::span<const OdometrySample> odometry,
+                const OdometryCalibration& calibration,
+                Stamp scan,
+                const Se2& T_map_vehicle) {
+  const Stamp begin = odometry.front().stamp;
+  if (scan <= begin) return T_map_vehicle;
   std::size_t hint = 0;
-  const MotionIncrement motion =
-      IntegrateMotion(run.data->odometry, begin, first, run.odometry, &hint);
-  return run.poses.front() * motion.T_begin_end.Inverse();
+  const MotionIncrement motion = IntegrateMotion(odometry, begin, scan, calibration, &hint);
+  return T_map_vehicle * motion.T_begin_end.Inverse();
+}
+
+Se2 StartPose(const BuildRun& run) {
+  return PoseAtBegin(
+      run.data->odometry, run.odometry, run.data->frames.front().stamp, run.poses.front());
 }
 
 MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {

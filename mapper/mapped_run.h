@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/visibility.h"
+#include "mapstore/run/run.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -39,6 +41,12 @@ struct MappedRun {
 
   std::vector<ModeVisibility> visibility;  ///< From where it saw the map's modes.
 };
+
+/// T_map_vehicle at the first sample of odometry: back along it from the pose at a scan.
+Se2 PoseAtBegin(std::span<const OdometrySample> odometry,
+                const OdometryCalibration& calibration,
+                Stamp scan,
+                const Se2& T_map_vehicle);
 
 /// T_map_vehicle of a run at its first odometry sample: from its first key frame, back along the
 /// odometry.

@@ -273,7 +273,7 @@ void WarnOfImplausible(const std::string& run, const Localizer& localizer, const
       localizer.first_implausible()));
 }
 
-// The sector is what counts then, which is not what was asked for.
+// Without a lidar scan the sector model is used, although the polygon was configured.
 void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
   const LocalizerStatistics statistics = localizer.Statistics();
   if (FieldOfViewNamed(options.field_of_view) != FieldOfViewModel::kScanPolygon ||

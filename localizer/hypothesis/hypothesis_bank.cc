@@ -71,7 +71,9 @@ const BankEvents& HypothesisBank::Correct(const Scan& scan, const LidarView* lid
   events_.Clear();
   stamp_ = scan.stamp;
   view_.Look(lidar);
-  tree_.CloseStaleVisits(snapshot_.groups(), stamp_, &events_.evidence);
+  tree_.CloseStaleVisits(stamp_, [&](std::size_t visit) {
+    events_.evidence.push_back(tree_.CloseVisit(visit, snapshot_.groups()));
+  });
   OpenVisitsInView(scan);
   for (std::size_t i = 0; i < scan.observations.size(); ++i) {
     const int group = snapshot_.GroupIndex(scan.observations[i].signature);

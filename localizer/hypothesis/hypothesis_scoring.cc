@@ -30,9 +30,6 @@ constexpr double kRepetitionWeight = 0.25;
 constexpr double kSameViewDistance = 0.1;  // [m]
 constexpr double kSameViewYaw = 0.05;      // [rad]
 
-// Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
-constexpr int kMaxContradictions = 5;
-
 }  // namespace
 
 struct HypothesisBank::SeenObservation {
@@ -77,8 +74,7 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
   Visit* visit = tree_.FindVisit(group);
   if (visit->decided) {
     const bool agrees = *visit->decided == 0 ? !outcome.gated_any : outcome.gated;
-    visit->contradictions = agrees ? 0 : visit->contradictions + 1;
-    if (visit->contradictions >= kMaxContradictions) {
+    if (visit->IsOverturnedBy(agrees)) {
       const auto at = static_cast<std::size_t>(visit - tree_.visits().data());
       events_.evidence.push_back(tree_.CloseVisit(at, snapshot_.groups()));
       tree_.OpenVisit(group, snapshot_.groups(), stamp_);
@@ -330,20 +326,13 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
 
 void HypothesisBank::Miss(int group) {
   const std::size_t index = tree_.BeliefIndex(group);
-  const double detection = snapshot_.calibration().sensor.detection_probability;
   for (Leaf* leaf : tree_.leaves().all()) {
     PlaceBelief& belief = leaf->beliefs[index];
-    const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
-    for (int state = 1; state < belief.states(); ++state) {
-      if (belief.LogProbability(state) == kLogZero) continue;
-      const double in_view =
-          InViewProbability(leaf->filter.PredictPoint({group, state}, snapshot_));
-      if (in_view == 0.0) continue;
-      double* const log_likelihood =
-          unresolved ? &belief.log_p[static_cast<std::size_t>(state)] : &leaf->log_weight;
-      AddMiss(state, std::log1p(-detection * in_view), Occluded(), &belief, log_likelihood);
-    }
-    if (!unresolved) continue;
+    const auto in_view = [&](int state) {
+      return InViewProbability(leaf->filter.PredictPoint({group, state}, snapshot_));
+    };
+    MissModes(snapshot_.calibration().sensor, in_view, &belief, &leaf->log_weight);
+    if (belief.resolved != GroupBelief::kUnresolved) continue;
     MissPlace(*leaf, &belief);
     leaf->log_weight += Normalize(&belief);
   }

@@ -71,11 +71,19 @@ class HypothesisTree {
   /// Ends the visit at `visit_index`. Leaves that disagree go on holding their beliefs.
   VisitEvidence CloseVisit(std::size_t visit_index, const Groups& groups);
 
-  /// The visit's group was out of view and unseen for too long.
-  bool IsStale(const Visit& visit, Stamp now) const {
-    return now - visit.end > FromSeconds(limits_.visit_gap_s);
+  /// Calls `close` with the index of each visit whose group was out of view and unseen for too
+  /// long; it has to end the visit.
+  template <class Close>
+  void CloseStaleVisits(Stamp now, const Close& close) {
+    const Duration gap = FromSeconds(limits_.visit_gap_s);
+    for (std::size_t i = 0; i < visits_.size();) {
+      if (now - visits_[i].end > gap) {
+        close(i);
+      } else {
+        ++i;
+      }
+    }
   }
-  void CloseStaleVisits(const Groups& groups, Stamp now, std::vector<VisitEvidence>* evidence);
 
   /// Forgets beliefs outside of visits about which all leaves agree by now.
   void ReleaseAgreedBeliefs();
@@ -263,19 +271,6 @@ VisitEvidence HypothesisTree<LeafType>::CloseVisit(std::size_t visit_index, cons
     held_since_[static_cast<std::size_t>(visit.group)] = visit.end;
   }
   return EvidenceOf(visit, log_posterior, groups[static_cast<std::size_t>(visit.group)]);
-}
-
-template <class LeafType>
-void HypothesisTree<LeafType>::CloseStaleVisits(const Groups& groups,
-                                                Stamp now,
-                                                std::vector<VisitEvidence>* evidence) {
-  for (std::size_t i = 0; i < visits_.size();) {
-    if (IsStale(visits_[i], now)) {
-      evidence->push_back(CloseVisit(i, groups));
-    } else {
-      ++i;
-    }
-  }
 }
 
 template <class LeafType>

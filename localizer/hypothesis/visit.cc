@@ -10,7 +10,15 @@ namespace {
 
 constexpr double kMinLogLikelihood = -50.0;
 
+// Observations in a row that overturn a decision.
+constexpr int kMaxContradictions = 5;
+
 }  // namespace
+
+bool Visit::IsOverturnedBy(bool agrees) {
+  contradictions = agrees ? 0 : contradictions + 1;
+  return contradictions >= kMaxContradictions;
+}
 
 bool Visit::Settled() const {
   if (!decided) return false;

@@ -10,7 +10,7 @@
 namespace shiftmap {
 namespace {
 
-// The bearing of what is nearer is undefined. [m]
+// The bearing of a nearer point is undefined. [m]
 constexpr double kMinRange = 1e-3;
 
 Eigen::Vector2d RangeBearing(const Eigen::Vector2d& q) {

@@ -27,8 +27,8 @@ FieldOfViewModel FieldOfViewNamed(const std::string& name);
 struct FieldOfViewOptions {
   FieldOfViewModel model = FieldOfViewModel::kSector;
 
-  /// A scan counts for what is seen up to so much after it, > 0. Larger bridges a slower lidar, and
-  /// what occludes walks farther meanwhile. [s]
+  /// Largest age of a lidar scan at an observation, > 0. A larger age serves a slower lidar, but
+  /// moving obstacles go farther in that time. [s]
   double max_lidar_age_s = 0.5;
 
   ScanPolygonOptions polygon = {};

@@ -18,6 +18,18 @@ constexpr double kMaxUngatedNis = 400.0;
 
 }  // namespace
 
+// νᵀ S⁻¹ ν; infinite for a mode that is not around the vehicle. Costs less than a score.
+double TreeSlam::NisOf(const SlamLeaf& leaf, const Seen& seen, int state) const {
+  const SlamState& slam = leaf.filter.state();
+  const int landmark = leaf.filter.mode(seen.group, state).landmark;
+  if (landmark == SlamMap::kNoLandmark || !slam.IsActive(landmark)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  Eigen::Matrix2d S;
+  const Innovation innovation = slam.Linearized({landmark, seen.observation}, &S);
+  return SquaredMahalanobis(innovation.nu, S);
+}
+
 TreeSlam::Score TreeSlam::ScoreMode(const SlamLeaf& leaf, const Seen& seen, int state) const {
   const SlamState& slam = leaf.filter.state();
   const int landmark = leaf.filter.mode(seen.group, state).landmark;
@@ -47,7 +59,7 @@ bool TreeSlam::CanFindMode(const GroupBelief& belief) const {
 bool TreeSlam::GatesNowhere(const SlamLeaf& leaf, const Seen& seen) const {
   const int modes = static_cast<int>(groups_[static_cast<std::size_t>(seen.group)].modes.size());
   for (int state = 1; state <= modes; ++state) {
-    if (ScoreMode(leaf, seen, state).nis <= gate_) return false;
+    if (NisOf(leaf, seen, state) <= gate_) return false;
   }
   return true;
 }
@@ -164,20 +176,11 @@ void TreeSlam::Miss(int group) {
   const std::size_t index = tree_.BeliefIndex(group);
   for (SlamLeaf* leaf : tree_.leaves().all()) {
     GroupBelief& belief = leaf->beliefs[index];
-    const bool unresolved = belief.resolved == GroupBelief::kUnresolved;
-    for (int state = 1; state < belief.states(); ++state) {
-      if (belief.LogProbability(state) == kLogZero) continue;
-      const double in_view = InView(leaf->filter, leaf->filter.mode(group, state).landmark);
-      if (in_view == 0.0) continue;
-      double* const log_likelihood =
-          unresolved ? &belief.log_p[static_cast<std::size_t>(state)] : &leaf->log_weight;
-      AddMiss(state,
-              std::log1p(-sensor_.detection_probability * in_view),
-              sensor_.occluded_visit_probability,
-              &belief,
-              log_likelihood);
-    }
-    if (unresolved) leaf->log_weight += Normalize(&belief);
+    const auto in_view = [&](int state) {
+      return InView(leaf->filter, leaf->filter.mode(group, state).landmark);
+    };
+    MissModes(sensor_, in_view, &belief, &leaf->log_weight);
+    if (belief.resolved == GroupBelief::kUnresolved) leaf->log_weight += Normalize(&belief);
   }
 }
 

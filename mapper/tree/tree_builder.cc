@@ -3,16 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "localizer/models/motion_model.h"
-#include "localizer/models/observation_model.h"
 #include "mapper/calibration/detection.h"
 #include "mapper/covariance/datum.h"
 #include "mapper/covariance/map_prior.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/frontend/pair_calibration.h"
+#include "mapper/map_output.h"
 #include "mapper/tree/run_start.h"
 #include "mapper/tree/tree_slam.h"
 
@@ -87,18 +86,6 @@ SensorCalibration SeenFrom(const std::vector<TreeRun>& runs, SensorCalibration s
   return sensor;
 }
 
-// The pose at the first odometry sample.
-Se2 StartOf(const TreeRun& run, const Se2& T_map_first_scan) {
-  const Run& log = run.input->run;
-  const Stamp begin = log.odometry.front().stamp;
-  const Stamp first = log.scans.front().stamp;
-  if (first <= begin) return T_map_first_scan;
-  std::size_t hint = 0;
-  return T_map_first_scan *
-         IntegrateMotion(log.odometry, begin, first, run.calibration.odometry, &hint)
-             .T_begin_end.Inverse();
-}
-
 // Refers the covariance to the landmarks as a whole, and adds the scale that no run tells.
 void ReferCovariance(double sd_scale, MapContent* content) {
   std::vector<Eigen::Vector2d> positions;
@@ -108,13 +95,7 @@ void ReferCovariance(double sd_scale, MapContent* content) {
   const Eigen::MatrixXd cov = AddScaleUncertainty(
       positions, sd_scale, ReferToPositions(positions, content->covariance.Dense()));
   content->covariance = JointCovariance::FromDense(cov);
-  int index = 0;
-  for (LandmarkGroup& group : content->groups) {
-    for (Mode& mode : group.modes) {
-      mode.cov_p_map_landmark = content->covariance.Block(index, index);
-      ++index;
-    }
-  }
+  SetMarginals(content);
 }
 
 // Filters runs one after the other.
@@ -178,7 +159,10 @@ class Pass {
     End(&mapped);
     mapped.poses = static_cast<int>(mapped.trajectory.size());
     mapped.odometry = slam_.Odometry();
-    mapped.T_map_start = StartOf(run, mapped.trajectory.front().T_map_vehicle);
+    mapped.T_map_start = PoseAtBegin(log.odometry,
+                                     run.calibration.odometry,
+                                     log.scans.front().stamp,
+                                     mapped.trajectory.front().T_map_vehicle);
     const auto& groups = slam_.groups();
     known_ = std::any_of(groups.begin(), groups.end(), [](const LandmarkGroup& group) {
       return !group.modes.empty();
@@ -312,29 +296,22 @@ class Pass {
   std::vector<RejectedRun> rejected_;
 };
 
-StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<MappedRun>& runs,
-                                              const MapperOptions& options,
-                                              std::vector<LandmarkGroup>* groups) {
-  std::vector<EvidenceRow> rows = options.chains.ledger;
+// Gives the groups the chains that the ledger and the runs' visits speak for.
+StatusOr<std::vector<GroupChain>> LearnChainsOf(const std::vector<MappedRun>& runs,
+                                                const MapperOptions& options,
+                                                std::vector<LandmarkGroup>* groups) {
+  std::vector<EvidenceRow> rows;
   for (const MappedRun& run : runs) {
-    for (const VisitEvidence& visit : run.evidence)
+    for (const VisitEvidence& visit : run.evidence) {
       rows.push_back({run.sha256, visit, run.vehicle});
+    }
   }
-  GroupChainOptions learning = options.chains.learning;
-  learning.leave_rate_per_s = options.modes.leave_rate_per_s;
-  learning.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
-                            LearnGroupChains(*groups, rows, learning));
+                            LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
     if (chains[i].learned) (*groups)[i].chain = chains[i].chain.chain();
   }
   return chains;
-}
-
-int CountModes(const std::vector<LandmarkGroup>& groups) {
-  int modes = 0;
-  for (const LandmarkGroup& group : groups) modes += static_cast<int>(group.modes.size());
-  return modes;
 }
 
 }  // namespace
@@ -386,11 +363,10 @@ StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
   ReferCovariance(sd_scale, &result.content);
   if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
     SHIFTMAP_ASSIGN_OR_RETURN(result.chains,
-                              LearnChains(result.runs, options, &result.content.groups));
+                              LearnChainsOf(result.runs, options, &result.content.groups));
   }
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result.content));
-  result.modes_created =
-      CountModes(result.content.groups) - (known ? CountModes(known->groups) : 0);
+  result.modes_created = result.content.covariance.size() - (known ? known->covariance.size() : 0);
   result.modes_merged = pass.slam().modes_merged();
   result.outer_iterations = 1;
   return result;

@@ -15,9 +15,6 @@
 namespace shiftmap {
 namespace {
 
-// Observations in a row that overturn a decision: the landmark did move in view, or it was wrong.
-constexpr int kMaxContradictions = 5;
-
 // No landmark without signature is known better, which keeps its covariance positive. [m]
 constexpr double kLeastSd = 1e-3;
 
@@ -143,13 +140,14 @@ void TreeSlam::PredictEuler(double v_mps,
 const TreeEvents& TreeSlam::Correct(const Scan& scan, const LidarView* lidar) {
   events_.evidence.clear();
   events_.decisions.clear();
-  events_.updates = events_.ungated = 0;
+  events_.ungated = 0;
   events_.nis_sum = 0.0;
   stamp_ = scan.stamp;
   now_ = backward_ ? begin_ + (begin_ - stamp_) : stamp_;
   ++scan_;
   view_.Look(lidar);
-  CloseStaleVisits();
+  tree_.CloseStaleVisits(now_,
+                         [&](std::size_t visit) { events_.evidence.push_back(CloseVisit(visit)); });
   Scan corrected = scan;
   double reach_m = sensor_.max_range_m;
   for (Observation& observation : corrected.observations) {
@@ -250,16 +248,6 @@ void TreeSlam::OpenVisitsInView() {
   }
 }
 
-void TreeSlam::CloseStaleVisits() {
-  for (std::size_t i = 0; i < tree_.visits().size();) {
-    if (tree_.IsStale(tree_.visits()[i], now_)) {
-      events_.evidence.push_back(CloseVisit(i));
-    } else {
-      ++i;
-    }
-  }
-}
-
 VisitEvidence TreeSlam::CloseVisit(std::size_t visit_index) {
   ReviseNewModes(tree_.visits()[visit_index].group);
   ShareModes(tree_.visits()[visit_index].group);
@@ -308,10 +296,8 @@ void TreeSlam::CountOutcome(const Seen& seen) {
   }
   const GroupBelief& belief = best().beliefs[seen.belief];
   if (belief.resolved <= 0) return;
-  const double nis = ScoreMode(best(), seen, belief.resolved).nis;
-  if (nis > gate_) return;
-  ++events_.updates;
-  events_.nis_sum += nis;
+  const double nis = NisOf(best(), seen, belief.resolved);
+  if (nis <= gate_) events_.nis_sum += nis;
 }
 
 void TreeSlam::CountDetections(int seen) {
@@ -331,9 +317,8 @@ void TreeSlam::CountContradictions(const Seen& seen) {
   Visit* const visit = tree_.FindVisit(seen.group);
   if (!visit->decided) return;
   const bool agrees = *visit->decided == 0 ? GatesNowhere(best(), seen)
-                                           : ScoreMode(best(), seen, *visit->decided).nis <= gate_;
-  visit->contradictions = agrees ? 0 : visit->contradictions + 1;
-  if (visit->contradictions < kMaxContradictions) return;
+                                           : NisOf(best(), seen, *visit->decided) <= gate_;
+  if (!visit->IsOverturnedBy(agrees)) return;
   events_.evidence.push_back(CloseVisit(static_cast<std::size_t>(visit - tree_.visits().data())));
   tree_.OpenVisit(seen.group, groups_, now_);
 }

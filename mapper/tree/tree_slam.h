@@ -21,8 +21,7 @@ struct TreeEvents {
   std::vector<TreeDecision> decisions;
 
   // Observations with a signature, in the likeliest leaf.
-  int updates = 0;       ///< Those that corrected it; 2 degrees of freedom each.
-  double nis_sum = 0.0;  ///< Of their νᵀ S⁻¹ ν.
+  double nis_sum = 0.0;  ///< νᵀ S⁻¹ ν of those that corrected it.
   int ungated = 0;       ///< Those that gate with no mode of their landmark.
 };
 
@@ -135,7 +134,6 @@ class TreeSlam {
   double InView(const SlamMap& map, int landmark) const;
   bool AnyInView(int group, double threshold) const;
 
-  void CloseStaleVisits();
   VisitEvidence CloseVisit(std::size_t visit_index);
   void OpenVisitsInView();
   void Take(const Observation& observation);
@@ -144,6 +142,7 @@ class TreeSlam {
   void CountContradictions(const Seen& seen);
   bool CanFindMode(const GroupBelief& belief) const;
   bool GatesNowhere(const SlamLeaf& leaf, const Seen& seen) const;
+  double NisOf(const SlamLeaf& leaf, const Seen& seen, int state) const;
   Score ScoreMode(const SlamLeaf& leaf, const Seen& seen, int state) const;
   void Branch(const Seen& seen, SlamLeaf* leaf);
   void BranchUnresolved(const Seen& seen, SlamLeaf* leaf);

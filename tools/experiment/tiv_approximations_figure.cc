@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/tiv_approximations_figure.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "mapper/tree/tree_slam.h"
+#include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/svg.h"
 
 namespace shiftmap {
@@ -143,20 +143,6 @@ constexpr const char* kColourB = "#9440A0";
 constexpr const char* kColourPrior = "#0072B2";
 constexpr const char* kColourSecond = "#D55E00";  // Of L01 in the prior map.
 
-// 95 % of a Gaussian.
-struct EllipseShape {
-  Eigen::Vector2d half_axes_m;
-  double rotation_rad = 0.0;
-};
-
-EllipseShape ShapeOf(const Eigen::Matrix2d& cov) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(cov);
-  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
-  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const double scale = std::sqrt(ChiSquareQuantile(0.95, 2));
-  return {scale * Eigen::Vector2d(sd(1), sd(0)), std::atan2(axis.y(), axis.x())};
-}
-
 class Panel {
  public:
   Panel(const TivFigureScene& scene, int column, int row, Svg* svg)
@@ -233,8 +219,8 @@ class Panel {
   }
 
   void Ellipse(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov, const SvgStyle& style) {
-    const EllipseShape shape = ShapeOf(cov);
-    svg_.Ellipse(Pixel(p), kPixelsPerMetre * shape.half_axes_m, -shape.rotation_rad, style);
+    const ConfidenceEllipse shape = MakeEllipse(cov);
+    svg_.Ellipse(Pixel(p), kPixelsPerMetre * shape.half_axes, -shape.rotation_rad, style);
   }
 
   const TivFigureScene& scene_;

@@ -62,12 +62,10 @@ StatusOr<TivMineRun> RunTivMine(const TivWorld& world, std::uint64_t seed) {
   TivMineRun run;
   std::map<Signature, int> sightings;
   for (const TivDrive::Step& step : drive.steps) {
-    Predict(world, drive, step, &multi);
+    Filter(world, drive, step, &multi);
     Predict(world, drive, step, &fixed.state());
-    Predict(world, drive, step, &reckoning);
-    const LidarView view{true, step.view, Se2()};
-    multi.Correct(step.scan, &view);
     fixed.Correct(step.scan);
+    Predict(world, drive, step, &reckoning);
     bool seen = false;
     for (const Observation& observation : step.scan.observations) {
       if (observation.signature.anonymous()) continue;

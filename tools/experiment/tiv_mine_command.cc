@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -82,73 +83,68 @@ std::size_t ChangeStep(const std::vector<TivMineRun>& runs) {
   return steps;
 }
 
-Status MeasureMine(const TivArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      ExperimentOutput output,
-      ExperimentOutput::Create("tiv-mine", arguments.output, context.dry_run()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld world, TivWorld::Make(arguments.World()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivMineRun> runs, RunAll(world, arguments));
-  const std::size_t change = ChangeStep(runs);
-  Chart rmse{.title = "Mine, modified after it was mapped",
-             .x_label = "time [s]",
-             .y_label = "RMSE of the position [m]",
-             .log_y = true};
-  Chart nees{.title = "Consistency: 3 is right",
-             .x_label = "time [s]",
-             .y_label = "mean NEES",
-             .log_y = true};
-  int kept = 0;
-  int corners = 0;
-  double leaves = 0.0;
+// What only TreeSlam has.
+struct TreeSummary {
+  double leaves = 0.0;  // Mean over drives and steps.
   int leaves_max = 0;
+  int corners = 0;  // That moved and were seen, over all drives.
+  int kept = 0;     // Of these: the likeliest state is where the prior map has them.
+};
+
+TreeSummary SummarizeTree(const std::vector<TivMineRun>& runs) {
+  TreeSummary summary;
   for (const TivMineRun& run : runs) {
     for (const int count : run.leaves) {
-      leaves += static_cast<double>(count) / static_cast<double>(run.leaves.size() * runs.size());
-      leaves_max = std::max(leaves_max, count);
+      summary.leaves +=
+          static_cast<double>(count) / static_cast<double>(run.leaves.size() * runs.size());
+      summary.leaves_max = std::max(summary.leaves_max, count);
     }
     for (const TivCorner& corner : run.corners) {
-      ++corners;
-      kept += corner.p_prior > 0.5;
+      ++summary.corners;
+      summary.kept += corner.p_prior > 0.5;
     }
   }
-  ResultTable summary({"method",
-                       "rmse_before_m",
-                       "rmse_after_m",
-                       "final_rmse_m",
-                       "mean_nees",
-                       "steps_in_band",
-                       "leaves",
-                       "leaves_max",
-                       "corners_seen",
-                       "prior_kept"});
-  std::vector<std::vector<TivMineStep>> by_method;
-  for (const Method& method : kMethods) {
-    by_method.push_back(MeanOverRuns(runs, method.errors));
-    const Summary of = Summarize(by_method.back(), change, arguments.runs);
-    const bool multi = method.errors == &TivMineRun::multi;
+  return summary;
+}
+
+using StepsByMethod = std::vector<std::vector<TivMineStep>>;  // In the order of kMethods.
+
+ResultTable SummaryTable(const std::vector<TivMineRun>& runs, const StepsByMethod& steps) {
+  ResultTable table({"method",
+                     "rmse_before_m",
+                     "rmse_after_m",
+                     "final_rmse_m",
+                     "mean_nees",
+                     "steps_in_band",
+                     "leaves",
+                     "leaves_max",
+                     "corners_seen",
+                     "prior_kept"});
+  const TreeSummary tree = SummarizeTree(runs);
+  const std::size_t change = ChangeStep(runs);
+  for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+    const Summary of = Summarize(steps[m], change, static_cast<int>(runs.size()));
     const auto only = [&](double value) {
-      return multi ? value : std::numeric_limits<double>::quiet_NaN();
+      return m == 0 ? value : std::numeric_limits<double>::quiet_NaN();
     };
-    summary.AddRow({std::string(method.name),
-                    of.rmse_before_m,
-                    of.rmse_after_m,
-                    of.final_rmse_m,
-                    of.mean_nees,
-                    of.in_band,
-                    only(leaves),
-                    only(leaves_max),
-                    only(corners),
-                    only(kept)});
-    ChartSeries& of_rmse = SeriesNamed(method.name, &rmse);
-    ChartSeries& of_nees = SeriesNamed(method.name, &nees);
-    of_rmse.marker_radius = of_nees.marker_radius = 0.0;
-    for (std::size_t i = 0; i < by_method.back().size(); ++i) {
-      const double t = static_cast<double>(i) / world.options().scan_rate_hz;
-      of_rmse.points.emplace_back(t, by_method.back()[i].rmse_m);
-      of_nees.points.emplace_back(t, by_method.back()[i].nees);
-    }
+    table.AddRow({std::string(kMethods[m].name),
+                  of.rmse_before_m,
+                  of.rmse_after_m,
+                  of.final_rmse_m,
+                  of.mean_nees,
+                  of.in_band,
+                  only(tree.leaves),
+                  only(tree.leaves_max),
+                  only(tree.corners),
+                  only(tree.kept)});
   }
-  ResultTable steps({"time_s",
+  return table;
+}
+
+ResultTable StepsTable(const std::vector<TivMineRun>& runs,
+                       const StepsByMethod& steps,
+                       double scan_rate_hz) {
+  ResultTable table({"time_s",
                      "corner_seen",
                      "rmse_multi_m",
                      "rmse_static_m",
@@ -156,23 +152,59 @@ Status MeasureMine(const TivArguments& arguments, Context& context) {
                      "nees_multi",
                      "nees_static",
                      "nees_reckoning"});
-  for (std::size_t i = 0; i < by_method.front().size(); ++i) {
+  for (std::size_t i = 0; i < steps.front().size(); ++i) {
     double seen = 0.0;
     for (const TivMineRun& run : runs) {
       seen += (run.corner_seen[i] ? 1.0 : 0.0) / static_cast<double>(runs.size());
     }
-    steps.AddRow({static_cast<double>(i) / world.options().scan_rate_hz,
+    table.AddRow({static_cast<double>(i) / scan_rate_hz,
                   seen,
-                  by_method[0][i].rmse_m,
-                  by_method[1][i].rmse_m,
-                  by_method[2][i].rmse_m,
-                  by_method[0][i].nees,
-                  by_method[1][i].nees,
-                  by_method[2][i].nees});
+                  steps[0][i].rmse_m,
+                  steps[1][i].rmse_m,
+                  steps[2][i].rmse_m,
+                  steps[0][i].nees,
+                  steps[1][i].nees,
+                  steps[2][i].nees});
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(steps));
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", rmse));
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("nees", nees));
+  return table;
+}
+
+// One line per method over time.
+Chart ChartOf(const StepsByMethod& steps,
+              double TivMineStep::*value,
+              double scan_rate_hz,
+              const std::string& title,
+              const std::string& y_label) {
+  Chart chart{.title = title, .x_label = "time [s]", .y_label = y_label, .log_y = true};
+  for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+    ChartSeries& series = SeriesNamed(kMethods[m].name, &chart);
+    series.marker_radius = 0.0;
+    for (std::size_t i = 0; i < steps[m].size(); ++i) {
+      series.points.emplace_back(static_cast<double>(i) / scan_rate_hz, steps[m][i].*value);
+    }
+  }
+  return chart;
+}
+
+Status MeasureMine(const TivArguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("tiv-mine", arguments.output, context.dry_run()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const TivWorld world, TivWorld::Make(arguments.World()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<TivMineRun> runs, RunAll(world, arguments));
+  StepsByMethod steps;
+  for (const Method& method : kMethods) steps.push_back(MeanOverRuns(runs, method.errors));
+  const double rate_hz = world.options().scan_rate_hz;
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(StepsTable(runs, steps, rate_hz)));
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse",
+                                              ChartOf(steps,
+                                                      &TivMineStep::rmse_m,
+                                                      rate_hz,
+                                                      "Mine, modified after it was mapped",
+                                                      "RMSE of the position [m]")));
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure(
+      "nees", ChartOf(steps, &TivMineStep::nees, rate_hz, "Consistency: 3 is right", "mean NEES")));
+  const ResultTable summary = SummaryTable(runs, steps);
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
                             output.WriteDocument(arguments.OptionsJson(), summary));
   context.Report(document, summary.ToText());

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/tiv_picture.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cmath>
+#include <numbers>
 
-#include "mapstore/geometry/covariance.h"
+#include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/svg.h"
 
 namespace shiftmap {
@@ -56,13 +55,11 @@ void DrawPath(const std::vector<Se2>& poses, const Frame& frame, const SvgStyle&
 }
 
 void DrawLandmark(const Mode& mode, const Frame& frame, const SvgStyle& style, Svg* svg) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(mode.cov_p_map_landmark);
-  const Eigen::Vector2d half_axes =
-      kScale * (ChiSquareQuantile(0.95, 2) * eigen.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
-  const Eigen::Vector2d axis = eigen.eigenvectors().col(0);
+  const ConfidenceEllipse ellipse = MakeEllipse(mode.cov_p_map_landmark);
+  const Eigen::Vector2d half_axes = (kScale * ellipse.half_axes).cwiseMax(1.5);
   const Eigen::Vector2d at = frame(mode.p_map_landmark);
   // x of the map is down, y to the right.
-  svg->Ellipse(at, half_axes.cwiseMax(1.5), std::atan2(axis.x(), axis.y()), style);
+  svg->Ellipse(at, half_axes, 0.5 * std::numbers::pi - ellipse.rotation_rad, style);
   svg->Circle(at, 1.5, {.fill = style.stroke});
 }
 

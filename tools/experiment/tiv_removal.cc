@@ -92,15 +92,7 @@ double Distance(const Se2& pose, const Se2& truth) {
 StatusOr<TivWorld> MapBothVersions(const TivWorld& world, std::uint64_t seed) {
   SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive, world.Simulate(PlanVersion::kModified, seed, 1));
   TreeSlam slam = world.mapped();
-  slam.BeginRun(world.Start(drive.steps.front().truth, seed),
-                world.calibration(),
-                drive.steps.front().scan.stamp);
-  for (const TivDrive::Step& step : drive.steps) {
-    Predict(world, drive, step, &slam);
-    const LidarView view{true, step.view, Se2()};
-    slam.Correct(step.scan, &view);
-  }
-  slam.EndRun();
+  Filter(world, drive, world.Start(drive.steps.front().truth, seed), &slam);
   return world.WithMap(std::move(slam));
 }
 
@@ -132,14 +124,12 @@ StatusOr<TivRemovalRun> RunTivRemoval(const TivWorld& both, double share, std::u
     TivDrive::Step step = drive.steps[i];
     if (i == begin) step.odometry.clear();
     RemovePoints(kept, removed, share, step.truth, &random, &step.scan);
-    Predict(both, drive, step, &multi);
-    Predict(both, drive, step, &decay.state());
-    Predict(both, drive, step, &rejection.state());
+    Filter(both, drive, step, &multi);
+    for (StaticSlam* fixed : {&decay, &rejection}) {
+      Predict(both, drive, step, &fixed->state());
+      fixed->Correct(step.scan);
+    }
     Predict(both, drive, step, &reckoning);
-    const LidarView view{true, step.view, Se2()};
-    multi.Correct(step.scan, &view);
-    decay.Correct(step.scan);
-    rejection.Correct(step.scan);
   }
   const Se2& truth = drive.steps[end - 1].truth;
   TivRemovalRun run;

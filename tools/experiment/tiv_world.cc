@@ -7,9 +7,6 @@
 #include <random>
 #include <utility>
 
-#include "localizer/models/scan_polygon.h"
-#include "tools/experiment/dice.h"
-
 namespace shiftmap {
 namespace {
 
@@ -25,6 +22,14 @@ constexpr std::size_t kViewBeams = 360;
 constexpr double kDay = 86400.0;
 const double kLeaveRate = -0.5 * std::log(0.8) / kDay;
 
+// The beam of such a lidar towards a point in the vehicle frame.
+std::size_t BeamTowards(const LidarScan& view, const Eigen::Vector2d& q) {
+  constexpr double kStep = 2.0 * std::numbers::pi / kViewBeams;
+  const double from_first = std::atan2(q.y(), q.x()) + 0.5 * view.sensor.field_of_view_rad;
+  return static_cast<std::size_t>(
+      std::clamp(std::lround(from_first / kStep), 0L, static_cast<long>(kViewBeams) - 1));
+}
+
 // One lidar at the vehicle's origin that covers what several do.
 LidarScan Combined(const std::vector<SimulatedLidar>& lidars,
                    const std::vector<LidarRanges>& ranges,
@@ -34,7 +39,6 @@ LidarScan Combined(const std::vector<SimulatedLidar>& lidars,
   view.sensor.field_of_view_rad =
       2.0 * std::numbers::pi * static_cast<double>(kViewBeams - 1) / kViewBeams;
   view.ranges_m.assign(kViewBeams, 0.0F);
-  const double step = 2.0 * std::numbers::pi / kViewBeams;
   for (const LidarRanges& scan : ranges) {
     const LidarSensor& sensor = lidars[scan.lidar].sensor;
     for (std::size_t beam = 0; beam < scan.ranges_m.size(); ++beam) {
@@ -43,10 +47,8 @@ LidarScan Combined(const std::vector<SimulatedLidar>& lidars,
       const double bearing = sensor.Bearing(beam, scan.ranges_m.size());
       const Eigen::Vector2d q = sensor.T_vehicle_lidar * Eigen::Vector2d(range * std::cos(bearing),
                                                                          range * std::sin(bearing));
-      const double from_first = std::atan2(q.y(), q.x()) + 0.5 * view.sensor.field_of_view_rad;
-      const auto bin = static_cast<std::size_t>(
-          std::clamp(std::lround(from_first / step), 0L, static_cast<long>(kViewBeams) - 1));
-      view.ranges_m[bin] = std::max(view.ranges_m[bin], static_cast<float>(q.norm()));
+      float& covered_m = view.ranges_m[BeamTowards(view, q)];
+      covered_m = std::max(covered_m, static_cast<float>(q.norm()));
     }
   }
   // A direction that no beam hit is covered as far as the one before it.
@@ -58,11 +60,7 @@ LidarScan Combined(const std::vector<SimulatedLidar>& lidars,
 
 bool Covers(const LidarScan& view, const Eigen::Vector2d& q) {
   constexpr double kGrown = 0.5;
-  const double step = 2.0 * std::numbers::pi / kViewBeams;
-  const double from_first = std::atan2(q.y(), q.x()) + 0.5 * view.sensor.field_of_view_rad;
-  const auto beam = static_cast<std::size_t>(
-      std::clamp(std::lround(from_first / step), 0L, static_cast<long>(kViewBeams) - 1));
-  return q.norm() < std::min<double>(view.ranges_m[beam] + kGrown, kReach);
+  return q.norm() < std::min<double>(view.ranges_m[BeamTowards(view, q)] + kGrown, kReach);
 }
 
 // The corners of the version in view, with Gaussian noise.
@@ -173,15 +171,7 @@ StatusOr<TivWorld> TivWorld::Make(const TivOptions& options) {
 StatusOr<TreeSlam> TivWorld::MapOriginal(std::uint64_t seed) const {
   SHIFTMAP_ASSIGN_OR_RETURN(const TivDrive drive, Simulate(PlanVersion::kOriginal, seed, 0));
   TreeSlam slam(tree_, calibration_, std::nullopt);
-  slam.BeginRun({drive.steps.front().truth, Eigen::Matrix3d::Zero()},
-                calibration_,
-                drive.steps.front().scan.stamp);
-  for (const TivDrive::Step& step : drive.steps) {
-    Predict(*this, drive, step, &slam);
-    const LidarView view{true, step.view, Se2()};
-    slam.Correct(step.scan, &view);
-  }
-  slam.EndRun();
+  Filter(*this, drive, {drive.steps.front().truth, Eigen::Matrix3d::Zero()}, &slam);
   if (slam.Content().groups.empty()) {
     return InvalidArgument("seed {}: no moved corner is seen, try another", seed);
   }
@@ -271,17 +261,28 @@ MotionIncrement Arcs(const TivWorld& world, const TivDrive& drive, const TivDriv
 
 }  // namespace
 
-void Predict(const TivWorld& world,
-             const TivDrive& drive,
-             const TivDrive::Step& step,
-             TreeSlam* slam) {
-  if (!world.options().euler) {
+void Filter(const TivWorld& world,
+            const TivDrive& drive,
+            const TivDrive::Step& step,
+            TreeSlam* slam) {
+  if (world.options().euler) {
+    for (const OdometrySample& sample : step.odometry) {
+      slam->PredictEuler(sample.v_mps, sample.omega_radps, drive.odometry_period_s, world.Q());
+    }
+  } else {
     slam->Predict(Arcs(world, drive, step));
-    return;
   }
-  for (const OdometrySample& sample : step.odometry) {
-    slam->PredictEuler(sample.v_mps, sample.omega_radps, drive.odometry_period_s, world.Q());
-  }
+  const LidarView view{true, step.view, Se2()};
+  slam->Correct(step.scan, &view);
+}
+
+void Filter(const TivWorld& world,
+            const TivDrive& drive,
+            const PoseWithCovariance& start,
+            TreeSlam* slam) {
+  slam->BeginRun(start, world.calibration(), drive.steps.front().scan.stamp);
+  for (const TivDrive::Step& step : drive.steps) Filter(world, drive, step, slam);
+  slam->EndRun();
 }
 
 void Predict(const TivWorld& world,

@@ -94,11 +94,19 @@ class TivWorld {
   std::optional<TreeSlam> mapped_;
 };
 
-/// Predicts a TreeSlam, and a SlamState, to a step.
-void Predict(const TivWorld& world,
-             const TivDrive& drive,
-             const TivDrive::Step& step,
-             TreeSlam* slam);
+/// Predicts a TreeSlam to a step, and corrects it by its scan.
+void Filter(const TivWorld& world,
+            const TivDrive& drive,
+            const TivDrive::Step& step,
+            TreeSlam* slam);
+
+/// A run of a TreeSlam: all of a drive.
+void Filter(const TivWorld& world,
+            const TivDrive& drive,
+            const PoseWithCovariance& start,
+            TreeSlam* slam);
+
+/// Predicts a SlamState to a step.
 void Predict(const TivWorld& world,
              const TivDrive& drive,
              const TivDrive::Step& step,

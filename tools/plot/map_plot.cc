@@ -3,13 +3,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "mapstore/core/clock.h"
-#include "mapstore/geometry/covariance.h"
+#include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/label_placer.h"
 #include "tools/plot/svg.h"
 
@@ -35,20 +34,6 @@ Eigen::Index MostProbable(const LandmarkGroup& group) {
   Eigen::Index state = 0;
   group.probabilities.maxCoeff(&state);
   return state;
-}
-
-// 95 % ellipse of a Gaussian: half axes in metres, rotation of the longer one from x towards y.
-struct ConfidenceEllipse {
-  Eigen::Vector2d half_axes;
-  double rotation_rad;
-};
-
-ConfidenceEllipse MakeEllipse(const Eigen::Matrix2d& cov) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(cov);
-  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
-  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const double scale = std::sqrt(ChiSquareQuantile(0.95, 2));
-  return {scale * Eigen::Vector2d(sd(1), sd(0)), std::atan2(axis.y(), axis.x())};
 }
 
 // 1, 2 or 5 times a power of ten, at least `value`.
