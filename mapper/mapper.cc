@@ -307,21 +307,21 @@ ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem
 
 // The solved problem as *graph, and that about its solution, for as long as *graph stays where it
 // is. A log of values beyond all bounds costs its run, not the others' night.
-StatusOr<std::unique_ptr<GraphElimination>> Linearize(const MapperOptions& options,
-                                                      MapProblem* problem,
-                                                      Graph* graph) {
+StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options,
+                                                    MapProblem* problem,
+                                                    Graph* graph) {
   *graph = MakeGraph(options, problem);
-  std::unique_ptr<GraphElimination> elimination = LinearizeForMap(*graph);
-  if (!elimination && TakeOutUndeterminedRuns(options, problem) > 0) {
+  std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(*graph);
+  if (!posterior && TakeOutUndeterminedRuns(options, problem) > 0) {
     TakeOutLooseRuns(problem);
     SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
     SolveContinuous(options, problem);
     if (problem->priors.empty()) AnchorFrame(problem);
     *graph = MakeGraph(options, problem);
-    elimination = LinearizeForMap(*graph);
+    posterior = LinearizeForMap(*graph);
   }
-  if (!elimination) return InvalidArgument("the runs do not determine where their landmarks are");
-  return elimination;
+  if (!posterior) return InvalidArgument("the runs do not determine where their landmarks are");
+  return posterior;
 }
 
 // What was to be expected before the runs were placed may be less than the modes that they brought:
@@ -390,15 +390,15 @@ Status Conclude(const std::vector<Signature>& signatures,
                 MapProblem* problem,
                 MapperResult* result) {
   Graph graph;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphElimination> elimination,
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphPosterior> posterior,
                             Linearize(options, problem, &graph));
-  const JointCovariance covariance = MapCovariance(graph, *elimination, ScaleOf(options, *problem));
+  const JointCovariance covariance = MapCovariance(graph, *posterior, ScaleOf(options, *problem));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
                             MakeMapContent(*problem, signatures, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
   if (options.calibrate) {
-    result->vehicles = CalibrateVehicles(options, graph, *elimination, *problem);
+    result->vehicles = CalibrateVehicles(options, graph, *posterior, *problem);
   }
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);

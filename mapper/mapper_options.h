@@ -115,6 +115,9 @@ struct MapperOptions {
   /// Alternations of mode selection and solving at most.
   int max_outer_iterations = 20;
 
+  /// What minimizes and tells covariances.
+  SolverKind solver_kind = SolverKind::kSchur;
+
   /// Of each minimization. Odometry is then integrated anew at the calibration found, at most so
   /// often, if that does not stay earlier.
   SolverLimits solver;

@@ -8,7 +8,6 @@
 
 #include "mapper/calibration/detection.h"
 #include "mapper/calibration/fleet_calibration.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/problem/sightings.h"
 
 namespace shiftmap {
@@ -65,7 +64,7 @@ struct Systematic {
 
 Systematic CombineRuns(const OdometryCalibration& fleet,
                        const Graph& graph,
-                       const GraphElimination& elimination,
+                       const GraphPosterior& posterior,
                        const MapProblem& problem,
                        const std::map<std::string, std::vector<std::size_t>>& vehicles) {
   const auto runs = static_cast<Eigen::Index>(kRunCalibration * problem.runs.size());
@@ -92,7 +91,7 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
     }
     column += kRunCalibration;
   }
-  const Eigen::MatrixXd EtC = elimination.CalibrationInformationTimes(E).transpose();
+  const Eigen::MatrixXd EtC = posterior.CalibrationInformationTimes(E).transpose();
   Eigen::MatrixXd information = EtC * E;
   information.diagonal() -= prior;
   result.cov = information.llt().solve(Eigen::MatrixXd::Identity(size, size));
@@ -179,13 +178,13 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
 
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
-                                               const GraphElimination& elimination,
+                                               const GraphPosterior& posterior,
                                                const MapProblem& problem) {
   const auto by_vehicle = RunsByVehicle(problem);
   const Systematic systematic =
-      CombineRuns(options.calibration.odometry, graph, elimination, problem, by_vehicle);
+      CombineRuns(options.calibration.odometry, graph, posterior, problem, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
-      ComputeRunStatistics(graph, elimination, kSamples, options.seed);
+      ComputeRunStatistics(graph, posterior, kSamples, options.seed);
   const ModeGrid grid = GridOf(problem, problem.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {

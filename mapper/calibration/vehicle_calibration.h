@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/graph/graph_posterior.h"
 #include "mapper/mapper_options.h"
 #include "mapper/problem/map_problem.h"
 #include "mapstore/map/estimate.h"
@@ -67,10 +68,10 @@ struct VehicleEstimate {
 ///
 /// By name. Precondition: the options calibrate; every mode is observed or in the prior.
 /// @param graph        That of the problem.
-/// @param elimination  Of the graph, linearized at its present values.
+/// @param posterior  Of the graph, linearized at its present values.
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
-                                               const GraphElimination& elimination,
+                                               const GraphPosterior& posterior,
                                                const MapProblem& problem);
 
 }  // namespace shiftmap

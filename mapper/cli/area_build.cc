@@ -195,6 +195,7 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                             {"selector", options.selector},
                             {"engine", options.engine},
                             {"poses", options.engine == "tree" ? "filtered" : "smoothed"},
+                            {"solver", options.solver},
                             {"prior", options.prior},
                             {"anonymous", options.anonymous},
                             {"placement", options.placement},
@@ -241,6 +242,8 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   MapperOptions mapper_options;
   mapper_options.now = now;
   mapper_options.clock_tolerance_s = options.clock_tolerance_s;
+  mapper_options.solver_kind =
+      options.solver == "ceres" ? SolverKind::kCeres : SolverKind::kSchur;
   mapper_options.seed = options.seed;
   mapper_options.threads = options.threads;
   mapper_options.max_memory_bytes = MaxMemory(options);

@@ -26,6 +26,7 @@ struct AreaBuildOptions {
   std::string area;
   std::string selector = "viterbi";
   std::string engine = "graph";
+  std::string solver = "schur";  ///< Of the graph.
   TreeSlamOptions tree;
   std::string field_of_view = FieldOfViewNames().front();  ///< Of the tree.
   std::string tree_insertion = "back-track";

@@ -73,6 +73,11 @@ void AddBuildCommand(Application* application) {
       .OneOf(SelectorNames())
       .Option("--engine", &options->engine, "How the map is estimated")
       .OneOf({"graph", "tree"})
+      .Option("--solver",
+              &options->solver,
+              "Engine graph: what solves it, Gauss-Newton on eliminated chains of poses, or Ceres; "
+              "the map is the same to a millimetre")
+      .OneOf({"schur", "ceres"})
       .Option("--field-of-view",
               &options->field_of_view,
               "Engine tree: where a landmark that is not seen counts as missed, in the sensor's "
@@ -143,6 +148,9 @@ void AddBuildCommand(Application* application) {
         }
         if (options->engine == "graph" && HasTreeOptions(*options)) {
           return std::string("--tree-…: --engine graph has no tree");
+        }
+        if (options->engine == "tree" && options->solver != AreaBuildOptions().solver) {
+          return fmt::format("--solver {}: --engine tree solves no graph", options->solver);
         }
         if (IsPriorName(options->prior)) return std::string();
         return fmt::format("--prior '{}', expected published, none or a version number",

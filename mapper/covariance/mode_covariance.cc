@@ -2,10 +2,12 @@
 #include "mapper/covariance/mode_covariance.h"
 
 #include <algorithm>
+#include <memory>
 #include <random>
 #include <utility>
 
 #include "mapper/covariance/datum.h"
+#include "mapper/graph/elimination.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -47,10 +49,10 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
 }
 
 DatumChange MakeDatumChange(const Graph& graph,
-                            const GraphElimination& elimination,
+                            const GraphPosterior& posterior,
                             const Eigen::MatrixXd& calibration_root) {
   Eigen::MatrixXd G = DatumDirections(graph.modes);
-  const Eigen::MatrixXd PG = elimination.VisitedCovarianceTimes(calibration_root, G);
+  const Eigen::MatrixXd PG = posterior.VisitedCovarianceTimes(calibration_root, G);
   return {std::move(G), PG};
 }
 
@@ -58,7 +60,7 @@ DatumChange MakeDatumChange(const Graph& graph,
 // sd S, and sd q for the common one.
 // @param G  DatumDirections().
 Eigen::MatrixXd ScaleRoot(const Graph& graph,
-                          const GraphElimination& elimination,
+                          const GraphPosterior& posterior,
                           const Eigen::MatrixXd& G,
                           const ScaleUncertainty& scale) {
   const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
@@ -66,7 +68,7 @@ Eigen::MatrixXd ScaleRoot(const Graph& graph,
   Eigen::MatrixXd root(rows, 1 + vehicles);
   root.col(0) = scale.sd_common * OffsetsFromCentroid(graph.modes);
   if (vehicles > 0) {
-    const Eigen::MatrixXd S = elimination.ModesByRangeScale(scale.runs_of_vehicles);
+    const Eigen::MatrixXd S = posterior.ModesByRangeScale(scale.runs_of_vehicles);
     root.rightCols(vehicles) = scale.sd_vehicle * (S - G * (G.transpose() * S));
   }
   return root;
@@ -75,7 +77,7 @@ Eigen::MatrixXd ScaleRoot(const Graph& graph,
 bool IsTiled(const Graph& graph) { return static_cast<int>(graph.modes.size()) > kMaxJointModes; }
 
 JointCovariance TiledCovariance(const Graph& graph,
-                                const GraphElimination& elimination,
+                                const GraphPosterior& posterior,
                                 const ScaleUncertainty& scale) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   std::vector<int> tile_of(graph.modes.size());
@@ -84,9 +86,9 @@ JointCovariance TiledCovariance(const Graph& graph,
       tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
     }
   }
-  const Eigen::MatrixXd calibration_root = elimination.CalibrationRoot();
-  const DatumChange change = MakeDatumChange(graph, elimination, calibration_root);
-  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, change.G, scale);
+  const Eigen::MatrixXd calibration_root = posterior.CalibrationRoot();
+  const DatumChange change = MakeDatumChange(graph, posterior, calibration_root);
+  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
   const auto add_block = [&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
@@ -104,34 +106,41 @@ JointCovariance TiledCovariance(const Graph& graph,
       cross.push_back({b, a, block.transpose()});
     }
   };
-  elimination.VisitModeCovariance(calibration_root, add_block);
+  posterior.VisitModeCovariance(calibration_root, add_block);
   return JointCovariance(std::move(diagonal), std::move(cross));
 }
 
 }  // namespace
 
 std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolver* solver) {
-  ModeDifferences result(std::make_unique<GraphElimination>(graph, solver->TakeRest()));
-  const bool many = result.elimination_->HoldsCalibrations();
-  if (!many && !result.elimination_->Linearize()) return std::nullopt;
-  result.Draw(graph);
+  if (graph.solver == SolverKind::kCeres) {
+    ModeDifferences result(LinearizeGraph(graph));
+    if (!result.posterior_) return std::nullopt;
+    result.Draw(graph, kDraws);
+    return result;
+  }
+  auto schur = std::make_unique<GraphElimination>(graph, solver->TakeRest());
+  GraphElimination& factor = *schur;
+  const bool many = factor.HoldsCalibrations();
+  if (!many && !factor.Linearize()) return std::nullopt;
+  ModeDifferences result(std::move(schur));
+  result.Draw(graph, factor.HoldsCalibrations() ? kTellingDraws : kDraws);
   if (many && result.draws_.cols() > 0) {
-    solver->KeepRest(result.elimination_->TakeRest());
-    result.elimination_.reset();
+    solver->KeepRest(factor.TakeRest());
+    result.posterior_.reset();
   }
   return result;
 }
 
-void ModeDifferences::Draw(const Graph& graph) {
+void ModeDifferences::Draw(const Graph& graph, int draws) {
   // Few differences cost less than the draws that would spare them.
   if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) return;
   std::mt19937_64 random(1);
-  const bool alone = elimination_->HoldsCalibrations();
-  draws_ = elimination_->DrawModes(alone ? kTellingDraws : kDraws, random);
+  draws_ = posterior_->DrawModes(draws, random);
 }
 
 Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
-  if (elimination_) return elimination_->ModeDifferenceCovariance(a, b);
+  if (posterior_) return posterior_->ModeDifferenceCovariance(a, b);
   return SampledCovariance(a, b, 1.0);
 }
 
@@ -154,18 +163,17 @@ std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int 
   return tiles;
 }
 
-std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph) {
-  auto elimination = std::make_unique<GraphElimination>(
-      graph, IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
-  return elimination->Linearize() ? std::move(elimination) : nullptr;
+std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
+  return LinearizeGraph(graph,
+                        IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
 }
 
 JointCovariance MapCovariance(const Graph& graph,
-                              const GraphElimination& elimination,
+                              const GraphPosterior& posterior,
                               const ScaleUncertainty& scale) {
-  if (IsTiled(graph)) return TiledCovariance(graph, elimination, scale);
-  const Eigen::MatrixXd cov = elimination.ModeCovariance();
-  const Eigen::MatrixXd root = ScaleRoot(graph, elimination, DatumDirections(graph.modes), scale);
+  if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale);
+  const Eigen::MatrixXd cov = posterior.ModeCovariance();
+  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, DatumDirections(graph.modes), scale);
   return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
 }
 

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
 #include "mapstore/map/joint_covariance.h"
 
 namespace shiftmap {
@@ -43,16 +43,16 @@ class ModeDifferences {
  private:
   static constexpr double kSafety = 4.0;
 
-  explicit ModeDifferences(std::unique_ptr<GraphElimination> elimination)
-      : elimination_(std::move(elimination)) {}
+  explicit ModeDifferences(std::unique_ptr<GraphPosterior> posterior)
+      : posterior_(std::move(posterior)) {}
 
-  void Draw(const Graph& graph);
+  void Draw(const Graph& graph, int draws);
 
   // `factor` times what the draws say.
   Eigen::Matrix2d SampledCovariance(int a, int b, double factor) const;
 
-  std::unique_ptr<GraphElimination> elimination_;  // Null where draws alone tell.
-  Eigen::MatrixXd draws_;                          // Of the modes' errors, a column each. [m]
+  std::unique_ptr<GraphPosterior> posterior_;  // Null where draws alone tell.
+  Eigen::MatrixXd draws_;                      // Of the modes' errors, a column each. [m]
 };
 
 /// Modes in tiles of at most `size`, by halves of the longer side; every mode is in one.
@@ -70,7 +70,7 @@ struct ScaleUncertainty {
 /// The normal equations of a graph at its present values, of which MapCovariance() can be told, and
 /// what else is to be known of them; null if it does not determine its modes in the numbers that a
 /// computer has. Precondition: every mode is observed or in the prior.
-std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph);
+std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 
 /// Covariance of a graph's modes as a map has it, in the order of Graph::modes. [m²]
 ///
@@ -80,9 +80,9 @@ std::unique_ptr<GraphElimination> LinearizeForMap(const Graph& graph);
 ///
 /// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
-/// @param elimination  LinearizeForMap() of the graph.
+/// @param posterior  LinearizeForMap() of the graph.
 JointCovariance MapCovariance(const Graph& graph,
-                              const GraphElimination& elimination,
+                              const GraphPosterior& posterior,
                               const ScaleUncertainty& scale);
 
 }  // namespace shiftmap

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "mapper/graph/random_signs.h"
 #include "mapper/parallel.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -139,35 +140,6 @@ struct EliminatedStretch {
   Eigen::VectorXd c;
   double cost = 0.0;
   bool determined = false;
-};
-
-// Random numbers of 1 and -1.
-class RandomSigns {
- public:
-  explicit RandomSigns(std::mt19937_64* random) : random_(*random) {}
-
-  // As many columns.
-  template <typename Matrix>
-  void Fill(Eigen::Index columns, Matrix* matrix) {
-    matrix->resize(matrix->rows(), columns);
-    for (double& value : matrix->reshaped()) value = Next();
-  }
-
- private:
-  double Next() {
-    if (left_ == 0) {
-      bits_ = random_();
-      left_ = 64;
-    }
-    const double sign = (bits_ & 1) != 0 ? 1.0 : -1.0;
-    bits_ >>= 1;
-    --left_;
-    return sign;
-  }
-
-  std::mt19937_64& random_;
-  std::uint64_t bits_ = 0;
-  int left_ = 0;
 };
 
 }  // namespace
@@ -632,26 +604,6 @@ std::vector<ResidualDraw> GraphElimination::DrawResiduals(int count,
         });
   }
   return draws;
-}
-
-GraphResiduals GraphElimination::PresentResiduals() const {
-  GraphResiduals present;
-  for (const GraphRun& run : graph_.runs) {
-    present.motions.emplace_back(3, std::ssize(run.motions));
-  }
-  present.observations.resize(2, std::ssize(graph_.observations));
-  for (const Stretch& stretch : stretches_) {
-    VisitResiduals(
-        stretch,
-        [&](int frame, const MotionResidual::Linear& linear) {
-          present.motions[static_cast<std::size_t>(stretch.run)].col(frame) = linear.r;
-        },
-        [&](std::size_t o, double root, const ObservationResidual::Linear& linear) {
-          present.observations.col(stretch.observations[o]) =
-              loss_.Slope(linear.r.squaredNorm()) / root * linear.r;
-        });
-  }
-  return present;
 }
 
 std::vector<GraphResiduals> GraphElimination::Left(const std::vector<ResidualDraw>& draws) const {

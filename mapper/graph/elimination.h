@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
 #include "mapper/graph/residuals.h"
 #include "mapper/graph/rest_system.h"
 #include "mapper/graph/robust_loss.h"
@@ -27,13 +28,6 @@ struct GraphStep {
   Eigen::VectorXd modes;                                             ///< (x, y) each. [m]
 };
 
-/// Standardized residuals of a graph, or noise on them. Those of observations are times the root of
-/// their weight, so that they have the covariance I too.
-struct GraphResiduals {
-  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
-  Eigen::Matrix2Xd observations;          ///< A column each.
-};
-
 /// Noise on every standardized residual, a random sign each, and the step x = H⁻¹ Jᵀ ε that it
 /// leads to, which has the covariance H⁻¹. What the fit leaves of it, ε - J x, is a residual of a
 /// graph whose noise is right.
@@ -41,9 +35,6 @@ struct ResidualDraw {
   GraphResiduals noise;
   GraphStep step;
 };
-
-/// Per run the block of each key frame, from 0 on: its observations and the motion to the next.
-using FrameBlocks = std::vector<std::vector<int>>;
 
 /// A step `factor` times as long.
 GraphStep Scaled(GraphStep step, double factor);
@@ -59,7 +50,7 @@ void Apply(const GraphStep& step, Graph* graph);
 ///
 /// The loss of observations enters a step by its weights (iteratively reweighted least squares),
 /// and the Gaussian around the values by its curvature (robust_loss.h).
-class GraphElimination {
+class GraphElimination final : public GraphPosterior {
  public:
   /// @param graph     Must outlive this; its values may change, its shape may not.
   /// @param together  Lists of modes, all pairs in each of which VisitModeCovariance() is to tell.
@@ -111,63 +102,35 @@ class GraphElimination {
   /// linearization where that will do (RestSystem::SolveSimilar). Nothing if it is not determined.
   std::optional<GraphStep> SimilarStep();
 
-  /// Draws of the noise, and of the Gaussian around the last linearization. Precondition, here and
-  /// in what follows: Linearize() succeeded.
+  /// Draws of the noise. Precondition, here and in what follows: Linearize() succeeded.
   std::vector<ResidualDraw> DrawResiduals(int count, std::mt19937_64& random) const;
-
-  /// The residuals of the last linearization.
-  GraphResiduals PresentResiduals() const;
 
   /// What the fit leaves of draws, ε - J x each.
   std::vector<GraphResiduals> Left(const std::vector<ResidualDraw>& draws) const;
 
-  /// The steps of the modes, H⁻¹ J_bᵀ e_b, that the residuals of each block by themselves lead to;
-  /// two rows a mode, a column a block. [m]
+  // GraphPosterior.
+  std::vector<GraphResiduals> DrawFitResiduals(int count, std::mt19937_64& random) const override {
+    return Left(DrawResiduals(count, random));
+  }
   Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
                                    const FrameBlocks& block_of_frame,
-                                   int blocks) const;
-
-  /// Joint covariance of the modes. [m²]
-  Eigen::MatrixXd ModeCovariance() const;
-
-  /// The joint covariance of the modes times `weights`, two rows a mode: some of its columns, or
-  /// what they sum up to, without the rest.
-  Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const;
-
-  /// What calibrations that are held add to the covariance A⁻¹ of the modes, R Rᵀ in the mean over
-  /// draws of them (Rao-Blackwell); two rows a mode, no columns where they are in the factor. [m]
-  Eigen::MatrixXd CalibrationRoot() const;
-
-  /// As ModeCovarianceTimes(), with the covariance that VisitModeCovariance() tells, to rounding:
-  /// where calibrations are held the two differ by what the draws leave, which is no covariance.
-  /// @param calibration_root  CalibrationRoot().
+                                   int blocks) const override;
+  Eigen::MatrixXd ModeCovariance() const override;
+  Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const override;
+  Eigen::MatrixXd CalibrationRoot() const override;
   Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
-                                         const Eigen::MatrixXd& weights) const;
+                                         const Eigen::MatrixXd& weights) const override;
+  Eigen::MatrixXd ModesByRangeScale(
+      const std::vector<std::vector<std::size_t>>& runs) const override;
 
-  /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
-  /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
-  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<std::size_t>>& runs) const;
+  /// As costly as the part of the factor that the two modes touch.
+  Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const override;
+  Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const override;
 
-  /// Covariance of p_a - p_b, of two modes. As costly as the part of the factor that they touch.
-  /// [m²]
-  Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const;
-
-  /// Draws of all modes' errors, a column each; the poses are left out.
-  Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const;
-
-  /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
-  /// pairs in `together`, and others that come along. As costly as Linearize(). [m²]
-  /// @param calibration_root  CalibrationRoot().
-  using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
+  /// As costly as Linearize().
   void VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
-                           const BlockVisitor& visitor) const;
-
-  /// The inverse of the joint covariance of all runs' calibrations, kRunCalibration rows a run,
-  /// times a matrix.
-  Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const;
-
-  const std::vector<std::vector<MotionResidual>>& motions() const { return motions_; }
-  const std::vector<ObservationResidual>& observations() const { return observations_; }
+                           const BlockVisitor& visitor) const override;
+  Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const override;
 
  private:
   class NoiseSum;

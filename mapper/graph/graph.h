@@ -16,7 +16,6 @@
 
 namespace shiftmap {
 
-class GraphElimination;
 class RestSystem;
 
 /// Unknowns of a run beside its poses: correction (3) and sensor bias (3).
@@ -81,7 +80,10 @@ struct Graph {
   /// along the chain of poses (open_chain.h), and lead to the minimum from dead reckoning.
   bool open = false;
 
-  /// On which segments are eliminated; results do not depend on it.
+  /// What minimizes the graph and tells its posterior.
+  SolverKind solver = SolverKind::kSchur;
+
+  /// On which segments are eliminated; results do not depend on it. SolverKind::kCeres takes one.
   int threads = 1;
 
   /// Residual, in standard deviations, at which the loss turns from square to logarithm
@@ -108,9 +110,10 @@ class GraphSolver {
   GraphSolver();
   ~GraphSolver();
 
-  /// Minimizes the graph in place: Gauss-Newton on the eliminated graph (elimination.h),
-  /// iteratively reweighted for the loss. Where a step does not go down even when it is halved,
-  /// steps are damped (Levenberg, Marquardt). Same graphs in the same order, same bits.
+  /// Minimizes the graph in place, by Graph::solver. kSchur: Gauss-Newton on the eliminated graph
+  /// (elimination.h), iteratively reweighted for the loss. Where a step does not go down even when
+  /// it is halved, steps are damped (Levenberg, Marquardt). kCeres: SolveGraphByCeres(). Same
+  /// graphs in the same order, same bits.
   GraphSummary Solve(const SolverLimits& limits, Graph* graph);
 
   /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
@@ -127,8 +130,8 @@ class GraphSolver {
 /// One graph by itself, as GraphSolver::Solve().
 GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph);
 
-/// The same minimum with Ceres' trust region (Levenberg-Marquardt), from farther away and slower.
-GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph);
+/// The same with Ceres' trust region (Levenberg-Marquardt), whatever Graph::solver is.
+GraphSummary SolveGraphByCeres(const SolverLimits& limits, Graph* graph);
 
 /// Sums of squared standardized residuals by kind, and how many degrees of freedom each kind has
 /// left after the fit: their ratio is near 1 if the kind's noise is what the graph was told. And
@@ -164,12 +167,5 @@ std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph&
                                                                     int samples,
                                                                     std::uint64_t seed,
                                                                     GraphSolver* solver = nullptr);
-
-/// The same.
-/// @param elimination  Of the graph, linearized at its present values.
-std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     const GraphElimination& elimination,
-                                                     int samples,
-                                                     std::uint64_t seed);
 
 }  // namespace shiftmap

@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <random>
+#include <utility>
 
+#include "mapper/graph/ceres_posterior.h"
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
+#include "mapper/graph/residuals.h"
+#include "mapper/graph/robust_loss.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -14,9 +20,23 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
+Eigen::Vector3d ResidualOf(const GraphRun& run, std::size_t motion) {
+  return MotionResidual(run.motions[motion])
+      .At(run.poses[motion], run.poses[motion + 1], run.correction, run.sensor_bias[kLogRangeScale])
+      .r;
+}
+
+Eigen::Vector2d ResidualOf(const Graph& graph, const GraphObservation& item) {
+  const GraphRun& run = graph.runs[static_cast<std::size_t>(item.run)];
+  return ObservationResidual(item)
+      .At(run.poses[static_cast<std::size_t>(item.frame)],
+          graph.modes[static_cast<std::size_t>(item.mode)],
+          run.sensor_bias)
+      .r;
+}
+
 // Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
-                  const GraphElimination& elimination,
                   const std::vector<GraphResiduals>& left,
                   std::vector<ResidualStatistics>* statistics) {
   const auto count = static_cast<double>(left.size());
@@ -24,13 +44,12 @@ void CountMotions(const Graph& graph,
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
     for (std::size_t i = 0; i < run.motions.size(); ++i) {
-      const MotionResidual::Linear linear = elimination.motions()[r][i].At(
-          run.poses[i], run.poses[i + 1], run.correction, run.sensor_bias[kLogRangeScale]);
+      const Eigen::Vector3d residual = ResidualOf(run, i);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
       for (const GraphResiduals& of_draw : left) {
         redundancy += of_draw.motions[r].col(static_cast<Eigen::Index>(i)).array().square() / count;
       }
-      const Eigen::Array3d squares = linear.r.array().square();
+      const Eigen::Array3d squares = residual.array().square();
       sums.sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
       sums.count[ResidualStatistics::kTranslation] += 2.0;
       sums.count[ResidualStatistics::kYaw] += 1.0;
@@ -42,30 +61,25 @@ void CountMotions(const Graph& graph,
 }
 
 void CountObservations(const Graph& graph,
-                       const GraphElimination& elimination,
                        const std::vector<GraphResiduals>& left,
                        std::vector<ResidualStatistics>* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
   const auto count = static_cast<double>(left.size());
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
     const GraphObservation& item = graph.observations[i];
-    const auto r = static_cast<std::size_t>(item.run);
-    const auto frame = static_cast<std::size_t>(item.frame);
-    const GraphRun& run = graph.runs[r];
-    const ObservationResidual::Linear linear = elimination.observations()[i].At(
-        run.poses[frame], graph.modes[static_cast<std::size_t>(item.mode)], run.sensor_bias);
-    if (linear.r.squaredNorm() > gate) continue;
+    const Eigen::Vector2d residual = ResidualOf(graph, item);
+    if (residual.squaredNorm() > gate) continue;
     Eigen::Array2d redundancy = Eigen::Array2d::Zero();
     for (const GraphResiduals& of_draw : left) {
       redundancy += of_draw.observations.col(static_cast<Eigen::Index>(i)).array().square() / count;
     }
-    ResidualStatistics& sums = (*statistics)[r];
+    ResidualStatistics& sums = (*statistics)[static_cast<std::size_t>(item.run)];
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
                         : row == 0 ? ResidualStatistics::kRange
                                    : ResidualStatistics::kBearing;
-      sums.sum_of_squares[kind] += linear.r[row] * linear.r[row];
+      sums.sum_of_squares[kind] += residual[row] * residual[row];
       sums.count[kind] += 1.0;
       sums.redundancy[kind] += redundancy[row];
     }
@@ -74,23 +88,49 @@ void CountObservations(const Graph& graph,
 
 }  // namespace
 
+std::unique_ptr<GraphPosterior> LinearizeGraph(const Graph& graph,
+                                               std::vector<std::vector<int>> together) {
+  if (graph.solver == SolverKind::kCeres) return CeresPosterior::Of(graph, std::move(together));
+  auto elimination = std::make_unique<GraphElimination>(graph, std::move(together));
+  if (!elimination->Linearize()) return nullptr;
+  return elimination;
+}
+
+GraphResiduals PresentResiduals(const Graph& graph) {
+  const RobustLoss loss(graph.loss_scale, graph.loss_reach);
+  GraphResiduals present;
+  for (const GraphRun& run : graph.runs) {
+    Eigen::Matrix3Xd& motions = present.motions.emplace_back(3, std::ssize(run.motions));
+    for (std::size_t i = 0; i < run.motions.size(); ++i) {
+      motions.col(static_cast<Eigen::Index>(i)) = ResidualOf(run, i);
+    }
+  }
+  present.observations.resize(2, std::ssize(graph.observations));
+  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+    const Eigen::Vector2d r = ResidualOf(graph, graph.observations[i]);
+    const double squared = r.squaredNorm();
+    present.observations.col(static_cast<Eigen::Index>(i)) =
+        loss.Slope(squared) / std::sqrt(loss.Curvature(squared)) * r;
+  }
+  return present;
+}
+
 std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph) {
-  GraphElimination elimination(graph);
-  if (!elimination.Linearize()) return std::nullopt;
-  return elimination.ModeCovariance();
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return std::nullopt;
+  return posterior->ModeCovariance();
 }
 
 std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     const GraphElimination& elimination,
+                                                     const GraphPosterior& posterior,
                                                      int samples,
                                                      std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
   std::mt19937_64 random(seed);
-  const std::vector<GraphResiduals> left =
-      elimination.Left(elimination.DrawResiduals(samples, random));
+  const std::vector<GraphResiduals> left = posterior.DrawFitResiduals(samples, random);
   std::vector<ResidualStatistics> statistics(graph.runs.size());
-  CountMotions(graph, elimination, left, &statistics);
-  CountObservations(graph, elimination, left, &statistics);
+  CountMotions(graph, left, &statistics);
+  CountObservations(graph, left, &statistics);
   return statistics;
 }
 
@@ -98,6 +138,11 @@ std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph&
                                                                     int samples,
                                                                     std::uint64_t seed,
                                                                     GraphSolver* solver) {
+  if (graph.solver == SolverKind::kCeres) {
+    const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+    if (!posterior) return std::nullopt;
+    return ComputeRunStatistics(graph, *posterior, samples, seed);
+  }
   GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
   if (!elimination.LinearizeSimilar()) return std::nullopt;
   std::vector<ResidualStatistics> statistics =

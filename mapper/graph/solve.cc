@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <ceres/solver.h>
-
 #include <algorithm>
 #include <limits>
 #include <memory>
@@ -10,7 +8,6 @@
 #include "localizer/models/observation_model.h"
 #include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
-#include "mapper/graph/graph_problem.h"
 #include "mapper/graph/open_chain.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -264,6 +261,7 @@ std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
 void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
 
 GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
+  if (graph->solver == SolverKind::kCeres) return SolveGraphByCeres(limits, graph);
   GraphElimination elimination(*graph, std::move(rest_));
   GraphSummary summary;
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
@@ -274,7 +272,7 @@ GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
       summary.initial_cost = summary.final_cost = std::numeric_limits<double>::infinity();
       return summary;
     }
-    return SolveGraphByTrustRegion(limits, graph);
+    return SolveGraphByCeres(limits, graph);
   }
   if (!gauss_newton.Run()) DampedGaussNewton(limits, &elimination, graph, &summary);
   if (graph->priors.empty()) HoldFrame(T_map_anchor, graph);
@@ -284,23 +282,6 @@ GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
 
 GraphSummary SolveGraph(const SolverLimits& limits, Graph* graph) {
   return GraphSolver().Solve(limits, graph);
-}
-
-GraphSummary SolveGraphByTrustRegion(const SolverLimits& limits, Graph* graph) {
-  GraphProblem problem(*graph);
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = limits.max_iterations;
-  options.num_threads = 1;  // Ceres does not give the same bits across threads.
-  options.function_tolerance = 1e-3 * limits.cost_tolerance;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem.problem(), &summary);
-  if (summary.IsSolutionUsable()) problem.CopyTo(graph);
-  return {summary.initial_cost,
-          summary.final_cost,
-          static_cast<int>(summary.iterations.size()),
-          summary.termination_type == ceres::CONVERGENCE};
 }
 
 }  // namespace shiftmap

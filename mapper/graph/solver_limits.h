@@ -3,6 +3,12 @@
 
 namespace shiftmap {
 
+/// What minimizes graphs and tells their posterior.
+enum class SolverKind {
+  kSchur,  ///< Nested elimination of the chains of poses (elimination.h).
+  kCeres,  ///< Ceres throughout: minimum, residuals and Jacobians of the posterior.
+};
+
 /// When a minimization ends.
 struct SolverLimits {
   int max_iterations = 50;  ///< >= 1.

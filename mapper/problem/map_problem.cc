@@ -168,6 +168,7 @@ Graph MakeGraph(const MapperOptions& options, MapProblem* problem) {
   graph.priors = problem->priors;
   graph.open = problem->open;
   graph.loss_reach = problem->loss_reach;
+  graph.solver = options.solver_kind;
   // Runs by themselves are mapped side by side.
   graph.threads = problem->runs.size() > 1 ? options.threads : 1;
   return graph;

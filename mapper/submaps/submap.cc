@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "mapper/covariance/datum.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -36,8 +36,8 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
                                                  const std::vector<int>& modes,
                                                  MapProblem* problem) {
   const Graph graph = MakeGraph(options, problem);
-  GraphElimination elimination(graph);
-  if (!elimination.Linearize()) return std::nullopt;
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return std::nullopt;
   const auto columns = static_cast<Eigen::Index>(2 * modes.size());
   Eigen::MatrixXd chosen =
       Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * graph.modes.size()), columns);
@@ -46,7 +46,7 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
     chosen.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
     positions.push_back(graph.modes[static_cast<std::size_t>(modes[i])]);
   }
-  const Eigen::MatrixXd covariance = chosen.transpose() * elimination.ModeCovarianceTimes(chosen);
+  const Eigen::MatrixXd covariance = chosen.transpose() * posterior->ModeCovarianceTimes(chosen);
   return ReferToPositions(positions, Symmetrized(covariance));
 }
 

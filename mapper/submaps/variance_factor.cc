@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "mapper/covariance/datum.h"
-#include "mapper/graph/elimination.h"
+#include "mapper/graph/graph_posterior.h"
 
 namespace shiftmap {
 namespace {
@@ -50,23 +50,23 @@ double VarianceFactor(const MapperOptions& options, const MapProblem& problem) {
   MapProblem own = problem;
   const Graph graph = MakeGraph(options, &own);
   if (graph.modes.size() <= 2) return 1.0;
-  GraphElimination elimination(graph);
-  if (!elimination.Linearize()) return kUnknown;
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return kUnknown;
   const Eigen::MatrixXd basis = ShapeDirections(graph.modes);
-  const Eigen::LLT<Eigen::MatrixXd> llt(basis.transpose() * elimination.ModeCovariance() * basis);
+  const Eigen::LLT<Eigen::MatrixXd> llt(basis.transpose() * posterior->ModeCovariance() * basis);
   if (llt.info() != Eigen::Success) return kUnknown;
   const FrameBlocks blocks = StretchesOf(graph);
   const auto sum_of_squares = [&](const GraphResiduals& residuals) {
     const Eigen::MatrixXd steps =
-        basis.transpose() * elimination.ModeStepsByBlock(residuals, blocks, kBlocks);
+        basis.transpose() * posterior->ModeStepsByBlock(residuals, blocks, kBlocks);
     return llt.matrixL().solve(steps).squaredNorm();
   };
   std::mt19937_64 random(options.seed);
   double expected = 0.0;
-  for (const GraphResiduals& left : elimination.Left(elimination.DrawResiduals(kDraws, random))) {
+  for (const GraphResiduals& left : posterior->DrawFitResiduals(kDraws, random)) {
     expected += sum_of_squares(left) / kDraws;
   }
-  const double factor = sum_of_squares(elimination.PresentResiduals()) / expected;
+  const double factor = sum_of_squares(PresentResiduals(graph)) / expected;
   return std::isfinite(factor) ? std::max(1.0, factor) : kUnknown;
 }
 

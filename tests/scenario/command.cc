@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "proto/core/check.h"
@@ -51,6 +52,18 @@ std::string Shown(const std::string& program, const Arguments& arguments) {
   return text;
 }
 
+// A build takes the solver that SHIFTMAP_TEST_SOLVER names, so that every scenario can be run with
+// either.
+void AddSolver(const std::string& program, std::vector<std::string>* words) {
+  const char* solver = std::getenv("SHIFTMAP_TEST_SOLVER");
+  if (solver == nullptr || program != "shiftmap-mapper") return;
+  if (words->empty() || words->front() != "build") return;
+  for (const char* option : {"--solver", "--engine"}) {
+    if (std::find(words->begin(), words->end(), option) != words->end()) return;
+  }
+  words->insert(words->end(), {"--solver", solver});
+}
+
 // True for one whole JSON document and nothing else.
 bool IsDocument(const std::string& text) { return Json::accept(text) && text.ends_with('\n'); }
 
@@ -63,6 +76,7 @@ CommandResult RunCommand(const std::string& program,
   const std::string out = options.output.empty() ? folder.File("out") : options.output;
   const std::string err = folder.File("err");
   std::vector<std::string> words = arguments;
+  AddSolver(program, &words);
   words.insert(words.begin(), std::string(SHIFTMAP_BINARY_DIR) + "/" + program);
   std::vector<std::string> environment = Environment(options.environment);
   const std::vector<char*> argv = Pointers(words);

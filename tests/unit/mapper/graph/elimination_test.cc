@@ -10,80 +10,19 @@
 #include <vector>
 
 #include "mapper/graph/rest_system.h"
+#include "tests/support/circle_graph.h"
 
 namespace shiftmap {
 namespace {
 
-struct SiteShape {
-  int runs = 1;
-  int frames = 100;
-  int modes = 6;
-  double disturbance = 0.02;  // Of the start, in every value.
-};
-
-// Vehicles on a circle among modes, each seen when it is near.
-Graph MakeSite(const SiteShape& shape, unsigned seed) {
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  Graph graph;
-  for (int m = 0; m < shape.modes; ++m) {
-    const double angle = 2.0 * M_PI * m / shape.modes;
-    graph.modes.emplace_back(6.0 * std::cos(angle), 6.0 * std::sin(angle));
-  }
-  for (int r = 0; r < shape.runs; ++r) {
-    GraphRun run;
-    run.correction_prior_sd = Eigen::Vector3d(0.1, 0.1, 0.1);
-    run.sensor_bias_sd = SensorBias(0.02, 0.05, 0.1);
-    Se2 truth(4.0, 0.3 * r, M_PI / 2.0);
-    for (int i = 0; i < shape.frames; ++i) {
-      if (i > 0) {
-        MotionIncrement motion;
-        motion.T_begin_end = Se2::Exp({0.25, 0.0, 0.0625});
-        motion.cov = Eigen::Vector3d(1e-4, 1e-4, 1e-5).asDiagonal();
-        motion.J_calibration << 0.25, 0.0, 0.01, 0.0, 0.0, 0.002, 0.0, 0.0625, 0.001;
-        truth = truth * motion.T_begin_end *
-                Se2::Exp({0.01 * normal(random), 0.01 * normal(random), 0.003 * normal(random)});
-        run.motions.push_back(motion);
-      }
-      run.poses.push_back(truth * Se2::Exp(shape.disturbance *
-                                           Eigen::Vector3d(normal(random), normal(random), 0.2)));
-      for (int m = 0; m < shape.modes; ++m) {
-        const Eigen::Vector2d q = truth.Inverse() * graph.modes[static_cast<std::size_t>(m)];
-        if (q.norm() > 5.0) continue;
-        GraphObservation item;
-        item.run = r;
-        item.frame = i;
-        item.mode = m;
-        item.cov_z = Eigen::Vector2d(0.01, 1e-4).asDiagonal();
-        item.observation.z = {q.norm() + 0.1 * normal(random),
-                              std::atan2(q.y(), q.x()) + 0.01 * normal(random)};
-        graph.observations.push_back(item);
-      }
-    }
-    graph.runs.push_back(std::move(run));
-  }
-  for (Eigen::Vector2d& mode : graph.modes) {
-    mode += shape.disturbance * Eigen::Vector2d(normal(random), normal(random));
-  }
-  return graph;
-}
-
-GraphPrior MakePrior(const Graph& graph) {
-  const auto size = static_cast<Eigen::Index>(2 * graph.modes.size());
-  std::vector<int> modes;
-  Eigen::VectorXd mean(size);
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-    modes.push_back(static_cast<int>(m));
-    mean.segment<2>(static_cast<Eigen::Index>(2 * m)) = graph.modes[m];
-  }
-  return {std::move(modes), std::move(mean), Eigen::MatrixXd::Identity(size, size) * 20.0};
-}
+using testing::MakeCircleGraph;
+using testing::MakeModesPrior;
 
 // The same minimum, from the same start, as Ceres' trust region finds.
 void ExpectSameMinimum(Graph graph) {
   Graph other = graph;
   const GraphSummary ours = SolveGraph({50}, &graph);
-  const GraphSummary ceres = SolveGraphByTrustRegion({200}, &other);
+  const GraphSummary ceres = SolveGraphByCeres({200}, &other);
   EXPECT_TRUE(ours.converged);
   EXPECT_NEAR(ours.final_cost, ceres.final_cost, 2e-5 * ceres.final_cost + 1e-12);
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
@@ -109,26 +48,26 @@ void ExpectSameMinimum(Graph graph) {
 TEST(GraphElimination, FindsTheMinimumOfCeres) {
   for (const int frames : {1, 2, 3, 32, 33, 34, 65, 200}) {
     SCOPED_TRACE(frames);
-    Graph graph = MakeSite({.runs = 1, .frames = frames, .modes = 5}, 7);
-    graph.priors = {MakePrior(graph)};
+    Graph graph = MakeCircleGraph({.runs = 1, .frames = frames, .modes = 5}, 7);
+    graph.priors = {MakeModesPrior(graph)};
     ExpectSameMinimum(std::move(graph));
   }
 }
 
 TEST(GraphElimination, FindsTheMinimumOfCeresWithTheFirstPoseHeld) {
-  ExpectSameMinimum(MakeSite({.runs = 1, .frames = 150, .modes = 8}, 3));
+  ExpectSameMinimum(MakeCircleGraph({.runs = 1, .frames = 150, .modes = 8}, 3));
 }
 
 TEST(GraphElimination, FindsTheMinimumOfCeresOverSeveralRuns) {
-  Graph graph = MakeSite({.runs = 3, .frames = 70, .modes = 6}, 5);
-  graph.priors = {MakePrior(graph)};
+  Graph graph = MakeCircleGraph({.runs = 3, .frames = 70, .modes = 6}, 5);
+  graph.priors = {MakeModesPrior(graph)};
   ExpectSameMinimum(std::move(graph));
 }
 
 // Every fifth observation is of another place, all on one side.
 TEST(GraphElimination, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
-  Graph graph = MakeSite({.runs = 2, .frames = 70, .modes = 6}, 5);
-  graph.priors = {MakePrior(graph)};
+  Graph graph = MakeCircleGraph({.runs = 2, .frames = 70, .modes = 6}, 5);
+  graph.priors = {MakeModesPrior(graph)};
   Graph clean = graph;
   clean.observations.clear();
   for (std::size_t i = 0; i < graph.observations.size(); ++i) {
@@ -150,15 +89,15 @@ TEST(GraphElimination, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
 
 // One step of a graph with a quadratic cost is all of the way; here the cost is nearly so.
 TEST(GraphElimination, HeldPoseStays) {
-  Graph graph = MakeSite({.runs = 1, .frames = 50, .modes = 6}, 11);
+  Graph graph = MakeCircleGraph({.runs = 1, .frames = 50, .modes = 6}, 11);
   const Se2 first = graph.runs[0].poses[0];
   SolveGraph({20}, &graph);
   EXPECT_EQ((first.Inverse() * graph.runs[0].poses[0]).Log().norm(), 0.0);
 }
 
 TEST(GraphElimination, DrawsHaveTheCovariance) {
-  Graph graph = MakeSite({.runs = 1, .frames = 80, .modes = 4}, 13);
-  graph.priors = {MakePrior(graph)};
+  Graph graph = MakeCircleGraph({.runs = 1, .frames = 80, .modes = 4}, 13);
+  graph.priors = {MakeModesPrior(graph)};
   SolveGraph({30}, &graph);
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
@@ -175,8 +114,8 @@ TEST(GraphElimination, DrawsHaveTheCovariance) {
 }
 
 TEST(GraphElimination, DifferencesOfModesHaveTheJointCovariances) {
-  Graph graph = MakeSite({.runs = 2, .frames = 80, .modes = 6}, 17);
-  graph.priors = {MakePrior(graph)};
+  Graph graph = MakeCircleGraph({.runs = 2, .frames = 80, .modes = 6}, 17);
+  graph.priors = {MakeModesPrior(graph)};
   GraphElimination elimination(graph);
   ASSERT_TRUE(elimination.Linearize());
   const Eigen::MatrixXd covariance = elimination.ModeCovariance();
@@ -191,7 +130,7 @@ TEST(GraphElimination, DifferencesOfModesHaveTheJointCovariances) {
 }
 
 TEST(GraphElimination, TheNumberOfThreadsChangesNoBit) {
-  Graph one = MakeSite({.runs = 3, .frames = 150, .modes = 9}, 19);
+  Graph one = MakeCircleGraph({.runs = 3, .frames = 150, .modes = 9}, 19);
   Graph two = one;
   two.threads = 2;
   EXPECT_EQ(SolveGraph({20}, &one).final_cost, SolveGraph({20}, &two).final_cost);
@@ -200,7 +139,7 @@ TEST(GraphElimination, TheNumberOfThreadsChangesNoBit) {
 
 // Three runs whose small system is too large for a dense factor, so that factors are kept.
 TEST(GraphSolver, WhatItKeepsChangesTheAnswerByNothingThatMatters) {
-  Graph graph = MakeSite({.runs = 3, .frames = 1500, .modes = 9}, 23);
+  Graph graph = MakeCircleGraph({.runs = 3, .frames = 1500, .modes = 9}, 23);
   GraphSolver solver;
   solver.Solve({30}, &graph);
   Graph moved = graph;

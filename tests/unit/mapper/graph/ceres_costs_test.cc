@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/graph/cost_functions.h"
+#include "mapper/graph/ceres_costs.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "mapper/graph/graph.h"
+
+namespace shiftmap {
+
+/// Standardized residuals of a graph, or noise on them. Those of observations are times the root of
+/// their weight, so that they have the covariance I too.
+struct GraphResiduals {
+  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
+  Eigen::Matrix2Xd observations;          ///< A column each.
+};
+
+/// Per run the block of each key frame, from 0 on: its observations and the motion to the next.
+using FrameBlocks = std::vector<std::vector<int>>;
+
+/// The Gaussian around a graph's values, with the inverse Hessian H⁻¹ as its covariance and the
+/// loss by its curvature (robust_loss.h). The graph must outlive it and keep its values.
+class GraphPosterior {
+ public:
+  virtual ~GraphPosterior() = default;
+
+  /// Residuals of fits to noise: ε - J H⁻¹ Jᵀ ε for draws of a random sign ε on every standardized
+  /// residual. Those of a graph whose noise is right are distributed alike.
+  virtual std::vector<GraphResiduals> DrawFitResiduals(int count,
+                                                       std::mt19937_64& random) const = 0;
+
+  /// The steps of the modes, H⁻¹ J_bᵀ e_b, that the residuals of each block by themselves lead to;
+  /// two rows a mode, a column a block. [m]
+  virtual Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
+                                           const FrameBlocks& block_of_frame,
+                                           int blocks) const = 0;
+
+  /// Joint covariance of the modes. [m²]
+  virtual Eigen::MatrixXd ModeCovariance() const = 0;
+
+  /// The joint covariance of the modes times `weights`, two rows a mode: some of its columns, or
+  /// what they sum up to, without the rest.
+  virtual Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const = 0;
+
+  /// What calibrations that are held add to the covariance A⁻¹ of the modes, R Rᵀ in the mean over
+  /// draws of them (Rao-Blackwell); two rows a mode, no columns where they are in the factor. [m]
+  virtual Eigen::MatrixXd CalibrationRoot() const = 0;
+
+  /// As ModeCovarianceTimes(), with the covariance that VisitModeCovariance() tells, to rounding:
+  /// where calibrations are held the two differ by what the draws leave, which is no covariance.
+  /// @param calibration_root  CalibrationRoot().
+  virtual Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
+                                                 const Eigen::MatrixXd& weights) const = 0;
+
+  /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
+  /// pairs in the lists that LinearizeGraph() was given, and others that come along. [m²]
+  /// @param calibration_root  CalibrationRoot().
+  using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
+  virtual void VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
+                                   const BlockVisitor& visitor) const = 0;
+
+  /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
+  /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
+  virtual Eigen::MatrixXd ModesByRangeScale(
+      const std::vector<std::vector<std::size_t>>& runs) const = 0;
+
+  /// Covariance of p_a - p_b, of two modes. [m²]
+  virtual Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const = 0;
+
+  /// Draws of all modes' errors, a column each; the poses are left out.
+  virtual Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const = 0;
+
+  /// The inverse of the joint covariance of all runs' calibrations, kRunCalibration rows a run,
+  /// times a matrix.
+  virtual Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const = 0;
+};
+
+/// The posterior by the graph's own solver; null if the graph does not determine its modes in the
+/// numbers that a computer has. Precondition: every mode is observed or in the prior.
+/// @param together  Lists of modes, all pairs in each of which VisitModeCovariance() is to tell.
+std::unique_ptr<GraphPosterior> LinearizeGraph(const Graph& graph,
+                                               std::vector<std::vector<int>> together = {});
+
+/// The residuals at the graph's values. An observation's has its slope, divided by the root of its
+/// curvature: Jᵀ of all is the gradient of the cost.
+GraphResiduals PresentResiduals(const Graph& graph);
+
+/// The statistics of each run, as ComputeRunStatistics() of the graph.
+std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
+                                                     const GraphPosterior& posterior,
+                                                     int samples,
+                                                     std::uint64_t seed);
+
+}  // namespace shiftmap
