@@ -17,6 +17,7 @@ struct Command::State {
   bool writes = false;
   std::vector<CLI::Option*> lists;  // Options that are given several times.
   Body body;
+  std::vector<std::function<void()>> refresh;  // Reads relative times anew.
   std::vector<std::function<std::string()>> checks;
 };
 
