@@ -19,6 +19,12 @@ bool LooksNumeric(const std::string& cell) {
   return std::from_chars(cell.data(), end, value).ptr == end;
 }
 
+// `2026-01-09 06:00:00` and the like, which tell nothing if they are shortened.
+bool LooksLikeTime(const std::string& cell) {
+  return cell.size() > 9 && cell[4] == '-' && cell[7] == '-' &&
+         cell.find_first_not_of("0123456789-: ") == std::string::npos;
+}
+
 // Columns of text are not made narrower than this.
 constexpr std::size_t kLeastWidth = 8;
 constexpr std::size_t kGap = 2;
@@ -41,9 +47,11 @@ void AlignedTable::AddRow(std::vector<std::string> cells, Emphasis emphasis) {
 std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
                                               std::size_t columns) const {
   std::vector<std::size_t> widths(numeric.size(), 0);
+  std::vector<bool> fixed = numeric;
   for (const Row& row : rows_) {
     for (std::size_t j = 0; j < widths.size(); ++j) {
       widths[j] = std::max(widths[j], DisplayWidth(row.cells[j]));
+      if (LooksLikeTime(row.cells[j])) fixed[j] = true;
     }
   }
   std::size_t total = kGap * (widths.size() - 1);
@@ -51,7 +59,7 @@ std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
   while (columns > 0 && total > columns) {
     std::size_t widest = widths.size();
     for (std::size_t j = 0; j < widths.size(); ++j) {
-      const bool shrinks = !numeric[j] && widths[j] > kLeastWidth;
+      const bool shrinks = !fixed[j] && widths[j] > kLeastWidth;
       if (shrinks && (widest == widths.size() || widths[j] > widths[widest])) widest = j;
     }
     if (widest == widths.size()) break;

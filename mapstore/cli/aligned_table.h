@@ -21,8 +21,8 @@ class AlignedTable {
   std::size_t rows() const { return rows_.size() - 1; }
 
   /// Header and rows, one line each. If they are wider than the terminal, the widest columns of
-  /// text are shortened, an ellipsis in the place of what is left out, and then the lines.
-  /// With colour, emphasis is there as Marked() text.
+  /// text (not of times) are shortened, an ellipsis in the place of what is left out, and then the
+  /// lines. With colour, emphasis is there as Marked() text.
   std::string ToString(const TextStyle& style = {}) const;
 
  private:

@@ -42,6 +42,7 @@ void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->add_flag("--json", common->json, "Print one JSON document on standard output");
   parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
   parser->add_option("--log-level", common->log_level, "Least level that is logged")
+      ->capture_default_str()
       ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "off"}));
   parser->add_option("--config", common->config, "Read options from this TOML file");
 }
@@ -95,7 +96,8 @@ ReadingProgram::ReadingCommand Application::State::KeysOf(const Command& command
   if (&section != &parser) reading.name = section.get_name();
   for (const CLI::Option* option : section.get_options()) {
     for (const std::string& name : option->get_lnames()) {
-      if (name != "help" && name != "config") reading.keys.push_back(name);
+      const bool key = option != section.get_version_ptr() && name != "help" && name != "config";
+      if (key) reading.keys.push_back(name);
     }
   }
   return reading;

@@ -60,6 +60,7 @@ std::vector<ModeHistory> ModesOf(const LandmarkRecords& records) {
       }
       if (is_new || Moved(history.positions.back(), mode)) history.positions.push_back(position);
       history.position = position;
+      history.last_seen = mode.last_seen;
     }
   }
   std::vector<ModeHistory> list;

@@ -83,6 +83,7 @@ struct ModeHistory {
   ModePosition position;
 
   double probability = 0.0;               ///< At LandmarkHistory::stamp; 0 if it is gone.
+  Stamp last_seen;                        ///< Mode::last_seen of `position`.
   std::optional<ModeNumber> merged_into;  ///< The mode that stands for it now.
   bool gone = false;                      ///< The version does not have it: merged, or removed.
   VersionNumber first_version;            ///< The oldest stored version of the line that has it.
