@@ -136,16 +136,20 @@ std::vector<std::string> Application::State::CommandNames() const {
 void Application::State::RefuseUnknownOptions(std::span<const std::string> arguments,
                                               const Command* command) const {
   const CLI::App& section = command != nullptr ? *command->state_->parser : parser;
+  bool is_value = false;
   for (const std::string& argument : arguments) {
     if (argument == "--") return;
     const std::string name = argument.substr(0, argument.find('='));
-    const bool option = name.size() > 1 && name.front() == '-' &&
-                        std::isdigit(static_cast<unsigned char>(name[1])) == 0 && name[1] != '.';
-    if (!option) continue;
-    const bool is_short = name[1] != '-';
-    const std::string known = is_short ? name.substr(0, 2) : name;
-    if (section.get_option_no_throw(known) != nullptr) continue;
-    if (parser.get_option_no_throw(known) != nullptr) continue;
+    const bool named = name.size() > 1 && name.front() == '-' &&
+                       std::isdigit(static_cast<unsigned char>(name[1])) == 0 && name[1] != '.';
+    if (std::exchange(is_value, false) || !named) continue;
+    const std::string known = name[1] != '-' ? name.substr(0, 2) : name;
+    const CLI::Option* option = section.get_option_no_throw(known);
+    if (option == nullptr) option = parser.get_option_no_throw(known);
+    if (option != nullptr) {
+      is_value = option->get_items_expected_min() > 0 && name.size() == argument.size();
+      continue;
+    }
     std::vector<std::string> names;
     for (const CLI::Option* candidate : section.get_options()) {
       for (const std::string& long_name : candidate->get_lnames())
@@ -191,7 +195,9 @@ ExitCode Application::State::Usage(const std::string& message,
   const std::string name = command != nullptr && command->state_->parser != &parser
                                ? " " + command->state_->parser->get_name()
                                : "";
-  *err << fmt::format("{}: {}; try '{}{} --help'\n", program, OneLine(message), program, name);
+  const std::string line = OneLine(message);
+  const char* const hint = line.ends_with('?') ? " Try" : "; try";
+  *err << fmt::format("{}: {}{} '{}{} --help'\n", program, line, hint, program, name);
   // The arguments may not have been parsed up to --json.
   const bool json = std::find(arguments.begin(), arguments.end(), "--json") != arguments.end();
   if (json) *out << ErrorJson(OneLine(message), ExitCode::kUsage);

@@ -239,13 +239,13 @@ std::string DiffText(const MapSnapshot& from,
                      const LeaveRates& rates,
                      bool all,
                      const TextStyle& style) {
+  if (diff.empty()) return "no difference\n";
   std::string text = fmt::format("area {}: version {} ({} UTC) to version {} ({} UTC)\n",
                                  InertLine(from.area()),
                                  from.version().value(),
                                  TimeText(from.stamp()),
                                  to.version().value(),
                                  TimeText(to.stamp()));
-  if (diff.empty()) return text + "no difference\n";
   DiffLines lines(from, to, rates, all);
   for (const Signature& signature : diff.groups_removed) {
     lines.AddLandmark(signature, from, "landmark gone");

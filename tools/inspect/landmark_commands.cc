@@ -92,12 +92,18 @@ Json ModeJson(const LandmarkGroup& group, std::size_t index) {
 Status RunAllModes(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
-  Json list = Json::array();
+  if (context.json()) {
+    Json list = Json::array();
+    for (const LandmarkGroup& group : map.groups()) {
+      for (std::size_t i = 0; i < group.modes.size(); ++i) list.push_back(ModeJson(group, i));
+    }
+    context.Report({{"area", map.area()}, {"version", map.version().value()}, {"modes", list}}, "");
+    return OkStatus();
+  }
   AlignedTable table({"signature", "mode", "x_m", "y_m", "sd_x_m", "sd_y_m", "probability"});
   for (const LandmarkGroup& group : map.groups()) {
     for (std::size_t i = 0; i < group.modes.size(); ++i) {
       const Mode& mode = group.modes[i];
-      list.push_back(ModeJson(group, i));
       const Eigen::Vector2d sd = mode.cov_p_map_landmark.diagonal().cwiseSqrt();
       table.AddRow({group.signature.text(),
                     fmt::format("{}", mode.number.value()),
@@ -108,8 +114,7 @@ Status RunAllModes(const StoreArguments& arguments, Context& context) {
                     fmt::format("{:.4f}", group.probabilities(static_cast<Eigen::Index>(i + 1)))});
     }
   }
-  context.Report({{"area", map.area()}, {"version", map.version().value()}, {"modes", list}},
-                 table.ToString(context.style()));
+  context.Report({}, table.ToString(context.style()));
   return OkStatus();
 }
 

@@ -63,7 +63,8 @@ Status RunShow(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto parent, ParentOf(map, &store));
-  context.Report(MapJson(map, parent), MapText(map, context.style()));
+  context.Report(context.json() ? MapJson(map, parent) : Json(),
+                 context.json() ? "" : MapText(map, context.style()));
   return OkStatus();
 }
 

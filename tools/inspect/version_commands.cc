@@ -103,10 +103,14 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
 // A version with the probabilities of the time at which it was built.
 StatusOr<MapSnapshot> LoadAtOwnStamp(const std::string& area,
                                      std::int64_t number,
+                                     const std::vector<VersionSummary>& versions,
                                      MapStore* store) {
   const VersionNumber version(number);
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built, store->LoadVersion(area, version));
-  return store->LoadAt(area, version, built.stamp());
+  std::optional<Stamp> stamp;
+  for (const VersionSummary& other : versions) {
+    if (other.version == version) stamp = other.stamp;
+  }
+  return store->LoadAt(area, version, stamp);
 }
 
 // Of the groups whose rates changed, from the visits that tell of the second map.
@@ -135,10 +139,12 @@ StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStor
 
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  const std::string& area = arguments.store.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store.Versions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            LoadAtOwnStamp(arguments.store.area, arguments.from, &store));
+                            LoadAtOwnStamp(area, arguments.from, versions, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
-                            LoadAtOwnStamp(arguments.store.area, arguments.to, &store));
+                            LoadAtOwnStamp(area, arguments.to, versions, &store));
   MapDiff diff = DiffMaps(from.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {
@@ -146,12 +152,12 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
     });
   }
   std::erase_if(diff.groups, [](const GroupDiff& group) { return group.empty(); });
-  LeaveRates rates;
-  if (!context.json()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(rates, RatesOf(to, diff, &store));
+  if (context.json()) {
+    context.Report(DiffJson(arguments, diff), "");
+    return OkStatus();
   }
-  context.Report(DiffJson(arguments, diff),
-                 DiffText(from, to, diff, rates, arguments.all, context.style()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const LeaveRates rates, RatesOf(to, diff, &store));
+  context.Report({}, DiffText(from, to, diff, rates, arguments.all, context.style()));
   return OkStatus();
 }
 

@@ -120,6 +120,13 @@ TEST(Application, SetsOptionsAndRunsTheBody) {
   EXPECT_TRUE(program.quiet);
 }
 
+TEST(Application, AValueMayBeginWithADash) {
+  Program program;
+  const Outcome outcome = program.Run({"measure", "a", "--tag", "-loose", "--tag=--x"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(program.tags, ::testing::ElementsAre("-loose", "--x"));
+}
+
 TEST(Application, ATimeIsGivenAsADateOrBeforeNow) {
   Program date;
   EXPECT_EQ(date.Run({"measure", "a", "--since", "2026-01-09T06:00Z"}).code, 0);
@@ -162,7 +169,7 @@ TEST(Application, UsageErrorsAreOneLineWithAHint) {
   const std::pair<std::vector<std::string>, std::string> cases[] = {
       {{}, "required"},
       {{"fly"}, "unknown command 'fly';"},
-      {{"mesure", "a"}, "unknown command 'mesure'; did you mean 'measure'?"},
+      {{"mesure", "a"}, "unknown command 'mesure'; did you mean 'measure'? Try"},
       {{"measure"}, "FILE is required"},
       {{"measure", "a", "--nonsense"}, "no option '--nonsense';"},
       {{"measure", "--max-rang", "5"}, "no option '--max-rang'; did you mean '--max-range-m'?"},

@@ -253,6 +253,18 @@ TEST_F(LandmarkHistoryTest, ATimeLeavesLaterVisitsOutAndAnEarlierKnowledgeMarksT
   EXPECT_EQ(Values(known.probabilities), std::vector<double>(expected.begin(), expected.end()));
 }
 
+TEST_F(LandmarkHistoryTest, ASnapshotTellsWhatItHolds) {
+  ASSERT_THAT(store_.ExportSnapshot("a", dir_.File("snapshot.db")), IsOk());
+  const LandmarkHistory whole = Load("A");
+  store_ = *MapStore::Open(dir_.File("snapshot.db"), MapStore::Access::kReadOnly);
+  const LandmarkHistory snapshot = Load("A", {.track = {whole.stamp}});
+  EXPECT_EQ(Values(snapshot.probabilities), Values(whole.probabilities));
+  EXPECT_EQ(Values(snapshot.track[0].modes), Values(whole.probabilities));
+  EXPECT_EQ(snapshot.version, whole.version);
+  EXPECT_THAT(LoadLandmarkHistory(&store_, "a", Signature("A"), {.known = At(0.0)}),
+              StatusIs(StatusCode::kFailedPrecondition, "snapshot"));
+}
+
 TEST_F(LandmarkHistoryTest, ALandmarkThatNobodyKnowsIsNotFound) {
   EXPECT_THAT(LoadLandmarkHistory(&store_, "a", Signature("C")),
               StatusIs(StatusCode::kNotFound, "area 'a': no landmark 'C'"));
