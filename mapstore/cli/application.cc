@@ -43,7 +43,7 @@ void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
   parser->add_option("--log-level", common->log_level, "Least level that is logged")
       ->capture_default_str()
-      ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "off"}));
+      ->check(OneOfThese({"trace", "debug", "info", "warning", "error", "off"}));
   parser->add_option("--config", common->config, "Read options from this TOML file");
 }
 

@@ -53,6 +53,15 @@ constexpr double kMostWatchS = 86'400.0;
 
 }  // namespace
 
+CLI::Validator OneOfThese(const std::vector<std::string>& allowed) {
+  const auto check = [allowed](const std::string& text) {
+    if (std::find(allowed.begin(), allowed.end(), text) != allowed.end()) return std::string();
+    return fmt::format(
+        "'{}' is none of {}{}", text, fmt::join(allowed, ", "), DidYouMean(text, allowed));
+  };
+  return CLI::Validator(check, fmt::format("{{{}}}", fmt::join(allowed, ",")), "");
+}
+
 Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Command::~Command() = default;
 
@@ -148,12 +157,7 @@ Command& Command::Required() {
 
 Command& Command::OneOf(const std::vector<std::string>& allowed) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
-  const auto check = [allowed](const std::string& text) {
-    if (std::find(allowed.begin(), allowed.end(), text) != allowed.end()) return std::string();
-    return fmt::format(
-        "'{}' is none of {}{}", text, fmt::join(allowed, ", "), DidYouMean(text, allowed));
-  };
-  state_->last->check(CLI::Validator(check, fmt::format("{{{}}}", fmt::join(allowed, ",")), ""));
+  state_->last->check(OneOfThese(allowed));
   return *this;
 }
 

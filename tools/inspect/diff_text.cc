@@ -39,6 +39,10 @@ struct Sums {
   int covariances = 0;
 };
 
+std::string Counted(int count, const char* what) {
+  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
+}
+
 std::string ModeName(ModeNumber mode) {
   return mode == kAbsent ? "absent" : fmt::format("mode {}", mode.value());
 }
@@ -73,7 +77,7 @@ class DiffLines {
                       signature.text(),
                       "",
                       change,
-                      fmt::format("{} modes", group.modes.size())});
+                      Counted(static_cast<int>(group.modes.size()), "mode")});
   }
 
   void AddGroup(const GroupDiff& diff) {
@@ -214,21 +218,22 @@ std::string SumsText(const Sums& sums, const MapDiff& diff, std::size_t unchange
   std::string text;
   if (sums.moves > 0) {
     text += fmt::format(
-        "{} modes shifted within their covariance, by {:.3f} m on average and at most {:.3f} m\n",
-        sums.moves,
+        "{} shifted within their covariance, by {:.3f} m on average and at most {:.3f} m\n",
+        Counted(sums.moves, "mode"),
         sums.total_m / sums.moves,
         sums.largest_m);
   }
   if (sums.rates > 0) {
-    text += fmt::format("{} leave rates changed within their 95 % intervals\n", sums.rates);
+    text +=
+        fmt::format("{} changed within their 95 % intervals\n", Counted(sums.rates, "leave rate"));
   }
   if (sums.covariances > 0) {
-    text += fmt::format("{} landmarks have other covariances\n", sums.covariances);
+    text += fmt::format("other covariances: {}\n", Counted(sums.covariances, "landmark"));
   }
   if (diff.anonymous_changed) {
     text += fmt::format("anonymous landmarks: {} to {}\n", diff.anonymous_from, diff.anonymous_to);
   }
-  return text + fmt::format("{} landmarks are the same\n", unchanged);
+  return text + fmt::format("unchanged: {}\n", Counted(static_cast<int>(unchanged), "landmark"));
 }
 
 }  // namespace

@@ -48,10 +48,10 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
                       "vehicle",
                       "version",
                       "rows",
-                      "count",
+                      "counting",
                       "decisions",
                       "sightings",
-                      "do_not_count"});
+                      "not_counting"});
   for (const ReportSummary& report : reports) {
     list.push_back({{"uuid", report.uuid},
                     {"vehicle", report.vehicle},

@@ -77,7 +77,7 @@ Status RunVehicles(const StoreArguments& arguments, Context& context) {
                   {"version", map.version().value()},
                   {"vehicles", VehiclesJson(map.vehicles())},
                   {"trust", TrustJson(trust)}},
-                 VehiclesText(map.vehicles()) + TrustText(trust));
+                 VehiclesText(map.vehicles(), context.style()) + TrustText(trust));
   return OkStatus();
 }
 

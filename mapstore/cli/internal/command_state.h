@@ -10,6 +10,9 @@
 
 namespace shiftmap {
 
+/// Of an option that takes one of these values; refuses another with the nearest of them.
+CLI::Validator OneOfThese(const std::vector<std::string>& allowed);
+
 struct Command::State {
   CLI::App* parser = nullptr;
   CLI::Option* last = nullptr;

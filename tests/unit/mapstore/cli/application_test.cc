@@ -184,7 +184,7 @@ TEST(Application, UsageErrorsAreOneLineWithAHint) {
       {{"measure", "a", "--kind", "lrage"},
        "--kind: 'lrage' is none of small, large; did you mean 'large'?"},
       {{"measure", "a", "--kind", "large", "--deep"}, "--deep is for --kind small"},
-      {{"measure", "a", "--log-level", "loud"}, "--log-level"},
+      {{"measure", "a", "--log-level", "wraning"}, "did you mean 'warning'?"},
       {{"measure", "a", "--dry-run"}, "--dry-run"},
   };
   for (const auto& [arguments, text] : cases) {

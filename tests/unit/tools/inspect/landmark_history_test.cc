@@ -9,10 +9,12 @@
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
+#include "tests/unit/tools/inspect/landmark_test_util.h"
 
 namespace shiftmap {
 namespace {
 
+using testing::ContentOf;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using testing::IsOk;
@@ -37,18 +39,6 @@ LandmarkGroup Group(const std::string& signature, std::vector<Mode> modes) {
   group.chain = ModeChain::Uniform(count, 1e-4);
   group.probabilities = Eigen::VectorXd::Constant(count + 1, 1.0 / (count + 1));
   return group;
-}
-
-MapContent Content(std::vector<LandmarkGroup> groups, Stamp stamp) {
-  MapContent content;
-  std::vector<Eigen::Matrix2d> diagonal;
-  for (const LandmarkGroup& group : groups) {
-    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
-  }
-  content.groups = std::move(groups);
-  content.covariance = JointCovariance(std::move(diagonal), {});
-  content.stamp = stamp;
-  return content;
 }
 
 VisitEvidence Visit(const std::string& signature, double begin_s, std::vector<double> values) {
@@ -82,14 +72,14 @@ class LandmarkHistoryTest : public ::testing::Test {
     CommitOptions options;
     options.states_probabilities = false;
     first_ = *store_.Commit("a",
-                            Content({Group("A", {ModeAt(1, 0.0)})}, At(900.0)),
+                            ContentOf({Group("A", {ModeAt(1, 0.0)})}, At(900.0)),
                             {"test", "", 0, {MappedRun(0, {Visit("A", 100.0, {0.0, 4.0})})}},
                             options);
     options.parent = first_.version;
     second_ = *store_.Commit(
         "a",
-        Content({Group("A", {ModeAt(1, 1.0), ModeAt(2, 5.0)}), Group("B", {ModeAt(1, 9.0)})},
-                At(1900.0)),
+        ContentOf({Group("A", {ModeAt(1, 1.0), ModeAt(2, 5.0)}), Group("B", {ModeAt(1, 9.0)})},
+                  At(1900.0)),
         {"test", "", 0, {MappedRun(1, {Visit("A", 1100.0, {0.0, -3.0, 3.0})})}},
         options);
     Return(2, {Visit("A", 2100.0, {0.0, 5.0, -2.0})}, 1.0);
@@ -203,7 +193,7 @@ TEST_F(LandmarkHistoryTest, AMergedModeNamesTheOneThatStandsForIt) {
   CommitOptions options;
   options.parent = second_.version;
   options.states_probabilities = false;
-  ASSERT_THAT(store_.Commit("a", Content({merged}, At(4000.0)), {}, options), IsOk());
+  ASSERT_THAT(store_.Commit("a", ContentOf({merged}, At(4000.0)), {}, options), IsOk());
   const LandmarkHistory history = Load("A");
   ASSERT_THAT(history.modes, SizeIs(2));
   EXPECT_TRUE(history.modes[1].gone);

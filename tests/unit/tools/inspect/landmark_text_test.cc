@@ -10,11 +10,13 @@
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
+#include "tests/unit/tools/inspect/landmark_test_util.h"
 #include "tools/inspect/inspect_commands.h"
 
 namespace shiftmap {
 namespace {
 
+using testing::ContentOf;
 using ::testing::HasSubstr;
 using testing::IsOk;
 using ::testing::Not;
@@ -40,18 +42,6 @@ LandmarkGroup Group(const std::string& signature, std::vector<Mode> modes, doubl
   return group;
 }
 
-MapContent Content(std::vector<LandmarkGroup> groups) {
-  MapContent content;
-  std::vector<Eigen::Matrix2d> diagonal;
-  for (const LandmarkGroup& group : groups) {
-    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
-  }
-  content.groups = std::move(groups);
-  content.covariance = JointCovariance(std::move(diagonal), {});
-  content.stamp = At(0.0);
-  return content;
-}
-
 // From version 1 to 2: 'L01' shifts within its covariance, 'L02' moves, 'L03' is gone, 'L04' is
 // new, and 'L05' gets a rate that is far outside of any interval.
 class LandmarkCommands : public ::testing::Test {
@@ -59,19 +49,21 @@ class LandmarkCommands : public ::testing::Test {
   LandmarkCommands() {
     MapStore store = *MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
     const CommitResult first = *store.Commit("hall",
-                                             Content({Group("L01", {ModeAt(1, 0.0)}, 1e-5),
-                                                      Group("L02", {ModeAt(1, 10.0)}, 1e-2),
-                                                      Group("L03", {ModeAt(1, 20.0)}, 1e-5),
-                                                      Group("L05", {ModeAt(1, 30.0)}, 1e-9)}),
+                                             ContentOf({Group("L01", {ModeAt(1, 0.0)}, 1e-5),
+                                                        Group("L02", {ModeAt(1, 10.0)}, 1e-2),
+                                                        Group("L03", {ModeAt(1, 20.0)}, 1e-5),
+                                                        Group("L05", {ModeAt(1, 30.0)}, 1e-9)},
+                                                       At(0.0)),
                                              {},
                                              {});
     CommitOptions options;
     options.parent = first.version;
     const CommitResult second = *store.Commit("hall",
-                                              Content({Group("L01", {ModeAt(1, 0.05)}, 1e-5),
-                                                       Group("L02", {ModeAt(1, 12.0)}, 1e-2),
-                                                       Group("L04", {ModeAt(1, 40.0)}, 1e-5),
-                                                       Group("L05", {ModeAt(1, 30.0)}, 1e-3)}),
+                                              ContentOf({Group("L01", {ModeAt(1, 0.05)}, 1e-5),
+                                                         Group("L02", {ModeAt(1, 12.0)}, 1e-2),
+                                                         Group("L04", {ModeAt(1, 40.0)}, 1e-5),
+                                                         Group("L05", {ModeAt(1, 30.0)}, 1e-3)},
+                                                        At(0.0)),
                                               {},
                                               options);
     ShiftReport report;
@@ -165,7 +157,7 @@ TEST_F(LandmarkCommands, DiffPutsWhatMattersFirstAndSumsUpTheRest) {
   }
   EXPECT_TRUE(std::is_sorted(places.begin(), places.end())) << text;
   EXPECT_THAT(text, HasSubstr("2.000 m by (2.000, 0.000) m, 14.1 standard deviations"));
-  EXPECT_THAT(text, HasSubstr("1 modes shifted within their covariance, by 0.050 m on average"));
+  EXPECT_THAT(text, HasSubstr("1 mode shifted within their covariance, by 0.050 m on average"));
   EXPECT_THAT(text, Not(HasSubstr("L01")));
   EXPECT_THAT(Run({"diff", "1", "2", "--all"}), HasSubstr("shifted"));
   EXPECT_THAT(Run({"diff", "1", "1"}), HasSubstr("no difference"));
