@@ -19,45 +19,77 @@ bool LooksNumeric(const std::string& cell) {
   return std::from_chars(cell.data(), end, value).ptr == end;
 }
 
-// Characters, not bytes, so that µ and ü do not shift a column.
-std::size_t DisplayWidth(const std::string& text) {
-  return static_cast<std::size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+// `2026-01-09 06:00:00` and the like, which tell nothing if they are shortened.
+bool LooksLikeTime(const std::string& cell) {
+  return cell.size() > 9 && cell[4] == '-' && cell[7] == '-' &&
+         cell.find_first_not_of("0123456789-: ") == std::string::npos;
 }
+
+// Columns of text are not made narrower than this.
+constexpr std::size_t kLeastWidth = 8;
+constexpr std::size_t kGap = 2;
 
 }  // namespace
 
-AlignedTable::AlignedTable(std::vector<std::string> header) { rows_.push_back(std::move(header)); }
-
-void AlignedTable::AddRow(std::vector<std::string> cells) {
-  SHIFTMAP_CHECK(cells.size() == rows_.front().size(),
-                 "{} cells, {} columns",
-                 cells.size(),
-                 rows_.front().size());
-  for (std::string& cell : cells) cell = InertLine(cell);
-  rows_.push_back(std::move(cells));
+AlignedTable::AlignedTable(std::vector<std::string> header) {
+  rows_.push_back({std::move(header), Emphasis::kStrong});
 }
 
-std::string AlignedTable::ToString() const {
-  const std::size_t columns = rows_.front().size();
-  std::vector<std::size_t> widths(columns, 0);
-  std::vector<bool> numeric(columns, true);
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    for (std::size_t j = 0; j < columns; ++j) {
-      widths[j] = std::max(widths[j], DisplayWidth(rows_[i][j]));
-      if (i > 0 && !LooksNumeric(rows_[i][j])) numeric[j] = false;
+void AlignedTable::AddRow(std::vector<std::string> cells, Emphasis emphasis) {
+  SHIFTMAP_CHECK(cells.size() == rows_.front().cells.size(),
+                 "{} cells, {} columns",
+                 cells.size(),
+                 rows_.front().cells.size());
+  for (std::string& cell : cells) cell = InertLine(cell);
+  rows_.push_back({std::move(cells), emphasis});
+}
+
+std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
+                                              std::size_t columns) const {
+  std::vector<std::size_t> widths(numeric.size(), 0);
+  std::vector<bool> fixed = numeric;
+  for (const Row& row : rows_) {
+    for (std::size_t j = 0; j < widths.size(); ++j) {
+      widths[j] = std::max(widths[j], DisplayWidth(row.cells[j]));
+      if (LooksLikeTime(row.cells[j])) fixed[j] = true;
     }
   }
+  std::size_t total = kGap * (widths.size() - 1);
+  for (const std::size_t width : widths) total += width;
+  while (columns > 0 && total > columns) {
+    std::size_t widest = widths.size();
+    for (std::size_t j = 0; j < widths.size(); ++j) {
+      const bool shrinks = !fixed[j] && widths[j] > kLeastWidth;
+      if (shrinks && (widest == widths.size() || widths[j] > widths[widest])) widest = j;
+    }
+    if (widest == widths.size()) break;
+    --widths[widest];
+    --total;
+  }
+  return widths;
+}
+
+std::string AlignedTable::ToString(const TextStyle& style) const {
+  std::vector<bool> numeric(rows_.front().cells.size(), true);
+  for (std::size_t i = 1; i < rows_.size(); ++i) {
+    for (std::size_t j = 0; j < numeric.size(); ++j) {
+      if (!LooksNumeric(rows_[i].cells[j])) numeric[j] = false;
+    }
+  }
+  const auto columns = static_cast<std::size_t>(std::max(style.columns, 0));
+  const std::vector<std::size_t> widths = Widths(numeric, columns);
   std::string text;
-  for (const std::vector<std::string>& row : rows_) {
+  for (const Row& row : rows_) {
     std::string line;
-    for (std::size_t j = 0; j < columns; ++j) {
-      if (j > 0) line += "  ";
-      const std::string padding(widths[j] - DisplayWidth(row[j]), ' ');
-      line += numeric[j] ? padding + row[j] : row[j] + padding;
+    for (std::size_t j = 0; j < widths.size(); ++j) {
+      if (j > 0) line.append(kGap, ' ');
+      const std::string cell = Shortened(row.cells[j], widths[j]);
+      const std::string padding(widths[j] - DisplayWidth(cell), ' ');
+      line += numeric[j] ? padding + cell : cell + padding;
     }
     line.erase(line.find_last_not_of(' ') + 1);
-    text += line + '\n';
+    if (columns > 0) line = Shortened(line, columns);
+    text += (style.colour ? Marked(line, row.emphasis) : line) + '\n';
   }
   return text;
 }

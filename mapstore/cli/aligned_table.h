@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "mapstore/cli/text_style.h"
+
 namespace shiftmap {
 
 /// A table for people: columns as wide as their widest cell, two blanks between them. Columns of
@@ -14,13 +16,24 @@ class AlignedTable {
   explicit AlignedTable(std::vector<std::string> header);
 
   /// Precondition: as many cells as the header has.
-  void AddRow(std::vector<std::string> cells);
+  void AddRow(std::vector<std::string> cells, Emphasis emphasis = Emphasis::kNone);
 
-  /// Header and rows, one line each.
-  std::string ToString() const;
+  std::size_t rows() const { return rows_.size() - 1; }
+
+  /// Header and rows, one line each. If they are wider than the terminal, the widest columns of
+  /// text (not of times) are shortened, an ellipsis in the place of what is left out, and then the
+  /// lines. With colour, emphasis is there as Marked() text.
+  std::string ToString(const TextStyle& style = {}) const;
 
  private:
-  std::vector<std::vector<std::string>> rows_;
+  // As wide as the cells, but where the terminal is narrower.
+  std::vector<std::size_t> Widths(const std::vector<bool>& numeric, std::size_t columns) const;
+
+  struct Row {
+    std::vector<std::string> cells;
+    Emphasis emphasis = Emphasis::kNone;
+  };
+  std::vector<Row> rows_;
 };
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #include "mapstore/cli/application.h"
 
 #include <algorithm>
+#include <cctype>
 #include <csignal>
 #include <iostream>
 #include <new>
@@ -10,11 +11,14 @@
 #include <string_view>
 #include <utility>
 
-#include "mapstore/cli/config_file.h"
+#include "mapstore/cli/internal/application_state.h"
 #include "mapstore/cli/internal/command_state.h"
 #include "mapstore/cli/internal/logging.h"
+#include "mapstore/cli/internal/site_config.h"
+#include "mapstore/cli/internal/watch.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/nearest_name.h"
 
 namespace shiftmap {
 namespace {
@@ -38,7 +42,8 @@ void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->add_flag("--json", common->json, "Print one JSON document on standard output");
   parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
   parser->add_option("--log-level", common->log_level, "Least level that is logged")
-      ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "off"}));
+      ->capture_default_str()
+      ->check(OneOfThese({"trace", "debug", "info", "warning", "error", "off"}));
   parser->add_option("--config", common->config, "Read options from this TOML file");
 }
 
@@ -60,30 +65,10 @@ std::string ConfigPath(std::span<const std::string> arguments) {
 
 }  // namespace
 
-struct Application::State {
-  explicit State(std::string program_name, std::string description)
-      : program(std::move(program_name)), parser(std::move(description), program) {
-    AddCommonOptions(&parser, &common);
-  }
-
-  // The command that the arguments name, the nameless one, or null.
-  Command* Select(std::span<const std::string> arguments) const;
-  // Options of the configuration file for `command` that the command line does not have.
-  std::vector<std::string> ConfigArguments(const Command& command,
-                                           std::span<const std::string> arguments) const;
-  void Parse(std::vector<std::string> arguments, const Command* command);
-  ExitCode Usage(const std::string& message,
-                 const Command* command,
-                 std::span<const std::string> arguments,
-                 std::ostream* out,
-                 std::ostream* err) const;
-  ExitCode Execute(const Command& command, std::ostream* out, std::ostream* err);
-
-  std::string program;
-  CommonOptions common;
-  CLI::App parser;
-  std::vector<std::unique_ptr<Command>> commands;
-};
+Application::State::State(std::string program_name, std::string description)
+    : program(std::move(program_name)), parser(std::move(description), program) {
+  AddCommonOptions(&parser, &common);
+}
 
 Command* Application::State::Select(std::span<const std::string> arguments) const {
   for (const std::string& argument : arguments) {
@@ -97,44 +82,100 @@ Command* Application::State::Select(std::span<const std::string> arguments) cons
   return nameless ? commands.front().get() : nullptr;
 }
 
+ReadingProgram Application::State::Reader() const {
+  constexpr std::string_view kPrefix = "shiftmap-";
+  ReadingProgram reader;
+  reader.name = program.starts_with(kPrefix) ? program.substr(kPrefix.size()) : program;
+  for (const auto& command : commands) reader.commands.push_back(KeysOf(*command));
+  return reader;
+}
+
+ReadingProgram::ReadingCommand Application::State::KeysOf(const Command& command) const {
+  const CLI::App& section = *command.state_->parser;
+  ReadingProgram::ReadingCommand reading;
+  if (&section != &parser) reading.name = section.get_name();
+  for (const CLI::Option* option : section.get_options()) {
+    for (const std::string& name : option->get_lnames()) {
+      const bool key = option != section.get_version_ptr() && name != "help" && name != "config";
+      if (key) reading.keys.push_back(name);
+    }
+  }
+  return reading;
+}
+
+StatusOr<SiteConfig> Application::State::ReadSiteConfig(
+    std::span<const std::string> arguments) const {
+  std::string source;
+  SHIFTMAP_ASSIGN_OR_RETURN(SiteConfig config,
+                            SiteConfig::Read(SiteConfig::FindFile(ConfigPath(arguments), &source)));
+  SHIFTMAP_RETURN_IF_ERROR(config.Check(Reader()));
+  return config;
+}
+
 std::vector<std::string> Application::State::ConfigArguments(
     const Command& command, std::span<const std::string> arguments) const {
-  const std::string path = ConfigPath(arguments);
-  if (path.empty()) return {};
-  StatusOr<std::vector<ConfigEntry>> entries = ReadConfigFile(path);
-  if (!entries.ok()) throw UsageError(Message(entries.status()));
+  StatusOr<SiteConfig> config = ReadSiteConfig(arguments);
+  if (!config.ok()) throw UsageError(Message(config.status()));
   std::vector<std::string> added;
-  for (const ConfigEntry& entry : *entries) {
-    const std::string name = "--" + entry.key;
-    const auto knows = [&](const auto& candidate) {
-      const CLI::App& section = *candidate->state_->parser;
-      return (entry.section.empty() || section.get_name() == entry.section) &&
-             section.get_option_no_throw(name) != nullptr;
-    };
-    if (entry.key == "config" || std::none_of(commands.begin(), commands.end(), knows)) {
-      throw UsageError(fmt::format("config '{}': unknown key '{}{}{}'",
-                                   path,
-                                   entry.section,
-                                   entry.section.empty() ? "" : ".",
-                                   entry.key));
-    }
-    const CLI::App& target = *command.state_->parser;
-    const CLI::Option* option = target.get_option_no_throw(name);
-    const bool applies = entry.section.empty() || entry.section == target.get_name();
-    if (option == nullptr || !applies || IsGiven(*option, arguments)) continue;
-    for (const std::string& value : entry.values) added.push_back(name + "=" + value);
+  for (const Setting& setting : config->SettingsOf(Reader(), KeysOf(command))) {
+    const std::string name = "--" + setting.key;
+    const CLI::Option* const option = command.state_->parser->get_option_no_throw(name);
+    if (option == nullptr || IsGiven(*option, arguments)) continue;
+    for (const std::string& value : setting.values) added.push_back(name + "=" + value);
   }
   return added;
 }
 
+std::vector<std::string> Application::State::CommandNames() const {
+  std::vector<std::string> names;
+  for (const auto& command : commands) names.push_back(command->state_->parser->get_name());
+  return names;
+}
+
+// The parser's own message would name a mistyped option last, after those that are missing.
+void Application::State::RefuseUnknownOptions(std::span<const std::string> arguments,
+                                              const Command* command) const {
+  const CLI::App& section = command != nullptr ? *command->state_->parser : parser;
+  bool is_value = false;
+  for (const std::string& argument : arguments) {
+    if (argument == "--") return;
+    const std::string name = argument.substr(0, argument.find('='));
+    const bool named = name.size() > 1 && name.front() == '-' &&
+                       std::isdigit(static_cast<unsigned char>(name[1])) == 0 && name[1] != '.';
+    if (std::exchange(is_value, false) || !named) continue;
+    const std::string known = name[1] != '-' ? name.substr(0, 2) : name;
+    const CLI::Option* option = section.get_option_no_throw(known);
+    if (option == nullptr) option = parser.get_option_no_throw(known);
+    if (option != nullptr) {
+      is_value = option->get_items_expected_min() > 0 && name.size() == argument.size();
+      continue;
+    }
+    std::vector<std::string> names;
+    for (const CLI::Option* candidate : section.get_options()) {
+      for (const std::string& long_name : candidate->get_lnames())
+        names.push_back("--" + long_name);
+    }
+    throw UsageError(fmt::format("no option '{}'{}", name, DidYouMean(name, names)));
+  }
+}
+
 void Application::State::Parse(std::vector<std::string> arguments, const Command* command) {
+  const bool help =
+      std::any_of(arguments.begin(), arguments.end(), [](const std::string& argument) {
+        return argument == "--help" || argument == "-h";
+      });
   if (command == nullptr) {
     if (arguments.empty()) throw UsageError("a command is required");
     if (!arguments.front().starts_with('-')) {
-      throw UsageError(fmt::format("unknown command '{}'", arguments.front()));
+      throw UsageError(fmt::format("unknown command '{}'{}",
+                                   arguments.front(),
+                                   DidYouMean(arguments.front(), CommandNames())));
     }
   }
-  if (command != nullptr) {
+  if (!help && (command == nullptr || !command->state_->parser->get_allow_extras())) {
+    RefuseUnknownOptions(arguments, command);
+  }
+  if (command != nullptr && !help) {
     const std::vector<std::string> added = ConfigArguments(*command, arguments);
     const auto name =
         std::find(arguments.begin(), arguments.end(), command->state_->parser->get_name());
@@ -154,7 +195,9 @@ ExitCode Application::State::Usage(const std::string& message,
   const std::string name = command != nullptr && command->state_->parser != &parser
                                ? " " + command->state_->parser->get_name()
                                : "";
-  *err << fmt::format("{}: {}; try '{}{} --help'\n", program, OneLine(message), program, name);
+  const std::string line = OneLine(message);
+  const char* const hint = line.ends_with('?') ? " Try" : "; try";
+  *err << fmt::format("{}: {}{} '{}{} --help'\n", program, line, hint, program, name);
   // The arguments may not have been parsed up to --json.
   const bool json = std::find(arguments.begin(), arguments.end(), "--json") != arguments.end();
   if (json) *out << ErrorJson(OneLine(message), ExitCode::kUsage);
@@ -163,7 +206,19 @@ ExitCode Application::State::Usage(const std::string& message,
 
 ExitCode Application::State::Execute(const Command& command, std::ostream* out, std::ostream* err) {
   const ScopedLogging logging(program, common, err);
-  Context context(common, err);
+  const TextStyle style = out == &std::cout ? StandardOutputStyle() : TextStyle();
+  if (!common.watch_s) return RunBody(command, style, out, err);
+  return Watch(*common.watch_s, common.json ? TextStyle() : style, out, [&](std::ostream* once) {
+    for (const auto& refresh : command.state_->refresh) refresh();
+    return RunBody(command, style, once, err);
+  });
+}
+
+ExitCode Application::State::RunBody(const Command& command,
+                                     const TextStyle& style,
+                                     std::ostream* out,
+                                     std::ostream* err) const {
+  Context context(common, err, style);
   Status status = OkStatus();
   try {
     status = command.state_->body(context);
@@ -217,6 +272,7 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
                           std::ostream* out,
                           std::ostream* err) {
   const Command* command = state_->Select(arguments);
+  state_->run_arguments = arguments;
   try {
     state_->Parse(arguments, command);
   } catch (const CLI::CallForHelp&) {

@@ -14,10 +14,13 @@ namespace shiftmap {
 /// A program with commands, each with --help, --version, --json, --quiet, --log-level and --config
 /// FILE.toml.
 ///
-/// A result goes to standard output: text, or with --json exactly one document (for an error that
-/// reported none, `{"error": message, "exit_code": n}`). Everything else goes to standard error; an
-/// error is one line, `<program>: <message>`. Options on the command line win over the
-/// configuration file; a key there that no command knows is a usage error.
+/// A result goes to standard output: text, or with --json exactly one document a run of the body
+/// (for an error that reported none, `{"error": message, "exit_code": n}`). Everything else goes to
+/// standard error; an error is one line, `<program>: <message>`.
+///
+/// Options on the command line win over the environment, and that over the site file: --config,
+/// else SHIFTMAP_CONFIG, else /etc/shiftmap/shiftmap.toml (mapstore/cli/README.md). A name that is
+/// none is a usage error with the nearest one there is.
 class Application {
  public:
   Application(std::string program, std::string description);
@@ -27,6 +30,9 @@ class Application {
 
   /// @param name  Empty for a program that does one thing: its options follow its name.
   Command& AddCommand(const std::string& name, const std::string& description, Command::Body body);
+
+  /// Adds `config`, which prints what holds for each option of each command, and why.
+  void AddConfigCommand();
 
   /// Runs what the arguments (without the program's name) ask for; call once.
   ExitCode Run(const std::vector<std::string>& arguments, std::ostream* out, std::ostream* err);

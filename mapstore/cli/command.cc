@@ -2,11 +2,16 @@
 #include "mapstore/cli/command.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "mapstore/cli/internal/command_state.h"
+#include "mapstore/cli/time_text.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/nearest_name.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -36,7 +41,26 @@ std::string RefuseNegative(const std::string& text) {
   return text.starts_with('-') ? fmt::format("Value {} is negative", text) : "";
 }
 
+// Nothing, or why it is no time.
+std::string RefuseOtherThanTime(const std::string& text) {
+  const StatusOr<Stamp> time = ParseTime(text, SystemNow());
+  return time.ok() ? "" : Message(time.status());
+}
+
+// The shortest and the longest time between two repetitions. [s]
+constexpr double kLeastWatchS = 0.1;
+constexpr double kMostWatchS = 86'400.0;
+
 }  // namespace
+
+CLI::Validator OneOfThese(const std::vector<std::string>& allowed) {
+  const auto check = [allowed](const std::string& text) {
+    if (std::find(allowed.begin(), allowed.end(), text) != allowed.end()) return std::string();
+    return fmt::format(
+        "'{}' is none of {}{}", text, fmt::join(allowed, ", "), DidYouMean(text, allowed));
+  };
+  return CLI::Validator(check, fmt::format("{{{}}}", fmt::join(allowed, ",")), "");
+}
 
 Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Command::~Command() = default;
@@ -103,6 +127,23 @@ Command& Command::Option(const std::string& name,
   return *this;
 }
 
+Command& Command::Time(const std::string& name,
+                       std::optional<double>* value_s,
+                       const std::string& help) {
+  const auto set = [value_s](const std::string& text) {
+    const StatusOr<Stamp> time = ParseTime(text, SystemNow());
+    if (time.ok()) *value_s = ToSecondsSinceEpoch(*time);
+  };
+  CLI::Option* const option = state_->parser->add_option_function<std::string>(name, set, help);
+  option->type_name("TIME")->check(RefuseOtherThanTime);
+  state_->last = option;
+  state_->refresh.push_back([option, set] {
+    if (option->count() > 0) set(option->results().back());
+  });
+  state_->parser->footer(fmt::format("TIME (UTC): {}", kTimeForms));
+  return *this;
+}
+
 Command& Command::Flag(const std::string& name, bool* value, const std::string& help) {
   state_->last = state_->parser->add_flag(name, *value, help);
   return *this;
@@ -116,7 +157,7 @@ Command& Command::Required() {
 
 Command& Command::OneOf(const std::vector<std::string>& allowed) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
-  state_->last->check(CLI::IsMember(allowed));
+  state_->last->check(OneOfThese(allowed));
   return *this;
 }
 
@@ -138,6 +179,15 @@ void Command::LetListsTakeSeveral() const {
   for (CLI::Option* list : state_->lists) {
     list->expected(1, CLI::detail::expected_max_vector_size)->allow_extra_args(true);
   }
+}
+
+Command& Command::Watchable() {
+  state_->parser
+      ->add_option(
+          "--watch", state_->common->watch_s, "Look again every SECONDS until it is interrupted")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(kLeastWatchS, kMostWatchS));
+  return *this;
 }
 
 Command& Command::Writes() {

@@ -45,6 +45,11 @@ class Command {
                   std::vector<std::string>* values,
                   const std::string& help);
 
+  /// A time as ParseTime() reads it: `2026-01-09`, `-8h`, `now`, seconds since the epoch. A usage
+  /// error lists the forms. A relative one is taken from the start of each repetition.
+  /// @param value_s  Seconds since the epoch.
+  Command& Time(const std::string& name, std::optional<double>* value_s, const std::string& help);
+
   /// Set by being there.
   Command& Flag(const std::string& name, bool* value, const std::string& help);
 
@@ -59,6 +64,9 @@ class Command {
 
   /// The command writes something that outlives it: it has --dry-run.
   Command& Writes();
+
+  /// The command only looks: it has --watch SECONDS, and its body may run several times.
+  Command& Watchable();
 
  private:
   friend class Application;

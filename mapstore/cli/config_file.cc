@@ -27,7 +27,7 @@ Status AppendEntry(const std::string& path,
                    std::string_view key,
                    const toml::node& node,
                    std::vector<ConfigEntry>* entries) {
-  ConfigEntry entry{section, std::string(key), {}};
+  ConfigEntry entry{section, std::string(key), {}, static_cast<int>(node.source().begin.line)};
   std::replace(entry.key.begin(), entry.key.end(), '_', '-');
   bool readable = true;
   const auto append = [&](const toml::node& item) {
@@ -51,6 +51,25 @@ Status AppendEntry(const std::string& path,
   return OkStatus();
 }
 
+// @param depth  How many tables may be inside.
+Status AppendTable(const std::string& path,
+                   const std::string& section,
+                   const toml::table& table,
+                   int depth,
+                   std::vector<ConfigEntry>* entries) {
+  for (const auto& [key, node] : table) {
+    const toml::table* const inner = depth > 0 ? node.as_table() : nullptr;
+    if (inner == nullptr) {
+      SHIFTMAP_RETURN_IF_ERROR(AppendEntry(path, section, key.str(), node, entries));
+      continue;
+    }
+    const std::string name = section.empty() ? "" : section + ".";
+    SHIFTMAP_RETURN_IF_ERROR(
+        AppendTable(path, name + std::string(key.str()), *inner, depth - 1, entries));
+  }
+  return OkStatus();
+}
+
 }  // namespace
 
 StatusOr<std::vector<ConfigEntry>> ReadConfigFile(const std::string& path) {
@@ -63,16 +82,7 @@ StatusOr<std::vector<ConfigEntry>> ReadConfigFile(const std::string& path) {
         "config '{}:{}': {}", path, error.source().begin.line, std::string(error.description()));
   }
   std::vector<ConfigEntry> entries;
-  for (const auto& [key, node] : root) {
-    if (const toml::table* section = node.as_table()) {
-      for (const auto& [inner_key, inner_node] : *section) {
-        SHIFTMAP_RETURN_IF_ERROR(
-            AppendEntry(path, std::string(key.str()), inner_key.str(), inner_node, &entries));
-      }
-    } else {
-      SHIFTMAP_RETURN_IF_ERROR(AppendEntry(path, "", key.str(), node, &entries));
-    }
-  }
+  SHIFTMAP_RETURN_IF_ERROR(AppendTable(path, "", root, 2, &entries));
   return entries;
 }
 

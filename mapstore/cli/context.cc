@@ -11,13 +11,14 @@
 
 namespace shiftmap {
 
-Context::Context(const CommonOptions& options, std::ostream* err) : options_(options), err_(err) {}
+Context::Context(const CommonOptions& options, std::ostream* err, const TextStyle& style)
+    : options_(options), err_(err), style_(style) {}
 
 void Context::Report(const Json& document, const std::string& text) {
   SHIFTMAP_CHECK(!reported_, "a command reports once");
   reported_ = true;
-  output_ = json() ? JsonText(document) : InertText(text);
-  summary_ = InertLine(text.substr(0, text.find('\n')));
+  output_ = json() ? JsonText(document) : RenderMarks(text, style_.colour);
+  summary_ = InertLine(RenderMarks(text.substr(0, text.find('\n')), /*colour=*/false));
 }
 
 void Context::Warn(const std::string& message) const { spdlog::warn("{}", InertLine(message)); }

@@ -3,11 +3,13 @@
 
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <ostream>
 #include <string>
 
 #include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/progress.h"
+#include "mapstore/cli/text_style.h"
 
 namespace shiftmap {
 
@@ -21,13 +23,15 @@ struct CommonOptions {
   bool dry_run = false;
   std::string log_level = "info";
   std::string config;
+  std::optional<double> watch_s;  ///< Of a command that can be repeated. [s]
 };
 
 /// What a command's body gets from the application around it.
 class Context {
  public:
-  /// @param err  Where progress and errors go; must outlive this.
-  Context(const CommonOptions& options, std::ostream* err);
+  /// @param err    Where progress and errors go; must outlive this.
+  /// @param style  Of standard output.
+  Context(const CommonOptions& options, std::ostream* err, const TextStyle& style = {});
 
   bool json() const { return options_.json; }
   bool quiet() const { return options_.quiet; }
@@ -35,8 +39,11 @@ class Context {
   /// Check and say what would be done, but write nothing.
   bool dry_run() const { return options_.dry_run; }
 
+  /// What the text of Report() is set for.
+  const TextStyle& style() const { return style_; }
+
   /// The result of the command, once per run: the document goes to standard output with --json,
-  /// InertText() of the text without.
+  /// the text without, which may be Marked(): RenderMarks() of it.
   void Report(const Json& document, const std::string& text);
 
   /// One line on standard error, `<program>: warning: <message>`, unless --quiet or --log-level
@@ -72,6 +79,7 @@ class Context {
  private:
   CommonOptions options_;
   std::ostream* err_;
+  TextStyle style_;
   bool reported_ = false;
   bool has_effect_ = false;
   std::string output_;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <iterator>
 
@@ -37,6 +38,13 @@ std::string Inert(std::string_view text, bool keep_line_feeds) {
   std::string out;
   out.reserve(text.size());
   while (!text.empty()) {
+    // Most text is printable ASCII, and goes through at once.
+    const auto plain = static_cast<std::size_t>(
+        std::find_if(text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }) -
+        text.begin());
+    out += text.substr(0, plain);
+    text.remove_prefix(plain);
+    if (text.empty()) break;
     const std::string_view rest = text;
     const std::optional<char32_t> c = TakeCodePoint(&text);
     if (!c) {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/version_rows.h"
 
+#include <fmt/ranges.h>
+
 #include <tuple>
 #include <utility>
 
+#include "mapstore/core/nearest_name.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/store/content_rows.h"
 
@@ -86,6 +89,23 @@ Status InsertStatement(Database& database,
   return version.Execute();
 }
 
+// What the store has instead of an area that it does not have, for a message.
+StatusOr<std::string> AreaNames(Database& database, const std::string& area) {
+  constexpr std::size_t kMost = 8;
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare("SELECT name FROM area ORDER BY 1"));
+  std::vector<std::string> names;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) break;
+    names.push_back(query.Text(0));
+  }
+  if (names.empty()) return std::string("the store has no areas");
+  if (names.size() > kMost) {
+    return fmt::format("the store has {} areas{}", names.size(), DidYouMean(area, names));
+  }
+  return fmt::format("the store has: {}", fmt::join(names, ", "));
+}
+
 }  // namespace
 
 StatusOr<std::optional<AreaRow>> FindArea(Database& database, const std::string& area) {
@@ -103,8 +123,9 @@ StatusOr<std::optional<AreaRow>> FindArea(Database& database, const std::string&
 
 StatusOr<AreaRow> GetArea(Database& database, const std::string& area) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<AreaRow> row, FindArea(database, area));
-  if (!row) return NotFound("{}: no area '{}'", database.name(), area);
-  return *row;
+  if (row) return *row;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string names, AreaNames(database, area));
+  return NotFound("{}: no area '{}'; {}", database.name(), area, names);
 }
 
 StatusOr<VersionRow> GetVersion(Database& database,

@@ -3,9 +3,13 @@
 // What every program does with its command line, its output, and the disk.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
 
+#include "mapstore/cli/programs.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 
@@ -57,12 +61,67 @@ const std::vector<Program>& Programs() {
       {"shiftmap-inspect",
        {"areas",    "versions", "show",     "modes",   "history", "sightings", "runs",
         "reports",  "audit",    "vehicles", "export",  "plot",    "diff",      "publish",
-        "rollback", "verify",   "backup",   "restore", "compact", "migrate"}},
+        "rollback", "verify",   "backup",   "restore", "compact", "config",    "migrate"}},
       {"shiftmap-localizer", {"run", "return", "serve", "ctl"}},
       {"shiftmap-mapper", {"build", "import"}},
       {"shiftmap-sim", {"mine", "open"}},
   };
   return *programs;
+}
+
+// The names below `Subcommands:` in a program's help.
+std::set<std::string> CommandsIn(const std::string& help) {
+  std::set<std::string> commands;
+  std::istringstream lines(help.substr(std::min(help.find("Subcommands:"), help.size())));
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("  ") || line.starts_with("   ")) continue;
+    commands.insert(line.substr(2, line.find(' ', 2) - 2));
+  }
+  return commands;
+}
+
+// A site file may have a table for each.
+TEST(Programs, AreAllKnownToTheSiteFileWithTheirCommands) {
+  for (const Program& program : Programs()) {
+    const auto known =
+        std::find_if(AllPrograms().begin(), AllPrograms().end(), [&](const ProgramCommands& other) {
+          return "shiftmap-" + other.program == program.name;
+        });
+    ASSERT_NE(known, AllPrograms().end()) << program.name;
+    const std::set<std::string> commands = CommandsIn(RunCommand(program.name, {"--help"}).out);
+    EXPECT_FALSE(commands.empty()) << program.name;
+    for (const std::string& command : commands) {
+      EXPECT_NE(std::find(known->commands.begin(), known->commands.end(), command),
+                known->commands.end())
+          << program.name << ' ' << command;
+    }
+  }
+}
+
+TEST(Programs, ReadOneSiteFile) {
+  const TempDir dir;
+  const std::string path = dir.File("shiftmap.toml");
+  WriteFile(path,
+            "store = '" + dir.File("a.db") +
+                "'\narea = 'floor'\nserver = 'maps.example.com:7443'\nlog-level = 'error'\n"
+                "[build]\nselector = 'viterbi'\n[localizer.run]\ninitial-pose = 'auto'\n"
+                "[history]\nlimit = 5\n[shiftmap-server]\nlisten = ':7443'\n");
+  const CommandOptions options{.environment = {"SHIFTMAP_CONFIG=" + path}};
+  for (const auto& [program, arguments] :
+       std::vector<std::pair<std::string, Arguments>>{{"shiftmap-inspect", {"areas"}},
+                                                      {"shiftmap-inspect", {"history", "L01"}},
+                                                      {"shiftmap-localizer", {"run", "a.mcap"}},
+                                                      {"shiftmap-mapper", {"build", "a.mcap"}}}) {
+    // The file is read whole, and what is missing is the store or the log.
+    EXPECT_EQ(RunCommand(program, arguments, options).exit_code, 6) << program;
+  }
+  WriteFile(path, "[build]\nselectro = 'viterbi'\n");
+  EXPECT_EQ(RunCommand("shiftmap-inspect", {"config"}, options).exit_code, 0);
+  ExpectError("shiftmap-mapper",
+              {"build", "a.mcap"},
+              kUsage,
+              "unknown key 'build.selectro'; did you mean 'selector'?",
+              options);
 }
 
 TEST(UsageTest, NoArguments) {

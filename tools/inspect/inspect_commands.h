@@ -9,12 +9,14 @@ namespace shiftmap {
 void AddInspectCommands(Application* application);
 
 // The same by what they are about. Those of the last three write.
-void AddListCommands(Application* application);     ///< areas, versions, sightings
-void AddLedgerCommands(Application* application);   ///< reports, audit
-void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
-void AddPictureCommands(Application* application);  ///< export, plot
-void AddRunCommands(Application* application);      ///< runs
-void AddVersionCommands(Application* application);  ///< diff, publish, rollback
+void AddListCommands(Application* application);    ///< areas, versions, sightings, config
+void AddLedgerCommands(Application* application);  ///< reports, audit
+void AddMapCommands(
+    Application* application);  ///< show, vehicles, and those of AddLandmarkCommands
+void AddLandmarkCommands(Application* application);  ///< modes, history
+void AddPictureCommands(Application* application);   ///< export, plot
+void AddRunCommands(Application* application);       ///< runs
+void AddVersionCommands(Application* application);   ///< diff, publish, rollback
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate
 

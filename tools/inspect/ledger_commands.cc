@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "mapstore/cli/aligned_table.h"
 #include "tools/inspect/inspect_commands.h"
@@ -25,13 +27,31 @@ std::string SetAsideText(const std::vector<SetAsideRows>& set_aside) {
   return text;
 }
 
-Status RunReports(const StoreArguments& arguments, Context& context) {
+struct LedgerArguments : StoreArguments {
+  std::optional<double> since_s;
+  std::optional<std::int64_t> limit;
+};
+
+bool IsOlder(Stamp stamp, const LedgerArguments& arguments) {
+  return arguments.since_s && stamp < StampFromSeconds(*arguments.since_s);
+}
+
+Status RunReports(const LedgerArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ReportSummary> reports,
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<ReportSummary> reports,
                             store.Reports(arguments.area, version));
+  std::erase_if(reports, [&](const auto& report) { return IsOlder(report.end, arguments); });
   Json list = Json::array();
-  AlignedTable table({"end", "vehicle", "version", "rows", "decisions", "sightings", "set_aside"});
+  AlignedTable table({"end",
+                      "report",
+                      "vehicle",
+                      "version",
+                      "rows",
+                      "counting",
+                      "decisions",
+                      "sightings",
+                      "not_counting"});
   for (const ReportSummary& report : reports) {
     list.push_back({{"uuid", report.uuid},
                     {"vehicle", report.vehicle},
@@ -45,56 +65,69 @@ Status RunReports(const StoreArguments& arguments, Context& context) {
                     {"decisions", report.decisions},
                     {"sightings", report.sightings},
                     {"set_aside", SetAsideJson(report.set_aside)}});
+    int aside = 0;
+    for (const SetAsideRows& rows : report.set_aside) aside += rows.rows;
     table.AddRow({TimeText(report.end),
+                  ShortHash(report.uuid),
                   report.vehicle,
                   fmt::format("{}", report.version.value()),
                   fmt::format("{}", report.evidence_rows),
+                  fmt::format("{}", report.evidence_rows - aside),
                   fmt::format("{}", report.decisions),
                   fmt::format("{}", report.sightings),
-                  SetAsideText(report.set_aside)});
+                  SetAsideText(report.set_aside)},
+                 aside > 0 && aside == report.evidence_rows ? Emphasis::kFaint : Emphasis::kNone);
   }
   context.Report({{"area", arguments.area}, {"version", version.value()}, {"reports", list}},
-                 table.ToString());
+                 table.ToString(context.style()));
   return OkStatus();
 }
 
-Status RunAudit(const StoreArguments& arguments, Context& context) {
+Status RunAudit(const LedgerArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   std::optional<std::string> area;
   if (!arguments.area.empty()) area = arguments.area;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> entries, store.AuditLog(area));
+  const auto all = static_cast<std::int64_t>(entries.size());
+  std::int64_t skipped = std::max<std::int64_t>(all - arguments.limit.value_or(all), 0);
   Json list = Json::array();
   AlignedTable table({"written", "area", "action", "subject"});
   for (const AuditEntry& entry : entries) {
+    if (skipped-- > 0 || IsOlder(entry.written, arguments)) continue;
     list.push_back({{"written_s", ToSecondsSinceEpoch(entry.written)},
                     {"area", entry.area},
                     {"action", entry.action},
                     {"subject", entry.subject}});
     table.AddRow({TimeText(entry.written), entry.area, entry.action, entry.subject});
   }
-  context.Report({{"audit", list}}, table.ToString());
+  context.Report({{"audit", list}}, table.ToString(context.style()));
   return OkStatus();
 }
 
 }  // namespace
 
 void AddLedgerCommands(Application* application) {
-  auto reports = std::make_shared<StoreArguments>();
+  auto reports = std::make_shared<LedgerArguments>();
   Command& reports_command = application->AddCommand(
       "reports",
       "List the shift reports of an area, and which of their rows count for a map version",
       [reports](Context& context) { return RunReports(*reports, context); });
   AddStoreOptions(reports.get(), &reports_command);
-  reports_command.Option(
-      "--version", &reports->version, "Map version (default: the published one)");
+  reports_command.Option("--version", &reports->version, "Map version (default: the published one)")
+      .Time("--since", &reports->since_s, "Of shifts that did not end before")
+      .Watchable();
 
-  auto audit = std::make_shared<StoreArguments>();
+  auto audit = std::make_shared<LedgerArguments>();
   Command& audit_command =
       application->AddCommand("audit", "List every write to a store", [audit](Context& context) {
         return RunAudit(*audit, context);
       });
   audit_command.Option("--store", &audit->store, "Map store").Required();
-  audit_command.Option("--area", &audit->area, "Of one area only");
+  audit_command.Option("--area", &audit->area, "Of one area only")
+      .Time("--since", &audit->since_s, "Written then or later")
+      .Option("--limit", &audit->limit, "The newest so many")
+      .InRange(0, 1e9)
+      .Watchable();
 }
 
 }  // namespace shiftmap

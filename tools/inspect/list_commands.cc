@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "mapstore/cli/aligned_table.h"
-#include "mapstore/geometry/covariance.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -31,7 +30,7 @@ Status RunAreas(const StoreArguments& arguments, Context& context) {
                     {"versions", area.versions}});
     table.AddRow({area.area, VersionText(area.published), fmt::format("{}", area.versions)});
   }
-  context.Report({{"areas", list}}, table.ToString());
+  context.Report({{"areas", list}}, table.ToString(context.style()));
   return OkStatus();
 }
 
@@ -55,28 +54,45 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
                   version.content_stored ? "yes" : "no",
                   TimeText(version.created),
                   ShortHash(version.content_hash),
-                  version.tool});
+                  version.tool},
+                 version.published ? Emphasis::kStrong : Emphasis::kNone);
   }
-  context.Report({{"versions", list}}, table.ToString());
+  context.Report({{"versions", list}}, table.ToString(context.style()));
   return OkStatus();
 }
 
 struct SightingArguments : StoreArguments {
   bool all = false;
+  std::optional<double> since_s;
 };
 
 // Whether a map has a mode of the landmark where it was seen.
 bool Explains(const MapSnapshot& map, const UnmappedSighting& sighting) {
-  static const double kGate = ChiSquareQuantile(0.999, 2);
   const int group = map.GroupIndex(sighting.signature);
   const bool anonymous = sighting.signature.anonymous();
   if (!anonymous && group < 0) return false;
   const std::vector<Mode>& modes =
       anonymous ? map.anonymous_landmarks() : map.groups()[static_cast<std::size_t>(group)].modes;
   return std::any_of(modes.begin(), modes.end(), [&](const Mode& mode) {
-    return SquaredMahalanobis(sighting.p_map_landmark - mode.p_map_landmark,
-                              sighting.cov_p_map_landmark + mode.cov_p_map_landmark) < kGate;
+    return Gates(sighting, mode.p_map_landmark, mode.cov_p_map_landmark);
   });
+}
+
+// The nearest mode of the landmark, and how far it is; nothing if the map does not have it.
+struct NearestMode {
+  ModeNumber number;
+  double distance_m = 0.0;
+};
+
+std::optional<NearestMode> NearestOf(const MapSnapshot& map, const UnmappedSighting& sighting) {
+  const int group = map.GroupIndex(sighting.signature);
+  if (group < 0) return std::nullopt;
+  std::optional<NearestMode> nearest;
+  for (const Mode& mode : map.groups()[static_cast<std::size_t>(group)].modes) {
+    const double distance_m = (mode.p_map_landmark - sighting.p_map_landmark).norm();
+    if (!nearest || distance_m < nearest->distance_m) nearest = {mode.number, distance_m};
+  }
+  return nearest;
 }
 
 Status RunSightings(const SightingArguments& arguments, Context& context) {
@@ -84,29 +100,41 @@ Status RunSightings(const SightingArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<UnmappedSighting> sightings,
                             store.Sightings(arguments.area));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(arguments.area));
-  if (published && !arguments.all) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store.LoadVersion(arguments.area, *published));
-    std::erase_if(sightings, [&](const auto& sighting) { return Explains(map, sighting); });
+  std::optional<MapSnapshot> map;
+  if (published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(map, store.LoadVersion(arguments.area, *published));
   }
+  std::erase_if(sightings, [&](const UnmappedSighting& sighting) {
+    const bool old = arguments.since_s && sighting.last < StampFromSeconds(*arguments.since_s);
+    return old || (map && !arguments.all && Explains(*map, sighting));
+  });
   Json list = Json::array();
-  AlignedTable table({"signature", "x_m", "y_m", "count", "first", "last"});
+  AlignedTable table(
+      {"signature", "x_m", "y_m", "count", "first", "last", "nearest_mode", "distance_m"});
   for (const UnmappedSighting& sighting : sightings) {
     const Eigen::Matrix2d& cov = sighting.cov_p_map_landmark;
+    const std::optional<NearestMode> nearest = map ? NearestOf(*map, sighting) : std::nullopt;
     list.push_back({{"signature", sighting.signature.text()},
                     {"x_m", sighting.p_map_landmark.x()},
                     {"y_m", sighting.p_map_landmark.y()},
                     {"cov_m2", {cov(0, 0), cov(0, 1), cov(1, 1)}},
                     {"count", sighting.count},
                     {"first_s", ToSecondsSinceEpoch(sighting.first)},
-                    {"last_s", ToSecondsSinceEpoch(sighting.last)}});
+                    {"last_s", ToSecondsSinceEpoch(sighting.last)},
+                    {"nearest_mode", nearest ? Json(nearest->number.value()) : Json(nullptr)},
+                    {"distance_m", nearest ? Json(nearest->distance_m) : Json(nullptr)}});
     table.AddRow({sighting.signature.text(),
                   fmt::format("{:.2f}", sighting.p_map_landmark.x()),
                   fmt::format("{:.2f}", sighting.p_map_landmark.y()),
                   fmt::format("{}", sighting.count),
                   TimeText(sighting.first),
-                  TimeText(sighting.last)});
+                  TimeText(sighting.last),
+                  nearest ? fmt::format("{}", nearest->number.value()) : "-",
+                  nearest ? fmt::format("{:.2f}", nearest->distance_m) : "-"});
   }
-  context.Report({{"area", arguments.area}, {"sightings", list}}, table.ToString());
+  context.Report({{"area", arguments.area}, {"sightings", list}},
+                 table.rows() == 0 ? "no sightings that the map does not explain\n"
+                                   : table.ToString(context.style()));
   return OkStatus();
 }
 
@@ -119,14 +147,16 @@ void AddListCommands(Application* application) {
                    "List the areas of a store",
                    [areas](Context& context) { return RunAreas(*areas, context); })
       .Option("--store", &areas->store, "Map store")
-      .Required();
+      .Required()
+      .Watchable();
 
   auto versions = std::make_shared<StoreArguments>();
-  AddStoreOptions(versions.get(),
-                  &application->AddCommand(
-                      "versions", "List the map versions of an area", [versions](Context& context) {
-                        return RunVersions(*versions, context);
-                      }));
+  Command& versions_command = application->AddCommand(
+      "versions", "List the map versions of an area", [versions](Context& context) {
+        return RunVersions(*versions, context);
+      });
+  AddStoreOptions(versions.get(), &versions_command);
+  versions_command.Watchable();
 
   auto sightings = std::make_shared<SightingArguments>();
   Command& sightings_command = application->AddCommand(
@@ -134,8 +164,11 @@ void AddListCommands(Application* application) {
         return RunSightings(*sightings, context);
       });
   AddStoreOptions(sightings.get(), &sightings_command);
-  sightings_command.Flag(
-      "--all", &sightings->all, "Also where the published map has a mode by now");
+  sightings_command.Flag("--all", &sightings->all, "Also where the published map has a mode by now")
+      .Time("--since", &sightings->since_s, "Of which the last is not older")
+      .Watchable();
+
+  application->AddConfigCommand();
 }
 
 }  // namespace shiftmap

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mapstore/cli/aligned_table.h"
@@ -24,8 +26,9 @@ struct RunsArguments {
   StoreArguments store;
   std::vector<std::string> runs;
   std::string vehicle;
-  double since_s = 0.0;
+  std::optional<double> since_s;
   std::string reason;
+  bool all = false;
 };
 
 std::string StateText(const Exclusion& exclusion) { return exclusion.held ? "held" : "excluded"; }
@@ -42,7 +45,7 @@ Json ExclusionJson(const Exclusion& exclusion) {
 }
 
 // What an operator took out, runs and vehicles.
-std::string ExclusionsText(const std::vector<Exclusion>& exclusions) {
+std::string ExclusionsText(const std::vector<Exclusion>& exclusions, const TextStyle& style) {
   if (exclusions.empty()) return "";
   AlignedTable table({"state", "what", "since", "decided", "reason"});
   for (const Exclusion& exclusion : exclusions) {
@@ -53,10 +56,56 @@ std::string ExclusionsText(const std::vector<Exclusion>& exclusions) {
                   TimeText(exclusion.excluded),
                   exclusion.reason});
   }
-  return "\n" + table.ToString();
+  return "\n" + table.ToString(style);
 }
 
-Status List(const StoreArguments& arguments, Context& context) {
+// Runs that a build was given and could not place.
+std::string WaitingText(const std::vector<UnplacedRun>& waiting, const TextStyle& style) {
+  if (waiting.empty()) return "";
+  AlignedTable table({"waits_for_a_build", "since", "sha256"});
+  for (const UnplacedRun& run : waiting) {
+    table.AddRow({run.name, TimeText(run.since), ShortHash(run.sha256)});
+  }
+  return "\n" + table.ToString(style);
+}
+
+Json WaitingJson(const std::vector<UnplacedRun>& waiting) {
+  Json list = Json::array();
+  for (const UnplacedRun& run : waiting) {
+    list.push_back(
+        {{"run", run.name}, {"sha256", run.sha256}, {"since_s", ToSecondsSinceEpoch(run.since)}});
+  }
+  return list;
+}
+
+// The runs that a version was built from; with `line` those of its ancestors too, by version.
+struct MappedRun {
+  RunRecord run;
+  VersionNumber version;
+};
+
+StatusOr<std::vector<MappedRun>> RunsOf(const std::string& area,
+                                        VersionNumber version,
+                                        bool line,
+                                        MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  std::vector<MappedRun> runs;
+  std::optional<VersionNumber> next = version;
+  while (next) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, *next));
+    for (RunRecord& run : provenance.runs) runs.push_back({std::move(run), *next});
+    const auto found = std::find_if(versions.begin(), versions.end(), [&](const auto& other) {
+      return other.version == *next;
+    });
+    // A parent has a smaller number; a damaged file must end too.
+    const bool goes_on = line && found != versions.end() && found->parent && *found->parent < *next;
+    next = goes_on ? found->parent : std::nullopt;
+  }
+  return runs;
+}
+
+Status List(const RunsArguments& all_arguments, Context& context) {
+  const StoreArguments& arguments = all_arguments.store;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
                             store.Exclusions(arguments.area));
@@ -64,12 +113,16 @@ Status List(const StoreArguments& arguments, Context& context) {
                             store.PublishedVersion(arguments.area));
   if (arguments.version) version = VersionNumber(*arguments.version);
   Provenance provenance;
+  std::vector<MappedRun> runs;
   if (version) {
     SHIFTMAP_ASSIGN_OR_RETURN(provenance, store.LoadProvenance(arguments.area, *version));
+    SHIFTMAP_ASSIGN_OR_RETURN(runs, RunsOf(arguments.area, *version, all_arguments.all, &store));
   }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting,
+                            store.WaitingRuns(arguments.area));
   Json list = Json::array();
-  AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256", "state"});
-  for (const RunRecord& run : provenance.runs) {
+  AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256", "version", "state"});
+  for (const auto& [run, mapped_by] : runs) {
     const Exclusion* const exclusion =
         FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
     const std::string state = exclusion == nullptr ? "" : StateText(*exclusion);
@@ -78,6 +131,7 @@ Status List(const StoreArguments& arguments, Context& context) {
                     {"sha256", run.sha256},
                     {"begin_s", ToSecondsSinceEpoch(run.begin)},
                     {"end_s", ToSecondsSinceEpoch(run.end)},
+                    {"version", mapped_by.value()},
                     {"state", state.empty() ? Json(nullptr) : Json(state)}});
     table.AddRow(
         {run.name,
@@ -85,7 +139,9 @@ Status List(const StoreArguments& arguments, Context& context) {
          TimeText(run.begin),
          fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin)),
          ShortHash(run.sha256),
-         state});
+         fmt::format("{}", mapped_by.value()),
+         state.empty() ? "" : fmt::format("{}: {}", state, exclusion->reason)},
+        state.empty() ? Emphasis::kNone : Emphasis::kFaint);
   }
   Json taken_out = Json::array();
   for (const Exclusion& exclusion : exclusions) taken_out.push_back(ExclusionJson(exclusion));
@@ -94,8 +150,11 @@ Status List(const StoreArguments& arguments, Context& context) {
                          {"tool", provenance.tool},
                          {"seed", provenance.seed},
                          {"runs", list},
-                         {"exclusions", taken_out}};
-  context.Report(document, table.ToString() + ExclusionsText(exclusions));
+                         {"exclusions", taken_out},
+                         {"waiting", WaitingJson(waiting)}};
+  context.Report(document,
+                 table.ToString(context.style()) + ExclusionsText(exclusions, context.style()) +
+                     WaitingText(waiting, context.style()));
   return OkStatus();
 }
 
@@ -107,8 +166,11 @@ std::vector<Exclusion> Named(const RunsArguments& arguments) {
     exclusions.push_back({run, "", {}, arguments.reason, held});
   }
   if (!arguments.vehicle.empty()) {
-    exclusions.push_back(
-        {"", arguments.vehicle, StampFromSeconds(arguments.since_s), arguments.reason, held});
+    exclusions.push_back({"",
+                          arguments.vehicle,
+                          StampFromSeconds(arguments.since_s.value_or(0.0)),
+                          arguments.reason,
+                          held});
   }
   return exclusions;
 }
@@ -157,12 +219,12 @@ Status Change(const RunsArguments& arguments, Context& context) {
 std::string Misused(const RunsArguments& arguments) {
   const bool named = !arguments.runs.empty() || !arguments.vehicle.empty();
   if (arguments.action == kList) {
-    const bool idle = named || !arguments.reason.empty() || arguments.since_s > 0.0;
+    const bool idle = named || !arguments.reason.empty() || arguments.since_s;
     return idle ? "list takes no runs, --vehicle, --since or --reason" : "";
   }
   if (!named) return "expected runs, or --vehicle";
-  if (arguments.store.version) return "--version is for list";
-  if (arguments.since_s > 0.0 && arguments.vehicle.empty()) return "--since is for --vehicle";
+  if (arguments.store.version || arguments.all) return "--version and --all are for list";
+  if (arguments.since_s && arguments.vehicle.empty()) return "--since is for --vehicle";
   const bool needs_reason = arguments.action != kInclude;
   return needs_reason && arguments.reason.empty() ? "expected --reason" : "";
 }
@@ -176,20 +238,19 @@ void AddRunCommands(Application* application) {
       "List the runs of a map version, or take runs out of an area's memory and back: excluded, "
       "they are as if they had never come; held, they count for nothing until somebody decides",
       [arguments](Context& context) {
-        return arguments->action == kList ? List(arguments->store, context)
-                                          : Change(*arguments, context);
+        return arguments->action == kList ? List(*arguments, context) : Change(*arguments, context);
       });
   AddStoreOptions(&arguments->store, &command);
   command.Option("ACTION", &arguments->action, "What to do")
       .OneOf({kList, kExclude, kInclude, kHold})
       .Option("RUN", &arguments->runs, "SHA-256 of a log, or UUID of a report, or how it begins")
       .Option("--vehicle", &arguments->vehicle, "All runs of a vehicle")
-      .Option("--since", &arguments->since_s, "Of these: that begin then, seconds since the epoch")
-      .InRange(0.0, 9.2e9)
+      .Time("--since", &arguments->since_s, "Of these: that begin then or later")
       .Option("--reason", &arguments->reason, "For the audit log; to exclude or hold")
       .Option("--version",
               &arguments->store.version,
               "To list: map version (default: the published one)")
+      .Flag("--all", &arguments->all, "To list: those of the version's ancestors too")
       .Check([arguments] { return Misused(*arguments); })
       .Writes();
 }

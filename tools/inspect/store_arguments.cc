@@ -3,6 +3,7 @@
 
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 
@@ -14,19 +15,11 @@ void AddStoreOptions(StoreArguments* arguments, Command* command) {
 void AddMapOptions(StoreArguments* arguments, Command* command) {
   AddStoreOptions(arguments, command);
   command->Option("--version", &arguments->version, "Map version (default: the published one)");
-  command
-      ->Option("--at",
-               &arguments->at_s,
-               "Time of the probabilities, seconds since the epoch (default: now)")
-      .InRange(0.0, 9.2e9);
+  command->Time("--at", &arguments->at_s, "Time of the probabilities (default: now)");
 }
 
 void AddKnownOption(StoreArguments* arguments, Command* command) {
-  command
-      ->Option("--known",
-               &arguments->known_s,
-               "What was known at a time, seconds since the epoch (default: now)")
-      .InRange(0.0, 9.2e9);
+  command->Time("--known", &arguments->known_s, "What was known at a time (default: now)");
 }
 
 StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& context) {
@@ -37,6 +30,7 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
   if (arguments.version) return VersionNumber(*arguments.version);
   SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(arguments.area));
   if (!published) {
+    SHIFTMAP_RETURN_IF_ERROR(store->Versions(arguments.area).status());
     return NotFound(
         "map store '{}': area '{}' has no published version", arguments.store, arguments.area);
   }
@@ -50,6 +44,14 @@ StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) 
   const Stamp at = arguments.at_s ? StampFromSeconds(*arguments.at_s) : now;
   return arguments.known_s ? store->LoadKnown(arguments.area, now, version, at)
                            : store->LoadAt(arguments.area, version, at);
+}
+
+bool Gates(const UnmappedSighting& sighting,
+           const Eigen::Vector2d& p_map_landmark,
+           const Eigen::Matrix2d& cov_p_map_landmark) {
+  static const double kGate = ChiSquareQuantile(0.999, 2);
+  return SquaredMahalanobis(sighting.p_map_landmark - p_map_landmark,
+                            sighting.cov_p_map_landmark + cov_p_map_landmark) < kGate;
 }
 
 std::string ShortHash(const std::string& hash) { return hash.substr(0, 12); }

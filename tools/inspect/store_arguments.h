@@ -40,6 +40,11 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
 /// without one, by this host's clock.
 StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
 
+/// Whether a sighting may be of a landmark that stands at a position: within the 99.9 % gate.
+bool Gates(const UnmappedSighting& sighting,
+           const Eigen::Vector2d& p_map_landmark,
+           const Eigen::Matrix2d& cov_p_map_landmark);
+
 /// As many digits of a hash as people need.
 std::string ShortHash(const std::string& hash);
 

@@ -54,7 +54,7 @@ Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles) {
   return list;
 }
 
-std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles) {
+std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles, const TextStyle& style) {
   if (vehicles.empty()) return "no vehicle is calibrated by itself\n";
   AlignedTable table({"vehicle", "runs", "newest", "what", "value", "low", "high"});
   for (const VehicleCalibration& vehicle : vehicles) {
@@ -68,7 +68,7 @@ std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles) {
                     fmt::format("{:.4f}", interval.high)});
     }
   }
-  return table.ToString();
+  return table.ToString(style);
 }
 
 Json TrustJson(const std::vector<VehicleTrust>& trust) {

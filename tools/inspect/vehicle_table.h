@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mapstore/cli/context.h"
+#include "mapstore/cli/text_style.h"
 #include "mapstore/map/vehicle_calibration.h"
 #include "mapstore/store_types.h"
 
@@ -14,7 +15,7 @@ namespace shiftmap {
 Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles);
 
 /// The same as a table.
-std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles);
+std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles, const TextStyle& style);
 
 /// Per vehicle that others judged the probability that it is broken.
 Json TrustJson(const std::vector<VehicleTrust>& trust);

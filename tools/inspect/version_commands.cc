@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
-#include "mapstore/cli/aligned_table.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map/map_diff.h"
+#include "tools/inspect/diff_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -18,6 +21,7 @@ struct DiffArguments {
   std::int64_t from = 0;
   std::int64_t to = 0;
   double min_move_sigma = 0.0;
+  bool all = false;
 };
 
 struct PublishArguments {
@@ -96,83 +100,51 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
           {"calibration", calibration}};
 }
 
-void AddGroupRows(const GroupDiff& group, AlignedTable* table) {
-  const auto add = [&](ModeNumber mode, const std::string& what, const std::string& detail) {
-    table->AddRow({group.signature.text(), fmt::format("{}", mode.value()), what, detail});
-  };
-  for (const ModeNumber mode : group.added) add(mode, "added", "");
-  for (const ModeNumber mode : group.removed) add(mode, "removed", "");
-  for (const MergedMode& mode : group.merged) {
-    add(mode.number, "merged", fmt::format("into mode {}", mode.into.value()));
-  }
-  for (const MovedMode& mode : group.moved) {
-    add(mode.number,
-        "moved",
-        fmt::format("{:.3f} m, {:.1f} sigma, p {:.3g}",
-                    mode.displacement_m.norm(),
-                    std::sqrt(mode.squared_mahalanobis),
-                    mode.p_value));
-  }
-  if (group.rates_changed) {
-    table->AddRow(
-        {group.signature.text(),
-         "",
-         "leave rate",
-         fmt::format(
-             "{:.3g} to {:.3g} per s", group.from_leave_rate_per_s, group.to_leave_rate_per_s)});
-  }
-  if (group.uncertainty_changed) table->AddRow({group.signature.text(), "", "covariance", ""});
-  if (group.probability_change > 0.0) {
-    table->AddRow({group.signature.text(),
-                   "",
-                   "probabilities",
-                   fmt::format("{:.2g} % elsewhere", 100.0 * group.probability_change)});
-  }
-}
-
-std::string DiffText(const MapDiff& diff) {
-  if (diff.empty()) return "no difference\n";
-  AlignedTable table({"signature", "mode", "what", "detail"});
-  for (const Signature& signature : diff.groups_added) {
-    table.AddRow({signature.text(), "", "landmark added", ""});
-  }
-  for (const Signature& signature : diff.groups_removed) {
-    table.AddRow({signature.text(), "", "landmark removed", ""});
-  }
-  for (const GroupDiff& group : diff.groups) AddGroupRows(group, &table);
-  for (const std::string& vehicle : diff.vehicles_added) {
-    table.AddRow({"", "", "vehicle added", vehicle});
-  }
-  for (const std::string& vehicle : diff.vehicles_removed) {
-    table.AddRow({"", "", "vehicle removed", vehicle});
-  }
-  for (const CalibrationChange& change : diff.calibration) {
-    const std::string owner = change.vehicle.empty() ? "" : change.vehicle + ": ";
-    table.AddRow(
-        {"", "", owner + change.name, fmt::format("{:.4g} to {:.4g}", change.from, change.to)});
-  }
-  std::string text = table.ToString();
-  if (diff.anonymous_changed) {
-    text += fmt::format("anonymous landmarks: {} to {}\n", diff.anonymous_from, diff.anonymous_to);
-  }
-  return text;
-}
-
 // A version with the probabilities of the time at which it was built.
 StatusOr<MapSnapshot> LoadAtOwnStamp(const std::string& area,
                                      std::int64_t number,
+                                     const std::vector<VersionSummary>& versions,
                                      MapStore* store) {
   const VersionNumber version(number);
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built, store->LoadVersion(area, version));
-  return store->LoadAt(area, version, built.stamp());
+  std::optional<Stamp> stamp;
+  for (const VersionSummary& other : versions) {
+    if (other.version == version) stamp = other.stamp;
+  }
+  return store->LoadAt(area, version, stamp);
+}
+
+// Of the groups whose rates changed, from the visits that tell of the second map.
+StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
+  LeaveRates rates;
+  const bool changed = std::any_of(diff.groups.begin(), diff.groups.end(), [](const auto& group) {
+    return group.rates_changed;
+  });
+  if (!changed) return rates;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                            store->Evidence(to.area(), to.version()));
+  std::map<Signature, std::vector<Stamp>> visits;
+  for (const EvidenceRow& row : rows) {
+    if (row.evidence.begin > to.stamp()) continue;
+    visits[row.evidence.signature].push_back(row.evidence.begin);
+  }
+  for (const GroupDiff& group : diff.groups) {
+    if (!group.rates_changed) continue;
+    const int index = to.GroupIndex(group.signature);
+    const int states = to.groups()[static_cast<std::size_t>(index)].chain.states();
+    rates.emplace(group.signature,
+                  EstimateLeaveRate(group.to_leave_rate_per_s, states, visits[group.signature]));
+  }
+  return rates;
 }
 
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  const std::string& area = arguments.store.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store.Versions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            LoadAtOwnStamp(arguments.store.area, arguments.from, &store));
+                            LoadAtOwnStamp(area, arguments.from, versions, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
-                            LoadAtOwnStamp(arguments.store.area, arguments.to, &store));
+                            LoadAtOwnStamp(area, arguments.to, versions, &store));
   MapDiff diff = DiffMaps(from.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {
@@ -180,7 +152,12 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
     });
   }
   std::erase_if(diff.groups, [](const GroupDiff& group) { return group.empty(); });
-  context.Report(DiffJson(arguments, diff), DiffText(diff));
+  if (context.json()) {
+    context.Report(DiffJson(arguments, diff), "");
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const LeaveRates rates, RatesOf(to, diff, &store));
+  context.Report({}, DiffText(from, to, diff, rates, arguments.all, context.style()));
   return OkStatus();
 }
 
@@ -241,16 +218,18 @@ Status RunRollback(const RollbackArguments& arguments, Context& context) {
 void AddVersionCommands(Application* application) {
   auto diff = std::make_shared<DiffArguments>();
   Command& diff_command = application->AddCommand(
-      "diff", "Show what changed from one map version to another", [diff](Context& context) {
-        return RunDiff(*diff, context);
-      });
+      "diff",
+      "Show what changed from one map version to another, what matters first",
+      [diff](Context& context) { return RunDiff(*diff, context); });
   AddStoreOptions(&diff->store, &diff_command);
   diff_command.Option("FROM", &diff->from, "Map version").Required();
   diff_command.Option("TO", &diff->to, "Map version").Required();
   diff_command
       .Option(
           "--min-move-sigma", &diff->min_move_sigma, "Leave out moves of fewer standard deviations")
-      .InRange(0.0, 1e9);
+      .InRange(0.0, 1e9)
+      .Flag("--all", &diff->all, "Every change in full, small ones too")
+      .Watchable();
 
   auto publish = std::make_shared<PublishArguments>();
   Command& publish_command = application->AddCommand(

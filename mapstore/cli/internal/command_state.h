@@ -10,6 +10,9 @@
 
 namespace shiftmap {
 
+/// Of an option that takes one of these values; refuses another with the nearest of them.
+CLI::Validator OneOfThese(const std::vector<std::string>& allowed);
+
 struct Command::State {
   CLI::App* parser = nullptr;
   CLI::Option* last = nullptr;
@@ -17,6 +20,7 @@ struct Command::State {
   bool writes = false;
   std::vector<CLI::Option*> lists;  // Options that are given several times.
   Body body;
+  std::vector<std::function<void()>> refresh;  // Reads relative times anew.
   std::vector<std::function<std::string()>> checks;
 };
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "mapstore/cli/version.h"
+#include "mapstore/core/clock.h"
 #include "tests/support/temp_dir.h"
 
 namespace shiftmap {
@@ -45,6 +46,7 @@ struct Program {
         .InRange(0.0, 100.0)
         .Option("--max-height-m", &max_height_m, "An optional number")
         .Option("--seed", &seed, "A number from 0 on")
+        .Time("--since", &since_s, "A time")
         .Option("--count", &count, "An optional integer")
         .Option("--tag", &tags, "A list")
         .Option("--kind", &kind, "A choice")
@@ -80,6 +82,7 @@ struct Program {
   std::optional<double> max_height_m;
   std::uint64_t seed = 0;
   std::optional<std::int64_t> count;
+  std::optional<double> since_s;
   std::vector<std::string> tags;
   std::string kind = "small";
   bool deep = false;
@@ -117,6 +120,25 @@ TEST(Application, SetsOptionsAndRunsTheBody) {
   EXPECT_TRUE(program.quiet);
 }
 
+TEST(Application, AValueMayBeginWithADash) {
+  Program program;
+  const Outcome outcome = program.Run({"measure", "a", "--tag", "-loose", "--tag=--x"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(program.tags, ::testing::ElementsAre("-loose", "--x"));
+}
+
+TEST(Application, ATimeIsGivenAsADateOrBeforeNow) {
+  Program date;
+  EXPECT_EQ(date.Run({"measure", "a", "--since", "2026-01-09T06:00Z"}).code, 0);
+  EXPECT_EQ(date.since_s, 1767938400.0);
+  Program before;
+  const double now_s = ToSecondsSinceEpoch(SystemNow());
+  EXPECT_EQ(before.Run({"measure", "a", "--since", "-8h"}).code, 0);
+  EXPECT_NEAR(before.since_s.value_or(0.0), now_s - 8.0 * 3600.0, 60.0);
+  Program help;
+  EXPECT_THAT(help.Run({"measure", "--help"}).out, HasSubstr("TIME (UTC): seconds since"));
+}
+
 TEST(Application, AListOptionLeavesThePositionalArgumentsAlone) {
   Program program;
   EXPECT_EQ(program.Run({"measure", "--tag", "x", "a.mcap"}).code, 0);
@@ -146,17 +168,23 @@ TEST(Application, EveryCommandHasHelpAndVersion) {
 TEST(Application, UsageErrorsAreOneLineWithAHint) {
   const std::pair<std::vector<std::string>, std::string> cases[] = {
       {{}, "required"},
-      {{"fly"}, "unknown command 'fly'"},
+      {{"fly"}, "unknown command 'fly';"},
+      {{"mesure", "a"}, "unknown command 'mesure'; did you mean 'measure'? Try"},
       {{"measure"}, "FILE is required"},
-      {{"measure", "a", "--nonsense"}, "--nonsense"},
+      {{"measure", "a", "--nonsense"}, "no option '--nonsense';"},
+      {{"measure", "--max-rang", "5"}, "no option '--max-rang'; did you mean '--max-range-m'?"},
+      {{"measure", "a", "--tga=x"}, "no option '--tga'; did you mean '--tag'?"},
+      {{"measure", "a", "-deep"}, "no option '-deep'; did you mean '--deep'?"},
+      {{"measure", "a", "--since", "noon"}, "--since: 'noon' is no time; expected one of: seconds"},
       {{"measure", "a", "--max-range-m", "far"}, "--max-range-m"},
       {{"measure", "a", "--max-range-m", "101"}, "--max-range-m"},
       {{"measure", "a", "--max-range-m", "nan"}, "--max-range-m: Value nan is not finite"},
       {{"measure", "a", "--max-height-m", "inf"}, "--max-height-m: Value inf is not finite"},
       {{"measure", "a", "--seed", "-1"}, "--seed: Value -1 is negative"},
-      {{"measure", "a", "--kind", "huge"}, "--kind"},
+      {{"measure", "a", "--kind", "lrage"},
+       "--kind: 'lrage' is none of small, large; did you mean 'large'?"},
       {{"measure", "a", "--kind", "large", "--deep"}, "--deep is for --kind small"},
-      {{"measure", "a", "--log-level", "loud"}, "--log-level"},
+      {{"measure", "a", "--log-level", "wraning"}, "did you mean 'warning'?"},
       {{"measure", "a", "--dry-run"}, "--dry-run"},
   };
   for (const auto& [arguments, text] : cases) {
@@ -404,7 +432,7 @@ TEST_F(ApplicationConfig, AnUnknownKeyIsAUsageErrorThatNamesIt) {
   Program section;
   ExpectUsageError(Run(&section, "[measure]\nsize = 1\n", {"measure", "x"}), "measure.size");
   Program table;
-  ExpectUsageError(Run(&table, "[other]\ncount = 1\n", {"measure", "x"}), "other.count");
+  ExpectUsageError(Run(&table, "[other]\ncount = 1\n", {"measure", "x"}), "unknown table 'other'");
 }
 
 TEST_F(ApplicationConfig, OnlyARegularFileOfSensibleSizeIsRead) {

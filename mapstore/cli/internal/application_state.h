@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <ostream>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mapstore/cli/application.h"
+#include "mapstore/cli/internal/site_config.h"
+#include "mapstore/cli/text_style.h"
+
+namespace shiftmap {
+
+struct Application::State {
+  State(std::string program_name, std::string description);
+
+  /// The command that the arguments name, the nameless one, or null.
+  Command* Select(std::span<const std::string> arguments) const;
+
+  /// This program for a site file.
+  ReadingProgram Reader() const;
+  ReadingProgram::ReadingCommand KeysOf(const Command& command) const;
+
+  /// The configuration that the arguments name, checked.
+  StatusOr<SiteConfig> ReadSiteConfig(std::span<const std::string> arguments) const;
+
+  /// Options of the configuration for `command` that the command line does not have.
+  std::vector<std::string> ConfigArguments(const Command& command,
+                                           std::span<const std::string> arguments) const;
+
+  std::vector<std::string> CommandNames() const;
+  void RefuseUnknownOptions(std::span<const std::string> arguments, const Command* command) const;
+  void Parse(std::vector<std::string> arguments, const Command* command);
+  ExitCode Usage(const std::string& message,
+                 const Command* command,
+                 std::span<const std::string> arguments,
+                 std::ostream* out,
+                 std::ostream* err) const;
+  ExitCode Execute(const Command& command, std::ostream* out, std::ostream* err);
+  ExitCode RunBody(const Command& command,
+                   const TextStyle& style,
+                   std::ostream* out,
+                   std::ostream* err) const;
+
+  /// What `config` prints.
+  /// @param asked      The command it is about; empty: all.
+  /// @param arguments  Those that the command would be given.
+  Status ReportConfig(const std::string& asked,
+                      std::span<const std::string> arguments,
+                      Context& context) const;
+
+  std::string program;
+  CommonOptions common;
+  CLI::App parser;
+  std::vector<std::unique_ptr<Command>> commands;
+  std::vector<std::string> run_arguments;  ///< Of the run.
+};
+
+}  // namespace shiftmap

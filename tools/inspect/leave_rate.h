@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapstore/core/stamp.h"
+
+namespace shiftmap {
+
+/// A leave rate, and how well the visits behind it tell it.
+struct LeaveRateEstimate {
+  double rate_per_s = 0.0;
+  double low_per_s = 0.0;  ///< Ends of the 95 % interval.
+  double high_per_s = 0.0;
+  int visits = 0;  ///< That tell of it.
+};
+
+/// The 95 % interval of the leave rate of a uniform chain that was observed at visits.
+///
+/// Fisher information about log λ, each visit taken as certain: Σ (λ p')² / (p (1 - p)) over the
+/// gaps Δ, with p the probability of another mode after Δ, and half a jump for the prior
+/// (GroupChainOptions::prior_jumps). The interval is λ exp(±1.96 / sqrt(information)).
+/// @param rate_per_s  The version's. 0: the interval is 0 too.
+/// @param states      Of the chain: modes and `absent`.
+/// @param visits      Times of the visits that count, ascending.
+LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
+                                    int states,
+                                    const std::vector<Stamp>& visits);
+
+}  // namespace shiftmap
