@@ -82,7 +82,7 @@ py::array_t<std::int64_t> Stamps(const Items& items, const Get& get) {
 /// An array of Python strings, one per item; its type is `object`, which keeps every character.
 template <typename Items, typename Get>
 py::array Texts(const Items& items, const Get& get) {
-  py::array array(py::dtype("O"), {static_cast<py::ssize_t>(items.size())});
+  py::array array(py::dtype("O"), static_cast<py::ssize_t>(items.size()));
   auto** to = static_cast<PyObject**>(array.mutable_data());
   for (const auto& item : items) {
     Py_XSETREF(*to, Text(get(item)).release().ptr());

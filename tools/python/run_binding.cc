@@ -119,7 +119,7 @@ StatusOr<Replay> ReplayRun(const MapSnapshot& map,
   Replay replay;
   Localizer& localizer =
       replay.localizer.emplace(map.ForVehicle(vehicle.value_or(log.run.info.vehicle)), options);
-  SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(log.run, [&](const RunEvent& event) -> Status {
+  const auto take = [&](const RunEvent& event) -> Status {
     SHIFTMAP_RETURN_IF_ERROR(localizer.Process(event));
     for (const PoseEstimate& estimate : localizer.new_estimates()) {
       replay.estimates.push_back(estimate);
@@ -129,7 +129,8 @@ StatusOr<Replay> ReplayRun(const MapSnapshot& map,
       if (outcome.outcome.gated) replay.innovations.push_back(outcome);
     }
     return OkStatus();
-  }));
+  };
+  SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(log.run, take));
   localizer.Finish();
   return replay;
 }

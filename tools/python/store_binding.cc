@@ -231,8 +231,9 @@ py::array_t<double> TrackArray(const LandmarkHistory& history) {
   for (py::ssize_t row = 0; row < rows; ++row) {
     const auto& modes = history.track[static_cast<std::size_t>(row)].modes;
     for (py::ssize_t column = 0; column < columns; ++column) {
-      to(row, column) = modes.empty() ? std::numeric_limits<double>::quiet_NaN()
-                                      : modes[static_cast<std::size_t>(column)].probability;
+      const auto state = static_cast<std::size_t>(column);
+      to(row, column) = state < modes.size() ? modes[state].probability
+                                             : std::numeric_limits<double>::quiet_NaN();
     }
   }
   return array;

@@ -49,7 +49,7 @@ class ExportCommand : public ::testing::Test {
     content_ = testing::RandomContent(random, {.groups = 8, .vehicles = 2});
     // Seconds hold it to the last bit.
     content_.stamp = StampFromNanoseconds(1'700'000'000'500'000'000);
-    content_.groups[0].signature = Signature(kHostile);
+    content_.groups.back().signature = Signature(kHostile);
     auto store = MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
     ASSERT_THAT(store, IsOk());
     Provenance provenance;
@@ -118,11 +118,11 @@ TEST_F(ExportCommand, GeoJsonComesBackEqualWithCovariancesAndRates) {
   EXPECT_EQ(a["features"], b["features"]);
   EXPECT_EQ(a["stamp_s"], b["stamp_s"]);
   const Json& properties = a["features"][0]["properties"];
-  EXPECT_EQ(properties["signature"], kHostile);
-  EXPECT_EQ(properties["leave_rate_per_s"].get<double>(),
-            content_.groups[0].chain.leave_rate_per_s());
-  EXPECT_EQ(properties["cov_m2"][1].get<double>(),
-            content_.groups[0].modes[0].cov_p_map_landmark(0, 1));
+  const LandmarkGroup& first_group = content_.groups[0];
+  EXPECT_EQ(properties["signature"], first_group.signature.text());
+  EXPECT_EQ(properties["leave_rate_per_s"].get<double>(), first_group.chain.leave_rate_per_s());
+  EXPECT_EQ(properties["cov_m2"][1].get<double>(), first_group.modes[0].cov_p_map_landmark(0, 1));
+  EXPECT_THAT(first, ::testing::Not(HasSubstr("\x1b")));
 }
 
 // The whole map: joint covariance, calibrations and stamps too.
