@@ -34,14 +34,20 @@ struct ImportOptions {
 
 Status Import(const ImportOptions& options, Context& context) {
   const Stamp now = SystemNow();
+  const auto check_clock = [&](Stamp stamp) {
+    return CheckNotInFuture(
+        fmt::format("survey '{}'", options.survey), stamp, now, options.clock_tolerance_s);
+  };
   MapFileOptions file;
   file.format = options.format;
-  if (options.stamp_s) file.stamp = StampFromSeconds(*options.stamp_s);
+  if (options.stamp_s) {
+    file.stamp = StampFromSeconds(*options.stamp_s);
+    SHIFTMAP_RETURN_IF_ERROR(check_clock(*file.stamp));
+  }
   file.now = now;
   file.leave_rate_per_s = options.leave_rate_per_s;
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadMapFile(options.survey, file));
-  SHIFTMAP_RETURN_IF_ERROR(CheckNotInFuture(
-      fmt::format("survey '{}'", options.survey), content.stamp, now, options.clock_tolerance_s));
+  SHIFTMAP_RETURN_IF_ERROR(check_clock(content.stamp));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string survey_hash, HashFile(options.survey));
   std::size_t modes = 0;
   for (const LandmarkGroup& group : content.groups) modes += group.modes.size();

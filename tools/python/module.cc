@@ -2,6 +2,8 @@
 //
 // The extension module behind the Python package: errors and what all parts share.
 #include <cmath>
+#include <exception>
+#include <utility>
 
 #include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/version.h"
@@ -51,7 +53,7 @@ void BindErrors(py::module_* module) {
   module->attr("ShiftmapError") = py::handle(error_class);
   py::register_exception_translator([](std::exception_ptr error) {
     try {
-      if (error) std::rethrow_exception(error);
+      if (error) std::rethrow_exception(std::move(error));
     } catch (const StatusError& caught) {
       SetError(caught.status());
     }

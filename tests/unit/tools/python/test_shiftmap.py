@@ -258,6 +258,22 @@ class Package(unittest.TestCase):
         after = {file: file.read_bytes() for file in self.world.iterdir() if file.is_file()}
         self.assertEqual(before, after)
 
+    def test_a_snapshot_is_a_store_too(self):
+        path = self.world / "snapshot.db"
+        self.of_store("export", "--snapshot", "--output", path)
+        at = time.time()
+        snapshot = shiftmap.Store(str(path)).load("floor", at=at)
+        expected = self.store.load("floor", at=at)
+        self.assertEqual(snapshot.content_hash, expected.content_hash)
+        np.testing.assert_allclose(snapshot.probabilities, expected.probabilities, atol=1e-9)
+        self.expect_error("bad_input", 3, shiftmap.Store(str(path)).load, "floor", known=at)
+
+    def test_what_was_known_before_a_version_is_nothing(self):
+        self.expect_error("not_found", 6, self.store.load, "floor", known=1.0)
+        at = time.time() + 1.0
+        np.testing.assert_array_equal(self.store.load("floor", known=at, at=at).probabilities,
+                                      self.store.load("floor", at=at).probabilities)
+
     def test_trajectories_are_those_of_the_runs(self):
         runs = self.store.trajectories("floor", 1)
         self.assertEqual(sorted(runs), ["run_000", "run_001", "run_002"])
