@@ -90,6 +90,7 @@ PYBIND11_MODULE(_native, module) {
   module.doc() = "Maps of places whose landmarks move: see the package shiftmap.";
   module.attr("__version__") = shiftmap::SoftwareVersion();
   shiftmap::python::BindErrors(&module);
+  shiftmap::python::BindMap(&module);
   shiftmap::python::BindStore(&module);
   shiftmap::python::BindRuns(&module);
 }

@@ -110,6 +110,7 @@ py::array_t<double> Matrices(const Items& items, const Get& get) {
 inline Eigen::Vector3d PoseVector(const Se2& pose) { return {pose.x(), pose.y(), pose.yaw()}; }
 
 // The parts of the module.
+void BindMap(py::module_* module);
 void BindStore(py::module_* module);
 void BindRuns(py::module_* module);
 

@@ -34,8 +34,8 @@ std::vector<ObservationRow> Rows(const Run& run) {
   return rows;
 }
 
-void BindRunLog(py::module_* module) {
-  py::class_<RunLog>(*module, "RunLog", "A vehicle's log. Every access makes new arrays.")
+void BindRunLogInfo(py::class_<RunLog>* log_class) {
+  (*log_class)
       .def_property_readonly("vehicle",
                              [](const RunLog& log) { return Text(log.run.info.vehicle); })
       .def_property_readonly("source", [](const RunLog& log) { return Text(log.run.info.source); })
@@ -45,7 +45,11 @@ void BindRunLog(py::module_* module) {
       .def_property_readonly(
           "truncation",
           [](const RunLog& log) { return Text(log.truncation); },
-          "Where a log that ends early ends; empty if it does not.")
+          "Where a log that ends early ends; empty if it does not.");
+}
+
+void BindRunLogArrays(py::class_<RunLog>* log_class) {
+  (*log_class)
       .def_property_readonly("odometry_ns",
                              [](const RunLog& log) {
                                return Stamps(log.run.odometry,
@@ -221,8 +225,8 @@ py::dict ModeProbabilities(const Replay& replay) {
   return probabilities;
 }
 
-void BindReplay(py::module_* module) {
-  py::class_<Replay>(*module, "Replay", "What a localizer said on a map about a log.")
+void BindReplayArrays(py::class_<Replay>* replay_class) {
+  (*replay_class)
       .def_property_readonly(
           "localized",
           [](const Replay& replay) { return replay.localizer->Statistics().localized(); },
@@ -260,7 +264,11 @@ void BindReplay(py::module_* module) {
           [](const Replay& replay) {
             return Texts(replay.states, [](LocalizerState state) { return ToString(state); });
           },
-          "With each pose.")
+          "With each pose.");
+}
+
+void BindReplayColumns(py::class_<Replay>* replay_class) {
+  (*replay_class)
       .def_property_readonly("state_changes", &StateChanges, "Columns of all changes of state.")
       .def_property_readonly("seconds_in_state", &SecondsInState)
       .def_property_readonly("decisions", &Decisions, "Columns of the decisions that stand.")
@@ -272,6 +280,18 @@ void BindReplay(py::module_* module) {
       .def_property_readonly("mode_probabilities",
                              &ModeProbabilities,
                              "By signature, at the end: `absent`, then each mode.");
+}
+
+}  // namespace
+
+void BindRuns(py::module_* module) {
+  py::class_<RunLog> log_class(
+      *module, "RunLog", "A vehicle's log. Every access makes new arrays.");
+  BindRunLogInfo(&log_class);
+  BindRunLogArrays(&log_class);
+  py::class_<Replay> replay_class(*module, "Replay", "What a localizer said on a map about a log.");
+  BindReplayArrays(&replay_class);
+  BindReplayColumns(&replay_class);
   module->def("replay",
               &ReplayLog,
               py::arg("map"),
@@ -284,13 +304,6 @@ void BindReplay(py::module_* module) {
               "Localizes a run log on a map. `initial_pose` is x, y, yaw, or None: found from what "
               "is seen; `vehicle` names the vehicle whose calibration counts, None: as the log "
               "does.");
-}
-
-}  // namespace
-
-void BindRuns(py::module_* module) {
-  BindRunLog(module);
-  BindReplay(module);
   module->def(
       "read_run_log",
       [](const std::string& path) { return WithoutGil([&] { return ReadRunLog(path); }); },
