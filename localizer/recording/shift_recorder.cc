@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -24,6 +25,20 @@ namespace shiftmap {
 namespace {
 
 constexpr std::string_view kEncoding = "protobuf";
+
+// Of the whole map, drawn at first: messages have a size at most.
+constexpr std::size_t kGroupsPerUpdate = 1000;
+
+// They grow with the square of the landmarks near to each other, and nobody draws them.
+MapSnapshot WithoutCorrelations(const MapSnapshot& map) {
+  MapContent content = map.content();
+  std::vector<Eigen::Matrix2d> diagonal;
+  for (int i = 0; i < content.covariance.size(); ++i) {
+    diagonal.push_back(content.covariance.Block(i, i));
+  }
+  content.covariance = JointCovariance(std::move(diagonal), {});
+  return MapSnapshot(map.area(), map.version(), map.content_hash(), std::move(content));
+}
 
 bool SameDecision(const Decision& a, const Decision& b) {
   return a.signature == b.signature && a.mode == b.mode && a.stamp == b.stamp;
@@ -133,7 +148,8 @@ Status ShiftRecorder::State::Begin(const RecordedShift& shift, const MapSnapshot
   for (const std::string* text : {&shift.vehicle, &shift.area, &shift.run_uuid}) {
     if (!IsUtf8(*text)) return InvalidArgument("'{}' is not UTF-8", *text);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string map_message, EncodeMap(of, MapForm::kBinary));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string map_message,
+                            EncodeMap(WithoutCorrelations(of), MapForm::kBinary));
   map = of;
   std::map<std::string_view, std::uint16_t> schemas;
   for (const RecordingTopic& topic : {kShiftTopic,
@@ -156,13 +172,16 @@ Status ShiftRecorder::State::Begin(const RecordedShift& shift, const MapSnapshot
     }
     channels[topic.topic] = writer.AddChannel(schema->second, topic.topic, kEncoding);
   }
+  SHIFTMAP_RETURN_IF_ERROR(Write(kShiftTopic, begin, Encode(shift)));
+  SHIFTMAP_RETURN_IF_ERROR(Write(kMapTopic, begin, map_message));
   std::vector<DrawnGroup> groups;
   for (const LandmarkGroup& group : map->groups()) {
     drawn.push_back(group.probabilities);
     groups.push_back({&group, &group.probabilities});
+    if (groups.size() < kGroupsPerUpdate) continue;
+    SHIFTMAP_RETURN_IF_ERROR(Write(kMapSceneTopic, begin, EncodeMapScene(begin, groups, {})));
+    groups.clear();
   }
-  SHIFTMAP_RETURN_IF_ERROR(Write(kShiftTopic, begin, Encode(shift)));
-  SHIFTMAP_RETURN_IF_ERROR(Write(kMapTopic, begin, map_message));
   return Write(kMapSceneTopic, begin, EncodeMapScene(begin, groups, map->anonymous_landmarks()));
 }
 

@@ -4,7 +4,8 @@
 //
 //   topic              schema                           when
 //   /shift             shiftmap.proto.RecordedShift     once, first
-//   /map               shiftmap.proto.Map               once: the map with its probabilities
+//   /map               shiftmap.proto.Map               once: the map with its probabilities, but
+//                                                       without correlations between modes
 //   /map/scene         foxglove.SceneUpdate             landmarks whose probabilities changed, 1 Hz
 //   /pose              foxglove.PoseInFrame             after a scan, at most 10 Hz
 //   /tf                foxglove.FrameTransform          with it: `vehicle` in `map`
