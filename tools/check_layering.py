@@ -23,6 +23,7 @@ CONFINED = [
     (re.compile(r"^absl/"), re.compile(r"^proto/core/status\.h$"), "proto/core/status.h"),
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
+    (re.compile(r"^pybind11/"), re.compile(r"^tools/python/"), "tools/python"),
 ]
 
 

@@ -14,7 +14,8 @@ void AddLedgerCommands(Application* application);  ///< reports, audit
 void AddMapCommands(
     Application* application);  ///< show, vehicles, and those of AddLandmarkCommands
 void AddLandmarkCommands(Application* application);  ///< modes, history
-void AddPictureCommands(Application* application);   ///< export, plot
+void AddExportCommand(Application* application);     ///< export
+void AddPictureCommands(Application* application);   ///< plot
 void AddRunCommands(Application* application);       ///< runs
 void AddVersionCommands(Application* application);   ///< diff, publish, rollback
 void AddMaintenanceCommands(
