@@ -15,6 +15,7 @@ void AddMapCommands(Application* application);      ///< show, modes, history, v
 void AddPictureCommands(Application* application);  ///< export, plot
 void AddRunCommands(Application* application);      ///< runs
 void AddVersionCommands(Application* application);  ///< diff, publish, rollback
+void AddViewCommands(Application* application);     ///< view
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate
 

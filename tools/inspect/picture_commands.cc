@@ -6,6 +6,7 @@
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
+#include "tools/inspect/map_html.h"
 #include "tools/inspect/store_arguments.h"
 #include "tools/plot/map_plot.h"
 
@@ -21,6 +22,8 @@ struct ExportArguments : OutputArguments {
   bool geojson = false;
   bool csv = false;
   bool snapshot = false;
+  bool html = false;
+  std::optional<std::string> replay;
 };
 
 struct PlotArguments : OutputArguments {
@@ -44,6 +47,11 @@ Status Finish(const MapSnapshot& map,
 Status RunExport(const ExportArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  if (arguments.html) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string page,
+                              MapHtml(arguments.store, arguments.replay, context));
+    return Finish(map, arguments.output, page, context);
+  }
   if (!arguments.snapshot) {
     return Finish(map, arguments.output, arguments.csv ? MapCsv(map) : MapGeoJson(map), context);
   }
@@ -68,12 +76,14 @@ Status RunPlot(const PlotArguments& arguments, Context& context) {
 }
 
 std::string CheckExport(const ExportArguments& arguments) {
-  if (arguments.geojson + arguments.csv + arguments.snapshot != 1) {
-    return "export needs one of --geojson, --csv and --snapshot";
+  if (arguments.geojson + arguments.csv + arguments.snapshot + arguments.html != 1) {
+    return "export needs one of --geojson, --csv, --snapshot and --html";
   }
   if (arguments.snapshot && (arguments.store.version || arguments.store.at_s)) {
     return "--snapshot is of the published version as it is now, without --version and --at";
   }
+  if (arguments.html && arguments.store.known_s) return "--html is of what is known now";
+  if (arguments.replay && !arguments.html) return "--replay is for --html";
   return "";
 }
 
@@ -91,6 +101,10 @@ void AddPictureCommands(Application* application) {
       .Flag("--geojson", &exported->geojson, "Points with properties, in map coordinates")
       .Flag("--csv", &exported->csv, "A line per mode")
       .Flag("--snapshot", &exported->snapshot, "The read-only map that a vehicle carries")
+      .Flag("--html", &exported->html, "A page for web browsers, which needs no network")
+      .Option("--replay",
+              &exported->replay,
+              "For --html, a shift to replay: what localizer run --steps wrote")
       .Option("--output", &exported->output, "File to write")
       .Required()
       .Check([exported] { return CheckExport(*exported); });
@@ -116,6 +130,7 @@ void AddInspectCommands(Application* application) {
   AddMapCommands(application);
   AddPictureCommands(application);
   AddVersionCommands(application);
+  AddViewCommands(application);
   AddMaintenanceCommands(application);
 }
 

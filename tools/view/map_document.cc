@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/view/map_document.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "mapstore/cli/version.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kFormat = 1;
+
+std::int64_t Scaled(double value, double unit) { return std::llround(value / unit); }
+std::int64_t TenthMillimetres(double value_m) { return Scaled(value_m, 1e-4); }
+
+// Digits enough for a chain, and few bytes.
+double Rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
+
+Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
+  Json json = Json::array();
+  for (const double p : probabilities) json.push_back(Scaled(p, 1e-4));
+  return json;
+}
+
+// Numbers texts in the order in which they come.
+class TextTable {
+ public:
+  std::int64_t Add(const std::string& text) {
+    const auto [entry, is_new] = index_.try_emplace(text, static_cast<std::int64_t>(index_.size()));
+    if (is_new) texts_.push_back(InertLine(text));
+    return entry->second;
+  }
+
+  Json TakeJson() { return std::move(texts_); }
+
+ private:
+  std::unordered_map<std::string, std::int64_t> index_;
+  Json texts_ = Json::array();
+};
+
+// The columns of a mode: number, x, y, longer sd, shorter sd, direction, last seen.
+void AddMode(const Mode& mode, Json* json) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(mode.cov_p_map_landmark);
+  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
+  json->insert(json->end(),
+               {mode.number.value(),
+                TenthMillimetres(mode.p_map_landmark.x()),
+                TenthMillimetres(mode.p_map_landmark.y()),
+                TenthMillimetres(sd(1)),
+                TenthMillimetres(sd(0)),
+                Scaled(std::atan2(axis.y(), axis.x()), 1e-3),
+                Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0)});
+}
+
+Json RatesJson(const ModeChain& chain) {
+  if (chain.uniform()) return Rounded(chain.leave_rate_per_s());
+  Json rates = Json::array();
+  for (Eigen::Index from = 0; from < chain.states(); ++from) {
+    for (Eigen::Index to = 0; to < chain.states(); ++to) {
+      rates.push_back(Rounded(chain.rate_matrix()(from, to)));
+    }
+  }
+  return rates;
+}
+
+std::int64_t ModesOf(const MapSnapshot& map) { return map.covariance().size(); }
+
+class DocumentWriter {
+ public:
+  DocumentWriter(const std::string& area, const MapDocumentOptions& options, MapStore* store)
+      : area_(area), options_(options), store_(store) {}
+
+  StatusOr<Json> Write();
+
+ private:
+  Status SelectVersions();
+  StatusOr<Json> MapsJson();
+  Json MapRowJson(const MapSnapshot& map);
+  StatusOr<Json> RunsJson();
+  Json RunJson(const RunRecord& run, VersionNumber version, std::size_t stride);
+
+  const std::string& area_;
+  const MapDocumentOptions& options_;
+  MapStore* store_;
+  std::vector<VersionSummary> versions_;
+  VersionNumber shown_;
+  std::int64_t versions_left_out_ = 0;
+  TextTable signatures_;
+  TextTable vehicles_;
+  TextTable names_;
+};
+
+Status DocumentWriter::SelectVersions() {
+  SHIFTMAP_ASSIGN_OR_RETURN(versions_, store_->Versions(area_));
+  if (options_.version) {
+    shown_ = *options_.version;
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store_->PublishedVersion(area_));
+  if (!published) return NotFound("area '{}' has no published version", area_);
+  shown_ = *published;
+  return OkStatus();
+}
+
+Json DocumentWriter::MapRowJson(const MapSnapshot& map) {
+  Json groups = Json::array();
+  for (const LandmarkGroup& group : map.groups()) {
+    Json modes = Json::array();
+    for (const Mode& mode : group.modes) AddMode(mode, &modes);
+    groups.push_back({signatures_.Add(group.signature.text()),
+                      RatesJson(group.chain),
+                      std::move(modes),
+                      ProbabilitiesJson(group.probabilities)});
+  }
+  Json anonymous = Json::array();
+  for (const Mode& mode : map.anonymous_landmarks()) AddMode(mode, &anonymous);
+  return Json::array({map.version().value(), std::move(groups), std::move(anonymous)});
+}
+
+// The version that is shown, and the newest others as they were built.
+StatusOr<Json> DocumentWriter::MapsJson() {
+  Json maps = Json::array();
+  std::int64_t modes = 0;
+  const auto add = [&](VersionNumber version, Stamp stamp) -> Status {
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store_->LoadAt(area_, version, stamp));
+    modes += ModesOf(map);
+    const bool fits = version == shown_ || modes <= options_.max_modes;
+    if (fits) maps.push_back(MapRowJson(map));
+    versions_left_out_ += fits ? 0 : 1;
+    return OkStatus();
+  };
+  const auto shown = std::find_if(versions_.begin(), versions_.end(), [&](const auto& version) {
+    return version.version == shown_;
+  });
+  SHIFTMAP_RETURN_IF_ERROR(add(shown_, shown == versions_.end() ? Stamp() : shown->stamp));
+  for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {
+    if (version->version == shown_ || !version->content_stored) continue;
+    if (modes > options_.max_modes ||
+        static_cast<std::int64_t>(maps.size()) >= options_.max_versions) {
+      ++versions_left_out_;
+      continue;
+    }
+    SHIFTMAP_RETURN_IF_ERROR(add(version->version, version->stamp));
+  }
+  return maps;
+}
+
+Json DocumentWriter::RunJson(const RunRecord& run, VersionNumber version, std::size_t stride) {
+  Json path = Json::array();
+  std::int64_t x = 0;
+  std::int64_t y = 0;
+  for (std::size_t i = 0; i < run.trajectory.size(); i += stride) {
+    const Se2& pose = run.trajectory[i].T_map_vehicle;
+    const std::int64_t next_x = Scaled(pose.x(), 0.01);
+    const std::int64_t next_y = Scaled(pose.y(), 0.01);
+    path.push_back(next_x - x);
+    path.push_back(next_y - y);
+    x = next_x;
+    y = next_y;
+  }
+  return Json::array({names_.Add(run.name),
+                      vehicles_.Add(run.vehicle),
+                      ToSecondsSinceEpoch(run.begin),
+                      ToSecondsSinceEpoch(run.end),
+                      version.value(),
+                      std::move(path)});
+}
+
+// Those that the version and its ancestors were built from.
+StatusOr<Json> DocumentWriter::RunsJson() {
+  std::vector<std::pair<VersionNumber, RunRecord>> runs;
+  std::size_t poses = 0;
+  std::set<std::string> known;
+  std::optional<VersionNumber> version = shown_;
+  while (version) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store_->LoadProvenance(area_, *version));
+    for (RunRecord& run : provenance.runs) {
+      if (!known.insert(run.identity()).second) continue;
+      poses += run.trajectory.size();
+      runs.emplace_back(*version, std::move(run));
+    }
+    const auto found = std::find_if(versions_.begin(), versions_.end(), [&](const auto& other) {
+      return other.version == *version;
+    });
+    const std::optional<VersionNumber> parent =
+        found == versions_.end() ? std::nullopt : found->parent;
+    // Of a damaged store: parents are older.
+    version = parent && *parent < *version ? parent : std::nullopt;
+  }
+  std::sort(runs.begin(), runs.end(), [](const auto& a, const auto& b) {
+    return a.second.begin < b.second.begin;
+  });
+  const auto bound = static_cast<std::size_t>(std::max<std::int64_t>(1, options_.max_poses));
+  const std::size_t stride = std::max<std::size_t>(1, (poses + bound - 1) / bound);
+  Json json = Json::array();
+  for (const auto& [mapped_by, run] : runs) json.push_back(RunJson(run, mapped_by, stride));
+  return json;
+}
+
+StatusOr<Json> DocumentWriter::Write() {
+  SHIFTMAP_RETURN_IF_ERROR(SelectVersions());
+  SHIFTMAP_ASSIGN_OR_RETURN(Json maps, MapsJson());
+  SHIFTMAP_ASSIGN_OR_RETURN(Json runs, RunsJson());
+  Json versions = Json::array();
+  Json published;
+  for (const VersionSummary& version : versions_) {
+    if (version.published) published = version.version.value();
+    versions.push_back({version.version.value(),
+                        version.parent ? Json(version.parent->value()) : Json(nullptr),
+                        ToSecondsSinceEpoch(version.created),
+                        ToSecondsSinceEpoch(version.stamp),
+                        version.content_hash,
+                        InertLine(version.tool)});
+  }
+  const Stamp now = SystemNow();
+  Json document = {{"format", kFormat},
+                   {"area", InertLine(area_)},
+                   {"tool", "shiftmap-inspect " + SoftwareVersion()},
+                   {"made_s", ToSecondsSinceEpoch(now)},
+                   {"at_s", ToSecondsSinceEpoch(options_.at.value_or(now))},
+                   {"published", published},
+                   {"shown", shown_.value()},
+                   {"versions", std::move(versions)},
+                   {"maps", std::move(maps)},
+                   {"runs", std::move(runs)},
+                   {"tracks", Json::array()},
+                   {"visits", Json::array()},
+                   {"origin_s", 0.0},
+                   {"left_out", {{"versions", versions_left_out_}, {"visits", 0}}}};
+  document["signatures"] = signatures_.TakeJson();
+  document["vehicles"] = vehicles_.TakeJson();
+  document["names"] = names_.TakeJson();
+  return document;
+}
+
+}  // namespace
+
+StatusOr<Json> MapDocument(const std::string& area,
+                           const MapDocumentOptions& options,
+                           MapStore* store) {
+  return DocumentWriter(area, options, store).Write();
+}
+
+}  // namespace shiftmap
