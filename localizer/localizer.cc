@@ -81,7 +81,7 @@ Status Localizer::Process(const RunEvent& event) {
                            ToSecondsSinceEpoch(stamp),
                            ToSecondsSinceEpoch(now_));
   }
-  new_estimates_.clear();
+  ForgetNew();
   const auto* sample = std::get_if<OdometrySample>(&event);
   if (sample != nullptr && !IsPlausible(*sample, limits_)) {
     ++statistics_.implausible_odometry;
@@ -98,17 +98,22 @@ Status Localizer::Process(const RunEvent& event) {
 }
 
 void Localizer::Flush() {
-  new_estimates_.clear();
+  ForgetNew();
   if (!buffer_) return;
   buffer_->Flush();
   LocalizeDue();
 }
 
 void Localizer::FlushPaused() {
-  new_estimates_.clear();
+  ForgetNew();
   if (!buffer_) return;
   buffer_->FlushPaused();
   LocalizeDue();
+}
+
+void Localizer::ForgetNew() {
+  new_estimates_.clear();
+  new_innovations_.clear();
 }
 
 void Localizer::LocalizeDue() {
@@ -271,6 +276,9 @@ void Localizer::Step(const WindowScan& step) {
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
     new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose(), quality_.p_value()});
+    for (const ObservationOutcome& outcome : events.outcomes) {
+      new_innovations_.push_back({step.scan.stamp, outcome});
+    }
   }
 }
 

@@ -31,6 +31,12 @@ struct PoseEstimate {
   double quality = 1.0;  ///< InnovationQuality::p_value().
 };
 
+/// One observation of a known signature against the heaviest leaf, with the time of its scan.
+struct StampedOutcome {
+  Stamp stamp;
+  ObservationOutcome outcome;
+};
+
 /// What happened so far.
 struct LocalizerStatistics {
   std::int64_t scans = 0;
@@ -98,6 +104,9 @@ class Localizer {
   /// ascend over all calls.
   const std::vector<PoseEstimate>& new_estimates() const { return new_estimates_; }
 
+  /// The innovations of the scans of new_estimates(), in their order.
+  const std::vector<StampedOutcome>& new_innovations() const { return new_innovations_; }
+
   /// The first item that was beyond the limits, to read; empty if none was.
   const std::string& first_implausible() const { return first_implausible_; }
 
@@ -147,6 +156,7 @@ class Localizer {
   bool Explains(const ObservationOutcome& outcome, const Scan& scan);
   bool NearAMode(int group, const SightingCollector::PlaceState& place) const;
   void DistrustPose();
+  void ForgetNew();
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
   void SetState(LocalizerState state);
@@ -172,6 +182,7 @@ class Localizer {
   std::vector<VisitEvidence> evidence_;
   std::vector<Decision> decisions_;
   std::vector<PoseEstimate> new_estimates_;
+  std::vector<StampedOutcome> new_innovations_;
   std::optional<Stamp> newest_estimate_;
   std::optional<Stamp> begin_;                   // Of the first event.
   Stamp now_;                                    // Of the last event.

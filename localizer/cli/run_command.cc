@@ -17,6 +17,7 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
+#include "localizer/recording/shift_recorder.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
@@ -40,6 +41,7 @@ struct RunOptions {
   std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
   std::optional<std::string> report;
+  std::optional<std::string> recording;
   bool return_report = false;
   double alpha = HypothesisOptions().alpha;
   int max_leaves = HypothesisOptions().max_leaves;
@@ -75,15 +77,24 @@ StatusOr<MapSnapshot> LoadMap(const RunOptions& options,
   return oldest;
 }
 
+std::string Software() { return "shiftmap-localizer " + SoftwareVersion(); }
+
 // One shift: a localizer and what is recorded around it.
 class Shift {
  public:
   // The map for a log that begins then.
   using MapAt = std::function<StatusOr<MapSnapshot>(Stamp begin)>;
 
-  // @param vehicle  Nothing: as the log names it.
-  Shift(MapAt map_at, std::optional<std::string> vehicle, const LocalizerOptions& options)
-      : map_at_(std::move(map_at)), vehicle_(std::move(vehicle)), options_(options) {}
+  // @param vehicle    Nothing: as the log names it.
+  // @param recording  File to record to; nothing: none.
+  Shift(MapAt map_at,
+        std::optional<std::string> vehicle,
+        std::optional<std::string> recording,
+        const LocalizerOptions& options)
+      : map_at_(std::move(map_at)),
+        vehicle_(std::move(vehicle)),
+        recording_(std::move(recording)),
+        options_(options) {}
 
   // A file is read whole, because the report names its hash.
   Status ProcessFile(const std::string& path) {
@@ -127,13 +138,19 @@ class Shift {
     report.vehicle = summary_.vehicle;
     report.run_hash = run_hash_;
     report.run_uuid = run_uuid_;
-    report.software = "shiftmap-localizer " + SoftwareVersion();
+    report.software = Software();
     live::DropCounts dropped;
     live::AddDropped(localizer_->Statistics(), &dropped);
     report.dropped = dropped.List();
     LeaveOutInvalid(&report);
     summary_.report_uuid = report.uuid;
     return report;
+  }
+
+  // Places the recording, if there is one.
+  Status FinishRecording() {
+    SHIFTMAP_RETURN_IF_ERROR(recorded_);
+    return recorder_ ? recorder_->Finish() : OkStatus();
   }
 
   const Localizer& localizer() const { return *localizer_; }
@@ -150,6 +167,13 @@ class Shift {
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, map_at_(begin));
     summary_.vehicle = vehicle_.value_or(info.vehicle);
     localizer_.emplace(map.ForVehicle(summary_.vehicle), options_);
+    if (!recording_) return OkStatus();
+    RecordedShift shift;
+    shift.vehicle = summary_.vehicle;
+    shift.run_uuid = info.uuid;
+    shift.software = Software();
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        recorder_, ShiftRecorder::Create(*recording_, shift, localizer_->snapshot(), begin));
     return OkStatus();
   }
 
@@ -188,12 +212,16 @@ class Shift {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
       trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
     }
+    if (recorder_ && recorded_.ok()) recorded_ = recorder_->Record(*localizer_);
   }
 
   MapAt map_at_;
   std::optional<std::string> vehicle_;
+  std::optional<std::string> recording_;
   LocalizerOptions options_;
-  std::optional<Localizer> localizer_;  // From the first item on.
+  std::optional<Localizer> localizer_;     // From the first item on.
+  std::optional<ShiftRecorder> recorder_;  // If there is something to record to.
+  Status recorded_;
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
@@ -241,11 +269,11 @@ Status ReportNotLocalized(const RunOptions& options,
 }
 
 Status WriteResults(const RunOptions& options,
-                    const Shift& shift,
                     const ShiftReport& report,
-                    const Context& context) {
+                    const Context& context,
+                    Shift* shift) {
   std::optional<MapStore> store;
-  if (options.return_report && shift.localizer().Statistics().localized()) {
+  if (options.return_report && shift->localizer().Statistics().localized()) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         store,
         OpenStore(
@@ -254,8 +282,9 @@ Status WriteResults(const RunOptions& options,
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
   }
   if (options.trajectory) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift.trajectory(), *options.trajectory));
+    SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift->trajectory(), *options.trajectory));
   }
+  SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();
 }
@@ -298,7 +327,8 @@ Status RunShift(const RunOptions& options, Context& context) {
                             OpenStore(map_path, MapStore::Access::kReadOnly, context));
   const auto map_at = [&](Stamp begin) { return LoadMap(options, begin, &map_store, context); };
 
-  Shift shift(map_at, options.vehicle, localizer_options);
+  const auto recording = context.dry_run() ? std::nullopt : options.recording;
+  Shift shift(map_at, options.vehicle, recording, localizer_options);
   SHIFTMAP_RETURN_IF_ERROR(options.run == "-" ? shift.ProcessStream(options.run)
                                               : shift.ProcessFile(options.run));
   const ShiftReport report = shift.Finish();
@@ -308,7 +338,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   }
   WarnOfImplausible(options.run, shift.localizer(), context);
   WarnOfNoLidar(options, shift.localizer(), context);
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, shift, report, context));
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, report, context, &shift));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   if (shift.localizer().Statistics().localized()) return OkStatus();
   return ReportNotLocalized(options, summary, &map_store, &context);
@@ -334,6 +364,7 @@ void AddRunCommand(Application* application) {
               "Name of the vehicle, for its own calibration; default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
       .Option("--report", &options->report, "Write the shift report here")
+      .Option("--recording", &options->recording, "Record the shift here, MCAP that Foxglove opens")
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
       .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
       .InRange(1e-12, 0.49)

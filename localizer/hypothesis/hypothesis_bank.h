@@ -37,7 +37,10 @@ struct ObservationOutcome {
   int group = 0;           ///< Index into MapSnapshot::groups().
   bool gated = false;      ///< With a mode that the leaf holds possible.
   bool gated_any = false;  ///< With any mode of the group.
-  double nis = 0.0;        ///< Of the mode it gated with (the likeliest one), 2 dof.
+  int state = 0;           ///< Of the mode it gated with, the likeliest one; 0: with none.
+  Eigen::Vector2d nu = Eigen::Vector2d::Zero();  ///< Observed - expected, vehicle frame. [m]
+  Eigen::Matrix2d S = Eigen::Matrix2d::Zero();   ///< Of nu. [m²]
+  double nis = 0.0;                              ///< νᵀ S⁻¹ ν, 2 dof.
 };
 
 /// What a scan led to, beside the leaves themselves.

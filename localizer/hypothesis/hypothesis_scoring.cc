@@ -209,6 +209,9 @@ ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {
     if (score <= best_score) continue;
     best_score = score;
     outcome.gated = true;
+    outcome.state = state;
+    outcome.nu = mode.prediction.nu;
+    outcome.S = mode.prediction.S;
     outcome.nis = mode.prediction.nis;
   }
   outcome.gated_any = outcome.gated;

@@ -6,19 +6,6 @@
 namespace shiftmap::live {
 namespace {
 
-// The states count from 1 on the wire, in the same order.
-proto::LocalizerState StateToProto(LocalizerState state) {
-  return static_cast<proto::LocalizerState>(static_cast<int>(state) + 1);
-}
-
-StatusOr<LocalizerState> StateFromProto(proto::LocalizerState state) {
-  const int index = static_cast<int>(state) - 1;
-  if (index < 0 || index >= static_cast<int>(kLocalizerStates)) {
-    return InvalidArgument("localizer state {}, expected 1..{}", index + 1, kLocalizerStates);
-  }
-  return static_cast<LocalizerState>(index);
-}
-
 // An enumerator of a later version says at least that the stamps do not agree.
 TimeLine TimeLineFromProto(proto::TimeLine time_line) {
   if (time_line == proto::AGREES) return TimeLine::kAgrees;

@@ -57,6 +57,19 @@ StatusOr<PoseWithCovariance> StartPoseFromProto(const proto::Pose& in) {
   return pose;
 }
 
+// The states count from 1 on the wire, in the same order.
+proto::LocalizerState StateToProto(LocalizerState state) {
+  return static_cast<proto::LocalizerState>(static_cast<int>(state) + 1);
+}
+
+StatusOr<LocalizerState> StateFromProto(proto::LocalizerState state) {
+  const int index = static_cast<int>(state) - 1;
+  if (index < 0 || index >= static_cast<int>(kLocalizerStates)) {
+    return InvalidArgument("localizer state {}, expected 1..{}", index + 1, kLocalizerStates);
+  }
+  return static_cast<LocalizerState>(index);
+}
+
 StatusOr<OdometrySample> SampleFromProto(const proto::Odometry& in) {
   SHIFTMAP_ASSIGN_OR_RETURN(const OdometrySample sample, shiftmap::FromProto(in));
   SHIFTMAP_RETURN_IF_ERROR(CheckStamp(sample.stamp));

@@ -23,6 +23,11 @@ StatusOr<PoseWithCovariance> PoseFromProto(const proto::Pose& in);
 /// it.
 StatusOr<PoseWithCovariance> StartPoseFromProto(const proto::Pose& in);
 
+proto::LocalizerState StateToProto(LocalizerState state);
+
+/// Errors: kInvalidArgument for a state that there is not.
+StatusOr<LocalizerState> StateFromProto(proto::LocalizerState state);
+
 /// Errors: kInvalidArgument for a number that is not finite.
 template <typename Proto>
 StatusOr<std::optional<double>> OdometerFromProto(const Proto& in) {
