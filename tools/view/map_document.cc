@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -24,6 +25,12 @@ std::int64_t TenthMillimetres(double value_m) { return Scaled(value_m, 1e-4); }
 
 // Digits enough for a chain, and few bytes.
 double Rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
+
+double Tenths(double value) { return std::round(value * 10.0) / 10.0; }
+
+std::int64_t Milliseconds(Stamp stamp, Stamp origin) {
+  return std::chrono::floor<std::chrono::milliseconds>(stamp - origin).count();
+}
 
 Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   Json json = Json::array();
@@ -84,8 +91,11 @@ class DocumentWriter {
 
  private:
   Status SelectVersions();
+  Stamp StampOf(VersionNumber version) const;
   StatusOr<Json> MapsJson();
   Json MapRowJson(const MapSnapshot& map);
+  Status AddTracks(Json* document);
+  Json VisitJson(const LandmarkVisit& visit, Stamp origin);
   StatusOr<Json> RunsJson();
   Json RunJson(const RunRecord& run, VersionNumber version, std::size_t stride);
 
@@ -110,6 +120,13 @@ Status DocumentWriter::SelectVersions() {
   if (!published) return NotFound("area '{}' has no published version", area_);
   shown_ = *published;
   return OkStatus();
+}
+
+Stamp DocumentWriter::StampOf(VersionNumber number) const {
+  for (const VersionSummary& version : versions_) {
+    if (version.version == number) return version.stamp;
+  }
+  return Stamp();
 }
 
 Json DocumentWriter::MapRowJson(const MapSnapshot& map) {
@@ -139,10 +156,7 @@ StatusOr<Json> DocumentWriter::MapsJson() {
     versions_left_out_ += fits ? 0 : 1;
     return OkStatus();
   };
-  const auto shown = std::find_if(versions_.begin(), versions_.end(), [&](const auto& version) {
-    return version.version == shown_;
-  });
-  SHIFTMAP_RETURN_IF_ERROR(add(shown_, shown == versions_.end() ? Stamp() : shown->stamp));
+  SHIFTMAP_RETURN_IF_ERROR(add(shown_, StampOf(shown_)));
   for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {
     if (version->version == shown_ || !version->content_stored) continue;
     if (modes > options_.max_modes ||
@@ -174,6 +188,77 @@ Json DocumentWriter::RunJson(const RunRecord& run, VersionNumber version, std::s
                       ToSecondsSinceEpoch(run.end),
                       version.value(),
                       std::move(path)});
+}
+
+// The favoured mode of a visit, and its log-likelihood ratio to the next.
+std::pair<ModeNumber, double> Favoured(const VisitEvidence& evidence) {
+  std::vector<VisitEvidence::ModeLogLikelihood> modes = evidence.modes;
+  if (modes.empty()) return {kAbsent, 0.0};
+  std::partial_sort(
+      modes.begin(),
+      modes.begin() + std::min<std::ptrdiff_t>(2, static_cast<std::ptrdiff_t>(modes.size())),
+      modes.end(),
+      [](const auto& a, const auto& b) { return a.log_likelihood > b.log_likelihood; });
+  const double ratio =
+      modes.size() > 1 ? modes[0].log_likelihood - modes[1].log_likelihood : 0.0;
+  return {modes[0].mode, ratio};
+}
+
+Json DocumentWriter::VisitJson(const LandmarkVisit& visit, Stamp origin) {
+  const VisitEvidence& evidence = visit.evidence;
+  const auto [favoured, ratio] = Favoured(evidence);
+  const Decision decision = visit.decision.value_or(Decision{{}, ModeNumber(-1), {}, 0.0});
+  return Json::array({Milliseconds(evidence.begin, origin),
+                      Milliseconds(evidence.end, origin),
+                      vehicles_.Add(visit.vehicle),
+                      names_.Add(visit.run_name.empty() ? visit.run : visit.run_name),
+                      visit.mapped() ? 1 : 0,
+                      visit.version.value(),
+                      evidence.observations,
+                      favoured.value(),
+                      Tenths(ratio),
+                      decision.mode.value(),
+                      Tenths(decision.log_odds),
+                      visit.set_aside ? Describe(*visit.set_aside) : "",
+                      ProbabilitiesJson(visit.probabilities)});
+}
+
+// How the probabilities of the shown version go, and the visits that make them.
+Status DocumentWriter::AddTracks(Json* document) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkTracks tracks,
+                            store_->LoadTracks(area_, {shown_, options_.max_visits}));
+  Stamp origin = Stamp::max();
+  for (const auto& points : tracks.points) {
+    if (points.size() > 1) origin = std::min(origin, points[1].begin);
+  }
+  for (const auto& visits : tracks.visits) {
+    if (!visits.empty()) origin = std::min(origin, visits.front().evidence.begin);
+  }
+  if (origin == Stamp::max()) origin = StampOf(shown_);
+  Json points_json = Json::array();
+  for (const std::vector<TrackPoint>& points : tracks.points) {
+    Json row = Json::array();
+    for (const TrackPoint& point : points) {
+      row.push_back(Milliseconds(std::max(point.begin, origin), origin));
+      row.push_back(Milliseconds(point.end, origin));
+      const Json probabilities = ProbabilitiesJson(point.probabilities);
+      row.insert(row.end(), probabilities.begin(), probabilities.end());
+    }
+    points_json.push_back(std::move(row));
+  }
+  Json visits_json = Json::array();
+  for (const std::vector<LandmarkVisit>& visits : tracks.visits) {
+    Json row = Json::array();
+    for (const LandmarkVisit& visit : visits) row.push_back(VisitJson(visit, origin));
+    visits_json.push_back(std::move(row));
+  }
+  (*document)["origin_s"] = ToSecondsSinceEpoch(origin);
+  (*document)["tracks"] = std::move(points_json);
+  (*document)["visits"] = std::move(visits_json);
+  if (tracks.since > Stamp::min()) {
+    (*document)["left_out"]["before_s"] = ToSecondsSinceEpoch(tracks.since);
+  }
+  return OkStatus();
 }
 
 // Those that the version and its ancestors were built from.
@@ -233,10 +318,8 @@ StatusOr<Json> DocumentWriter::Write() {
                    {"versions", std::move(versions)},
                    {"maps", std::move(maps)},
                    {"runs", std::move(runs)},
-                   {"tracks", Json::array()},
-                   {"visits", Json::array()},
-                   {"origin_s", 0.0},
-                   {"left_out", {{"versions", versions_left_out_}, {"visits", 0}}}};
+                   {"left_out", {{"versions", versions_left_out_}}}};
+  SHIFTMAP_RETURN_IF_ERROR(AddTracks(&document));
   document["signatures"] = signatures_.TakeJson();
   document["vehicles"] = vehicles_.TakeJson();
   document["names"] = names_.TakeJson();

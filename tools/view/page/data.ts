@@ -22,7 +22,8 @@ export interface Document {
   maps: MapRow[];
   tracks: number[][];
   visits: VisitRow[][];
-  left_out: {versions: number; visits: number};
+  /** Versions, and the time before which visits and probabilities are left out. */
+  left_out: {versions: number; before_s?: number};
   replay?: Replay;
 }
 

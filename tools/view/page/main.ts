@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import {Track} from './chain';
 import {ComparePanel} from './compare_panel';
-import {readMap, readRuns, readVisit, type Document, type Group, type LandmarkMap} from './data';
+import {readMap, readRuns, readVisit, type Document, type Group, type LandmarkMap, type Visit} from './data';
 import {LandmarkPanel} from './landmark_panel';
 import {readTheme} from './layers';
 import {boundsOf, MapView, type ViewSettings} from './map_view';
@@ -19,6 +19,7 @@ class Page {
   private readonly maps = new Map<number, LandmarkMap>();
   private readonly map: LandmarkMap;
   private readonly tracks: Track[];
+  private readonly visits: Visit[][];
   private readonly runs;
   private readonly shift: Shift | null;
   private theme = readTheme();
@@ -41,6 +42,7 @@ class Page {
     for (const mapRow of source.maps) this.maps.set(mapRow[0], readMap(source, mapRow));
     this.map = this.maps.get(source.shown)!;
     this.tracks = this.map.groups.map((group, i) => new Track(group, source.tracks[i] ?? [], source.origin_s));
+    this.visits = source.visits.map((rows) => rows.map((visit) => readVisit(source, visit)));
     this.runs = readRuns(source);
     this.shift = source.replay ? new Shift(source.replay, source) : null;
     this.compare = new ComparePanel(this.maps, source);
@@ -74,19 +76,19 @@ class Page {
     return view;
   }
 
-  /** Shifts and visits; the slider gives them room. */
+  /** Shifts; the slider gives them room. */
   private spans(): Span[] {
-    const spans = this.runs.map((run) => ({begin: run.begin, end: run.end}));
-    for (const track of this.tracks) {
-      for (let i = 0; i < track.size; ++i) spans.push({begin: track.begin(i), end: track.end(i)});
+    const first = this.source.left_out.before_s ?? -Infinity;
+    const spans = this.runs.filter((run) => run.begin >= first)
+        .map((run) => ({begin: run.begin, end: run.end}));
+    for (const visits of this.visits) {
+      for (const visit of visits) spans.push({begin: visit.begin, end: visit.end});
     }
     return spans;
   }
 
   private events(): number[] {
-    const ends = this.runs.map((run) => run.end);
-    for (const track of this.tracks) for (let i = 0; i < track.size; ++i) ends.push(track.end(i));
-    return ends;
+    return this.spans().map((span) => span.end);
   }
 
   /** Now, unless that is so long after everything that nothing else would be seen. */
@@ -149,9 +151,9 @@ class Page {
     this.selected = group;
     byId('no-landmark').hidden = group !== null;
     if (group) {
-      const visits = (this.source.visits[group.index] ?? []).map((v) => readVisit(this.source, v));
+      const visits = this.visits[group.index] ?? [];
       this.landmark.show(
-          group, this.tracks[group.index]!, visits, this.source.left_out.visits > 0, this.scale,
+          group, this.tracks[group.index]!, visits, this.source.left_out.before_s !== undefined, this.scale,
           this.timeline.time);
       const p = this.present[group.index]!;
       byId('selection').textContent = `${group.name}: ${p.map((value, state) =>
