@@ -11,7 +11,7 @@
 namespace shiftmap {
 
 /// The page of the web view with the map that the arguments name: one file that works offline.
-/// @param replay  A file that `shiftmap-localizer run --steps` wrote.
+/// @param replay  A file that `shiftmap-localizer run --recording` wrote.
 /// Errors also: kFailedPrecondition if this build has no web view.
 StatusOr<std::string> MapHtml(const StoreArguments& arguments,
                               const std::optional<std::string>& replay,

@@ -104,7 +104,7 @@ void AddPictureCommands(Application* application) {
       .Flag("--html", &exported->html, "A page for web browsers, which needs no network")
       .Option("--replay",
               &exported->replay,
-              "For --html, a shift to replay: what localizer run --steps wrote")
+              "For --html, a shift to replay: what localizer run --recording wrote")
       .Option("--output", &exported->output, "File to write")
       .Required()
       .Check([exported] { return CheckExport(*exported); });

@@ -1,36 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/view/map_document.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
+#include "tools/view/compact_values.h"
+#include "tools/view/replay_document.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr int kFormat = 1;
 
-std::int64_t Scaled(double value, double unit) { return std::llround(value / unit); }
-std::int64_t TenthMillimetres(double value_m) { return Scaled(value_m, 1e-4); }
-
 // Digits enough for a chain, and few bytes.
 double Rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
-
-double Tenths(double value) { return std::round(value * 10.0) / 10.0; }
-
-std::int64_t Milliseconds(Stamp stamp, Stamp origin) {
-  return std::chrono::floor<std::chrono::milliseconds>(stamp - origin).count();
-}
 
 Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   Json json = Json::array();
@@ -38,34 +28,16 @@ Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   return json;
 }
 
-// Numbers texts in the order in which they come.
-class TextTable {
- public:
-  std::int64_t Add(const std::string& text) {
-    const auto [entry, is_new] = index_.try_emplace(text, static_cast<std::int64_t>(index_.size()));
-    if (is_new) texts_.push_back(InertLine(text));
-    return entry->second;
-  }
-
-  Json TakeJson() { return std::move(texts_); }
-
- private:
-  std::unordered_map<std::string, std::int64_t> index_;
-  Json texts_ = Json::array();
-};
-
 // The columns of a mode: number, x, y, longer sd, shorter sd, direction, last seen.
 void AddMode(const Mode& mode, Json* json) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(mode.cov_p_map_landmark);
-  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
+  const SigmaEllipse ellipse = MakeSigmaEllipse(mode.cov_p_map_landmark);
   json->insert(json->end(),
                {mode.number.value(),
-                TenthMillimetres(mode.p_map_landmark.x()),
-                TenthMillimetres(mode.p_map_landmark.y()),
-                TenthMillimetres(sd(1)),
-                TenthMillimetres(sd(0)),
-                Scaled(std::atan2(axis.y(), axis.x()), 1e-3),
+                Scaled(mode.p_map_landmark.x(), kTenthMillimetre),
+                Scaled(mode.p_map_landmark.y(), kTenthMillimetre),
+                Scaled(ellipse.major_m, kTenthMillimetre),
+                Scaled(ellipse.minor_m, kTenthMillimetre),
+                Scaled(ellipse.rotation_rad, 1e-3),
                 Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0)});
 }
 
@@ -320,6 +292,11 @@ StatusOr<Json> DocumentWriter::Write() {
                    {"runs", std::move(runs)},
                    {"left_out", {{"versions", versions_left_out_}}}};
   SHIFTMAP_RETURN_IF_ERROR(AddTracks(&document));
+  if (options_.replay) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        document["replay"],
+        ReplayJson(*options_.replay, area_, ReplayOptions(), &signatures_));
+  }
   document["signatures"] = signatures_.TakeJson();
   document["vehicles"] = vehicles_.TakeJson();
   document["names"] = names_.TakeJson();

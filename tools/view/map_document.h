@@ -17,7 +17,7 @@ namespace shiftmap {
 struct MapDocumentOptions {
   std::optional<VersionNumber> version;  ///< The one that is shown first; nothing: the published.
   std::optional<Stamp> at;               ///< The time that is shown first; nothing: now.
-  std::optional<std::string> replay;     ///< File that `shiftmap-localizer run --steps` wrote.
+  std::optional<std::string> replay;     ///< File that `shiftmap-localizer run --recording` wrote.
   std::int64_t max_versions = 12;        ///< The newest, and `version`.
   std::int64_t max_modes = 40'000;       ///< Of all versions; that of `version` always goes in.
   std::int64_t max_visits = 30'000;      ///< Of all landmarks; the newest of each.

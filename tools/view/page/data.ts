@@ -69,21 +69,25 @@ export interface Visit {
   after: number[];
 }
 
-/** A shift step by step; columns as localizer/README.md names them. */
+/** A recorded shift. Times are milliseconds after its own origin. */
 export interface Replay {
   run: string;
   vehicle: string;
   version: number;
-  content_hash: string;
-  /** Per scan: ms after origin_s; state; x, y [mm], yaw [mrad]; longer sd, shorter sd [mm], direction
-   * [mrad]; sum of NIS, updates; leaves */
+  /** Why the recording ends early, or empty. */
+  truncation: string;
+  origin_s: number;
+  /** Per pose: ms; state; x, y [mm], yaw [mrad]; longer sd, shorter sd [mm], direction of the longer one
+   * [mrad]; sum of NIS since the pose before, updates in it */
   steps: number[];
-  /** Per scan: weight [1/1000], x, y [mm], yaw [mrad] of each hypothesis. */
+  /** Per sample: ms, hypotheses kept; then of the heaviest: weight [1/1000], x, y [mm], yaw [mrad] */
   hypotheses: number[][];
-  /** ms, signature, mode, log-odds */
-  decisions: [number, number, number, number][];
+  /** ms, state from then on */
+  states: [number, number][];
+  /** ms, signature, mode, log-odds [nat], withdrawn (1) */
+  decisions: [number, number, number, number, number][];
 }
-export const STEP_COLUMNS = 11;
+export const STEP_COLUMNS = 10;
 export const STATES = ['INITIALIZING', 'TRACKING', 'MODE_CHANGED', 'UNKNOWN_CHANGE', 'LOST'];
 
 export interface Mode {

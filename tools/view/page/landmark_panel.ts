@@ -3,7 +3,7 @@ import type {Track} from './chain';
 import type {Group, Visit} from './data';
 import type {Theme} from './layers';
 import {
-  byId, durationText, element, fill, metres, modeName, oddsText, percent, row, table, timeText,
+  byId, durationText, element, fill, modeName, oddsText, percent, row, table, timeText,
 } from './markup';
 import {SeriesChart} from './series_chart';
 import type {TimeScale} from './timeline';
@@ -86,39 +86,49 @@ export class LandmarkPanel {
         element('span', {}, swatch(style), modeName(mode?.number ?? 0)),
         element('span', {class: 'meter'}, bar), value,
         mode ? `${mode.x.toFixed(2)}, ${mode.y.toFixed(2)}` : '–',
-        mode ? `${metres(mode.major)} × ${metres(mode.minor)}` : '–',
+        mode ? `${(100 * mode.major).toFixed(1)} × ${(100 * mode.minor).toFixed(1)}` : '–',
       ]);
       if (mode && mode.lastSeen > 0) line.title = `last seen ${timeText(mode.lastSeen)} UTC`;
       return line;
     });
     return element(
         'div', {class: 'scroll'},
-        table(['Mode', 'Probability', '', 'x, y / m', '1σ'], rows, `Modes of ${group.name}`));
+        table(['Mode', 'Probability', '', 'x, y / m', '1σ / cm'], rows, `Modes of ${group.name}`));
   }
 
   private visitTable(visits: Visit[]): HTMLElement {
     if (visits.length === 0) return element('p', {class: 'muted'}, 'No vehicle has visited it yet.');
     this.rows = [];
-    const rows = [...visits].reverse().map((visit) => {
-      const jump = element('button', {type: 'button', class: 'link'}, timeText(visit.begin));
-      jump.addEventListener('click', () => this.onTime(visit.end));
-      const after = visit.after.map((p, state) =>
-          `${modeName(state === 0 ? 0 : this.group!.modes[state - 1]!.number)} ${percent(p)}`);
-      const line = row([
-        jump, visit.vehicle || '–', verdict(visit), oddsText(visit.logRatio), String(visit.seen),
-        visit.mapped ? `map v${visit.version}` : `shift on v${visit.version}`,
-      ], {class: visit.setAside ? 'aside' : ''});
-      line.title = [
-        `run ${visit.run}, ${durationText(visit.end - visit.begin)}`,
-        visit.setAside ? `does not count: ${visit.setAside}` : `after it: ${after.join(', ')}`,
-        ...(visit.decided >= 0
-            ? [`decided ${modeName(visit.decided)} at odds of ${oddsText(visit.logOdds)}`] : []),
-      ].join('\n');
-      this.rows.push([line, visit.begin]);
-      return line;
-    });
+    const rows: HTMLTableRowElement[] = [];
+    let day = '';
+    for (const visit of [...visits].reverse()) {
+      const [date, hour] = timeText(visit.begin).split(' ') as [string, string];
+      if (date !== day) rows.push(element('tr', {}, element('th', {colspan: '6', class: 'day'}, date)));
+      day = date;
+      rows.push(this.visitRow(visit, hour));
+    }
     return element('div', {class: 'scroll'}, table(
-        ['Begin (UTC)', 'Vehicle', 'Says', 'Odds', 'Seen', 'From'], rows, 'Visits, newest first'));
+        ['Begin', 'Vehicle', 'Says', 'Odds', 'Seen', 'From'], rows, 'Visits, newest first'));
+  }
+
+  private visitRow(visit: Visit, hour: string): HTMLTableRowElement {
+    const jump = element('button', {type: 'button', class: 'link'}, hour);
+    jump.addEventListener('click', () => this.onTime(visit.end));
+    const after = visit.after.map((p, state) =>
+        `${modeName(state === 0 ? 0 : this.group!.modes[state - 1]!.number)} ${percent(p)}`);
+    const line = row([
+      jump, visit.vehicle || '–', verdict(visit), oddsText(visit.logRatio), String(visit.seen),
+      visit.mapped ? 'build' : 'shift',
+    ], {class: visit.setAside ? 'aside' : ''});
+    line.title = [
+      `${timeText(visit.begin)} UTC, ${durationText(visit.end - visit.begin)}, run ${visit.run}`,
+      visit.mapped ? `mapped by version ${visit.version}` : `shift on version ${visit.version}`,
+      visit.setAside ? `does not count: ${visit.setAside}` : `after it: ${after.join(', ')}`,
+      ...(visit.decided >= 0
+          ? [`decided ${modeName(visit.decided)} at odds of ${oddsText(visit.logOdds)}`] : []),
+    ].join('\n');
+    this.rows.push([line, visit.begin]);
+    return line;
   }
 
   private fillChart(group: Group, track: Track, scale: TimeScale): void {

@@ -146,7 +146,7 @@ export function drawRuns(context: Context, frame: Frame, theme: Theme, runs: Run
   context.lineJoin = 'round';
   for (const run of runs) {
     // Those of the future are fainter.
-    context.globalAlpha = run.begin <= time ? 0.8 : 0.25;
+    context.globalAlpha = run.begin <= time ? 0.6 : 0.2;
     context.beginPath();
     for (let i = 0; i + 1 < run.path.length; i += 2) {
       context.lineTo(toX(frame, run.path[i]!), toY(frame, run.path[i + 1]!));

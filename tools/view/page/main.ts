@@ -44,7 +44,7 @@ class Page {
     this.tracks = this.map.groups.map((group, i) => new Track(group, source.tracks[i] ?? [], source.origin_s));
     this.visits = source.visits.map((rows) => rows.map((visit) => readVisit(source, visit)));
     this.runs = readRuns(source);
-    this.shift = source.replay ? new Shift(source.replay, source) : null;
+    this.shift = source.replay ? new Shift(source.replay) : null;
     this.compare = new ComparePanel(this.maps, source);
     this.search = new Search(this.map);
     this.scale = new TimeScale(this.spans(), this.until());
@@ -55,7 +55,7 @@ class Page {
     this.timeline.setContent(this.spans(), this.events(), this.until());
     this.timeline.setTime(source.at_s);
     if (this.shift) {
-      this.replayPanel = new ReplayPanel(this.shift, this.theme);
+      this.replayPanel = new ReplayPanel(this.shift, source, this.theme);
       this.replayPanel.onTime = (time) => this.timeline.setTime(time);
       this.replayPanel.onPick = (signature) => this.selectSignature(signature);
       byId('tab-replay').hidden = false;
@@ -204,7 +204,8 @@ class Page {
 
   private arrangeTime(replay: Shift | null): void {
     if (replay) {
-      const events = [replay.begin, ...replay.replay.decisions.map(([ms]) => this.source.origin_s + ms / 1e3)];
+      const events = [replay.begin, ...replay.states, ...replay.decisions].map((event) =>
+          (typeof event === 'number' ? event : event.time));
       this.timeline.setContent([{begin: replay.begin, end: replay.end}], events, replay.end);
       this.timeline.setTime(Math.min(Math.max(this.timeline.time, replay.begin), replay.end));
     } else {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A recorded shift, and its vehicle on the map.
-import {STATES, STEP_COLUMNS, type Document, type Replay} from './data';
+import {STEP_COLUMNS, type Replay} from './data';
 import {toX, toY, type Context, type Frame, type Theme} from './layers';
 
 export interface Hypothesis {
@@ -21,71 +21,96 @@ export interface Step {
   major: number;
   minor: number;
   angle: number;
-  /** Sum of the normalized innovations squared of the scan, 2 degrees of freedom an update. */
+  /** Sum of the normalized innovations squared, 2 degrees of freedom an update. */
   nis: number;
   updates: number;
-  leaves: number;
+}
+
+export interface Sample {
+  time: number;
+  kept: number;
+  heaviest: Hypothesis[];
+}
+
+export interface Decision {
+  time: number;
+  signature: number;
+  mode: number;
+  logOdds: number;
+  withdrawn: boolean;
+}
+
+/** The last item at or before a time. */
+function lastBefore<T extends {time: number}>(items: T[], time: number): T | undefined {
+  let low = -1;
+  let high = items.length;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (items[middle]!.time <= time) low = middle;
+    else high = middle;
+  }
+  return items[low];
 }
 
 export class Shift {
   readonly steps: Step[] = [];
+  readonly samples: Sample[];
+  readonly states: {time: number; state: number}[];
+  readonly decisions: Decision[];
 
-  constructor(readonly replay: Replay, readonly source: Document) {
-    const {steps} = replay;
-    for (let i = 0; i + STEP_COLUMNS <= steps.length; i += STEP_COLUMNS) {
-      const [ms, state, x, y, yaw, major, minor, angle, nis, updates, leaves] =
-          steps.slice(i, i + STEP_COLUMNS) as
-          [number, number, number, number, number, number, number, number, number, number, number];
+  constructor(readonly replay: Replay) {
+    const seconds = (ms: number) => replay.origin_s + ms / 1e3;
+    for (let i = 0; i + STEP_COLUMNS <= replay.steps.length; i += STEP_COLUMNS) {
+      const [ms, state, x, y, yaw, major, minor, angle, nis, updates] =
+          replay.steps.slice(i, i + STEP_COLUMNS) as
+          [number, number, number, number, number, number, number, number, number, number];
       this.steps.push({
-        time: source.origin_s + ms / 1e3, state, nis, updates, leaves,
+        time: seconds(ms), state, nis, updates,
         x: x / 1e3, y: y / 1e3, yaw: yaw / 1e3,
         major: major / 1e3, minor: minor / 1e3, angle: angle / 1e3,
       });
     }
-  }
-
-  get begin(): number { return this.steps[0]?.time ?? 0; }
-  get end(): number { return this.steps.at(-1)?.time ?? 0; }
-
-  /** Index of the last step at or before a time; -1 before the first. */
-  indexAt(time: number): number {
-    let low = -1;
-    let high = this.steps.length;
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (this.steps[middle]!.time <= time) low = middle;
-      else high = middle;
+    this.samples = replay.hypotheses.map(([ms, kept, ...row]) => {
+      const heaviest: Hypothesis[] = [];
+      for (let i = 0; i + 4 <= row.length; i += 4) {
+        heaviest.push({
+          weight: row[i]! / 1e3, x: row[i + 1]! / 1e3, y: row[i + 2]! / 1e3, yaw: row[i + 3]! / 1e3});
+      }
+      return {time: seconds(ms!), kept: kept!, heaviest};
+    });
+    this.states = replay.states.map(([ms, state]) => ({time: seconds(ms), state}));
+    // A shift begins without a pose.
+    if (this.states.length === 0 || this.states[0]!.time > this.begin) {
+      this.states.unshift({time: this.begin, state: this.steps[0]?.state ?? 0});
     }
-    return low;
+    this.decisions = replay.decisions.map(([ms, signature, mode, logOdds, withdrawn]) =>
+        ({time: seconds(ms), signature, mode, logOdds, withdrawn: withdrawn === 1}));
   }
 
-  hypothesesAt(index: number): Hypothesis[] {
-    const row = this.replay.hypotheses[index] ?? [];
-    const found: Hypothesis[] = [];
-    for (let i = 0; i + 4 <= row.length; i += 4) {
-      found.push({
-        weight: row[i]! / 1e3, x: row[i + 1]! / 1e3, y: row[i + 2]! / 1e3, yaw: row[i + 3]! / 1e3});
-    }
-    return found;
-  }
+  get begin(): number { return this.replay.origin_s; }
+  get end(): number { return this.steps.at(-1)?.time ?? this.begin; }
+
+  stepAt(time: number): Step | undefined { return lastBefore(this.steps, time); }
+  sampleAt(time: number): Sample | undefined { return lastBefore(this.samples, time); }
+  stateAt(time: number): number { return lastBefore(this.states, time)?.state ?? 0; }
 
   draw(context: Context, frame: Frame, theme: Theme, time: number, sigmas: number): void {
-    const last = this.indexAt(time);
     context.lineWidth = 2;
     context.lineJoin = 'round';
     context.strokeStyle = theme.ink;
+    context.globalAlpha = 0.7;
     context.beginPath();
-    for (let i = 0; i <= last; ++i) {
-      const step = this.steps[i]!;
-      if (!located(step)) continue;
+    for (const step of this.steps) {
+      if (step.time > time) break;
       context.lineTo(toX(frame, step.x), toY(frame, step.y));
     }
     context.stroke();
-    const step = this.steps[last];
-    if (!step || !located(step)) return;
-    for (const hypothesis of this.hypothesesAt(last)) {
-      context.globalAlpha = 0.2 + 0.6 * hypothesis.weight;
-      drawVehicle(context, frame, hypothesis, theme.moved, 11);
+    context.globalAlpha = 1;
+    const step = this.stepAt(time);
+    if (!step) return;
+    for (const hypothesis of this.sampleAt(time)?.heaviest ?? []) {
+      context.globalAlpha = 0.25 + 0.6 * hypothesis.weight;
+      drawVehicle(context, frame, hypothesis, theme.moved, 17);
     }
     context.globalAlpha = 1;
     context.strokeStyle = theme.ink;
@@ -98,8 +123,6 @@ export class Shift {
     drawVehicle(context, frame, step, theme.ink, 12);
   }
 }
-
-export function located(step: Step): boolean { return STATES[step.state] !== 'INITIALIZING'; }
 
 /** An arrow head along x of the vehicle. */
 function drawVehicle(

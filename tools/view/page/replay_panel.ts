@@ -1,115 +1,126 @@
 // SPDX-License-Identifier: Apache-2.0
-import {STATES} from './data';
+import {STATES, type Document} from './data';
 import type {Theme} from './layers';
-import {byId, durationText, element, modeName, oddsText, percent, row, table, timeText} from './markup';
-import {located, type Shift} from './replay';
+import {
+  byId, durationText, element, fill, modeName, oddsText, percent, row, table, timeText,
+} from './markup';
+import type {Shift} from './replay';
 import {SeriesChart} from './series_chart';
 
-/** Scans that the mean of the innovations is over. */
+/** Poses that the mean of the innovations is over. */
 const WINDOW = 24;
+
+const poseText = (pose: {x: number; y: number}) => `${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}`;
+const degrees = (yaw: number) => `${(yaw * 180 / Math.PI).toFixed(1)}°`;
 
 /** What the vehicle of a recorded shift believed, step by step. */
 export class ReplayPanel {
-  private readonly place = byId<HTMLElement>('replay');
   private readonly now = element('dl', {class: 'facts'});
   private readonly hypotheses = element('div', {class: 'scroll'});
   private readonly states = element('canvas', {class: 'band', role: 'img'});
-  private readonly charts: SeriesChart[] = [];
+  private readonly nis: SeriesChart;
+  private readonly kept: SeriesChart;
   private rows: [HTMLTableRowElement, number][] = [];
+  private time = 0;
   onTime: (time: number) => void = () => {};
   onPick: (signature: number) => void = () => {};
 
-  constructor(private readonly shift: Shift, public theme: Theme) {
-    const source = shift.source;
-    const replay = shift.replay;
-    const other = replay.version !== source.shown;
-    const [nis, leaves] = [element('div', {class: 'chart'}), element('div', {class: 'chart'})];
-    this.place.replaceChildren(
+  constructor(private readonly shift: Shift, private readonly source: Document, private theme: Theme) {
+    const {replay} = shift;
+    const [nis, kept] = [element('div', {class: 'chart'}), element('div', {class: 'chart'})];
+    const other = replay.version === source.shown ? '' : `; the map is that of version ${source.shown}`;
+    fill(
+        byId('replay'),
         element('h2', {}, `Shift of ${replay.vehicle || 'a vehicle'}`),
         element('p', {class: 'muted'},
-            `${replay.run || 'stream'} · ${timeText(shift.begin)} UTC · ` +
-            `${durationText(shift.end - shift.begin)} · on version ${replay.version}` +
-            (other ? `; the map is that of version ${source.shown}` : '')),
+            `${timeText(shift.begin)} UTC, ${durationText(shift.end - shift.begin)}, ` +
+            `on version ${replay.version}${other}`),
+        replay.truncation !== '' && element('p', {}, `The recording ends early: ${replay.truncation}`),
         this.now,
         element('h3', {}, 'State'), this.states, this.legend(),
-        element('h3', {}, 'Innovations: mean NIS per update, expected 2'), nis,
-        element('h3', {}, 'Hypotheses kept'), leaves,
+        element('h3', {}, 'Innovations: mean NIS of an update, 2 expected'), nis,
+        element('h3', {}, 'Hypotheses kept'), kept,
         element('h3', {}, 'Heaviest hypotheses now'), this.hypotheses,
-        element('h3', {}, `Decisions (${replay.decisions.length})`), this.decisionTable());
-    this.charts = [new SeriesChart(nis, theme), new SeriesChart(leaves, theme)];
+        element('h3', {}, `Decisions (${shift.decisions.length})`), this.decisionTable());
+    this.nis = new SeriesChart(nis, theme);
+    this.kept = new SeriesChart(kept, theme);
     this.states.setAttribute('aria-label', 'States of the localizer over time');
     new ResizeObserver(() => this.drawStates()).observe(this.states);
-    this.fill();
+    this.fillCharts();
   }
 
   setTheme(theme: Theme): void {
     this.theme = theme;
+    this.nis.theme = this.kept.theme = theme;
+    this.fillCharts();
     this.drawStates();
   }
 
   setTime(time: number): void {
-    for (const chart of this.charts) chart.setTime(time);
-    const index = this.shift.indexAt(time);
-    const step = this.shift.steps[index];
-    const facts: [string, string][] = step && located(step) ? [
-      ['State', STATES[step.state] ?? ''],
-      ['Pose', `${step.x.toFixed(2)} m, ${step.y.toFixed(2)} m, ${(step.yaw * 180 / Math.PI).toFixed(1)}°`],
-      ['1σ', `${(1000 * step.major).toFixed(0)} × ${(1000 * step.minor).toFixed(0)} mm`],
-      ['NIS of the scan', step.updates > 0 ? `${step.nis.toFixed(1)} of ${2 * step.updates} expected` : 'nothing seen'],
-    ] : [['State', step ? STATES[step.state] ?? '' : 'not begun']];
-    this.now.replaceChildren(...facts.flatMap(([term, value]) =>
+    this.time = time;
+    this.nis.setTime(time);
+    this.kept.setTime(time);
+    const step = this.shift.stepAt(time);
+    const sample = this.shift.sampleAt(time);
+    const facts: [string, string][] = [['State', STATES[this.shift.stateAt(time)] ?? '']];
+    if (step) {
+      facts.push(
+          ['Pose', `${poseText(step)} m, ${degrees(step.yaw)}`],
+          ['1σ', `${(1000 * step.major).toFixed(0)} × ${(1000 * step.minor).toFixed(0)} mm`],
+          ['NIS', step.updates > 0 ? `${step.nis.toFixed(1)}, ${2 * step.updates} expected` : 'nothing seen']);
+    }
+    fill(this.now, ...facts.flatMap(([term, value]) =>
         [element('dt', {}, term), element('dd', {}, value)]));
-    this.hypotheses.replaceChildren(table(
+    fill(this.hypotheses, table(
         ['Probability', 'x, y / m', 'Heading'],
-        this.shift.hypothesesAt(index).map((h) => row([
-          percent(h.weight), `${h.x.toFixed(2)}, ${h.y.toFixed(2)}`, `${(h.yaw * 180 / Math.PI).toFixed(1)}°`,
-        ])), 'Hypotheses'));
+        (sample?.heaviest ?? []).map((h) => row([percent(h.weight), poseText(h), degrees(h.yaw)])),
+        'Hypotheses'));
     for (const [line, at] of this.rows) line.classList.toggle('later', at > time);
-    this.drawStates(time);
+    this.drawStates();
   }
 
   private legend(): HTMLElement {
     return element('p', {class: 'legend'}, ...STATES.map((state, i) =>
-        element('span', {class: `state-${i}`}, state)));
+        element('span', {}, element('i', {class: `state-${i}`}), state)));
   }
 
   private decisionTable(): HTMLElement {
-    const {source, replay} = this.shift;
-    this.rows = replay.decisions.map(([ms, signature, mode, logOdds]) => {
-      const time = source.origin_s + ms / 1e3;
-      const jump = element('button', {type: 'button', class: 'link'}, timeText(time).slice(11));
-      jump.addEventListener('click', () => this.onTime(time));
-      const pick = element('button', {type: 'button', class: 'link'}, source.signatures[signature] ?? '');
-      pick.addEventListener('click', () => this.onPick(signature));
-      return [row([jump, pick, modeName(mode), oddsText(logOdds)]), time];
+    this.rows = this.shift.decisions.map((decision) => {
+      const jump = element('button', {type: 'button', class: 'link'}, timeText(decision.time).slice(11));
+      jump.addEventListener('click', () => this.onTime(decision.time));
+      const name = this.source.signatures[decision.signature] ?? '';
+      const pick = element('button', {type: 'button', class: 'link'}, name);
+      pick.addEventListener('click', () => this.onPick(decision.signature));
+      const mode = modeName(decision.mode);
+      return [
+        row([jump, pick, decision.withdrawn ? `${mode}, withdrawn` : mode, oddsText(decision.logOdds)]),
+        decision.time,
+      ];
     });
     return element('div', {class: 'scroll'}, table(
         ['Time (UTC)', 'Landmark', 'Decided', 'Odds'], this.rows.map(([line]) => line), 'Decisions'));
   }
 
-  private fill(): void {
-    const {steps} = this.shift;
-    const times = steps.map((step) => step.time);
+  private fillCharts(): void {
+    const {steps, samples} = this.shift;
     let [sum, updates] = [0, 0];
     const means = steps.map((step, i) => {
-      sum += step.nis;
-      updates += step.updates;
       const old = steps[i - WINDOW];
-      if (old) {
-        sum -= old.nis;
-        updates -= old.updates;
-      }
-      return updates > 0 ? sum / updates : null;
+      sum += step.nis - (old?.nis ?? 0);
+      updates += step.updates - (old?.updates ?? 0);
+      return updates > 0 ? Math.max(0, sum / updates) : null;
     });
-    this.charts[0]!.setData(
-        times, [{name: 'NIS', color: this.theme.series[0]!, values: means}],
-        {label: 'Mean normalized innovation squared over time', height: 130, lines: [2]});
-    this.charts[1]!.setData(
-        times, [{name: 'hypotheses', color: this.theme.series[2]!, values: steps.map((s) => s.leaves)}],
+    this.nis.setData(
+        steps.map((step) => step.time),
+        [{name: 'NIS', color: this.theme.series[0]!, values: means}],
+        {label: 'Mean normalized innovation squared over time', height: 120, lines: [2]});
+    this.kept.setData(
+        samples.map((sample) => sample.time),
+        [{name: 'hypotheses', color: this.theme.series[2]!, values: samples.map((s) => s.kept)}],
         {label: 'Number of hypotheses over time', height: 100});
   }
 
-  private drawStates(time = NaN): void {
+  private drawStates(): void {
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [this.states.clientWidth, this.states.clientHeight];
     if (width === 0) return;
@@ -118,17 +129,16 @@ export class ReplayPanel {
     const context = this.states.getContext('2d')!;
     context.scale(ratio, ratio);
     const style = getComputedStyle(document.documentElement);
-    const colors = STATES.map((_, i) => style.getPropertyValue(`--state-${i}`).trim());
-    const {steps, begin, end} = this.shift;
+    const {states, begin, end} = this.shift;
     const x = (t: number) => width * (t - begin) / Math.max(1e-9, end - begin);
-    steps.forEach((step, i) => {
-      context.fillStyle = colors[step.state] ?? this.theme.muted;
-      // A state of higher rank is less good, and higher.
-      const top = height * (0.55 - 0.13 * step.state);
-      const to = steps[i + 1]?.time ?? end;
-      context.fillRect(x(step.time), top, Math.max(1, x(to) - x(step.time) + 0.5), height - top);
+    states.forEach(({time, state}, i) => {
+      context.fillStyle = style.getPropertyValue(`--state-${state}`).trim();
+      // The heights tell the states apart, too.
+      const top = height * (0.7 - 0.16 * state);
+      const to = Math.min(states[i + 1]?.time ?? end, end);
+      context.fillRect(x(time), top, Math.max(1, x(to) - x(time)), height - top);
     });
     context.fillStyle = this.theme.ink;
-    if (time >= begin && time <= end) context.fillRect(x(time) - 0.75, 0, 1.5, height);
+    if (this.time >= begin && this.time <= end) context.fillRect(x(this.time) - 0.75, 0, 1.5, height);
   }
 }

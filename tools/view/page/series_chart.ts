@@ -26,7 +26,7 @@ export class SeriesChart {
   private time = 0;
   private readonly observer: ResizeObserver;
 
-  constructor(private readonly place: HTMLElement, private readonly theme: Theme) {
+  constructor(private readonly place: HTMLElement, public theme: Theme) {
     this.observer = new ResizeObserver(() => {
       if (this.plot && place.clientWidth > 0) {
         this.plot.setSize({width: place.clientWidth, height: this.plot.height});
@@ -48,10 +48,12 @@ export class SeriesChart {
       height: options.height,
       tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1e3), 'Etc/UTC'),
       legend: {show: false},
+      padding: [8, 26, 0, 0],
       cursor: {points: {show: false}, y: false},
       scales: {y: {range: options.range ?? ((_, low, high) => [Math.min(0, low), Math.max(1, high * 1.05)])}},
       axes: [
-        {...axis, space: 70, size: 34},
+        {...axis, space: 80, size: 22, values: (_, ticks, _axis, _space, step) =>
+            ticks.map((t) => (step >= 86400 ? timeText(t).slice(0, 10) : timeText(t).slice(11, step < 60 ? 19 : 16)))},
         {...axis, size: 42,
           ...(options.percent ? {values: (_: uPlot, ticks: number[]) => ticks.map((t) => `${(100 * t).toFixed(0)} %`)} : {})},
       ],

@@ -120,10 +120,12 @@ export class Timeline {
     context.font = '11px system-ui, sans-serif';
     context.textBaseline = 'bottom';
     let free = 0;
+    let before = '';
     for (const span of [...this.spans, {begin: this.scale.end, end: this.scale.end}]) {
       const day = dayText(span.begin);
       const left = Math.min(x(span.begin), width - context.measureText(day).width);
-      if (left < free) continue;
+      if (left < free || day === before) continue;
+      before = day;
       context.fillText(day, left, height);
       free = left + context.measureText(day).width + 10;
     }
