@@ -91,8 +91,8 @@ struct LandmarkRecords {
 
 /// Of which map version MapStore::LoadTracks tells, and how much.
 struct TracksQuery {
-  std::optional<VersionNumber> version;  ///< Nothing: the published one.
-  std::int64_t max_visits = 1'000'000;   ///< The newest rows of the ledger that are read; >= 1.
+  std::optional<VersionNumber> version = std::nullopt;  ///< Nothing: the published one.
+  std::int64_t max_visits = 1'000'000;  ///< The newest rows of the ledger that are read; >= 1.
 };
 
 /// The probabilities of a landmark from a time on.

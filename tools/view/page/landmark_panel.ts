@@ -46,6 +46,8 @@ export class LandmarkPanel {
         element('h3', {}, 'Probability over time'),
         chartPlace,
         element('h3', {}, `Visits (${visits.length})`),
+        visits.length > 0 && element('p', {class: 'muted'},
+            '✓: the localizer decided. Odds are those of the visit alone.'),
         this.visitTable(visits),
         leftOut && element('p', {class: 'muted'}, 'Earlier visits are not in this page: ' +
             'shiftmap-inspect history lists all.'));
@@ -171,5 +173,5 @@ function describeRates(group: Group): string {
 
 function verdict(visit: Visit): string {
   if (visit.setAside) return `${modeName(visit.favoured)}, not counted`;
-  return visit.decided >= 0 ? `decided ${modeName(visit.decided)}` : modeName(visit.favoured);
+  return visit.decided >= 0 ? `${modeName(visit.decided)} ✓` : modeName(visit.favoured);
 }

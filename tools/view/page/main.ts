@@ -70,9 +70,10 @@ class Page {
     old.replaceWith(canvas);
     canvas.setAttribute('aria-label', `Map of ${this.source.area}, version ${map.version}: ` +
         'arrows move it, plus and minus zoom, n and p go from landmark to landmark');
-    const view = new MapView(canvas, map, boundsOf(map, this.runs), this.theme, this.settings);
+    const runs = this.tab === 'versions' ? [] : this.runs;
+    const view = new MapView(canvas, map, boundsOf(map, runs), this.theme, this.settings);
     view.onPick = (group) => (group ? this.selectSignature(group.signature) : this.select(null));
-    view.runs = this.runs;
+    view.runs = runs;
     return view;
   }
 
@@ -241,7 +242,6 @@ class Page {
     left.overlay = right.overlay = this.compare.overlay;
     for (const [view, id] of [[left, 'map-caption'], [right, 'map-2-caption']] as const) {
       byId(id).textContent = `Version ${view.map.version}, as built ${timeText(view.map.stamp).slice(0, 16)}`;
-      view.runs = [];
     }
     this.markSelected(signature);
   }

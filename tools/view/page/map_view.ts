@@ -178,10 +178,10 @@ export class MapView {
     drawAnonymous(context, frame, theme, this.map.anonymous);
     this.marks.draw(context, frame, theme, this.settings.sigmas);
     if (this.selected) this.drawSelected(this.selected, frame);
+    this.overlay?.(context, frame, theme);
     const labels = new LabelPlacer();
     if (this.selected) this.labelSelected(this.selected, frame, labels);
     if (this.settings.labels) this.drawLabels(frame, labels);
-    this.overlay?.(context, frame, theme);
     drawRulers(context, frame, theme);
   }
 

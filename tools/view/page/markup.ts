@@ -44,9 +44,11 @@ export function metres(value: number): string {
 
 /** A probability ratio from its logarithm. */
 export function oddsText(nat: number): string {
-  const decades = nat / Math.LN10;
-  if (decades < 4) return `${Math.exp(nat).toPrecision(2).replace(/\.0$/, '')} : 1`;
-  return `10^${decades.toFixed(0)} : 1`;
+  const odds = Math.exp(nat);
+  if (odds < 10) return `${odds.toFixed(1)} : 1`;
+  if (odds < 1e4) return `${Number(odds.toPrecision(2))} : 1`;
+  const digits = [...(nat / Math.LN10).toFixed(0)].map((digit) => '⁰¹²³⁴⁵⁶⁷⁸⁹'[Number(digit)]);
+  return `10${digits.join('')} : 1`;
 }
 
 export function durationText(seconds: number): string {

@@ -113,7 +113,7 @@ export class ReplayPanel {
     this.nis.setData(
         steps.map((step) => step.time),
         [{name: 'NIS', color: this.theme.series[0]!, values: means}],
-        {label: 'Mean normalized innovation squared over time', height: 120, lines: [2]});
+        {label: 'Mean normalized innovation squared over time', height: 120, lines: [2], top: 2.5});
     this.kept.setData(
         samples.map((sample) => sample.time),
         [{name: 'hypotheses', color: this.theme.series[2]!, values: samples.map((s) => s.kept)}],

@@ -15,6 +15,8 @@ export interface ChartOptions {
   label: string;
   height: number;
   range?: [number, number];
+  /** What the range holds at least. */
+  top?: number;
   /** Marks across the plot, e.g. bounds. */
   lines?: number[];
   percent?: boolean;
@@ -50,7 +52,7 @@ export class SeriesChart {
       legend: {show: false},
       padding: [8, 26, 0, 0],
       cursor: {points: {show: false}, y: false},
-      scales: {y: {range: options.range ?? ((_, low, high) => [Math.min(0, low), Math.max(1, high * 1.05)])}},
+      scales: {y: {range: options.range ?? ((_, low, high) => [Math.min(0, low), Math.max(options.top ?? 1, high * 1.05)])}},
       axes: [
         {...axis, space: 80, size: 22, values: (_, ticks, _axis, _space, step) =>
             ticks.map((t) => (step >= 86400 ? timeText(t).slice(0, 10) : timeText(t).slice(11, step < 60 ? 19 : 16)))},

@@ -23,18 +23,20 @@ export class TimeScale {
       else merged.push({...span});
     }
     if (merged.length === 0) merged.push({begin: until - 1, end: until});
+    const end = Math.max(until, merged.at(-1)!.end);
     const active = merged.reduce((sum, s) => sum + (s.end - s.begin), 0) || 1;
-    const pauses = [...merged.slice(1).map((s) => s.begin), Math.max(until, merged.at(-1)!.end + 1)]
+    const pauses = [...merged.slice(1).map((s) => s.begin), end]
         .map((next, i) => Math.log(1 + (next - merged[i]!.end) / 60));
-    const paused = pauses.reduce((sum, value) => sum + value, 0) || 1;
+    const paused = pauses.reduce((sum, value) => sum + value, 0);
+    const share = paused > 0 ? 0.7 : 1;
     let position = 0;
     merged.forEach((span, i) => {
       this.add(span.begin, position);
-      position += 0.7 * ((span.end - span.begin) / active);
+      position += share * ((span.end - span.begin) / active);
       this.add(span.end, position);
-      position += 0.3 * (pauses[i]! / paused);
+      if (paused > 0) position += (1 - share) * (pauses[i]! / paused);
     });
-    this.add(Math.max(until, merged.at(-1)!.end + 1), 1);
+    this.add(end, 1);
   }
 
   private add(time: number, position: number): void {
@@ -52,7 +54,7 @@ function interpolate(from: number[], to: number[], value: number): number {
   let i = from.findIndex((bound) => bound > value);
   if (i < 0) return to.at(-1)!;
   if (i === 0) return to[0]!;
-  const share = (value - from[i - 1]!) / (from[i]! - from[i - 1]!);
+  const share = (value - from[i - 1]!) / Math.max(1e-12, from[i]! - from[i - 1]!);
   return to[i - 1]! + share * (to[i]! - to[i - 1]!);
 }
 
