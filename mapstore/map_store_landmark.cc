@@ -212,8 +212,7 @@ StatusOr<LandmarkTracks> MapStore::LoadTracks(const std::string& area, const Tra
   filter.Watch([&](const FilteredVisit& visit) {
     recorder.Take(visit);
     if (visit.begin < tracks.since) return;
-    after[visit.group][{
-        visit.begin, visit.end, visit.report_id, visit.run_id, visit.version_id}] =
+    after[visit.group][{visit.begin, visit.end, visit.report_id, visit.run_id, visit.version_id}] =
         visit.probabilities;
   });
   SHIFTMAP_RETURN_IF_ERROR(StartFilter(snapshot, ledger, &filter));

@@ -77,7 +77,8 @@ void AddViewCommands(Application* application) {
       .Flag("--any-address",
             &arguments->any_address,
             "Allow addresses that other machines reach: they read without a password")
-      .Option("--replay", &arguments->replay, "A shift to replay: what localizer run --recording wrote")
+      .Option(
+          "--replay", &arguments->replay, "A shift to replay: what localizer run --recording wrote")
       .Check([arguments] { return CheckListen(*arguments); });
 }
 

@@ -54,6 +54,32 @@ Json RatesJson(const ModeChain& chain) {
 
 std::int64_t ModesOf(const MapSnapshot& map) { return map.covariance().size(); }
 
+// Moves LandmarkTracks::since on until at most so many points begin after it.
+void DropOldest(std::int64_t max_points, LandmarkTracks* tracks) {
+  std::vector<Stamp> begins;
+  for (const std::vector<TrackPoint>& points : tracks->points) {
+    for (const TrackPoint& point : points) begins.push_back(point.begin);
+  }
+  if (static_cast<std::int64_t>(begins.size()) <= max_points) return;
+  const auto cut = begins.end() - std::max<std::int64_t>(1, max_points);
+  std::nth_element(begins.begin(), cut, begins.end());
+  tracks->since = std::max(tracks->since, *cut);
+  for (std::vector<TrackPoint>& points : tracks->points) {
+    // The last one before holds from there on.
+    const auto kept = std::upper_bound(
+        points.begin(), points.end(), tracks->since, [](Stamp since, const TrackPoint& point) {
+          return since < point.begin;
+        });
+    if (kept - points.begin() > 1) points.erase(points.begin(), kept - 1);
+  }
+  for (std::vector<LandmarkVisit>& visits : tracks->visits) {
+    const auto kept = std::find_if(visits.begin(), visits.end(), [&](const LandmarkVisit& visit) {
+      return visit.evidence.begin >= tracks->since;
+    });
+    visits.erase(visits.begin(), kept);
+  }
+}
+
 class DocumentWriter {
  public:
   DocumentWriter(const std::string& area, const MapDocumentOptions& options, MapStore* store)
@@ -171,8 +197,7 @@ std::pair<ModeNumber, double> Favoured(const VisitEvidence& evidence) {
       modes.begin() + std::min<std::ptrdiff_t>(2, static_cast<std::ptrdiff_t>(modes.size())),
       modes.end(),
       [](const auto& a, const auto& b) { return a.log_likelihood > b.log_likelihood; });
-  const double ratio =
-      modes.size() > 1 ? modes[0].log_likelihood - modes[1].log_likelihood : 0.0;
+  const double ratio = modes.size() > 1 ? modes[0].log_likelihood - modes[1].log_likelihood : 0.0;
   return {modes[0].mode, ratio};
 }
 
@@ -197,9 +222,10 @@ Json DocumentWriter::VisitJson(const LandmarkVisit& visit, Stamp origin) {
 
 // How the probabilities of the shown version go, and the visits that make them.
 Status DocumentWriter::AddTracks(Json* document) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkTracks tracks,
+  SHIFTMAP_ASSIGN_OR_RETURN(LandmarkTracks tracks,
                             store_->LoadTracks(area_, {shown_, options_.max_visits}));
-  Stamp origin = Stamp::max();
+  DropOldest(options_.max_points, &tracks);
+  Stamp origin = tracks.since > Stamp::min() ? tracks.since : Stamp::max();
   for (const auto& points : tracks.points) {
     if (points.size() > 1) origin = std::min(origin, points[1].begin);
   }
@@ -293,9 +319,8 @@ StatusOr<Json> DocumentWriter::Write() {
                    {"left_out", {{"versions", versions_left_out_}}}};
   SHIFTMAP_RETURN_IF_ERROR(AddTracks(&document));
   if (options_.replay) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        document["replay"],
-        ReplayJson(*options_.replay, area_, ReplayOptions(), &signatures_));
+    SHIFTMAP_ASSIGN_OR_RETURN(document["replay"],
+                              ReplayJson(*options_.replay, area_, ReplayOptions(), &signatures_));
   }
   document["signatures"] = signatures_.TakeJson();
   document["vehicles"] = vehicles_.TakeJson();

@@ -42,7 +42,8 @@ Json StepsJson(const ShiftRecording& recording, Stamp origin, std::size_t stride
     }
     const Se2& T_map_vehicle = pose.pose.T_map_vehicle;
     // The covariance is in the vehicle frame.
-    const SigmaEllipse ellipse = MakeSigmaEllipse(pose.pose.cov_T_map_vehicle.topLeftCorner<2, 2>());
+    const SigmaEllipse ellipse =
+        MakeSigmaEllipse(pose.pose.cov_T_map_vehicle.topLeftCorner<2, 2>());
     json.insert(json.end(),
                 {Milliseconds(pose.stamp, origin),
                  static_cast<int>(pose.state),

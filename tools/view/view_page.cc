@@ -34,8 +34,8 @@ StatusOr<std::string> ViewPage(const Json& document) {
   SHIFTMAP_RETURN_IF_ERROR(CheckWebView());
   const PageTemplate& page = ViewPageTemplate();
   constexpr bool kAscii = true;
-  return page.head +
-         Embeddable(document.dump(-1, ' ', kAscii, Json::error_handler_t::replace)) + page.tail;
+  return page.head + Embeddable(document.dump(-1, ' ', kAscii, Json::error_handler_t::replace)) +
+         page.tail;
 }
 
 }  // namespace shiftmap

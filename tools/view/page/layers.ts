@@ -168,7 +168,10 @@ export class ModeMarks {
   readonly probability: Float32Array;
   /** Per group. */
   readonly absent: Float32Array;
+  private readonly xs: Float64Array;
+  private readonly ys: Float64Array;
   private readonly order: Int32Array;
+  private readonly longest: number;
   private readonly levelBegin = new Int32Array(LEVELS + 1);
 
   constructor(readonly map: LandmarkMap) {
@@ -180,6 +183,9 @@ export class ModeMarks {
       }
     }
     this.groupOf = Int32Array.from(groups);
+    this.xs = Float64Array.from(this.modes, (mode) => mode.x);
+    this.ys = Float64Array.from(this.modes, (mode) => mode.y);
+    this.longest = this.modes.reduce((longest, mode) => Math.max(longest, mode.major), 0);
     this.probability = new Float32Array(this.modes.length);
     this.absent = new Float32Array(map.groups.length);
     this.order = new Int32Array(this.modes.length);
@@ -203,22 +209,23 @@ export class ModeMarks {
   }
 
   draw(context: Context, frame: Frame, theme: Theme, sigmas: number): void {
-    const visible = this.modes.length * Math.min(1, (frame.k * frame.k) / 400);
-    const radius = visible > 3000 ? 2 : frame.k < 8 ? 3 : 4;
+    // Many marks are squares, which are drawn fast.
+    const small = this.countVisible(frame) > 1500;
     for (let level = 0; level < LEVELS; ++level) {
       const [begin, end] = [this.levelBegin[level]!, this.levelBegin[level + 1]!];
       if (begin === end) continue;
       context.globalAlpha = alphaOf(level);
       this.drawEllipses(context, frame, theme, sigmas, begin, end);
       context.fillStyle = theme.mode;
+      if (small) {
+        this.forVisible(frame, begin, end, 0, (_, x, y) => context.fillRect(x - 1.5, y - 1.5, 3, 3));
+        continue;
+      }
+      const radius = frame.k < 8 ? 3 : 4;
       context.beginPath();
       this.forVisible(frame, begin, end, 0, (_, x, y) => {
-        if (radius < 3) {
-          context.rect(x - radius, y - radius, 2 * radius, 2 * radius);
-        } else {
-          context.moveTo(x + radius, y);
-          context.arc(x, y, radius, 0, 2 * Math.PI);
-        }
+        context.moveTo(x + radius, y);
+        context.arc(x, y, radius, 0, 2 * Math.PI);
       });
       context.fill();
     }
@@ -226,13 +233,19 @@ export class ModeMarks {
     this.drawAbsent(context, frame, theme);
   }
 
+  private countVisible(frame: Frame): number {
+    let count = 0;
+    this.forVisible(frame, 0, this.modes.length, 0, () => { ++count; });
+    return count;
+  }
+
   private forVisible(
       frame: Frame, begin: number, end: number, margin: number,
       visit: (mode: number, x: number, y: number) => void): void {
     for (let i = begin; i < end; ++i) {
       const mode = this.order[i]!;
-      const x = toX(frame, this.modes[mode]!.x);
-      const y = toY(frame, this.modes[mode]!.y);
+      const x = toX(frame, this.xs[mode]!);
+      const y = toY(frame, this.ys[mode]!);
       if (x < -margin || y < -margin || x > frame.width + margin || y > frame.height + margin) continue;
       visit(mode, x, y);
     }
@@ -240,6 +253,7 @@ export class ModeMarks {
 
   private drawEllipses(
       context: Context, frame: Frame, theme: Theme, sigmas: number, begin: number, end: number): void {
+    if (this.longest * sigmas * frame.k < 3) return;
     context.strokeStyle = theme.mode;
     context.lineWidth = 1;
     context.beginPath();
@@ -307,12 +321,13 @@ export interface Label {
 
 /** Labels beside their marks, in order, each unless it would cover one before it. */
 export class LabelPlacer {
+  private static readonly widths = new Map<string, number>();
   private readonly cells = new Set<number>();
 
   draw(context: Context, theme: Theme, label: Label): boolean {
     context.font = label.strong ? `600 ${FONT}` : FONT;
     const text = label.text.length > 28 ? `${label.text.slice(0, 27)}…` : label.text;
-    const width = context.measureText(text).width;
+    const width = this.widthOf(context, text);
     for (const left of [label.x + 9, label.x - 9 - width]) {
       if (!this.take(left, label.y - 8, width, label.strong === true)) continue;
       context.textAlign = 'left';
@@ -326,6 +341,17 @@ export class LabelPlacer {
       return true;
     }
     return false;
+  }
+
+  private widthOf(context: Context, text: string): number {
+    const key = context.font + text;
+    let width = LabelPlacer.widths.get(key);
+    if (width === undefined) {
+      width = context.measureText(text).width;
+      if (LabelPlacer.widths.size > 20000) LabelPlacer.widths.clear();
+      LabelPlacer.widths.set(key, width);
+    }
+    return width;
   }
 
   // The page is cut into cells of 8 by 8 pixels.

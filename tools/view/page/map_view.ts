@@ -209,7 +209,7 @@ export class MapView {
 
   // Of the landmarks in view, at their most probable position.
   private drawLabels(frame: Frame, labels: LabelPlacer): void {
-    let left = 250;
+    let left = 120;
     for (const group of this.map.groups) {
       if (left === 0) return;
       const mode = group.modes[Math.max(0, this.mostProbable(group))];

@@ -88,7 +88,8 @@ class Tracks : public ::testing::Test {
       for (std::size_t group = 0; group < content_.groups.size(); ++group) {
         const Eigen::VectorXd difference =
             At(tracks, group, at) - map->groups()[group].probabilities;
-        EXPECT_LT(difference.cwiseAbs().maxCoeff(), 5e-4) << "group " << group << " at " << ToSecondsSinceEpoch(at);
+        EXPECT_LT(difference.cwiseAbs().maxCoeff(), 5e-4)
+            << "group " << group << " at " << ToSecondsSinceEpoch(at);
       }
     }
   }
