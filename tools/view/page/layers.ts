@@ -233,7 +233,7 @@ export class ModeMarks {
     this.drawAbsent(context, frame, theme);
   }
 
-  private countVisible(frame: Frame): number {
+  countVisible(frame: Frame): number {
     let count = 0;
     this.forVisible(frame, 0, this.modes.length, 0, () => { ++count; });
     return count;

@@ -80,11 +80,13 @@ class Page {
   /** Shifts; the slider gives them room. */
   private spans(): Span[] {
     const first = this.source.left_out.before_s ?? -Infinity;
-    const spans = this.runs.filter((run) => run.begin >= first)
+    const spans: Span[] = this.runs.filter((run) => run.begin >= first)
         .map((run) => ({begin: run.begin, end: run.end}));
     for (const visits of this.visits) {
       for (const visit of visits) spans.push({begin: visit.begin, end: visit.end});
     }
+    // Of a map without runs, from its own time on.
+    if (spans.length === 0) spans.push({begin: this.map.stamp, end: this.map.stamp});
     return spans;
   }
 

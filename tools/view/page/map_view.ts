@@ -18,6 +18,9 @@ export interface ViewSettings {
 /** More that is drawn over the marks, e.g. differences or a vehicle. */
 export type Overlay = (context: Context, frame: Frame, theme: Theme) => void;
 
+/** Where more modes than this are in view, nobody could tell whose a label is. */
+const MOST_LABELLED = 400;
+
 interface Bounds { x0: number; y0: number; x1: number; y1: number; }
 
 export function boundsOf(map: LandmarkMap, runs: Run[]): Bounds {
@@ -181,7 +184,8 @@ export class MapView {
     this.overlay?.(context, frame, theme);
     const labels = new LabelPlacer();
     if (this.selected) this.labelSelected(this.selected, frame, labels);
-    if (this.settings.labels) this.drawLabels(frame, labels);
+    const crowded = this.marks.countVisible(frame) > MOST_LABELLED;
+    if (this.settings.labels && !crowded) this.drawLabels(frame, labels);
     drawRulers(context, frame, theme);
   }
 
@@ -209,15 +213,12 @@ export class MapView {
 
   // Of the landmarks in view, at their most probable position.
   private drawLabels(frame: Frame, labels: LabelPlacer): void {
-    let left = 120;
     for (const group of this.map.groups) {
-      if (left === 0) return;
       const mode = group.modes[Math.max(0, this.mostProbable(group))];
       if (group === this.selected || !mode) continue;
       const [x, y] = [toX(frame, mode.x), toY(frame, mode.y)];
       if (x < 0 || y < 0 || x > frame.width || y > frame.height) continue;
       labels.draw(this.context, this.theme, {x, y, text: group.name});
-      --left;
     }
   }
 }

@@ -22,13 +22,13 @@ export class TimeScale {
       if (last && span.begin <= last.end + 300) last.end = Math.max(last.end, span.end);
       else merged.push({...span});
     }
-    if (merged.length === 0) merged.push({begin: until - 1, end: until});
+    if (merged.length === 0) merged.push({begin: until, end: until});
     const end = Math.max(until, merged.at(-1)!.end);
     const active = merged.reduce((sum, s) => sum + (s.end - s.begin), 0) || 1;
     const pauses = [...merged.slice(1).map((s) => s.begin), end]
         .map((next, i) => Math.log(1 + (next - merged[i]!.end) / 60));
     const paused = pauses.reduce((sum, value) => sum + value, 0);
-    const share = paused > 0 ? 0.7 : 1;
+    const share = merged.every((s) => s.end <= s.begin) ? 0 : paused > 0 ? 0.7 : 1;
     let position = 0;
     merged.forEach((span, i) => {
       this.add(span.begin, position);
