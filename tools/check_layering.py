@@ -24,6 +24,7 @@ CONFINED = [
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (re.compile(r"^microhttpd\.h$"), re.compile(r"^tools/view/view_server\.cc$"), "tools/view/view_server.cc"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
+    (re.compile(r"^pybind11/"), re.compile(r"^tools/python/"), "tools/python"),
 ]
 
 

@@ -13,6 +13,8 @@ packages=(
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
   chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev python3
+  # Python package
+  pybind11-dev python3-dev python3-numpy
   # Pictures
   librsvg2-bin
 )

@@ -98,7 +98,6 @@ struct ShiftRecorder::State {
   Status Begin(const RecordedShift& shift, const MapSnapshot& of, Stamp begin);
   Status Record(const Localizer& localizer);
 
- private:
   // Log times are unsigned; the message itself keeps a stamp before 1970.
   Status Write(const RecordingTopic& topic, Stamp stamp, const std::string& message) {
     const auto time_ns =
@@ -114,12 +113,10 @@ struct ShiftRecorder::State {
   Status RecordHypotheses(const HypothesisBank& bank, const PoseEstimate& now);
   Status RecordScene(const HypothesisBank& bank, Stamp stamp);
 
- public:
   std::string path;
   AtomicFile file;
   mcap::Writer writer;
 
- private:
   double min_change;
   RateLimit pose_rate;
   RateLimit hypotheses_rate;

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "mapper/cli/commands.h"
-#include "mapper/cli/survey_file.h"
+#include "mapper/cli/map_file.h"
 #include "mapper/mapper_options.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
@@ -25,6 +25,7 @@ struct ImportOptions {
   std::string store;
   std::string area;
   std::string survey;
+  std::string format = MapFileFormats().front();
   std::optional<double> stamp_s;
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
   bool no_publish = false;
@@ -33,11 +34,20 @@ struct ImportOptions {
 
 Status Import(const ImportOptions& options, Context& context) {
   const Stamp now = SystemNow();
-  const Stamp stamp = options.stamp_s ? StampFromSeconds(*options.stamp_s) : now;
-  SHIFTMAP_RETURN_IF_ERROR(CheckNotInFuture(
-      fmt::format("survey '{}'", options.survey), stamp, now, options.clock_tolerance_s));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content,
-                            ReadSurvey(options.survey, stamp, options.leave_rate_per_s));
+  const auto check_clock = [&](Stamp stamp) {
+    return CheckNotInFuture(
+        fmt::format("survey '{}'", options.survey), stamp, now, options.clock_tolerance_s);
+  };
+  MapFileOptions file;
+  file.format = options.format;
+  if (options.stamp_s) {
+    file.stamp = StampFromSeconds(*options.stamp_s);
+    SHIFTMAP_RETURN_IF_ERROR(check_clock(*file.stamp));
+  }
+  file.now = now;
+  file.leave_rate_per_s = options.leave_rate_per_s;
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadMapFile(options.survey, file));
+  SHIFTMAP_RETURN_IF_ERROR(check_clock(content.stamp));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string survey_hash, HashFile(options.survey));
   std::size_t modes = 0;
   for (const LandmarkGroup& group : content.groups) modes += group.modes.size();
@@ -90,17 +100,25 @@ void AddImportCommand(Application* application) {
   command.Option("--store", &options->store, "Map store; made if there is none").Required();
   command.Option("--area", &options->area, "Area to make a version of").Required();
   command
-      .Option("--stamp-s",
-              &options->stamp_s,
-              "When the probabilities hold, seconds since the epoch; default now")
+      .Option(
+          "--stamp-s",
+          &options->stamp_s,
+          "When the probabilities hold, seconds since the epoch; default: as the file says, or now")
       .InRange(0.0, 9.2e9);
   command
-      .Option(
-          "--leave-rate-per-s", &options->leave_rate_per_s, "Rate at which landmarks leave a mode")
+      .Option("--leave-rate-per-s",
+              &options->leave_rate_per_s,
+              "Rate at which landmarks leave a mode, where the file gives none")
       .InRange(0.0, 1e3);
   command.Flag("--no-publish", &options->no_publish, "Add the version, but publish it later");
   command
-      .Option("LANDMARKS.csv", &options->survey, "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability")
+      .Option(
+          "--format", &options->format, "auto: by the ending .geojson, .textproto, .json, or csv")
+      .OneOf(MapFileFormats());
+  command
+      .Option("LANDMARKS",
+              &options->survey,
+              "CSV, signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability, or an export of a map")
       .Required();
   command.Writes();
 }

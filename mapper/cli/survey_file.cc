@@ -3,10 +3,12 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <charconv>
 #include <map>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "mapstore/core/csv.h"
@@ -18,15 +20,11 @@ namespace {
 const std::vector<std::string> kHeader = {
     "signature", "mode", "x_m", "y_m", "sd_x_m", "sd_y_m", "probability"};
 constexpr double kProbabilitySlack = 1e-9;
+constexpr double kRounding = 1e-12;
 
-struct SurveyRow {
+struct SurveyRow : SurveyGroup::Row {
   Signature signature;
-  Mode mode;
-  double probability = 0.0;
 };
-
-// Modes by number with their probabilities; mode 0 is `absent`.
-using SurveyGroup = std::map<ModeNumber, SurveyRow>;
 
 template <typename Number>
 bool Parse(std::string_view field, Number* value) {
@@ -63,14 +61,12 @@ StatusOr<SurveyRow> ParseRow(const std::vector<std::string>& fields) {
   return row;
 }
 
-StatusOr<LandmarkGroup> MakeGroup(const Signature& signature,
-                                  const SurveyGroup& rows,
-                                  double leave_rate_per_s) {
+StatusOr<LandmarkGroup> MakeGroup(const Signature& signature, const SurveyGroup& survey) {
   LandmarkGroup group;
   group.signature = signature;
   std::vector<double> probabilities{0.0};
   double sum = 0.0;
-  for (const auto& [number, row] : rows) {
+  for (const auto& [number, row] : survey.rows) {
     sum += row.probability;
     if (number == kAbsent) continue;
     group.modes.push_back(row.mode);
@@ -78,23 +74,25 @@ StatusOr<LandmarkGroup> MakeGroup(const Signature& signature,
   }
   if (group.modes.empty())
     return InvalidArgument("landmark '{}': no mode with a position", signature.text());
-  if (sum > 1.0 + kProbabilitySlack) {
+  if (!(sum <= 1.0 + kProbabilitySlack)) {
     return InvalidArgument(
         "landmark '{}': probabilities sum to {}, expected 1 at most", signature.text(), sum);
   }
-  const auto absent = rows.find(kAbsent);
+  const auto absent = survey.rows.find(kAbsent);
   probabilities[0] =
-      (absent == rows.end() ? 0.0 : absent->second.probability) + std::max(0.0, 1.0 - sum);
+      (absent == survey.rows.end() ? 0.0 : absent->second.probability) + std::max(0.0, 1.0 - sum);
   group.probabilities = Eigen::Map<const Eigen::VectorXd>(
       probabilities.data(), static_cast<Eigen::Index>(probabilities.size()));
-  group.probabilities /= group.probabilities.sum();
-  group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), leave_rate_per_s);
+  // Else they stay as they are, to the last bit.
+  if (sum > 1.0 + kRounding) group.probabilities /= group.probabilities.sum();
+  group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), survey.leave_rate_per_s);
   return group;
 }
 
 // The rows of each landmark.
 StatusOr<std::map<Signature, SurveyGroup>> ParseGroups(const std::string& path,
-                                                       std::string_view text) {
+                                                       std::string_view text,
+                                                       double leave_rate_per_s) {
   const StatusOr<std::vector<CsvRecord>> records = ParseCsv(text);
   if (!records.ok()) return InvalidArgument("survey '{}': {}", path, Message(records.status()));
   if (records->empty() || records->front().cells != kHeader) {
@@ -105,19 +103,10 @@ StatusOr<std::map<Signature, SurveyGroup>> ParseGroups(const std::string& path,
     StatusOr<SurveyRow> row = ParseRow(record.cells);
     if (!row.ok()) return InvalidArgument("{}:{}: {}", path, record.line, Message(row.status()));
     SurveyGroup& group = groups[row->signature];
-    if (!group.emplace(row->mode.number, *row).second) {
-      return InvalidArgument("{}:{}: landmark '{}': mode {} is given twice",
-                             path,
-                             record.line,
-                             row->signature.text(),
-                             row->mode.number.value());
-    }
-    if (group.size() - group.count(kAbsent) > kMaxSurveyModes) {
-      return InvalidArgument("{}:{}: landmark '{}': more than {} modes",
-                             path,
-                             record.line,
-                             row->signature.text(),
-                             kMaxSurveyModes);
+    group.leave_rate_per_s = leave_rate_per_s;
+    if (const Status added = group.Add(*row); !added.ok()) {
+      return InvalidArgument(
+          "{}:{}: landmark '{}': {}", path, record.line, row->signature.text(), Message(added));
     }
   }
   return groups;
@@ -125,24 +114,42 @@ StatusOr<std::map<Signature, SurveyGroup>> ParseGroups(const std::string& path,
 
 }  // namespace
 
-StatusOr<MapContent> ReadSurvey(const std::string& path, Stamp stamp, double leave_rate_per_s) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("survey", path));
-  const StatusOr<std::map<Signature, SurveyGroup>> groups = ParseGroups(path, text);
-  SHIFTMAP_RETURN_IF_ERROR(groups.status());
-  if (groups->empty()) return InvalidArgument("survey '{}': no landmarks", path);
+Status SurveyGroup::Add(const Row& row) {
+  if (!rows.emplace(row.mode.number, row).second) {
+    return InvalidArgument("mode {} is given twice", row.mode.number.value());
+  }
+  if (rows.size() - rows.count(kAbsent) > kMaxSurveyModes) {
+    return InvalidArgument("more than {} modes", kMaxSurveyModes);
+  }
+  return OkStatus();
+}
 
+StatusOr<MapContent> MakeSurveyMap(const std::map<Signature, SurveyGroup>& groups,
+                                   Stamp stamp,
+                                   std::vector<Mode> anonymous_landmarks) {
   MapContent content;
   content.stamp = stamp;
   std::vector<Eigen::Matrix2d> diagonal;
-  for (const auto& [signature, rows] : *groups) {
-    StatusOr<LandmarkGroup> group = MakeGroup(signature, rows, leave_rate_per_s);
-    if (!group.ok()) return InvalidArgument("survey '{}': {}", path, Message(group.status()));
-    for (const Mode& mode : group->modes) diagonal.push_back(mode.cov_p_map_landmark);
-    content.groups.push_back(*std::move(group));
+  for (const auto& [signature, survey] : groups) {
+    SHIFTMAP_ASSIGN_OR_RETURN(LandmarkGroup group, MakeGroup(signature, survey));
+    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
+    content.groups.push_back(std::move(group));
   }
   content.covariance = JointCovariance(std::move(diagonal), {});
+  content.anonymous_landmarks = std::move(anonymous_landmarks);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(content));
   return content;
+}
+
+StatusOr<MapContent> ReadSurvey(const std::string& path, Stamp stamp, double leave_rate_per_s) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("survey", path));
+  const StatusOr<std::map<Signature, SurveyGroup>> groups =
+      ParseGroups(path, text, leave_rate_per_s);
+  SHIFTMAP_RETURN_IF_ERROR(groups.status());
+  if (groups->empty()) return InvalidArgument("survey '{}': no landmarks", path);
+  StatusOr<MapContent> content = MakeSurveyMap(*groups, stamp);
+  if (content.ok()) return content;
+  return InvalidArgument("survey '{}': {}", path, Message(content.status()));
 }
 
 }  // namespace shiftmap

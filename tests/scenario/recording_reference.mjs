@@ -37,7 +37,7 @@ function read(file) {
       schemas.set(record.id, record.name);
     } else if (record.type === "Channel") {
       channels.set(record.id, record);
-      topics[record.topic] = [];
+      topics[record.topic] ??= []; // The summary repeats it.
     } else if (record.type === "Message") {
       const channel = channels.get(record.channelId);
       const name = schemas.get(channel.schemaId);

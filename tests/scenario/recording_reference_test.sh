@@ -16,7 +16,7 @@ export SHIFTMAP_NODE_MODULES="$modules"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$bin/shiftmap-sim" open "$work" --shifts 3 --groups 15 --modes 2 --duration-s 240 --seed 7 \
+"$bin/shiftmap-sim" open "$work" --shifts 3 --groups 15 --modes 2 --duration-s 120 --seed 7 \
   --quiet >/dev/null
 "$bin/shiftmap-mapper" build --store "$work/maps.db" --area floor --quiet \
   "$work/run_000.mcap" "$work/run_001.mcap" >/dev/null

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/map_export.h"
 
+#include <Eigen/LU>
 #include <cmath>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 
 #include "mapstore/core/csv.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/inspect/vehicle_table.h"
 
 namespace shiftmap {
@@ -70,7 +73,8 @@ std::string MapGeoJson(const MapSnapshot& snapshot) {
     features.push_back(PointJson(mode,
                                  {{"signature", group.signature.text()},
                                   {"mode", mode.number.value()},
-                                  {"probability", probability}}));
+                                  {"probability", probability},
+                                  {"leave_rate_per_s", group.chain.leave_rate_per_s()}}));
   });
   for (const Mode& mode : snapshot.anonymous_landmarks()) {
     features.push_back(PointJson(mode, Json::object()));
@@ -79,6 +83,7 @@ std::string MapGeoJson(const MapSnapshot& snapshot) {
                    {"area", snapshot.area()},
                    {"version", snapshot.version().value()},
                    {"content_hash", snapshot.content_hash()},
+                   {"stamp_s", ToSecondsSinceEpoch(snapshot.stamp())},
                    {"coordinates", "metres in the map frame"},
                    {"features", features}});
 }
@@ -95,6 +100,52 @@ std::string MapCsv(const MapSnapshot& snapshot) {
                         std::sqrt(mode.cov_p_map_landmark(1, 1)),
                         probability);
   });
+  return text;
+}
+
+std::string MapG2o(const MapSnapshot& snapshot, const Provenance& provenance) {
+  std::string text = fmt::format(
+      "# area {} version {}, metres and radians in the map frame\n"
+      "# A version keeps no measurements: poses are fixed, landmarks have their marginal prior.\n",
+      InertLine(snapshot.area()),
+      snapshot.version().value());
+  std::size_t id = 0;
+  const auto add_landmark = [&](const Mode& mode, const std::string& comment) {
+    const Eigen::Vector2d& p = mode.p_map_landmark;
+    const Eigen::Matrix2d information = mode.cov_p_map_landmark.inverse();
+    text += fmt::format("# {}\nVERTEX_XY {} {} {}\nEDGE_PRIOR_XY {} {} {} {} {} {}\n",
+                        comment,
+                        id,
+                        p.x(),
+                        p.y(),
+                        id,
+                        p.x(),
+                        p.y(),
+                        information(0, 0),
+                        information(0, 1),
+                        information(1, 1));
+    ++id;
+  };
+  ForEachMode(snapshot, [&](const LandmarkGroup& group, const Mode& mode, double probability) {
+    add_landmark(mode,
+                 fmt::format("landmark '{}' mode {} probability {}",
+                             InertLine(group.signature.text()),
+                             mode.number.value(),
+                             probability));
+  });
+  for (const Mode& mode : snapshot.anonymous_landmarks()) add_landmark(mode, "anonymous landmark");
+  for (const RunRecord& run : provenance.runs) {
+    text += fmt::format("# run '{}', {} poses\n", InertLine(run.name), run.trajectory.size());
+    for (const auto& [stamp, T_map_vehicle] : run.trajectory) {
+      text += fmt::format("VERTEX_SE2 {} {} {} {}\nFIX {}\n",
+                          id,
+                          T_map_vehicle.x(),
+                          T_map_vehicle.y(),
+                          T_map_vehicle.yaw(),
+                          id);
+      ++id;
+    }
+  }
   return text;
 }
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "mapstore/cli/context.h"
+#include "mapstore/map_store.h"
 #include "proto/core/status.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -12,9 +12,9 @@ namespace shiftmap {
 
 /// The page of the web view with the map that the arguments name: one file that works offline.
 /// @param replay  A file that `shiftmap-localizer run --recording` wrote.
-/// Errors also: kFailedPrecondition if this build has no web view.
+/// Errors: those of MapDocument() and ViewPage().
 StatusOr<std::string> MapHtml(const StoreArguments& arguments,
                               const std::optional<std::string>& replay,
-                              const Context& context);
+                              MapStore* store);
 
 }  // namespace shiftmap

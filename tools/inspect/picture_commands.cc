@@ -5,8 +5,6 @@
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
-#include "tools/inspect/map_export.h"
-#include "tools/inspect/map_html.h"
 #include "tools/inspect/store_arguments.h"
 #include "tools/plot/map_plot.h"
 
@@ -16,14 +14,6 @@ namespace {
 struct OutputArguments {
   StoreArguments store;
   std::string output;
-};
-
-struct ExportArguments : OutputArguments {
-  bool geojson = false;
-  bool csv = false;
-  bool snapshot = false;
-  bool html = false;
-  std::optional<std::string> replay;
 };
 
 struct PlotArguments : OutputArguments {
@@ -44,29 +34,6 @@ Status Finish(const MapSnapshot& map,
   return OkStatus();
 }
 
-Status RunExport(const ExportArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
-  if (arguments.html) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string page,
-                              MapHtml(arguments.store, arguments.replay, context));
-    return Finish(map, arguments.output, page, context);
-  }
-  if (!arguments.snapshot) {
-    return Finish(map, arguments.output, arguments.csv ? MapCsv(map) : MapGeoJson(map), context);
-  }
-  std::string sha256;
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(sha256, store.ExportSnapshot(map.area(), arguments.output));
-  }
-  context.Report({{"area", map.area()},
-                  {"version", map.version().value()},
-                  {"output", arguments.output},
-                  {"sha256", sha256}},
-                 InertLine(arguments.output) + "\n");
-  return OkStatus();
-}
-
 Status RunPlot(const PlotArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
@@ -75,40 +42,9 @@ Status RunPlot(const PlotArguments& arguments, Context& context) {
   return Finish(map, arguments.output, PlotMap(map, provenance), context);
 }
 
-std::string CheckExport(const ExportArguments& arguments) {
-  if (arguments.geojson + arguments.csv + arguments.snapshot + arguments.html != 1) {
-    return "export needs one of --geojson, --csv, --snapshot and --html";
-  }
-  if (arguments.snapshot && (arguments.store.version || arguments.store.at_s)) {
-    return "--snapshot is of the published version as it is now, without --version and --at";
-  }
-  if (arguments.html && arguments.store.known_s) return "--html is of what is known now";
-  if (arguments.replay && !arguments.html) return "--replay is for --html";
-  return "";
-}
-
 }  // namespace
 
 void AddPictureCommands(Application* application) {
-  auto exported = std::make_shared<ExportArguments>();
-  Command& export_command = application->AddCommand(
-      "export", "Write a map in a format that other programs read", [exported](Context& context) {
-        return RunExport(*exported, context);
-      });
-  AddMapOptions(&exported->store, &export_command);
-  AddKnownOption(&exported->store, &export_command);
-  export_command.Writes()
-      .Flag("--geojson", &exported->geojson, "Points with properties, in map coordinates")
-      .Flag("--csv", &exported->csv, "A line per mode")
-      .Flag("--snapshot", &exported->snapshot, "The read-only map that a vehicle carries")
-      .Flag("--html", &exported->html, "A page for web browsers, which needs no network")
-      .Option("--replay",
-              &exported->replay,
-              "For --html, a shift to replay: what localizer run --recording wrote")
-      .Option("--output", &exported->output, "File to write")
-      .Required()
-      .Check([exported] { return CheckExport(*exported); });
-
   auto plot = std::make_shared<PlotArguments>();
   Command& plot_command =
       application->AddCommand("plot", "Draw a picture as SVG", [plot](Context& context) {
@@ -128,6 +64,7 @@ void AddInspectCommands(Application* application) {
   AddLedgerCommands(application);
   AddRunCommands(application);
   AddMapCommands(application);
+  AddExportCommand(application);
   AddPictureCommands(application);
   AddVersionCommands(application);
   AddViewCommands(application);

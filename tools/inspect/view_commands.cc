@@ -8,7 +8,6 @@
 #include "tools/inspect/map_html.h"
 #include "tools/inspect/store_arguments.h"
 #include "tools/view/map_document.h"
-#include "tools/view/page_template.h"
 #include "tools/view/view_page.h"
 #include "tools/view/view_server.h"
 
@@ -35,7 +34,8 @@ std::string CheckListen(const ViewArguments& arguments) {
 Status RunView(const ViewArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const ListenAddress wanted, ParseListenAddress(arguments.listen));
   const auto make_page = [&]() -> StatusOr<std::string> {
-    return MapHtml(arguments.store, arguments.replay, context);
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+    return MapHtml(arguments.store, arguments.replay, &store);
   };
   // What is wrong with the store is better known before a browser asks.
   SHIFTMAP_RETURN_IF_ERROR(make_page().status());
@@ -51,14 +51,13 @@ Status RunView(const ViewArguments& arguments, Context& context) {
 
 StatusOr<std::string> MapHtml(const StoreArguments& arguments,
                               const std::optional<std::string>& replay,
-                              const Context& context) {
+                              MapStore* store) {
   SHIFTMAP_RETURN_IF_ERROR(CheckWebView());
   MapDocumentOptions options;
   if (arguments.version) options.version = VersionNumber(*arguments.version);
   if (arguments.at_s) options.at = StampFromSeconds(*arguments.at_s);
   options.replay = replay;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, MapDocument(arguments.area, options, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, MapDocument(arguments.area, options, store));
   return ViewPage(document);
 }
 
@@ -77,8 +76,9 @@ void AddViewCommands(Application* application) {
       .Flag("--any-address",
             &arguments->any_address,
             "Allow addresses that other machines reach: they read without a password")
-      .Option(
-          "--replay", &arguments->replay, "A shift to replay: what localizer run --recording wrote")
+      .Option("--replay",
+              &arguments->replay,
+              "A shift to replay: a recording of shiftmap-localizer run")
       .Check([arguments] { return CheckListen(*arguments); });
 }
 

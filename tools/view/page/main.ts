@@ -99,7 +99,7 @@ class Page {
     const times = this.spans().flatMap((span) => [span.begin, span.end]);
     const begin = times.reduce((a, b) => Math.min(a, b), this.map.stamp);
     const end = times.reduce((a, b) => Math.max(a, b), this.map.stamp);
-    return Math.max(end, Math.min(this.source.at_s, end + Math.max(86400, end - begin)));
+    return Math.max(end + 3600, Math.min(this.source.at_s, end + Math.max(86400, end - begin)));
   }
 
   private setTime(time: number): void {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <fstream>
 #include <iterator>
@@ -27,7 +28,10 @@ class ShiftRecorderTest : public ::testing::Test {
     const MapContent content = MakeTwoModeMap(25, 12.0, 3);
     std::vector<int> states(content.groups.size(), 1);
     for (std::size_t i = 0; i < states.size(); i += 5) states[i] = 2;
-    run_ = Simulate(content, PositionsOf(content, states), {.seed = 4, .duration_s = 120.0}).run;
+    SimulationOptions simulation;
+    simulation.seed = 4;
+    simulation.duration_s = 120.0;
+    run_ = Simulate(content, PositionsOf(content, states), simulation).run;
     map_ = Snapshot(content);
     LocalizerOptions options;
     options.initial_pose =
@@ -47,7 +51,8 @@ class ShiftRecorderTest : public ::testing::Test {
       for (const StampedOutcome& outcome : localizer_->new_innovations()) {
         if (outcome.outcome.gated) nis_.push_back(outcome.outcome.nis);
       }
-      if (recorder != nullptr) ASSERT_THAT(recorder->Record(*localizer_), IsOk());
+      if (recorder == nullptr) continue;
+      ASSERT_THAT(recorder->Record(*localizer_), IsOk());
     }
   }
 
@@ -62,7 +67,7 @@ class ShiftRecorderTest : public ::testing::Test {
     ASSERT_THAT(recorder->Finish(), IsOk());
   }
 
-  Run run_;
+  shiftmap::Run run_;
   std::optional<MapSnapshot> map_;
   std::optional<Localizer> localizer_;
   std::vector<double> nis_;
