@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -86,6 +87,32 @@ struct LandmarkRecords {
   /// up to then; other than for LoadAt also before the version was made. Empty where the file is a
   /// snapshot that begins later, or there is no `group`.
   std::vector<Eigen::VectorXd> track;
+};
+
+/// Of which map version MapStore::LoadTracks tells, and how much.
+struct TracksQuery {
+  std::optional<VersionNumber> version = std::nullopt;  ///< Nothing: the published one.
+  std::int64_t max_visits = 1'000'000;  ///< The newest rows of the ledger that are read; >= 1.
+};
+
+/// The probabilities of a landmark from a time on.
+struct TrackPoint {
+  Stamp begin;                    ///< They are what LoadAt gives from here on,
+  Stamp end;                      ///< and the chain runs them from here on, to the next point.
+  Eigen::VectorXd probabilities;  ///< Size states.
+};
+
+/// All landmarks of a map version over time.
+struct LandmarkTracks {
+  VersionNumber version;
+  Stamp since = Stamp::min();  ///< What began earlier is left out.
+
+  // By the index of the group in the map.
+
+  /// By begin; the first holds before it, too. Other than for LoadAt, they tell also of times
+  /// before the version was made: by the visits that count and begin up to then.
+  std::vector<std::vector<TrackPoint>> points;
+  std::vector<std::vector<LandmarkVisit>> visits;  ///< As LandmarkRecords::visits.
 };
 
 }  // namespace shiftmap

@@ -197,6 +197,10 @@ class MapStore {
                                          const Signature& signature,
                                          const LandmarkQuery& query = {});
 
+  /// All landmarks of a version over time, for pictures that move: filters the whole ledger of the
+  /// area once. The probabilities are those of LoadAt within 5e-4, from the version's stamp on.
+  StatusOr<LandmarkTracks> LoadTracks(const std::string& area, const TracksQuery& query = {});
+
   /// From where the runs that a version's line mapped saw its modes, by signature and mode number,
   /// which may be that of a merged mode.
   /// @param without_runs  As for Evidence.

@@ -5,6 +5,7 @@
 #include <map>
 #include <numeric>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 #include "mapstore/map/mode_filter.h"
@@ -13,6 +14,7 @@
 #include "mapstore/store/ledger_filter.h"
 #include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
+#include "mapstore/store/track_recorder.h"
 
 namespace shiftmap {
 namespace {
@@ -169,7 +171,8 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
   LedgerFilter filter(database, area_row.area_id, version, content, query.known);
   VisitProbabilities after;
   if (found != content.groups.end()) {
-    filter.Watch(index, [&](const FilteredVisit& visit) {
+    filter.Watch([&](const FilteredVisit& visit) {
+      if (visit.group != index) return;
       after[{visit.begin, visit.end, visit.report_id, visit.run_id, visit.version_id}] =
           visit.probabilities;
     });
@@ -183,6 +186,59 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(
       records.visits, JudgeVisits(std::move(rows), after, records.group, ledger, &filter.view()));
   return records;
+}
+
+StatusOr<LandmarkTracks> MapStore::LoadTracks(const std::string& area, const TracksQuery& query) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version,
+                            state_->SelectRow(area, area_row, query.version, std::nullopt));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const MapContent content,
+      ReadContent(database, version, state_->VersionName(area, version.number)));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<LandmarkVisitRow> rows,
+                            ReadNewestVisits(database, area_row.area_id, query.max_visits));
+  LandmarkTracks tracks;
+  tracks.version = version.number;
+  if (static_cast<std::int64_t>(rows.size()) >= query.max_visits) {
+    tracks.since = rows.front().visit.evidence.begin;
+  }
+  const LedgerQuery ledger{.latest = state_->LatestStamp()};
+  LedgerFilter filter(database, area_row.area_id, version, content);
+  std::vector<VisitProbabilities> after(content.groups.size());
+  TrackRecorder recorder(content, tracks.since, rows.size(), filter);
+  filter.Watch([&](const FilteredVisit& visit) {
+    recorder.Take(visit);
+    if (visit.begin < tracks.since) return;
+    after[visit.group][{visit.begin, visit.end, visit.report_id, visit.run_id, visit.version_id}] =
+        visit.probabilities;
+  });
+  SHIFTMAP_RETURN_IF_ERROR(StartFilter(snapshot, ledger, &filter));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, filter.view().StatementRow());
+  if (statement != nullptr && statement->stamp >= filter.before()) {
+    SHIFTMAP_RETURN_IF_ERROR(filter.AdvanceTo(After(statement->stamp)).status());
+    recorder.TakeAll(statement->stamp);
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const Stamp end, filter.Finish(ledger));
+  recorder.TakeAll(end);
+  tracks.points = recorder.TakePoints();
+
+  std::vector<std::vector<LandmarkVisitRow>> by_group(content.groups.size());
+  std::unordered_map<Signature, std::size_t> index;
+  for (std::size_t i = 0; i < content.groups.size(); ++i) index[content.groups[i].signature] = i;
+  for (LandmarkVisitRow& row : rows) {
+    const auto found = index.find(row.visit.evidence.signature);
+    if (found != index.end()) by_group[found->second].push_back(std::move(row));
+  }
+  for (std::size_t i = 0; i < content.groups.size(); ++i) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        std::vector<LandmarkVisit> visits,
+        JudgeVisits(std::move(by_group[i]), after[i], content.groups[i], ledger, &filter.view()));
+    tracks.visits.push_back(std::move(visits));
+  }
+  return tracks;
 }
 
 }  // namespace shiftmap

@@ -12,23 +12,24 @@
 namespace shiftmap {
 namespace {
 
+// ?2: a signature, or empty for all; ?3: the newest so many, or -1.
 constexpr const char* kVisits =
     "SELECT e.begin_ns, e.end_ns, e.report_id, 0, e.version_id, v.number, e.observation_count, "
     "e.log_likelihoods, r.vehicle, r.identity, r.uuid, r.received_ns, "
-    "coalesce((SELECT name FROM run WHERE run.identity = r.identity ORDER BY run_id LIMIT 1), '') "
+    "coalesce((SELECT name FROM run WHERE run.identity = r.identity ORDER BY run_id LIMIT 1), ''), "
+    "e.signature "
     "FROM visit_evidence e JOIN shift_report r USING (report_id) "
     "JOIN version v ON v.version_id = e.version_id "
-    "WHERE e.area_id = ?1 AND e.signature = ?2 UNION ALL "
+    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature = ?2) UNION ALL "
     "SELECT e.begin_ns, e.end_ns, 0, e.run_id, e.version_id, v.number, e.observation_count, "
-    "e.log_likelihoods, r.vehicle, r.identity, '', v.created_ns, r.name "
+    "e.log_likelihoods, r.vehicle, r.identity, '', v.created_ns, r.name, e.signature "
     "FROM mapped_evidence e JOIN run r USING (run_id) "
     "JOIN version v ON v.version_id = e.version_id "
-    "WHERE e.area_id = ?1 AND e.signature = ?2";
+    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature = ?2) ORDER BY 1 DESC LIMIT ?3";
 
 constexpr const char* kDecisions =
-    "SELECT d.report_id, d.mode, d.stamp_ns, d.log_odds FROM decision d "
-    "WHERE d.report_id = ?1 AND d.signature = ?2 AND d.stamp_ns BETWEEN ?3 AND ?4 "
-    "ORDER BY d.decision_index DESC LIMIT 1";
+    "SELECT d.signature, d.mode, d.stamp_ns, d.log_odds FROM decision d "
+    "WHERE d.report_id = ?1 AND (?2 = '' OR d.signature = ?2) ORDER BY d.decision_index";
 
 // Recursion goes to smaller numbers, so that a damaged file ends it too.
 constexpr const char* kVersions =
@@ -43,23 +44,29 @@ constexpr const char* kVersions =
     "LEFT JOIN landmark_group g ON g.version_id = v.version_id AND g.signature = ?2 "
     "WHERE v.area_id = ?1 AND v.content_stored ORDER BY v.number";
 
+// @param signature  Of all rows; empty: of several landmarks.
 Status AddDecisions(Database& database,
-                    const Signature& signature,
+                    const std::string& signature,
                     std::vector<LandmarkVisitRow>* rows) {
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(kDecisions));
+  std::unordered_map<std::int64_t, std::vector<Decision>> decisions;
   for (LandmarkVisitRow& row : *rows) {
     if (row.report_id == 0) continue;
+    const auto [of_report, is_new] = decisions.try_emplace(row.report_id);
+    if (is_new) query.Bind(row.report_id, signature);
+    while (is_new) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
+      if (!found) break;
+      of_report->second.push_back({Signature(query.Text(0)),
+                                   ModeNumber(query.Int64(1)),
+                                   StampFromNanoseconds(query.Int64(2)),
+                                   query.Double(3)});
+    }
     const VisitEvidence& evidence = row.visit.evidence;
-    query.Bind(row.report_id,
-               signature.text(),
-               ToNanoseconds(evidence.begin),
-               ToNanoseconds(evidence.end));
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
-    if (!found) continue;
-    row.visit.decision = Decision{signature,
-                                  ModeNumber(query.Int64(1)),
-                                  StampFromNanoseconds(query.Int64(2)),
-                                  query.Double(3)};
+    for (const Decision& decision : of_report->second) {
+      const bool inside = evidence.begin <= decision.stamp && decision.stamp <= evidence.end;
+      if (inside && decision.signature == evidence.signature) row.visit.decision = decision;
+    }
   }
   return OkStatus();
 }
@@ -89,13 +96,12 @@ Status AddModes(Statement* modes,
   }
 }
 
-}  // namespace
-
-StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
-                                                           std::int64_t area_id,
-                                                           const Signature& signature) {
+StatusOr<std::vector<LandmarkVisitRow>> ReadVisits(Database& database,
+                                                   std::int64_t area_id,
+                                                   const std::string& signature,
+                                                   std::int64_t max_visits) {
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(kVisits));
-  query.Bind(area_id, signature.text());
+  query.Bind(area_id, signature, max_visits);
   std::vector<LandmarkVisitRow> rows;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
@@ -105,14 +111,14 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
     row.run_id = query.Int64(3);
     row.version_id = query.Int64(4);
     LandmarkVisit& visit = row.visit;
-    visit.evidence.signature = signature;
+    visit.evidence.signature = Signature(query.Text(13));
     visit.evidence.begin = StampFromNanoseconds(query.Int64(0));
     visit.evidence.end = StampFromNanoseconds(query.Int64(1));
     visit.evidence.observations = query.Int64(6);
     if (!UnpackLogLikelihoods(query.Blob(7), &visit.evidence.modes)) {
       return DataLoss("{}: evidence of '{}' at {:.6f} s is damaged",
                       database.name(),
-                      signature.text(),
+                      visit.evidence.signature.text(),
                       ToSecondsSinceEpoch(visit.evidence.begin));
     }
     visit.version = VersionNumber(query.Int64(5));
@@ -130,12 +136,27 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
                       visit.vehicle,
                       visit.run,
                       visit.report,
-                      visit.version);
+                      visit.version,
+                      visit.evidence.signature);
     };
     return key(a.visit) < key(b.visit);
   });
   SHIFTMAP_RETURN_IF_ERROR(AddDecisions(database, signature, &rows));
   return rows;
+}
+
+}  // namespace
+
+StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
+                                                           std::int64_t area_id,
+                                                           const Signature& signature) {
+  return ReadVisits(database, area_id, signature.text(), -1);
+}
+
+StatusOr<std::vector<LandmarkVisitRow>> ReadNewestVisits(Database& database,
+                                                         std::int64_t area_id,
+                                                         std::int64_t max_visits) {
+  return ReadVisits(database, area_id, "", max_visits);
 }
 
 StatusOr<std::vector<LandmarkInVersion>> ReadLandmarkVersions(Database& database,

@@ -27,6 +27,12 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
                                                            std::int64_t area_id,
                                                            const Signature& signature);
 
+/// The newest rows of the ledger about all landmarks, at most so many; else as
+/// ReadLandmarkVisits.
+StatusOr<std::vector<LandmarkVisitRow>> ReadNewestVisits(Database& database,
+                                                         std::int64_t area_id,
+                                                         std::int64_t max_visits);
+
 /// A landmark in every version of an area whose content is stored, oldest first.
 /// @param version  Whose line LandmarkInVersion::in_line is about.
 StatusOr<std::vector<LandmarkInVersion>> ReadLandmarkVersions(Database& database,

@@ -150,8 +150,9 @@ void LedgerFilter::TakeHeld() {
                                                         &*state);
     if (verdict) states_.records.Add(*verdict);
     states_.newest_end = std::max(states_.newest_end.value_or(visit.end), visit.end);
-    if (watch_ && visit.group == watched_) {
-      watch_({visit.begin,
+    if (watch_) {
+      watch_({visit.group,
+              visit.begin,
               visit.end,
               visit.report_id,
               visit.run_id,

@@ -34,6 +34,7 @@ struct LedgerQuery {
 
 /// A visit that was filtered, and the distribution after it.
 struct FilteredVisit {
+  std::size_t group = 0;  ///< Index in the content.
   Stamp begin;
   Stamp end;
   std::int64_t report_id = 0;  ///< As LedgerRow has them.
@@ -64,11 +65,8 @@ class LedgerFilter {
   /// Begins before all rows, as if there were no checkpoints.
   void StartFromNothing();
 
-  /// Calls `watch` after each visit of a group of the content that it takes from now on.
-  void Watch(std::size_t group, std::function<void(const FilteredVisit&)> watch) {
-    watched_ = group;
-    watch_ = std::move(watch);
-  }
+  /// Calls `watch` after each visit that it takes from now on.
+  void Watch(std::function<void(const FilteredVisit&)> watch) { watch_ = std::move(watch); }
 
   /// Takes the visits that count and begin before `before`, from where it stands, and the statement
   /// if that is on the way. Returns how many rows it read.
@@ -127,7 +125,6 @@ class LedgerFilter {
 
   std::vector<VisitEvidence::ModeLogLikelihood> modes_;  // Kept for its memory.
 
-  std::size_t watched_ = 0;
   std::function<void(const FilteredVisit&)> watch_;
 };
 

@@ -12,6 +12,7 @@
 #include "mapstore/run/trajectory.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
+#include "tools/inspect/map_html.h"
 #include "tools/inspect/store_arguments.h"
 #include "tools/inspect/trajectory_export.h"
 
@@ -28,13 +29,16 @@ struct ExportArguments {
   bool protojson = false;
   bool tum = false;
   bool snapshot = false;
+  bool html = false;
   std::optional<std::string> run;
+  std::optional<std::string> replay;
 };
 
 StatusOr<std::string> MapText(const ExportArguments& arguments,
                               const MapSnapshot& map,
                               MapStore* store) {
   if (arguments.csv) return MapCsv(map);
+  if (arguments.html) return MapHtml(arguments.store, arguments.replay, store);
   if (arguments.textproto) return EncodeMap(map, MapForm::kText);
   if (arguments.protojson) return EncodeMap(map, MapForm::kJson);
   if (!arguments.g2o) return MapGeoJson(map);
@@ -116,15 +120,17 @@ Status RunExport(const ExportArguments& arguments, Context& context) {
 
 std::string CheckExport(const ExportArguments& arguments) {
   if (arguments.geojson + arguments.csv + arguments.g2o + arguments.textproto +
-          arguments.protojson + arguments.tum + arguments.snapshot !=
+          arguments.protojson + arguments.tum + arguments.snapshot + arguments.html !=
       1) {
-    return "export needs one of --geojson, --csv, --g2o, --tum, --textproto, --protojson and "
-           "--snapshot";
+    return "export needs one of --geojson, --csv, --g2o, --tum, --textproto, --protojson, "
+           "--snapshot and --html";
   }
   if (arguments.snapshot && (arguments.store.version || arguments.store.at_s)) {
     return "--snapshot is of the published version as it is now, without --version and --at";
   }
   if (arguments.run && !arguments.tum) return "--run is for --tum";
+  if (arguments.html && arguments.store.known_s) return "--html is of what is known now";
+  if (arguments.replay && !arguments.html) return "--replay is for --html";
   return "";
 }
 
@@ -146,6 +152,10 @@ void AddExportCommand(Application* application) {
       .Flag("--textproto", &arguments->textproto, "The whole map, Protobuf's text form")
       .Flag("--protojson", &arguments->protojson, "The whole map, Protobuf's JSON form")
       .Flag("--snapshot", &arguments->snapshot, "The read-only map that a vehicle carries")
+      .Flag("--html", &arguments->html, "A page for web browsers, which needs no network")
+      .Option("--replay",
+              &arguments->replay,
+              "With --html: a shift to replay, a recording of shiftmap-localizer run")
       .Option("--run", &arguments->run, "With --tum: this run only, by name or identity")
       .Option("--output", &arguments->output, "File to write; with --tum without --run a folder")
       .Required()

@@ -18,6 +18,14 @@ void AddExportCommand(Application* application);     ///< export
 void AddPictureCommands(Application* application);   ///< plot
 void AddRunCommands(Application* application);       ///< runs
 void AddVersionCommands(Application* application);   ///< diff, publish, rollback
+void AddListCommands(Application* application);     ///< areas, versions, sightings
+void AddLedgerCommands(Application* application);   ///< reports, audit
+void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
+void AddExportCommand(Application* application);    ///< export
+void AddPictureCommands(Application* application);  ///< plot
+void AddRunCommands(Application* application);      ///< runs
+void AddVersionCommands(Application* application);  ///< diff, publish, rollback
+void AddViewCommands(Application* application);     ///< view
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate
 

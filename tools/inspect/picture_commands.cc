@@ -67,6 +67,7 @@ void AddInspectCommands(Application* application) {
   AddExportCommand(application);
   AddPictureCommands(application);
   AddVersionCommands(application);
+  AddViewCommands(application);
   AddMaintenanceCommands(application);
 }
 

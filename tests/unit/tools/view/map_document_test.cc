@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/view/map_document.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tools/view/compact_values.h"
+
+namespace shiftmap {
+namespace {
+
+using testing::IsOk;
+using testing::StatusIs;
+
+class MapDocumentTest : public ::testing::Test {
+ protected:
+  void Commit(const testing::RandomMapOptions& options, int versions) {
+    content_ = testing::RandomContent(random_, options);
+    for (int i = 0; i < versions; ++i) {
+      Provenance provenance{"<tool>", "", 0, {}};
+      provenance.runs.push_back(RunRecord{.name = fmt::format("run_{:03}", i),
+                                          .sha256 = fmt::format("{:064x}", i),
+                                          .vehicle = "truck-\x1b[0m",
+                                          .begin = content_.stamp,
+                                          .end = content_.stamp,
+                                          .trajectory = {}});
+      for (int pose = 0; pose < 2000; ++pose) {
+        provenance.runs[0].trajectory.push_back(
+            {content_.stamp + FromSeconds(0.1 * pose), Se2(0.5 * pose, -0.25 * pose, 0.0)});
+      }
+      CommitOptions commit{.parent = version_, .states_probabilities = false};
+      const auto result = store_.Commit("hall", content_, provenance, commit);
+      ASSERT_THAT(result, IsOk());
+      version_ = result->version;
+      content_hash_ = result->content_hash;
+    }
+  }
+
+  void Return(int number, int visits) {
+    ShiftReport report;
+    report.uuid = fmt::format("00000000-0000-4000-8000-{:012}", number);
+    report.vehicle = fmt::format("truck-{}", number % 4);
+    report.area = "hall";
+    report.version = *version_;
+    report.content_hash = content_hash_;
+    report.software = "test";
+    report.begin = content_.stamp + FromSeconds(40'000.0 * number);
+    report.end = report.begin + FromSeconds(30'000.0);
+    for (int i = 0; i < visits; ++i) {
+      const LandmarkGroup& group = content_.groups[random_() % content_.groups.size()];
+      const Stamp begin = report.begin + FromSeconds(29'000.0 * i / visits);
+      report.evidence.push_back(
+          testing::RandomEvidence(random_, group, begin, begin + FromSeconds(20.0)));
+    }
+    ASSERT_THAT(store_.Return(report), IsOk());
+  }
+
+  std::mt19937_64 random_{testing::TestSeed(3)};
+  testing::TempDir dir_;
+  MapStore store_ = *MapStore::Open(dir_.File("a.db"), MapStore::Access::kReadWriteCreate);
+  MapContent content_;
+  std::optional<VersionNumber> version_;
+  std::string content_hash_;
+};
+
+TEST_F(MapDocumentTest, HasEveryModeToATenthOfAMillimetre) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 8}, 2));
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  EXPECT_EQ((*document)["shown"], 2);
+  ASSERT_EQ((*document)["maps"].size(), 2U);
+  const Json& groups = (*document)["maps"][0][1];
+  ASSERT_EQ(groups.size(), content_.groups.size());
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const LandmarkGroup& group = content_.groups[g];
+    EXPECT_EQ((*document)["signatures"][groups[g][0].get<std::size_t>()], group.signature.text());
+    const Json& modes = groups[g][2];
+    ASSERT_EQ(modes.size(), 7 * group.modes.size());
+    for (std::size_t i = 0; i < group.modes.size(); ++i) {
+      const Mode& mode = group.modes[i];
+      EXPECT_EQ(modes[7 * i], mode.number.value());
+      EXPECT_NEAR(1e-4 * modes[7 * i + 1].get<double>(), mode.p_map_landmark.x(), 5.1e-5);
+      EXPECT_NEAR(1e-4 * modes[7 * i + 2].get<double>(), mode.p_map_landmark.y(), 5.1e-5);
+      const double major = 1e-4 * modes[7 * i + 3].get<double>();
+      const double minor = 1e-4 * modes[7 * i + 4].get<double>();
+      EXPECT_NEAR(
+          major * major + minor * minor, mode.cov_p_map_landmark.trace(), 2e-4 * major + 1e-8);
+    }
+  }
+}
+
+TEST_F(MapDocumentTest, NamesAreInert) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 2}, 1));
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  EXPECT_EQ((*document)["vehicles"], Json::array({"truck-\\x1b[0m"}));
+}
+
+TEST_F(MapDocumentTest, OfTenThousandModesWithALongPastIsBelowFiveMegabytes) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 4000, .max_modes = 4, .cross_block_share = 0.0}, 6));
+  for (int shift = 0; shift < 12; ++shift) ASSERT_NO_FATAL_FAILURE(Return(shift, 5000));
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  EXPECT_GT(content_.covariance.size(), 9'700);
+  const std::size_t bytes = document->dump().size();
+  std::printf("%zu modes, 60000 visits: %.2f MB\n",
+              static_cast<std::size_t>(content_.covariance.size()),
+              static_cast<double>(bytes) / 1e6);
+  EXPECT_LT(bytes, 4'700'000U);
+  // What is left out is told.
+  EXPECT_TRUE((*document)["left_out"].contains("before_s"));
+  EXPECT_GT((*document)["left_out"]["versions"], 0);
+}
+
+TEST_F(MapDocumentTest, AVersionThatIsNotThereIsAnError) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 2}, 1));
+  EXPECT_THAT(MapDocument("hall", {.version = VersionNumber(7)}, &store_),
+              StatusIs(StatusCode::kNotFound, "version 7"));
+  EXPECT_THAT(MapDocument("yard", {}, &store_), StatusIs(StatusCode::kNotFound, "yard"));
+}
+
+TEST(TextTable, KeepsApartTextsThatLookAlike) {
+  TextTable table;
+  EXPECT_EQ(table.Add("a\x1b"), 0);
+  EXPECT_EQ(table.Add("a\\x1b"), 1);
+  EXPECT_EQ(table.Add("a\x1b"), 0);
+  EXPECT_EQ(table.TakeJson(), Json::array({"a\\x1b", "a\\x1b"}));
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/view/compact_values.h"
+
+#include <Eigen/Eigenvalues>
+#include <chrono>
+#include <cmath>
+
+#include "mapstore/core/inert_text.h"
+
+namespace shiftmap {
+
+std::int64_t Scaled(double value, double unit) { return std::llround(value / unit); }
+
+std::int64_t Milliseconds(Stamp stamp, Stamp origin) {
+  return std::chrono::floor<std::chrono::milliseconds>(stamp - origin).count();
+}
+
+double Tenths(double value) { return std::round(value * 10.0) / 10.0; }
+
+SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(cov_m2);
+  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
+  return {sd(1), sd(0), std::atan2(axis.y(), axis.x())};
+}
+
+std::int64_t TextTable::Add(const std::string& text) {
+  const auto [entry, is_new] = index_.try_emplace(text, static_cast<std::int64_t>(index_.size()));
+  if (is_new) texts_.push_back(InertLine(text));
+  return entry->second;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How the data document of the page writes values in few bytes.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <unordered_map>
+
+#include "mapstore/cli/context.h"
+#include "mapstore/core/stamp.h"
+
+namespace shiftmap {
+
+inline constexpr double kMillimetre = 1e-3;
+inline constexpr double kTenthMillimetre = 1e-4;
+
+/// A value as a whole number of units.
+/// Precondition: it is finite, and fits.
+std::int64_t Scaled(double value, double unit);
+
+/// Since the origin, rounded down. [ms]
+std::int64_t Milliseconds(Stamp stamp, Stamp origin);
+
+/// A value to one decimal.
+double Tenths(double value);
+
+/// Of a Gaussian with a covariance in m²: standard deviations along the axes of its ellipses, and
+/// the direction of the longer one, from x towards y.
+struct SigmaEllipse {
+  double major_m = 0.0;
+  double minor_m = 0.0;
+  double rotation_rad = 0.0;
+};
+
+SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2);
+
+/// Numbers texts in the order in which they come. The texts are inert; two that only differ in what
+/// InertLine() changes have two numbers.
+class TextTable {
+ public:
+  std::int64_t Add(const std::string& text);
+
+  /// An array of the texts by their number. Call once, last.
+  Json TakeJson() { return std::move(texts_); }
+
+ private:
+  std::unordered_map<std::string, std::int64_t> index_;
+  Json texts_ = Json::array();
+};
+
+}  // namespace shiftmap

@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/view/map_document.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "mapstore/cli/version.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
+#include "tools/view/compact_values.h"
+#include "tools/view/replay_document.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kFormat = 1;
+
+// Digits enough for a chain, and few bytes.
+double Rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
+
+Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
+  Json json = Json::array();
+  for (const double p : probabilities) json.push_back(Scaled(p, 1e-4));
+  return json;
+}
+
+// The columns of a mode: number, x, y, longer sd, shorter sd, direction, last seen.
+void AddMode(const Mode& mode, Json* json) {
+  const SigmaEllipse ellipse = MakeSigmaEllipse(mode.cov_p_map_landmark);
+  json->insert(json->end(),
+               {mode.number.value(),
+                Scaled(mode.p_map_landmark.x(), kTenthMillimetre),
+                Scaled(mode.p_map_landmark.y(), kTenthMillimetre),
+                Scaled(ellipse.major_m, kTenthMillimetre),
+                Scaled(ellipse.minor_m, kTenthMillimetre),
+                Scaled(ellipse.rotation_rad, 1e-3),
+                Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0)});
+}
+
+Json RatesJson(const ModeChain& chain) {
+  if (chain.uniform()) return Rounded(chain.leave_rate_per_s());
+  Json rates = Json::array();
+  for (Eigen::Index from = 0; from < chain.states(); ++from) {
+    for (Eigen::Index to = 0; to < chain.states(); ++to) {
+      rates.push_back(Rounded(chain.rate_matrix()(from, to)));
+    }
+  }
+  return rates;
+}
+
+std::int64_t ModesOf(const MapSnapshot& map) { return map.covariance().size(); }
+
+// Moves LandmarkTracks::since on until at most so many points begin after it.
+void DropOldest(std::int64_t max_points, LandmarkTracks* tracks) {
+  std::vector<Stamp> begins;
+  for (const std::vector<TrackPoint>& points : tracks->points) {
+    for (const TrackPoint& point : points) begins.push_back(point.begin);
+  }
+  if (static_cast<std::int64_t>(begins.size()) <= max_points) return;
+  const auto cut = begins.end() - std::max<std::int64_t>(1, max_points);
+  std::nth_element(begins.begin(), cut, begins.end());
+  tracks->since = std::max(tracks->since, *cut);
+  for (std::vector<TrackPoint>& points : tracks->points) {
+    // The last one before holds from there on.
+    const auto kept = std::upper_bound(
+        points.begin(), points.end(), tracks->since, [](Stamp since, const TrackPoint& point) {
+          return since < point.begin;
+        });
+    if (kept - points.begin() > 1) points.erase(points.begin(), kept - 1);
+  }
+  for (std::vector<LandmarkVisit>& visits : tracks->visits) {
+    const auto kept = std::find_if(visits.begin(), visits.end(), [&](const LandmarkVisit& visit) {
+      return visit.evidence.begin >= tracks->since;
+    });
+    visits.erase(visits.begin(), kept);
+  }
+}
+
+class DocumentWriter {
+ public:
+  DocumentWriter(const std::string& area, const MapDocumentOptions& options, MapStore* store)
+      : area_(area), options_(options), store_(store) {}
+
+  StatusOr<Json> Write();
+
+ private:
+  Status SelectVersions();
+  Stamp StampOf(VersionNumber version) const;
+  StatusOr<Json> MapsJson();
+  Json MapRowJson(const MapSnapshot& map);
+  Status AddTracks(Json* document);
+  Json VisitJson(const LandmarkVisit& visit, Stamp origin);
+  StatusOr<Json> RunsJson();
+  Json RunJson(const RunRecord& run, VersionNumber version, std::size_t stride);
+
+  const std::string& area_;
+  const MapDocumentOptions& options_;
+  MapStore* store_;
+  std::vector<VersionSummary> versions_;
+  VersionNumber shown_;
+  std::int64_t versions_left_out_ = 0;
+  TextTable signatures_;
+  TextTable vehicles_;
+  TextTable names_;
+};
+
+Status DocumentWriter::SelectVersions() {
+  SHIFTMAP_ASSIGN_OR_RETURN(versions_, store_->Versions(area_));
+  if (options_.version) {
+    shown_ = *options_.version;
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store_->PublishedVersion(area_));
+  if (!published) return NotFound("area '{}' has no published version", area_);
+  shown_ = *published;
+  return OkStatus();
+}
+
+Stamp DocumentWriter::StampOf(VersionNumber number) const {
+  for (const VersionSummary& version : versions_) {
+    if (version.version == number) return version.stamp;
+  }
+  return Stamp();
+}
+
+Json DocumentWriter::MapRowJson(const MapSnapshot& map) {
+  Json groups = Json::array();
+  for (const LandmarkGroup& group : map.groups()) {
+    Json modes = Json::array();
+    for (const Mode& mode : group.modes) AddMode(mode, &modes);
+    groups.push_back({signatures_.Add(group.signature.text()),
+                      RatesJson(group.chain),
+                      std::move(modes),
+                      ProbabilitiesJson(group.probabilities)});
+  }
+  Json anonymous = Json::array();
+  for (const Mode& mode : map.anonymous_landmarks()) AddMode(mode, &anonymous);
+  return Json::array({map.version().value(), std::move(groups), std::move(anonymous)});
+}
+
+// The version that is shown, and the newest others as they were built.
+StatusOr<Json> DocumentWriter::MapsJson() {
+  Json maps = Json::array();
+  std::int64_t modes = 0;
+  const auto add = [&](VersionNumber version, Stamp stamp) -> Status {
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store_->LoadAt(area_, version, stamp));
+    modes += ModesOf(map);
+    const bool fits = version == shown_ || modes <= options_.max_modes;
+    if (fits) maps.push_back(MapRowJson(map));
+    versions_left_out_ += fits ? 0 : 1;
+    return OkStatus();
+  };
+  SHIFTMAP_RETURN_IF_ERROR(add(shown_, StampOf(shown_)));
+  for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {
+    if (version->version == shown_ || !version->content_stored) continue;
+    if (modes > options_.max_modes ||
+        static_cast<std::int64_t>(maps.size()) >= options_.max_versions) {
+      ++versions_left_out_;
+      continue;
+    }
+    SHIFTMAP_RETURN_IF_ERROR(add(version->version, version->stamp));
+  }
+  return maps;
+}
+
+Json DocumentWriter::RunJson(const RunRecord& run, VersionNumber version, std::size_t stride) {
+  Json path = Json::array();
+  std::int64_t x = 0;
+  std::int64_t y = 0;
+  for (std::size_t i = 0; i < run.trajectory.size(); i += stride) {
+    const Se2& pose = run.trajectory[i].T_map_vehicle;
+    const std::int64_t next_x = Scaled(pose.x(), 0.01);
+    const std::int64_t next_y = Scaled(pose.y(), 0.01);
+    path.push_back(next_x - x);
+    path.push_back(next_y - y);
+    x = next_x;
+    y = next_y;
+  }
+  return Json::array({names_.Add(run.name),
+                      vehicles_.Add(run.vehicle),
+                      ToSecondsSinceEpoch(run.begin),
+                      ToSecondsSinceEpoch(run.end),
+                      version.value(),
+                      std::move(path)});
+}
+
+// The favoured mode of a visit, and its log-likelihood ratio to the next.
+std::pair<ModeNumber, double> Favoured(const VisitEvidence& evidence) {
+  std::vector<VisitEvidence::ModeLogLikelihood> modes = evidence.modes;
+  if (modes.empty()) return {kAbsent, 0.0};
+  std::partial_sort(
+      modes.begin(),
+      modes.begin() + std::min<std::ptrdiff_t>(2, static_cast<std::ptrdiff_t>(modes.size())),
+      modes.end(),
+      [](const auto& a, const auto& b) { return a.log_likelihood > b.log_likelihood; });
+  const double ratio = modes.size() > 1 ? modes[0].log_likelihood - modes[1].log_likelihood : 0.0;
+  return {modes[0].mode, ratio};
+}
+
+Json DocumentWriter::VisitJson(const LandmarkVisit& visit, Stamp origin) {
+  const VisitEvidence& evidence = visit.evidence;
+  const auto [favoured, ratio] = Favoured(evidence);
+  const Decision decision = visit.decision.value_or(Decision{{}, ModeNumber(-1), {}, 0.0});
+  return Json::array({Milliseconds(evidence.begin, origin),
+                      Milliseconds(evidence.end, origin),
+                      vehicles_.Add(visit.vehicle),
+                      names_.Add(visit.run_name.empty() ? visit.run : visit.run_name),
+                      visit.mapped() ? 1 : 0,
+                      visit.version.value(),
+                      evidence.observations,
+                      favoured.value(),
+                      Tenths(ratio),
+                      decision.mode.value(),
+                      Tenths(decision.log_odds),
+                      visit.set_aside ? Describe(*visit.set_aside) : "",
+                      ProbabilitiesJson(visit.probabilities)});
+}
+
+// How the probabilities of the shown version go, and the visits that make them.
+Status DocumentWriter::AddTracks(Json* document) {
+  SHIFTMAP_ASSIGN_OR_RETURN(LandmarkTracks tracks,
+                            store_->LoadTracks(area_, {shown_, options_.max_visits}));
+  DropOldest(options_.max_points, &tracks);
+  Stamp origin = tracks.since > Stamp::min() ? tracks.since : Stamp::max();
+  for (const auto& points : tracks.points) {
+    if (points.size() > 1) origin = std::min(origin, points[1].begin);
+  }
+  for (const auto& visits : tracks.visits) {
+    if (!visits.empty()) origin = std::min(origin, visits.front().evidence.begin);
+  }
+  if (origin == Stamp::max()) origin = StampOf(shown_);
+  Json points_json = Json::array();
+  for (const std::vector<TrackPoint>& points : tracks.points) {
+    Json row = Json::array();
+    for (const TrackPoint& point : points) {
+      row.push_back(Milliseconds(std::max(point.begin, origin), origin));
+      row.push_back(Milliseconds(point.end, origin));
+      const Json probabilities = ProbabilitiesJson(point.probabilities);
+      row.insert(row.end(), probabilities.begin(), probabilities.end());
+    }
+    points_json.push_back(std::move(row));
+  }
+  Json visits_json = Json::array();
+  for (const std::vector<LandmarkVisit>& visits : tracks.visits) {
+    Json row = Json::array();
+    for (const LandmarkVisit& visit : visits) row.push_back(VisitJson(visit, origin));
+    visits_json.push_back(std::move(row));
+  }
+  (*document)["origin_s"] = ToSecondsSinceEpoch(origin);
+  (*document)["tracks"] = std::move(points_json);
+  (*document)["visits"] = std::move(visits_json);
+  if (tracks.since > Stamp::min()) {
+    (*document)["left_out"]["before_s"] = ToSecondsSinceEpoch(tracks.since);
+  }
+  return OkStatus();
+}
+
+// Those that the version and its ancestors were built from.
+StatusOr<Json> DocumentWriter::RunsJson() {
+  std::vector<std::pair<VersionNumber, RunRecord>> runs;
+  std::size_t poses = 0;
+  std::set<std::string> known;
+  std::optional<VersionNumber> version = shown_;
+  while (version) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store_->LoadProvenance(area_, *version));
+    for (RunRecord& run : provenance.runs) {
+      if (!known.insert(run.identity()).second) continue;
+      poses += run.trajectory.size();
+      runs.emplace_back(*version, std::move(run));
+    }
+    const auto found = std::find_if(versions_.begin(), versions_.end(), [&](const auto& other) {
+      return other.version == *version;
+    });
+    const std::optional<VersionNumber> parent =
+        found == versions_.end() ? std::nullopt : found->parent;
+    // Of a damaged store: parents are older.
+    version = parent && *parent < *version ? parent : std::nullopt;
+  }
+  std::sort(runs.begin(), runs.end(), [](const auto& a, const auto& b) {
+    return a.second.begin < b.second.begin;
+  });
+  const auto bound = static_cast<std::size_t>(std::max<std::int64_t>(1, options_.max_poses));
+  const std::size_t stride = std::max<std::size_t>(1, (poses + bound - 1) / bound);
+  Json json = Json::array();
+  for (const auto& [mapped_by, run] : runs) json.push_back(RunJson(run, mapped_by, stride));
+  return json;
+}
+
+StatusOr<Json> DocumentWriter::Write() {
+  SHIFTMAP_RETURN_IF_ERROR(SelectVersions());
+  SHIFTMAP_ASSIGN_OR_RETURN(Json maps, MapsJson());
+  SHIFTMAP_ASSIGN_OR_RETURN(Json runs, RunsJson());
+  Json versions = Json::array();
+  Json published;
+  for (const VersionSummary& version : versions_) {
+    if (version.published) published = version.version.value();
+    versions.push_back({version.version.value(),
+                        version.parent ? Json(version.parent->value()) : Json(nullptr),
+                        ToSecondsSinceEpoch(version.created),
+                        ToSecondsSinceEpoch(version.stamp),
+                        version.content_hash,
+                        InertLine(version.tool)});
+  }
+  const Stamp now = SystemNow();
+  Json document = {{"format", kFormat},
+                   {"area", InertLine(area_)},
+                   {"tool", "shiftmap-inspect " + SoftwareVersion()},
+                   {"made_s", ToSecondsSinceEpoch(now)},
+                   {"at_s", ToSecondsSinceEpoch(options_.at.value_or(now))},
+                   {"published", published},
+                   {"shown", shown_.value()},
+                   {"versions", std::move(versions)},
+                   {"maps", std::move(maps)},
+                   {"runs", std::move(runs)},
+                   {"left_out", {{"versions", versions_left_out_}}}};
+  SHIFTMAP_RETURN_IF_ERROR(AddTracks(&document));
+  if (options_.replay) {
+    SHIFTMAP_ASSIGN_OR_RETURN(document["replay"],
+                              ReplayJson(*options_.replay, area_, ReplayOptions(), &signatures_));
+  }
+  document["signatures"] = signatures_.TakeJson();
+  document["vehicles"] = vehicles_.TakeJson();
+  document["names"] = names_.TakeJson();
+  return document;
+}
+
+}  // namespace
+
+StatusOr<Json> MapDocument(const std::string& area,
+                           const MapDocumentOptions& options,
+                           MapStore* store) {
+  return DocumentWriter(area, options, store).Write();
+}
+
+}  // namespace shiftmap

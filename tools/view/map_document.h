@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "mapstore/cli/context.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/core/stamp.h"
+#include "mapstore/map_store.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// What of an area the page gets. The bounds keep the page of a map with 10,000 modes below 5 MB.
+struct MapDocumentOptions {
+  /// The one that is shown first; nothing: the published one.
+  std::optional<VersionNumber> version = std::nullopt;
+
+  /// The time that is shown first; nothing: now.
+  std::optional<Stamp> at = std::nullopt;
+
+  /// A file that `shiftmap-localizer run --recording` wrote.
+  std::optional<std::string> replay = std::nullopt;
+
+  std::int64_t max_versions = 12;    ///< The newest, and `version`.
+  std::int64_t max_modes = 30'000;   ///< Of all versions; that of `version` always goes in.
+  std::int64_t max_visits = 20'000;  ///< Of all landmarks; the newest.
+  std::int64_t max_points = 30'000;  ///< Of all probabilities over time; the newest.
+  std::int64_t max_poses = 60'000;   ///< Of all trajectories, which are thinned.
+};
+
+/// The data document of the page; its layout is in README.md, with page/data.ts as its reader.
+/// Names are text as InertLine() leaves them.
+///
+/// Errors: those of MapStore; kNotFound if the area has no published version and none is named.
+StatusOr<Json> MapDocument(const std::string& area,
+                           const MapDocumentOptions& options,
+                           MapStore* store);
+
+}  // namespace shiftmap
