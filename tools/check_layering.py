@@ -22,6 +22,7 @@ CONFINED = [
     (re.compile(r"^ceres/"), re.compile(r"^mapper/graph/"), "mapper/graph"),
     (re.compile(r"^absl/"), re.compile(r"^proto/core/status\.h$"), "proto/core/status.h"),
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
+    (re.compile(r"^cairo\.h$|^librsvg/"), re.compile(r"^tools/plot/png\.cc$"), "tools/plot/png.cc"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
 ]
 

@@ -12,7 +12,8 @@ void AddInspectCommands(Application* application);
 void AddListCommands(Application* application);     ///< areas, versions, sightings
 void AddLedgerCommands(Application* application);   ///< reports, audit
 void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
-void AddPictureCommands(Application* application);  ///< export, plot
+void AddPictureCommands(Application* application);  ///< export
+void AddPlotCommand(Application* application);      ///< plot
 void AddRunCommands(Application* application);      ///< runs
 void AddVersionCommands(Application* application);  ///< diff, publish, rollback
 void AddMaintenanceCommands(

@@ -7,7 +7,6 @@
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
-#include "tools/plot/map_plot.h"
 
 namespace shiftmap {
 namespace {
@@ -21,10 +20,6 @@ struct ExportArguments : OutputArguments {
   bool geojson = false;
   bool csv = false;
   bool snapshot = false;
-};
-
-struct PlotArguments : OutputArguments {
-  std::string what = "map";
 };
 
 // Writes the text, unless nothing may be written, and reports.
@@ -59,14 +54,6 @@ Status RunExport(const ExportArguments& arguments, Context& context) {
   return OkStatus();
 }
 
-Status RunPlot(const PlotArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            store.LoadProvenance(map.area(), map.version()));
-  return Finish(map, arguments.output, PlotMap(map, provenance), context);
-}
-
 std::string CheckExport(const ExportArguments& arguments) {
   if (arguments.geojson + arguments.csv + arguments.snapshot != 1) {
     return "export needs one of --geojson, --csv and --snapshot";
@@ -94,19 +81,6 @@ void AddPictureCommands(Application* application) {
       .Option("--output", &exported->output, "File to write")
       .Required()
       .Check([exported] { return CheckExport(*exported); });
-
-  auto plot = std::make_shared<PlotArguments>();
-  Command& plot_command =
-      application->AddCommand("plot", "Draw a picture as SVG", [plot](Context& context) {
-        return RunPlot(*plot, context);
-      });
-  AddMapOptions(&plot->store, &plot_command);
-  AddKnownOption(&plot->store, &plot_command);
-  plot_command.Writes()
-      .Option("WHAT", &plot->what, "What to draw: map")
-      .OneOf({"map"})
-      .Option("--output", &plot->output, "File to write")
-      .Required();
 }
 
 void AddInspectCommands(Application* application) {
@@ -115,6 +89,7 @@ void AddInspectCommands(Application* application) {
   AddRunCommands(application);
   AddMapCommands(application);
   AddPictureCommands(application);
+  AddPlotCommand(application);
   AddVersionCommands(application);
   AddMaintenanceCommands(application);
 }
