@@ -113,7 +113,7 @@ double BelowMap(const MapFrame& frame, const Legend& legend) {
 
 Svg StartMapPage(const MapPage& page, const MapFrame& frame, const Legend& legend) {
   const double column = frame.corner().x() + frame.size().x() + kColumnGap;
-  const double width = column + Legend::kWidth + kEdge;
+  const double width = std::max(page.least_width, column + Legend::kWidth + kEdge);
   Svg svg(width, BelowMap(frame, legend) + page.below);
   DrawTitles(page.title, page.subtitle, kEdge, width - 2.0 * kEdge, &svg);
   frame.DrawAxes(&svg);

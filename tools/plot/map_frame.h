@@ -43,7 +43,8 @@ class MapFrame {
 struct MapPage {
   std::string title;
   std::string subtitle;
-  double below = 0.0;  ///< Room below the frame and its labels, for a chart. [px]
+  double below = 0.0;        ///< Room below the frame and its labels, for a chart. [px]
+  double least_width = 0.0;  ///< Of the page. [px]
 };
 
 /// A page with titles, axes, legend and scale bar, for the rest to be drawn on.
