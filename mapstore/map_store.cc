@@ -44,6 +44,10 @@ const char* Describe(SetAside reason) {
       return "the map does not have the landmark";
     case SetAside::kNoMode:
       return "the map does not have the mode";
+    case SetAside::kLaterVersion:
+      return "a later version mapped it";
+    case SetAside::kAhead:
+      return "it is ahead of the clock";
   }
   return "";
 }

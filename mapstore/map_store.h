@@ -13,6 +13,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/landmark_records.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/map/mode_filter.h"
@@ -187,6 +188,14 @@ class MapStore {
   StatusOr<std::vector<EvidenceRow>> Evidence(const std::string& area,
                                               VersionNumber version,
                                               const std::set<std::string>& without_runs = {});
+
+  /// All that the store tells of one landmark: its visits, whether and how they count for a map
+  /// version, its modes in every version, and its probabilities over time. Filters the whole ledger
+  /// of the area once, since vehicles are trusted by what they say of all landmarks.
+  /// Errors also: kNotFound if neither a version nor the ledger has the landmark, or as LoadKnown.
+  StatusOr<LandmarkRecords> LoadLandmark(const std::string& area,
+                                         const Signature& signature,
+                                         const LandmarkQuery& query = {});
 
   /// From where the runs that a version's line mapped saw its modes, by signature and mode number,
   /// which may be that of a merged mode.

@@ -135,15 +135,17 @@ struct VersionSummary {
 
 /// Why an evidence row of the ledger does not count for a map version. It is kept all the same.
 enum class SetAside {
-  kExcluded,    ///< An operator took its run, or its vehicle, out.
-  kHeld,        ///< An operator holds its run, or its vehicle.
-  kUnknown,     ///< It came after the time of which is asked what was known.
-  kInMap,       ///< The probabilities that the version, or an ancestor, states account for it.
-  kRunInMap,    ///< The version was built from the log that the report is about.
-  kSameRun,     ///< Another report about the same log counts.
-  kOtherLine,   ///< Made against a version that is neither ancestor nor descendant.
-  kNoLandmark,  ///< The version does not have the landmark.
-  kNoMode,      ///< What the row favours most is a mode that the version does not have.
+  kExcluded,      ///< An operator took its run, or its vehicle, out.
+  kHeld,          ///< An operator holds its run, or its vehicle.
+  kUnknown,       ///< It came after the time of which is asked what was known.
+  kInMap,         ///< The probabilities that the version, or an ancestor, states account for it.
+  kRunInMap,      ///< The version was built from the log that the report is about.
+  kSameRun,       ///< Another report about the same log counts.
+  kOtherLine,     ///< Made against a version that is neither ancestor nor descendant.
+  kNoLandmark,    ///< The version does not have the landmark.
+  kNoMode,        ///< What the row favours most is a mode that the version does not have.
+  kLaterVersion,  ///< A descendant of the version mapped it.
+  kAhead,         ///< It begins later than the time that clocks allow.
 };
 
 /// In words, for people.

@@ -119,6 +119,9 @@ Status LedgerFilter::HoldRow(const LedgerRow& row) {
   visit.group = static_cast<std::size_t>(index);
   visit.begin = row.begin;
   visit.end = row.end;
+  visit.report_id = row.report_id;
+  visit.run_id = row.run_id;
+  visit.version_id = row.version_id;
   SHIFTMAP_ASSIGN_OR_RETURN(visit.vehicle, view_.VehicleOf(row.report_id, row.run_id));
   ++held_count_;
   return OkStatus();
@@ -147,6 +150,14 @@ void LedgerFilter::TakeHeld() {
                                                         &*state);
     if (verdict) states_.records.Add(*verdict);
     states_.newest_end = std::max(states_.newest_end.value_or(visit.end), visit.end);
+    if (watch_ && visit.group == watched_) {
+      watch_({visit.begin,
+              visit.end,
+              visit.report_id,
+              visit.run_id,
+              visit.version_id,
+              state->Probabilities(states_.records)});
+    }
   }
   held_count_ = 0;
 }
@@ -173,6 +184,15 @@ Status LedgerFilter::TakeStatement(Stamp stamp) {
   return OkStatus();
 }
 
+Eigen::VectorXd LedgerFilter::ProbabilitiesOf(std::size_t index, Stamp at) const {
+  const LandmarkGroup& group = content_->groups[index];
+  if (const std::optional<ModeState>& state = states_.groups[index]) {
+    return ProbabilitiesAt(group, *state, at, states_.records);
+  }
+  if (at <= content_->stamp) return group.probabilities;
+  return group.chain.Propagate(group.probabilities, at - content_->stamp);
+}
+
 int LedgerFilter::GroupOf(std::string_view signature) const {
   const auto found = group_index_.find(signature);
   return found == group_index_.end() ? -1 : found->second;
@@ -193,14 +213,8 @@ StatusOr<VehicleRecords> ApplyLedger(Database& database,
     SHIFTMAP_RETURN_IF_ERROR(started);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const Stamp stamp, filter.Finish(query));
-  const Stamp own = content->stamp;
   for (std::size_t i = 0; i < content->groups.size(); ++i) {
-    LandmarkGroup& group = content->groups[i];
-    if (const std::optional<ModeState>& state = filter.states().groups[i]) {
-      group.probabilities = ProbabilitiesAt(group, *state, stamp, filter.states().records);
-    } else if (stamp > own) {
-      group.probabilities = group.chain.Propagate(group.probabilities, stamp - own);
-    }
+    content->groups[i].probabilities = filter.ProbabilitiesOf(i, stamp);
   }
   content->stamp = stamp;
   return filter.states().records;

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "mapstore/core/stamp.h"
@@ -30,6 +32,16 @@ struct LedgerQuery {
   std::optional<Stamp> known = std::nullopt;
 };
 
+/// A visit that was filtered, and the distribution after it.
+struct FilteredVisit {
+  Stamp begin;
+  Stamp end;
+  std::int64_t report_id = 0;  ///< As LedgerRow has them.
+  std::int64_t run_id = 0;
+  std::int64_t version_id = 0;
+  Eigen::VectorXd probabilities;  ///< Size states, at `end`.
+};
+
 /// Filters the probabilities of a version's groups over the ledger, T-IV (5, 13, 14), all groups in
 /// one pass in the order of time, from the chains' stationary distributions on. The statement that
 /// holds for the version, if there is one, is evidence at its stamp.
@@ -52,6 +64,12 @@ class LedgerFilter {
   /// Begins before all rows, as if there were no checkpoints.
   void StartFromNothing();
 
+  /// Calls `watch` after each visit of a group of the content that it takes from now on.
+  void Watch(std::size_t group, std::function<void(const FilteredVisit&)> watch) {
+    watched_ = group;
+    watch_ = std::move(watch);
+  }
+
   /// Takes the visits that count and begin before `before`, from where it stands, and the statement
   /// if that is on the way. Returns how many rows it read.
   StatusOr<std::int64_t> AdvanceTo(Stamp before);
@@ -66,6 +84,12 @@ class LedgerFilter {
   Stamp before() const { return before_; }
 
   const LedgerStates& states() const { return states_; }
+
+  /// The probabilities of a group of the content at a time not before those it has: what the states
+  /// imply, or the content's own where no evidence changed them.
+  Eigen::VectorXd ProbabilitiesOf(std::size_t group, Stamp at) const;
+
+  LedgerView& view() { return view_; }
 
  private:
   // Rows in the order of time, and the statement in its place among them. Returns the rows read.
@@ -92,6 +116,9 @@ class LedgerFilter {
     std::size_t group = 0;
     Stamp begin;
     Stamp end;
+    std::int64_t report_id = 0;
+    std::int64_t run_id = 0;
+    std::int64_t version_id = 0;
     const LedgerVehicle* vehicle = nullptr;
     Eigen::VectorXd log_likelihoods;
   };
@@ -99,6 +126,9 @@ class LedgerFilter {
   std::size_t held_count_ = 0;   // The others are kept for their memory.
 
   std::vector<VisitEvidence::ModeLogLikelihood> modes_;  // Kept for its memory.
+
+  std::size_t watched_ = 0;
+  std::function<void(const FilteredVisit&)> watch_;
 };
 
 /// Replaces the probabilities of `content` by what the ledger implies, and its stamp by the time at

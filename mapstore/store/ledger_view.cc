@@ -20,16 +20,23 @@ StatusOr<std::optional<SetAside>> LedgerView::JudgeReported(std::int64_t report_
   return known ? std::optional(SetAside::kInMap) : std::nullopt;
 }
 
+StatusOr<std::optional<SetAside>> LedgerView::JudgeMapped(std::int64_t version_id,
+                                                          std::int64_t run_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
+  if (place.relation == Relation::kDescendant) return std::optional(SetAside::kLaterVersion);
+  if (place.relation == Relation::kOther) return std::optional(SetAside::kOtherLine);
+  if (place.stated()) return std::optional(SetAside::kInMap);
+  return ExclusionOf(run_id);
+}
+
 StatusOr<bool> LedgerView::Maps(std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
   return place.in_line() && !place.stated();
 }
 
 StatusOr<bool> LedgerView::CountsMapped(std::int64_t version_id, std::int64_t run_id) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool maps, Maps(version_id));
-  if (!maps) return false;
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool excluded, IsExcluded(run_id));
-  return !excluded;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason, JudgeMapped(version_id, run_id));
+  return !reason;
 }
 
 StatusOr<bool> LedgerView::Counts(const LedgerRow& row) {
@@ -45,8 +52,8 @@ StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
   SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(version_id));
   if (place.relation == Relation::kOther) return false;
   if (report_id == 0) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool excluded, IsExcluded(run_id));
-    return !excluded && place.relation != Relation::kDescendant;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<SetAside> reason, ExclusionOf(run_id));
+    return !reason && place.relation != Relation::kDescendant;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const Whole whole, JudgeWhole(report_id));
   const bool counts = !whole.reason || whole.reason == SetAside::kRunInMap;
@@ -64,20 +71,22 @@ StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
   return &*exclusions_;
 }
 
-StatusOr<bool> LedgerView::IsExcluded(std::int64_t run_id) {
+StatusOr<std::optional<SetAside>> LedgerView::ExclusionOf(std::int64_t run_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
-  if (exclusions->empty()) return false;
-  const auto [found, is_new] = excluded_runs_.try_emplace(run_id, false);
+  if (exclusions->empty()) return std::optional<SetAside>();
+  const auto [found, is_new] = excluded_runs_.try_emplace(run_id);
   if (!is_new) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement run,
       database_->Prepare("SELECT identity, vehicle, begin_ns FROM run WHERE run_id = ?1"));
   run.Bind(run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, run.Step());
-  found->second =
-      there &&
-      FindExclusion(*exclusions, run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2))) !=
-          nullptr;
+  if (!there) return found->second;
+  const Exclusion* const exclusion =
+      FindExclusion(*exclusions, run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2)));
+  if (exclusion != nullptr) {
+    found->second = exclusion->held ? SetAside::kHeld : SetAside::kExcluded;
+  }
   return found->second;
 }
 

@@ -31,6 +31,7 @@ struct LedgerVehicle {
 ///   reported against the version, an ancestor or a descendant  counts, but not
 ///     if another report about the run counts                   kSameRun
 ///     if the version or an ancestor mapped the run             kRunInMap
+///   mapped by a descendant                                     kLaterVersion
 ///   anything else                                              kOtherLine
 ///
 /// and nothing of a run that an operator excluded (kExcluded) or holds (kHeld).
@@ -58,6 +59,9 @@ class LedgerView {
   StatusOr<std::optional<SetAside>> JudgeReported(std::int64_t report_id,
                                                   std::int64_t version_id,
                                                   Stamp begin);
+
+  /// As JudgeReported, for a row that a version mapped.
+  StatusOr<std::optional<SetAside>> JudgeMapped(std::int64_t version_id, std::int64_t run_id);
 
   /// Whether the rows that a version mapped count, but for runs that are excluded or held.
   StatusOr<bool> Maps(std::int64_t version_id);
@@ -105,7 +109,7 @@ class LedgerView {
   };
 
   StatusOr<Whole> JudgeWhole(std::int64_t report_id);
-  StatusOr<bool> IsExcluded(std::int64_t run_id);
+  StatusOr<std::optional<SetAside>> ExclusionOf(std::int64_t run_id);
   StatusOr<bool> IsSuperseded(std::int64_t report_id);
   StatusOr<const std::vector<Exclusion>*> Exclusions();
 
@@ -117,7 +121,7 @@ class LedgerView {
   std::optional<VersionRow> statement_;
   std::unordered_map<std::int64_t, Place> places_;
   std::unordered_map<std::int64_t, Whole> reports_;
-  std::unordered_map<std::int64_t, bool> excluded_runs_;
+  std::unordered_map<std::int64_t, std::optional<SetAside>> excluded_runs_;
   std::unordered_map<std::int64_t, LedgerVehicle> report_vehicles_;
   std::unordered_map<std::int64_t, LedgerVehicle> run_vehicles_;
   std::optional<std::vector<Exclusion>> exclusions_;

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of MapStore that tells of single landmarks.
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+#include "mapstore/map/mode_filter.h"
+#include "mapstore/map_store.h"
+#include "mapstore/store/landmark_rows.h"
+#include "mapstore/store/ledger_filter.h"
+#include "mapstore/store/snapshot_file.h"
+#include "mapstore/store/store_state.h"
+
+namespace shiftmap {
+namespace {
+
+// Begin, end, report, run and version: what a filtered visit and its row have in common.
+using VisitKey = std::tuple<Stamp, Stamp, std::int64_t, std::int64_t, std::int64_t>;
+using VisitProbabilities = std::map<VisitKey, Eigen::VectorXd>;
+
+Stamp After(Stamp at) { return at == Stamp::max() ? at : at + Duration(1); }
+
+// The probabilities at each of the times, for which the filter advances to it.
+// @param last  Visits that begin later do not count.
+StatusOr<std::vector<Eigen::VectorXd>> Track(const std::vector<Stamp>& times,
+                                             std::size_t group,
+                                             Stamp last,
+                                             LedgerFilter* filter) {
+  const Stamp first = filter->before();
+  std::vector<std::size_t> order(times.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return times[a] < times[b];
+  });
+  std::vector<Eigen::VectorXd> track(times.size());
+  for (const std::size_t i : order) {
+    if (times[i] < first) continue;
+    SHIFTMAP_RETURN_IF_ERROR(filter->AdvanceTo(After(std::min(times[i], last))).status());
+    track[i] = filter->ProbabilitiesOf(group, times[i]);
+  }
+  return track;
+}
+
+StatusOr<std::optional<LandmarkStatement>> ReadLandmarkStatement(Database& database,
+                                                                 const VersionRow& version,
+                                                                 const LandmarkGroup& group,
+                                                                 LedgerView* view) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow* const statement, view->StatementRow());
+  if (statement == nullptr) return std::optional<LandmarkStatement>();
+  if (statement->version_id == version.version_id) {
+    return std::optional(
+        LandmarkStatement{statement->number, statement->stamp, group.probabilities});
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
+                            ReadStatement(database, statement->version_id, {group}));
+  if (!stated.front()) return std::optional<LandmarkStatement>();
+  return std::optional(LandmarkStatement{statement->number, statement->stamp, *stated.front()});
+}
+
+// Why a row does not count, beyond what its probabilities tell.
+StatusOr<std::optional<SetAside>> Judge(const LandmarkVisitRow& row,
+                                        const std::optional<LandmarkGroup>& group,
+                                        const LedgerQuery& query,
+                                        LedgerView* view) {
+  const LandmarkVisit& visit = row.visit;
+  if (query.known && visit.arrived > *query.known) return std::optional(SetAside::kUnknown);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::optional<SetAside> reason,
+      visit.mapped() ? view->JudgeMapped(row.version_id, row.run_id)
+                     : view->JudgeReported(row.report_id, row.version_id, visit.evidence.begin));
+  if (reason) return reason;
+  if (!group) return std::optional(SetAside::kNoLandmark);
+  if (!FavoursKnownMode(*group, visit.evidence.modes)) return std::optional(SetAside::kNoMode);
+  return std::optional(SetAside::kAhead);
+}
+
+// The visits with what the filter made of them. Those after the time asked for are left out.
+StatusOr<std::vector<LandmarkVisit>> JudgeVisits(std::vector<LandmarkVisitRow> rows,
+                                                 const VisitProbabilities& after,
+                                                 const std::optional<LandmarkGroup>& group,
+                                                 const LedgerQuery& query,
+                                                 LedgerView* view) {
+  std::vector<LandmarkVisit> visits;
+  for (LandmarkVisitRow& row : rows) {
+    const VisitEvidence& evidence = row.visit.evidence;
+    const auto taken =
+        after.find({evidence.begin, evidence.end, row.report_id, row.run_id, row.version_id});
+    if (taken != after.end()) {
+      row.visit.probabilities = taken->second;
+    } else if (query.at && evidence.begin > *query.at) {
+      continue;
+    } else {
+      SHIFTMAP_ASSIGN_OR_RETURN(row.visit.set_aside, Judge(row, group, query, view));
+    }
+    visits.push_back(std::move(row.visit));
+  }
+  return visits;
+}
+
+// Begins as LoadAt does where the ledger is not whole, else before all rows.
+Status StartFilter(bool snapshot, const LedgerQuery& query, LedgerFilter* filter) {
+  if (!snapshot) return OkStatus();
+  const Status started = filter->Start(query.at.value_or(query.latest));
+  if (query.at || started.code() != StatusCode::kNotFound) return started;
+  return filter->Start(std::nullopt);
+}
+
+// What the filter says of the landmark: all of `records` that is probabilities, but for the visits.
+Status FilterLandmark(Database& database,
+                      const VersionRow& version,
+                      const LandmarkGroup& group,
+                      std::size_t index,
+                      const LedgerQuery& query,
+                      const std::vector<Stamp>& track,
+                      LedgerFilter* filter,
+                      LandmarkRecords* records) {
+  records->group = group;
+  SHIFTMAP_ASSIGN_OR_RETURN(records->statement,
+                            ReadLandmarkStatement(database, version, group, &filter->view()));
+  SHIFTMAP_ASSIGN_OR_RETURN(records->track,
+                            Track(track, index, query.at.value_or(query.latest), filter));
+  SHIFTMAP_ASSIGN_OR_RETURN(records->stamp, filter->Finish(query));
+  records->group->probabilities = filter->ProbabilitiesOf(index, records->stamp);
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
+                                                 const Signature& signature,
+                                                 const LandmarkQuery& query) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  if (query.known) {
+    SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("does not hold what was known before"));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version,
+                            state_->SelectRow(area, area_row, query.version, query.known));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const MapContent content,
+      ReadContent(database, version, state_->VersionName(area, version.number)));
+  LandmarkRecords records;
+  records.version = version.number;
+  SHIFTMAP_ASSIGN_OR_RETURN(records.versions,
+                            ReadLandmarkVersions(database, area_row.area_id, version, signature));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<LandmarkVisitRow> rows,
+                            ReadLandmarkVisits(database, area_row.area_id, signature));
+  const bool known = std::any_of(records.versions.begin(),
+                                 records.versions.end(),
+                                 [](const LandmarkInVersion& other) { return other.known; });
+  if (!known && rows.empty()) {
+    return NotFound("{}: no landmark '{}'", state_->AreaName(area), signature.text());
+  }
+  const auto found =
+      std::find_if(content.groups.begin(), content.groups.end(), [&](const LandmarkGroup& group) {
+        return group.signature == signature;
+      });
+  const auto index = static_cast<std::size_t>(found - content.groups.begin());
+  const LedgerQuery ledger{.at = query.at,
+                           .latest = query.known
+                                         ? *query.known + FromSeconds(state_->clock_tolerance_s)
+                                         : state_->LatestStamp(),
+                           .known = query.known};
+  LedgerFilter filter(database, area_row.area_id, version, content, query.known);
+  VisitProbabilities after;
+  if (found != content.groups.end()) {
+    filter.Watch(index, [&](const FilteredVisit& visit) {
+      after[{visit.begin, visit.end, visit.report_id, visit.run_id, visit.version_id}] =
+          visit.probabilities;
+    });
+    SHIFTMAP_RETURN_IF_ERROR(StartFilter(snapshot, ledger, &filter));
+    SHIFTMAP_RETURN_IF_ERROR(
+        FilterLandmark(database, version, *found, index, ledger, query.track, &filter, &records));
+  } else {
+    records.track.resize(query.track.size());
+    records.stamp = std::max(version.stamp, query.at.value_or(version.stamp));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      records.visits, JudgeVisits(std::move(rows), after, records.group, ledger, &filter.view()));
+  return records;
+}
+
+}  // namespace shiftmap
