@@ -17,6 +17,7 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
+#include "localizer/monitor/scan_innovations.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
@@ -39,6 +40,7 @@ struct RunOptions {
   std::string initial_pose = "auto";
   std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
+  std::optional<std::string> nis;
   std::optional<std::string> report;
   bool return_report = false;
   double alpha = HypothesisOptions().alpha;
@@ -139,6 +141,7 @@ class Shift {
   const Localizer& localizer() const { return *localizer_; }
   const RunSummary& summary() const { return summary_; }
   const std::vector<StampedPose>& trajectory() const { return trajectory_; }
+  const std::vector<ScanInnovations>& innovations() const { return innovations_; }
 
  private:
   bool UsesLidar() const {
@@ -187,7 +190,16 @@ class Shift {
   void RecordPoses() {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
       trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
+      innovations_.push_back({estimate.stamp, estimate.pose});
     }
+    // Of several poses at once, the last one has the innovations of all.
+    const LocalizerStatistics now = localizer_->Statistics();
+    if (!innovations_.empty()) {
+      innovations_.back().nis += now.nis_sum - nis_sum_;
+      innovations_.back().dof += 2 * (now.updates - updates_);
+    }
+    nis_sum_ = now.nis_sum;
+    updates_ = now.updates;
   }
 
   MapAt map_at_;
@@ -196,6 +208,9 @@ class Shift {
   std::optional<Localizer> localizer_;  // From the first item on.
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
+  std::vector<ScanInnovations> innovations_;
+  double nis_sum_ = 0.0;  // Of the innovations so far.
+  std::int64_t updates_ = 0;
   bool has_odometry_ = false;
   std::string run_hash_;
   std::string run_uuid_;
@@ -255,6 +270,9 @@ Status WriteResults(const RunOptions& options,
   }
   if (options.trajectory) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift.trajectory(), *options.trajectory));
+  }
+  if (options.nis) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteScanInnovations(shift.innovations(), *options.nis));
   }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();
@@ -333,6 +351,9 @@ void AddRunCommand(Application* application) {
               &options->vehicle,
               "Name of the vehicle, for its own calibration; default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
+      .Option("--nis",
+              &options->nis,
+              "Write pose, covariance and NIS after each scan here, CSV for plot consistency")
       .Option("--report", &options->report, "Write the shift report here")
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
       .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")

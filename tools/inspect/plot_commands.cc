@@ -41,7 +41,14 @@ struct Kind {
 constexpr std::size_t kAny = 100;
 
 constexpr Kind kKinds[] = {
-    {"map", 0, 0, "", true, false, DrawMap},
+    {"map", 0, 0, "nothing more", true, false, DrawMap},
+    {"modes", 1, 1, "a signature", true, false, DrawModes},
+    {"history", 1, 1, "a signature", true, false, DrawHistory},
+    {"diff", 2, 2, "two versions", true, false, DrawDiff},
+    {"trajectory", 1, kAny, "a trajectory in TUM format, or several", true, true, DrawTrajectories},
+    {"consistency", 1, 1, "the file of shiftmap-localizer run --nis", false, true, DrawConsistency},
+    {"rates", 0, 0, "nothing more", true, false, DrawRates},
+    {"night", 0, 0, "nothing more", true, false, DrawNight},
 };
 
 const Kind& KindNamed(const std::string& name) {
@@ -63,6 +70,12 @@ std::string EndingOf(const std::string& path) {
   return ending;
 }
 
+bool AreVersions(const std::vector<std::string>& words) {
+  return std::all_of(words.begin(), words.end(), [](const std::string& word) {
+    return word.find_first_not_of("0123456789") == std::string::npos;
+  });
+}
+
 std::string CheckPlot(const PlotArguments& arguments) {
   const std::string ending = EndingOf(arguments.output);
   if (ending != kSvg && ending != kPng) {
@@ -76,6 +89,9 @@ std::string CheckPlot(const PlotArguments& arguments) {
     return kind.most == 0
                ? fmt::format("plot {}: unexpected '{}'", kind.name, arguments.subjects[0])
                : fmt::format("plot {}: expected {}", kind.name, kind.subjects);
+  }
+  if (arguments.what == "diff" && !AreVersions(arguments.subjects)) {
+    return fmt::format("plot diff: expected {}", kind.subjects);
   }
   if (kind.of_map && arguments.store.store.empty()) return "--store is required";
   if (kind.of_map && arguments.store.area.empty()) return "--area is required";
@@ -114,7 +130,10 @@ void AddPlotCommand(Application* application) {
   AddKnownOption(&plot->store, &command);
   command.Option("WHAT", &plot->what, "What to draw")
       .OneOf(KindNames())
-      .Option("SUBJECT", &plot->subjects, "Of modes and history: the signature of a landmark")
+      .Option("SUBJECT",
+              &plot->subjects,
+              "Of modes and history: the signature of a landmark; of diff: two versions; of "
+              "trajectory: files in TUM format; of consistency: the file of localizer run --nis")
       .Option("--output", &plot->output, "File to write, .svg or .png")
       .Required()
       .Option("--width-px", &plot->width_px, "Width of a PNG (default: twice that of the SVG)")

@@ -26,5 +26,12 @@ struct Picture {
 
 // One function per kind of picture. Errors: as what each reads.
 StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& context);
+StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& context);
 
 }  // namespace shiftmap

@@ -58,7 +58,8 @@ void DrawChange(ChangeKind kind,
   const Eigen::Vector2d b(size, -size);
   switch (kind) {
     case ChangeKind::kStandsElsewhere:
-      svg->Circle(from, 0.8 * size, {.stroke = color, .stroke_width = 1.4, .fill = palette::kPaper});
+      svg->Circle(
+          from, 0.8 * size, {.stroke = color, .stroke_width = 1.4, .fill = palette::kPaper});
       svg->Arrow(from, to, 11.0, line);
       svg->Circle(to, 0.8 * size, {.fill = color});
       break;
@@ -225,8 +226,7 @@ std::string ChangePlot::Draw(const MapPage& page, const Legend& legend) const {
   svg.Dots(others, std::min(3.5, landmarks_.radius()), "#C4C4C4");
   const double size = std::clamp(landmarks_.radius() + 0.5, 2.0, 4.5);
   for (auto change = changes_.changes.rbegin(); change != changes_.changes.rend(); ++change) {
-    DrawChange(
-        change->kind, Start(*change), landmarks_.frame().Pixel(change->p_to), size, &svg);
+    DrawChange(change->kind, Start(*change), landmarks_.frame().Pixel(change->p_to), size, &svg);
   }
   DrawLabels(&svg);
   return svg.ToString();
@@ -251,8 +251,8 @@ std::string MinuteText(Stamp stamp) { return FormatUtc(stamp).substr(0, 16); }
 void AddRunLists(const Night& night, Legend* legend) {
   std::vector<std::string> waiting;
   for (const UnplacedRun& run : night.waiting) {
-    waiting.push_back(fmt::format(
-        "{} since {}", Svg::Shortened(run.name, 11.0, 100.0), MinuteText(run.since)));
+    waiting.push_back(
+        fmt::format("{} since {}", Svg::Shortened(run.name, 11.0, 100.0), MinuteText(run.since)));
   }
   std::vector<std::string> held;
   std::vector<std::string> excluded;
@@ -290,9 +290,9 @@ std::string PlotNight(const MapSnapshot& map, const Night& night) {
   plot.AddTo(&legend);
   runs.AddTo(&legend);
   AddRunLists(night, &legend);
-  const std::string since =
-      night.parent ? fmt::format("since version {}", night.parent->version().value())
-                   : std::string("the first version");
+  const std::string since = night.parent
+                                ? fmt::format("since version {}", night.parent->version().value())
+                                : std::string("the first version");
   return plot.Draw(
       {.title = fmt::format("{} · version {} · {}", map.area(), map.version().value(), since),
        .subtitle = fmt::format("probabilities at {} UTC · {} landmarks · {} runs mapped",

@@ -17,10 +17,10 @@ std::string PlotDiff(const MapSnapshot& from, const MapSnapshot& to);
 
 /// What a night did to a map.
 struct Night {
-  std::optional<MapSnapshot> parent;   ///< The version before; nothing: the map is the first one.
-  std::vector<RunRecord> mapped;       ///< Runs that the version was built from.
-  std::vector<UnplacedRun> waiting;    ///< Runs that wait for another build.
-  std::vector<Exclusion> exclusions;   ///< Runs and vehicles that are excluded or held.
+  std::optional<MapSnapshot> parent;  ///< The version before; nothing: the map is the first one.
+  std::vector<RunRecord> mapped;      ///< Runs that the version was built from.
+  std::vector<UnplacedRun> waiting;   ///< Runs that wait for another build.
+  std::vector<Exclusion> exclusions;  ///< Runs and vehicles that are excluded or held.
 };
 
 /// The same of a version against its parent, with the runs that were mapped, and lists of these and

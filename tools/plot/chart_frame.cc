@@ -60,6 +60,7 @@ void DrawChartFrame(const ChartAxis& x, const ChartAxis& y, Svg* svg) {
   for (const Tick& tick : TicksOf(x, TickCount(x, time ? 100.0 : 80.0))) {
     const double px = x.Pixel(tick.value);
     svg->Line({px, bottom}, {px, y.pixel_max}, grid);
+    if (!x.ticks) continue;
     svg->Text({px, bottom + 15.0}, tick.label, label);
     if (!tick.date.empty()) svg->Text({px, bottom + 28.0}, tick.date, label);
   }
@@ -68,15 +69,16 @@ void DrawChartFrame(const ChartAxis& x, const ChartAxis& y, Svg* svg) {
   for (const Tick& tick : TicksOf(y, TickCount(y, 34.0))) {
     const double py = y.Pixel(tick.value);
     svg->Line({x.pixel_min, py}, {x.pixel_max, py}, grid);
-    svg->Text({x.pixel_min - 6.0, py + 4.0}, tick.label, row_label);
+    if (y.ticks) svg->Text({x.pixel_min - 6.0, py + 4.0}, tick.label, row_label);
   }
   svg->Rect({x.pixel_min, y.pixel_max},
             {x.pixel_max - x.pixel_min, bottom - y.pixel_max},
             {.stroke = palette::kFaint});
-  const double x_label_y = bottom + (time ? 42.0 : 31.0);
-  svg->Text({0.5 * (x.pixel_min + x.pixel_max), x_label_y},
-            x.label,
-            {.size = 12.0, .fill = palette::kText, .anchor = SvgAnchor::kMiddle});
+  if (x.ticks) {
+    svg->Text({0.5 * (x.pixel_min + x.pixel_max), bottom + (time ? 42.0 : 31.0)},
+              x.label,
+              {.size = 12.0, .fill = palette::kText, .anchor = SvgAnchor::kMiddle});
+  }
   svg->Text(
       {x.pixel_min - 44.0, y.pixel_max - 9.0}, y.label, {.size = 12.0, .fill = palette::kText});
 }
@@ -91,6 +93,26 @@ void SetRange(double min, double max, ChartAxis* axis) {
   const double margin = max > min ? 0.04 * (max - min) : 0.5;
   axis->min = min - margin;
   axis->max = max + margin;
+}
+
+std::vector<Eigen::Vector2d> Condensed(std::span<const Eigen::Vector2d> points) {
+  std::vector<Eigen::Vector2d> kept;
+  for (std::size_t begin = 0; begin < points.size();) {
+    std::size_t end = begin;
+    std::size_t lowest = begin;
+    std::size_t highest = begin;
+    for (; end < points.size() && std::floor(points[end].x()) == std::floor(points[begin].x());
+         ++end) {
+      if (points[end].y() < points[lowest].y()) lowest = end;
+      if (points[end].y() > points[highest].y()) highest = end;
+    }
+    std::vector<std::size_t> indices = {begin, lowest, highest, end - 1};
+    std::sort(indices.begin(), indices.end());
+    indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+    for (const std::size_t i : indices) kept.push_back(points[i]);
+    begin = end;
+  }
+  return kept;
 }
 
 }  // namespace shiftmap

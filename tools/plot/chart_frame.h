@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "tools/plot/svg.h"
 
@@ -11,12 +14,13 @@ enum class AxisScale { kLinear, kLog, kTime };
 
 /// One axis of a chart: the values that it shows, and the pixels where.
 struct ChartAxis {
-  std::string label;  ///< With the unit.
+  std::string label = "";  ///< With the unit.
   AxisScale scale = AxisScale::kLinear;
   double min = 0.0;  ///< Of kTime in seconds since the epoch, UTC; of kLog > 0.
   double max = 1.0;  ///< Above `min`.
   double pixel_min = 0.0;
   double pixel_max = 1.0;
+  bool ticks = true;  ///< False: a grid without numbers and label, above another chart.
 
   /// The pixel of a value; values beyond the ends of the axis lie at its ends.
   double Pixel(double value) const;
@@ -30,5 +34,9 @@ void DrawChartFrame(const ChartAxis& x, const ChartAxis& y, Svg* svg);
 /// only. Log: whole powers of ten.
 /// @param min  At most `max`; of a log scale > 0.
 void SetRange(double min, double max, ChartAxis* axis);
+
+/// A line whose points ascend in x, with at most four points per column of pixels: it covers the
+/// same pixels, to the eye.
+std::vector<Eigen::Vector2d> Condensed(std::span<const Eigen::Vector2d> points);
 
 }  // namespace shiftmap

@@ -72,4 +72,16 @@ void Legend::Draw(const Eigen::Vector2d& corner, Svg* svg) const {
   }
 }
 
+void DrawTitles(
+    const std::string& title, const std::string& subtitle, double left, double width, Svg* svg) {
+  constexpr double kTitle = 18.0;
+  constexpr double kSubtitle = 12.0;
+  svg->Text({left, 26.0},
+            Svg::Shortened(title, kTitle, width, true),
+            {.size = kTitle, .fill = palette::kInk, .bold = true});
+  svg->Text({left, 46.0},
+            Svg::Shortened(subtitle, kSubtitle, width),
+            {.size = kSubtitle, .fill = palette::kNote});
+}
+
 }  // namespace shiftmap

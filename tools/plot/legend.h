@@ -45,4 +45,8 @@ class Legend {
   double height_ = 0.0;
 };
 
+/// Title and subtitle at the head of any picture, 64 px high.
+void DrawTitles(
+    const std::string& title, const std::string& subtitle, double left, double width, Svg* svg);
+
 }  // namespace shiftmap

@@ -16,8 +16,8 @@ constexpr double kHeader = 64.0;
 constexpr double kFooter = 44.0;
 constexpr double kColumnGap = 22.0;
 constexpr double kEdge = 12.0;
-constexpr double kPlotSize = 760.0;     // Of the longer side.
-constexpr double kLeastHeight = 240.0;  // A corridor is not a line.
+constexpr double kPlotSize = 760.0;   // Of the longer side.
+constexpr double kLeastSize = 240.0;  // A corridor is not a line.
 constexpr double kScaleBarHeight = 44.0;
 constexpr double kTickSize = 11.0;
 constexpr double kFarthest_m = 1e12;
@@ -39,11 +39,10 @@ MapFrame MapFrame::Around(std::span<const Eigen::Vector2d> points) {
   frame.max_.array() += std::max(0.25, 0.03 * span);
   frame.min_.array() -= std::max(0.25, 0.03 * span);
   frame.pixels_per_m_ = kPlotSize / (frame.max_ - frame.min_).maxCoeff();
-  const double missing = kLeastHeight / frame.pixels_per_m_ - (frame.max_.y() - frame.min_.y());
-  if (missing > 0.0) {
-    frame.min_.y() -= 0.5 * missing;
-    frame.max_.y() += 0.5 * missing;
-  }
+  const Eigen::Vector2d missing =
+      (kLeastSize / frame.pixels_per_m_ - (frame.max_ - frame.min_).array()).max(0.0);
+  frame.min_ -= 0.5 * missing;
+  frame.max_ += 0.5 * missing;
   frame.size_ = (frame.max_ - frame.min_) * frame.pixels_per_m_;
   frame.step_m_ = NiceStep(80.0 / frame.pixels_per_m_);
   double label = 0.0;
@@ -92,18 +91,6 @@ void MapFrame::DrawScaleBar(const Eigen::Vector2d& left, Svg* svg) const {
   svg->Line(left - cap, left + cap, bar);
   svg->Line(right - cap, right + cap, bar);
   svg->Text(right + Eigen::Vector2d(8.0, 4.0), fmt::format("{:g} m", length_m), {.size = 12.0});
-}
-
-void DrawTitles(
-    const std::string& title, const std::string& subtitle, double left, double width, Svg* svg) {
-  constexpr double kTitle = 18.0;
-  constexpr double kSubtitle = 12.0;
-  svg->Text({left, 26.0},
-            Svg::Shortened(title, kTitle, width, true),
-            {.size = kTitle, .fill = palette::kInk, .bold = true});
-  svg->Text({left, 46.0},
-            Svg::Shortened(subtitle, kSubtitle, width),
-            {.size = kSubtitle, .fill = palette::kNote});
 }
 
 double BelowMap(const MapFrame& frame, const Legend& legend) {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "tools/plot/legend.h"
 #include "tools/plot/svg.h"
@@ -52,10 +53,6 @@ Svg StartMapPage(const MapPage& page, const MapFrame& frame, const Legend& legen
 
 /// Where the part below the frame of such a page begins. [px]
 double BelowMap(const MapFrame& frame, const Legend& legend);
-
-/// Title and subtitle at the head of any picture, 64 px high.
-void DrawTitles(
-    const std::string& title, const std::string& subtitle, double left, double width, Svg* svg);
 
 /// A line that keeps points at least `least` pixels apart, and its end.
 std::vector<Eigen::Vector2d> Thinned(std::span<const Eigen::Vector2d> points, double least);

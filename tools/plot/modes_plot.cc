@@ -57,9 +57,7 @@ class ModesPlot {
     const std::size_t rows = (Panels() + kPanelsPerRow - 1) / kPanelsPerRow;
     return 40.0 + static_cast<double>(rows) * (kPanel + kPanelCaption);
   }
-  bool HasTable() const {
-    return !group_.chain.uniform() && group_.chain.states() <= kMostStates;
-  }
+  bool HasTable() const { return !group_.chain.uniform() && group_.chain.states() <= kMostStates; }
   double TableHeight() const {
     return 56.0 + (HasTable() ? kRow * (group_.chain.states() + 1) : kRow);
   }
@@ -83,7 +81,8 @@ void ModesPlot::DrawRates(Svg* svg) const {
     for (Eigen::Index to = 1; to < rates.cols(); ++to) {
       if (from == to || !(rates(from, to) > 0.01 * largest)) continue;
       const auto at = [&](Eigen::Index state) {
-        return layer_.frame().Pixel(group_.modes[static_cast<std::size_t>(state) - 1].p_map_landmark);
+        return layer_.frame().Pixel(
+            group_.modes[static_cast<std::size_t>(state) - 1].p_map_landmark);
       };
       const Eigen::Vector2d span = at(to) - at(from);
       constexpr double kClear = 12.0;
@@ -155,9 +154,8 @@ void ModesPlot::DrawPanels(double top, Svg* svg) const {
   for (std::size_t i = 0; i < Panels(); ++i) {
     const auto row = static_cast<double>(i / kPanelsPerRow);
     const auto column = static_cast<double>(i % kPanelsPerRow);
-    DrawPanel(i,
-              {left + column * (kPanel + 16.0), top + 32.0 + row * (kPanel + kPanelCaption)},
-              svg);
+    DrawPanel(
+        i, {left + column * (kPanel + 16.0), top + 32.0 + row * (kPanel + kPanelCaption)}, svg);
   }
 }
 
@@ -184,9 +182,8 @@ void ModesPlot::DrawTable(double top, Svg* svg) const {
   cell.anchor = SvgAnchor::kEnd;
   svg->Text({left, top + 42.0}, "from \\ to", note);
   for (Eigen::Index to = 0; to < chain.states(); ++to) {
-    svg->Text({left + kColumn * static_cast<double>(to + 2), top + 42.0},
-              StateName(group_, to),
-              head);
+    svg->Text(
+        {left + kColumn * static_cast<double>(to + 2), top + 42.0}, StateName(group_, to), head);
   }
   for (Eigen::Index from = 0; from < chain.states(); ++from) {
     const double y = top + 42.0 + kRow * static_cast<double>(from + 1);
@@ -218,9 +215,8 @@ std::string ModesPlot::Draw() const {
                             Svg::Shortened(group_.signature.text(), 18.0, 400.0, true),
                             map_.area(),
                             map_.version().value()),
-       .subtitle = fmt::format("probabilities at {} UTC · {} modes",
-                               FormatUtc(map_.stamp()),
-                               group_.modes.size()),
+       .subtitle = fmt::format(
+           "probabilities at {} UTC · {} modes", FormatUtc(map_.stamp()), group_.modes.size()),
        .below = PanelsHeight() + TableHeight(),
        .least_width = 1092.0},
       layer_.frame(),
