@@ -86,9 +86,7 @@ std::string CheckPlot(const PlotArguments& arguments) {
   const Kind& kind = KindNamed(arguments.what);
   const std::size_t count = arguments.subjects.size();
   if (count < kind.least || count > kind.most) {
-    return kind.most == 0
-               ? fmt::format("plot {}: unexpected '{}'", kind.name, arguments.subjects[0])
-               : fmt::format("plot {}: expected {}", kind.name, kind.subjects);
+    return fmt::format("plot {}: expected {}, got {} words", kind.name, kind.subjects, count);
   }
   if (arguments.what == "diff" && !AreVersions(arguments.subjects)) {
     return fmt::format("plot diff: expected {}", kind.subjects);

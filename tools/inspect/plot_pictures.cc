@@ -8,6 +8,7 @@
 
 #include "localizer/monitor/scan_innovations.h"
 #include "mapper/chain/group_chains.h"
+#include "mapstore/core/clock.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/plot/change_plot.h"
@@ -129,7 +130,9 @@ StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& 
   if (of.known_s) options.known = StampFromSeconds(*of.known_s);
   SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory visits,
                             LoadLandmarkHistory(&store, of.area, signature, options));
-  options.track = HistoryTimes(visits, options.at.value_or(visits.stamp));
+  // Without visits, what is stated fades until now.
+  const Stamp end = visits.visits.empty() ? std::max(SystemNow(), visits.stamp) : visits.stamp;
+  options.track = HistoryTimes(visits, options.at.value_or(end));
   SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
                             LoadLandmarkHistory(&store, of.area, signature, options));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(of.area));

@@ -188,8 +188,9 @@ void ChangePlot::DrawLabels(Svg* svg) const {
   LabelPlacer placer(frame.corner(), frame.corner() + frame.size());
   for (const MapChange& change : changes_.changes) {
     placer.Occupy(frame.Pixel(change.p_to), 7.0);
-    placer.Occupy(Start(change), 4.0);
+    placer.OccupyLine(Start(change), frame.Pixel(change.p_to), 5.0);
   }
+  const bool few = changes_.changes.size() <= kMostLabels;
   std::size_t labels = 0;
   for (const MapChange& change : changes_.changes) {
     if (++labels > kMostLabels) break;
@@ -197,7 +198,7 @@ void ChangePlot::DrawLabels(Svg* svg) const {
     const double name_width = Svg::TextWidth(name, kLabelSize, true) + 4.0;
     const double width = name_width + Svg::TextWidth(change.detail, kLabelSize);
     const Eigen::Vector2d point = frame.Pixel(change.p_to);
-    const auto at = placer.Place(point, 9.0, {width, kLabelSize}, kRings);
+    const auto at = placer.Place(point, 9.0, {width, kLabelSize}, few ? kRings : 1);
     if (!at) continue;
     const Eigen::Vector2d anchor(std::clamp(point.x(), at->x(), at->x() + width),
                                  std::clamp(point.y(), at->y() - kLabelSize, at->y()));
@@ -295,7 +296,7 @@ std::string PlotNight(const MapSnapshot& map, const Night& night) {
                                 : std::string("the first version");
   return plot.Draw(
       {.title = fmt::format("{} · version {} · {}", map.area(), map.version().value(), since),
-       .subtitle = fmt::format("probabilities at {} UTC · {} landmarks · {} runs mapped",
+       .subtitle = fmt::format("probabilities at {} UTC · {} landmarks · runs mapped: {}",
                                MinuteText(map.stamp()),
                                map.groups().size(),
                                night.mapped.size())},

@@ -66,10 +66,10 @@ void DrawChartFrame(const ChartAxis& x, const ChartAxis& y, Svg* svg) {
   }
   SvgText row_label = label;
   row_label.anchor = SvgAnchor::kEnd;
-  for (const Tick& tick : TicksOf(y, TickCount(y, 34.0))) {
+  for (const Tick& tick : y.ticks ? TicksOf(y, TickCount(y, 34.0)) : std::vector<Tick>()) {
     const double py = y.Pixel(tick.value);
     svg->Line({x.pixel_min, py}, {x.pixel_max, py}, grid);
-    if (y.ticks) svg->Text({x.pixel_min - 6.0, py + 4.0}, tick.label, row_label);
+    svg->Text({x.pixel_min - 6.0, py + 4.0}, tick.label, row_label);
   }
   svg->Rect({x.pixel_min, y.pixel_max},
             {x.pixel_max - x.pixel_min, bottom - y.pixel_max},

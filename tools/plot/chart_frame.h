@@ -20,7 +20,7 @@ struct ChartAxis {
   double max = 1.0;  ///< Above `min`.
   double pixel_min = 0.0;
   double pixel_max = 1.0;
-  bool ticks = true;  ///< False: a grid without numbers and label, above another chart.
+  bool ticks = true;  ///< False, of x: a grid without numbers, above another chart; of y: neither.
 
   /// The pixel of a value; values beyond the ends of the axis lie at its ends.
   double Pixel(double value) const;

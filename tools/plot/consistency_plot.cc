@@ -94,7 +94,10 @@ class ConsistencyPlot {
  public:
   ConsistencyPlot(const std::vector<ScanInnovations>& scans,
                   const std::optional<std::vector<StampedPose>>& truth)
-      : scans_(WithInnovations(scans)), windows_(Windows(scans_)), has_truth_(truth.has_value()) {
+      : scans_(WithInnovations(scans)),
+        windows_(Windows(scans_)),
+        has_truth_(truth.has_value()),
+        first_(scans.front().stamp) {
     if (truth) errors_ = Errors(scans, *truth);
     time_ = {.label = "time (UTC)",
              .scale = AxisScale::kTime,
@@ -125,6 +128,7 @@ class ConsistencyPlot {
   std::vector<ScanInnovations> scans_;
   std::vector<Window> windows_;
   bool has_truth_;
+  Stamp first_;  // Of all scans.
   std::vector<Error> errors_;
   ChartAxis time_;
 };
@@ -309,13 +313,12 @@ std::string ConsistencyPlot::Draw(const std::string& name) const {
   const double legend_top = kTop - 20.0;
   const double histogram_top = legend_top + legend.height() + 50.0;
   Svg svg(width, std::max(charts, scans_.empty() ? histogram_top : histogram_top + kHistogram));
-  DrawTitles(fmt::format("{} · consistency", Svg::Shortened(name, 18.0, 600.0, true)),
-             fmt::format("{} scans with observations, from {} UTC",
-                         scans_.size(),
-                         FormatUtc(StampFromSeconds(time_.min))),
-             kEdge,
-             width - 2.0 * kEdge,
-             &svg);
+  DrawTitles(
+      fmt::format("{} · consistency", Svg::Shortened(name, 18.0, 600.0, true)),
+      fmt::format("{} scans with observations, from {} UTC", scans_.size(), FormatUtc(first_)),
+      kEdge,
+      width - 2.0 * kEdge,
+      &svg);
   legend.Draw({column, legend_top}, &svg);
   DrawNis(&svg);
   if (nees) DrawNees(kTop + kHeight + kBetween, &svg);

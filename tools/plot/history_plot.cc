@@ -24,6 +24,7 @@ constexpr double kLeft = 78.0;
 constexpr double kWidth = 740.0;
 constexpr double kTop = 96.0;
 constexpr double kHeight = 260.0;
+constexpr double kVersions = 20.0;  // For the names of versions.
 constexpr double kRow = 22.0;
 constexpr double kBottom = 52.0;
 constexpr double kEdge = 12.0;
@@ -82,7 +83,7 @@ class HistoryPlot {
   std::vector<ModeNumber> modes_;  // kAbsent last.
   ChartAxis time_;
   ChartAxis probability_;
-  double rows_top_ = kTop + kHeight + 14.0;
+  double rows_top_ = kTop + kHeight + kVersions;
 };
 
 void HistoryPlot::FindModes() {
@@ -186,14 +187,14 @@ void HistoryPlot::DrawVersions(Svg* svg) const {
     const double at_s = ToSecondsSinceEpoch(version.stamp);
     if (!(at_s >= time_.min && at_s <= time_.max)) continue;
     const double x = time_.Pixel(at_s);
-    svg->Line({x, kTop},
-              {x, RowsBottom()},
-              {.stroke = palette::kInk, .stroke_width = 1.0, .opacity = 0.6, .dash = "3 3"});
+    const SvgStyle line{.stroke = palette::kInk, .opacity = 0.6, .dash = "3 3"};
+    svg->Line({x, kTop}, {x, kTop + kHeight}, line);
+    svg->Line({x, rows_top_}, {x, RowsBottom()}, line);
     const std::string label = fmt::format("v{}", version.version.value());
     const double width = Svg::TextWidth(label, 10.0);
     if (x - 0.5 * width < last_label + 4.0) continue;
     last_label = x + 0.5 * width;
-    svg->Text({x, kTop - 4.0},
+    svg->Text({x, kTop + kHeight + 14.0},
               label,
               {.size = 10.0, .fill = palette::kText, .anchor = SvgAnchor::kMiddle});
   }
@@ -266,14 +267,14 @@ std::string HistoryPlot::Draw() const {
       &svg);
   ChartAxis upper = time_;
   upper.ticks = false;
-  DrawProbabilities(&svg);
   DrawChartFrame(upper, probability_, &svg);
+  DrawProbabilities(&svg);
   DrawChartFrame(
       time_,
       {.min = 0.0, .max = 1.0, .pixel_min = RowsBottom(), .pixel_max = rows_top_, .ticks = false},
       &svg);
-  DrawVisits(&svg);
   DrawVersions(&svg);
+  DrawVisits(&svg);
   legend.Draw({column, kTop - 20.0}, &svg);
   return svg.ToString();
 }
@@ -282,7 +283,7 @@ std::string HistoryPlot::Draw() const {
 
 std::vector<Stamp> HistoryTimes(const LandmarkHistory& history, Stamp end) {
   std::vector<Stamp> times;
-  Stamp first = end;
+  Stamp first = std::min(history.stamp, end);
   for (const HistoryVisit& visit : history.visits) {
     first = std::min(first, visit.begin);
     end = std::max(end, visit.end);

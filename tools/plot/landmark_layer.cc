@@ -284,9 +284,8 @@ bool LandmarkLayer::Label(const LandmarkGroup& group,
   return true;
 }
 
-void LandmarkLayer::DrawLabels(Svg* svg) const {
+void LandmarkLayer::DrawLabels(LabelPlacer placer, Svg* svg) const {
   if (many_) return;
-  LabelPlacer placer = MakePlacer();
   for (const bool main : {true, false}) {
     for (const LandmarkGroup& group : content_.groups) {
       for (std::size_t i = 0; i < group.modes.size(); ++i) {

@@ -50,7 +50,8 @@ class LandmarkLayer {
 
   /// Signature, number and probability of the main mode of every landmark that has room for it;
   /// number and probability of the others.
-  void DrawLabels(Svg* svg) const;
+  /// @param placer  Of MakePlacer(), and what else labels are to keep clear of.
+  void DrawLabels(LabelPlacer placer, Svg* svg) const;
 
   /// A placer within the frame that keeps clear of all modes.
   LabelPlacer MakePlacer() const;

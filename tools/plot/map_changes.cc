@@ -35,7 +35,8 @@ double ProbabilityOf(const LandmarkGroup& group, ModeNumber number) {
 
 class Finder {
  public:
-  Finder(const MapContent& from, const MapContent& to) : from_(BySignature(from)), to_(BySignature(to)) {}
+  Finder(const MapContent& from, const MapContent& to)
+      : from_(BySignature(from)), to_(BySignature(to)) {}
 
   MapChanges Find(const MapDiff& diff) {
     for (const Signature& signature : diff.groups_added) {

@@ -27,7 +27,7 @@ std::string PlotMap(const MapSnapshot& map,
                    legend);
   run_layer.Draw(landmarks.frame(), &svg);
   landmarks.Draw(1.0, &svg);
-  landmarks.DrawLabels(&svg);
+  landmarks.DrawLabels(landmarks.MakePlacer(), &svg);
   return svg.ToString();
 }
 

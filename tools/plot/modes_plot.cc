@@ -16,11 +16,13 @@ namespace shiftmap {
 namespace {
 
 constexpr double kPanel = 190.0;
+constexpr double kPanelGap = 16.0;
 constexpr double kPanelCaption = 52.0;
 constexpr std::size_t kPanelsPerRow = 5;
 constexpr std::size_t kMostPanels = 15;
 constexpr Eigen::Index kMostStates = 7;  // Of the table of rates.
 constexpr double kRow = 20.0;
+constexpr double kColumn = 92.0;
 
 // The mean time between events of a rate, to read.
 std::string Every(double rate_per_s) {
@@ -61,7 +63,9 @@ class ModesPlot {
   double TableHeight() const {
     return 56.0 + (HasTable() ? kRow * (group_.chain.states() + 1) : kRow);
   }
-  void DrawRates(Svg* svg) const;
+  // Labels are to keep clear of the arrows.
+  void DrawRates(LabelPlacer* placer, Svg* svg) const;
+  double LeastWidth() const;
   void DrawPanels(double top, Svg* svg) const;
   void DrawPanel(std::size_t mode, const Eigen::Vector2d& corner, Svg* svg) const;
   void DrawTable(double top, Svg* svg) const;
@@ -73,7 +77,7 @@ class ModesPlot {
 };
 
 // Arrows between modes, of both directions next to each other; the wider, the higher the rate.
-void ModesPlot::DrawRates(Svg* svg) const {
+void ModesPlot::DrawRates(LabelPlacer* placer, Svg* svg) const {
   const Eigen::MatrixXd& rates = group_.chain.rate_matrix();
   const double largest = rates.maxCoeff();
   if (!(largest > 0.0) || layer_.many()) return;
@@ -89,8 +93,11 @@ void ModesPlot::DrawRates(Svg* svg) const {
       if (span.norm() < 3.0 * kClear) continue;
       const Eigen::Vector2d along = span.normalized();
       const Eigen::Vector2d shift = 3.0 * Eigen::Vector2d(-along.y(), along.x());
-      svg->Arrow(at(from) + kClear * along + shift,
-                 at(to) - kClear * along + shift,
+      const Eigen::Vector2d start = at(from) + kClear * along + shift;
+      const Eigen::Vector2d end = at(to) - kClear * along + shift;
+      placer->OccupyLine(start, end, 6.0);
+      svg->Arrow(start,
+                 end,
                  8.0,
                  {.stroke = palette::kOrange,
                   .stroke_width = 0.8 + 1.7 * rates(from, to) / largest,
@@ -154,8 +161,9 @@ void ModesPlot::DrawPanels(double top, Svg* svg) const {
   for (std::size_t i = 0; i < Panels(); ++i) {
     const auto row = static_cast<double>(i / kPanelsPerRow);
     const auto column = static_cast<double>(i % kPanelsPerRow);
-    DrawPanel(
-        i, {left + column * (kPanel + 16.0), top + 32.0 + row * (kPanel + kPanelCaption)}, svg);
+    DrawPanel(i,
+              {left + column * (kPanel + kPanelGap), top + 32.0 + row * (kPanel + kPanelCaption)},
+              svg);
   }
 }
 
@@ -174,7 +182,6 @@ void ModesPlot::DrawTable(double top, Svg* svg) const {
               note);
     return;
   }
-  constexpr double kColumn = 92.0;
   SvgText head = note;
   head.bold = true;
   head.anchor = SvgAnchor::kEnd;
@@ -200,6 +207,13 @@ void ModesPlot::DrawTable(double top, Svg* svg) const {
   }
 }
 
+double ModesPlot::LeastWidth() const {
+  const std::size_t panels = std::min(Panels(), kPanelsPerRow);
+  const double row = static_cast<double>(panels) * (kPanel + kPanelGap);
+  const double table = HasTable() ? kColumn * (group_.chain.states() + 1) + 180.0 : 560.0;
+  return layer_.frame().corner().x() + std::max(row, table) + 12.0;
+}
+
 std::string ModesPlot::Draw() const {
   Legend legend;
   layer_.AddTo(&legend);
@@ -218,12 +232,13 @@ std::string ModesPlot::Draw() const {
        .subtitle = fmt::format(
            "probabilities at {} UTC · {} modes", FormatUtc(map_.stamp()), group_.modes.size()),
        .below = PanelsHeight() + TableHeight(),
-       .least_width = 1092.0},
+       .least_width = LeastWidth()},
       layer_.frame(),
       legend);
-  DrawRates(&svg);
+  LabelPlacer placer = layer_.MakePlacer();
+  DrawRates(&placer, &svg);
   layer_.Draw(1.0, &svg);
-  layer_.DrawLabels(&svg);
+  layer_.DrawLabels(std::move(placer), &svg);
   const double top = BelowMap(layer_.frame(), legend);
   DrawPanels(top, &svg);
   DrawTable(top + PanelsHeight(), &svg);

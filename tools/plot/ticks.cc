@@ -41,6 +41,7 @@ constexpr double kSteps[] = {1.0,
                              12.0 * kHourS,
                              kDayS,
                              2.0 * kDayS,
+                             4.0 * kDayS,
                              7.0 * kDayS,
                              14.0 * kDayS};
 constexpr int kMonthSteps[] = {1, 2, 3, 6, 12, 24, 60, 120, 240, 600};

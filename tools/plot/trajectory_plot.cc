@@ -119,7 +119,7 @@ StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
   const MapFrame& frame = landmarks.frame();
   Svg svg = StartMapPage(
       {.title = fmt::format("{} · version {} · trajectories", map.area(), map.version().value()),
-       .subtitle = fmt::format("{} landmarks · {} trajectories{}",
+       .subtitle = fmt::format("{} landmarks · trajectories: {}{}",
                                map.groups().size(),
                                estimates.size(),
                                truth ? ", and the truth" : ""),
