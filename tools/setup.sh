@@ -13,8 +13,6 @@ packages=(
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
   clang-format libbenchmark-dev libgmock-dev libgtest-dev python3
-  # Pictures
-  librsvg2-bin
 )
 [[ ${1:-} != fuzz ]] || packages+=(clang libclang-rt-14-dev)
 

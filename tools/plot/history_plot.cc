@@ -284,10 +284,14 @@ std::string HistoryPlot::Draw() const {
 std::vector<Stamp> HistoryTimes(const LandmarkHistory& history, Stamp end) {
   std::vector<Stamp> times;
   Stamp first = std::min(history.stamp, end);
+  Stamp last = first;
   for (const HistoryVisit& visit : history.visits) {
     first = std::min(first, visit.begin);
-    end = std::max(end, visit.end);
+    last = std::max(last, visit.end);
   }
+  // A little farther than the last visit, so that its outcome has a width.
+  const double visited_s = ToSecondsSinceEpoch(last) - ToSecondsSinceEpoch(first);
+  end = std::max(end, last + FromSeconds(0.04 * visited_s));
   if (history.visits.size() <= kMostVisitTimes) {
     for (const HistoryVisit& visit : history.visits) {
       times.push_back(visit.begin);

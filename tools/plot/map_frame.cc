@@ -26,6 +26,16 @@ Eigen::Vector2d Bounded(const Eigen::Vector2d& p) {
   return p.cwiseMax(-kFarthest_m).cwiseMin(kFarthest_m);
 }
 
+// Of a point from the line between two others.
+double DistanceToLine(const Eigen::Vector2d& p,
+                      const Eigen::Vector2d& from,
+                      const Eigen::Vector2d& to) {
+  const Eigen::Vector2d line = to - from;
+  const double length = line.squaredNorm();
+  const double share = length > 0.0 ? std::clamp((p - from).dot(line) / length, 0.0, 1.0) : 0.0;
+  return (p - from - share * line).norm();
+}
+
 }  // namespace
 
 MapFrame MapFrame::Around(std::span<const Eigen::Vector2d> points) {
@@ -111,13 +121,32 @@ Svg StartMapPage(const MapPage& page, const MapFrame& frame, const Legend& legen
   return svg;
 }
 
-std::vector<Eigen::Vector2d> Thinned(std::span<const Eigen::Vector2d> points, double least) {
-  std::vector<Eigen::Vector2d> kept;
-  for (const Eigen::Vector2d& p : points) {
-    if (kept.empty() || (p - kept.back()).norm() >= least) kept.push_back(p);
+std::vector<Eigen::Vector2d> Thinned(std::span<const Eigen::Vector2d> points, double tolerance) {
+  if (points.empty()) return {};
+  std::vector<bool> kept(points.size(), false);
+  kept.front() = kept.back() = true;
+  std::vector<std::pair<std::size_t, std::size_t>> open = {{0, points.size() - 1}};
+  while (!open.empty()) {
+    const auto [first, last] = open.back();
+    open.pop_back();
+    double farthest = tolerance;
+    std::size_t split = first;
+    for (std::size_t i = first + 1; i < last; ++i) {
+      const double distance = DistanceToLine(points[i], points[first], points[last]);
+      if (distance <= farthest) continue;
+      farthest = distance;
+      split = i;
+    }
+    if (split == first) continue;
+    kept[split] = true;
+    open.emplace_back(first, split);
+    open.emplace_back(split, last);
   }
-  if (!points.empty() && kept.back() != points.back()) kept.push_back(points.back());
-  return kept;
+  std::vector<Eigen::Vector2d> thinned;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (kept[i]) thinned.push_back(points[i]);
+  }
+  return thinned;
 }
 
 }  // namespace shiftmap

@@ -54,7 +54,8 @@ Svg StartMapPage(const MapPage& page, const MapFrame& frame, const Legend& legen
 /// Where the part below the frame of such a page begins. [px]
 double BelowMap(const MapFrame& frame, const Legend& legend);
 
-/// A line that keeps points at least `least` pixels apart, and its end.
-std::vector<Eigen::Vector2d> Thinned(std::span<const Eigen::Vector2d> points, double least);
+/// The points of a line without which it would be off by more than `tolerance` somewhere (Douglas
+/// and Peucker, Cartographica 10(2), 1973).
+std::vector<Eigen::Vector2d> Thinned(std::span<const Eigen::Vector2d> points, double tolerance);
 
 }  // namespace shiftmap

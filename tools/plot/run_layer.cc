@@ -13,6 +13,8 @@ namespace {
 
 constexpr std::size_t kColored = palette::kRuns.size();
 constexpr const char* kEarlier = "#B5B5B5";
+// Off by half a pixel, and more where there are more points than these.
+constexpr double kTolerance = 0.5;
 constexpr std::size_t kMostPoints = 40'000;
 
 // Index of the first run that has a colour.
@@ -40,12 +42,12 @@ void AppendPositions(const std::vector<StampedPose>& trajectory,
 void DrawTrajectory(const std::vector<StampedPose>& trajectory,
                     const MapFrame& frame,
                     const SvgStyle& style,
-                    double least,
+                    double tolerance,
                     Svg* svg) {
   std::vector<Eigen::Vector2d> points;
   AppendPositions(trajectory, &points);
   for (Eigen::Vector2d& p : points) p = frame.Pixel(p);
-  points = Thinned(points, least);
+  points = Thinned(points, tolerance);
   if (points.size() > 1) svg->Polyline(points, style);
 }
 
@@ -59,12 +61,12 @@ std::vector<Eigen::Vector2d> RunLayer::Positions() const {
 
 void RunLayer::Draw(const MapFrame& frame, Svg* svg) const {
   const std::size_t points = Positions().size();
-  const double least = std::max(1.0, static_cast<double>(points) / kMostPoints);
+  const double tolerance = kTolerance * std::max(1.0, static_cast<double>(points) / kMostPoints);
   for (const RunRecord& run : earlier_) {
     DrawTrajectory(run.trajectory,
                    frame,
                    {.stroke = kEarlier, .stroke_width = 1.0, .opacity = 0.5},
-                   least,
+                   tolerance,
                    svg);
   }
   for (std::size_t r = 0; r < runs_.size(); ++r) {
@@ -75,7 +77,7 @@ void RunLayer::Draw(const MapFrame& frame, Svg* svg) const {
         {.stroke = colored ? palette::Cycle(palette::kRuns, r - FirstColored(runs_)) : kEarlier,
          .stroke_width = 1.4,
          .opacity = 0.7},
-        least,
+        tolerance,
         svg);
   }
 }

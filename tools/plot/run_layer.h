@@ -17,11 +17,11 @@ namespace shiftmap {
 void AppendPositions(const std::vector<StampedPose>& trajectory,
                      std::vector<Eigen::Vector2d>* points);
 
-/// A trajectory in a map, with points that are `least` pixels apart.
+/// A trajectory in a map, off by `tolerance` pixels at most.
 void DrawTrajectory(const std::vector<StampedPose>& trajectory,
                     const MapFrame& frame,
                     const SvgStyle& style,
-                    double least,
+                    double tolerance,
                     Svg* svg);
 
 /// The trajectories of runs: the newest in colours, the others and those of ancestors in grey. All

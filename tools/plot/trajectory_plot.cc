@@ -17,7 +17,9 @@ namespace {
 constexpr double kChartTop = 40.0;
 constexpr double kChartHeight = 190.0;
 constexpr double kChartBottom = 56.0;
-constexpr double kMaxGapS = 1.0;  // Of the truth: TrajectoryErrorOptions::max_gap_s.
+constexpr double kMaxGapS = 1.0;    // Of the truth: TrajectoryErrorOptions::max_gap_s.
+constexpr double kTolerance = 0.3;  // Of a drawn trajectory. [px]
+constexpr double kBreakS = 10.0;    // A longer gap is no line.
 constexpr const char* kTruthColor = palette::kInk;
 
 const char* ColorOf(std::size_t estimate) { return palette::Cycle(palette::kRuns, estimate); }
@@ -72,10 +74,17 @@ void DrawErrors(
                     .pixel_max = top + kChartTop};
   DrawChartFrame(x, y, svg);
   for (std::size_t i = 0; i < lines.size(); ++i) {
+    const std::vector<Eigen::Vector2d>& points = lines[i].points;
     std::vector<Eigen::Vector2d> pixels;
-    for (const Eigen::Vector2d& p : lines[i].points)
-      pixels.emplace_back(x.Pixel(p.x()), y.Pixel(p.y()));
-    svg->Polyline(Condensed(pixels), {.stroke = ColorOf(i), .stroke_width = 1.3});
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      pixels.emplace_back(x.Pixel(points[k].x()), y.Pixel(points[k].y()));
+      const bool ends = k + 1 == points.size() || points[k + 1].x() > points[k].x() + kBreakS;
+      if (!ends) continue;
+      if (pixels.size() > 1) {
+        svg->Polyline(Condensed(pixels), {.stroke = ColorOf(i), .stroke_width = 1.3});
+      }
+      pixels.clear();
+    }
   }
 }
 
@@ -131,14 +140,14 @@ StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
     DrawTrajectory(truth->poses,
                    frame,
                    {.stroke = kTruthColor, .stroke_width = 1.6, .dash = "5 3"},
-                   1.0,
+                   kTolerance,
                    &svg);
   }
   for (std::size_t i = 0; i < estimates.size(); ++i) {
     DrawTrajectory(estimates[i].poses,
                    frame,
                    {.stroke = ColorOf(i), .stroke_width = 1.5, .opacity = 0.85},
-                   1.0,
+                   kTolerance,
                    &svg);
   }
   if (!errors.empty()) {
