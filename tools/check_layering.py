@@ -23,6 +23,7 @@ CONFINED = [
     (re.compile(r"^absl/"), re.compile(r"^proto/core/status\.h$"), "proto/core/status.h"),
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (re.compile(r"^microhttpd\.h$"), re.compile(r"^tools/view/view_server\.cc$"), "tools/view/view_server.cc"),
+    (re.compile(r"^cairo\.h$|^librsvg/"), re.compile(r"^tools/plot/png\.cc$"), "tools/plot/png.cc"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (re.compile(r"^pybind11/"), re.compile(r"^tools/python/"), "tools/python"),
 ]

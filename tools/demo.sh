@@ -45,9 +45,7 @@ echo "== How far that is from the truth: the trajectory, and where the landmarks
 
 echo
 echo "== The picture"
-"$bin/shiftmap-inspect" plot map --store "$out/maps.db" --area floor --at "$at" \
-  --output "$out/map.svg"
-if command -v rsvg-convert >/dev/null; then
-  rsvg-convert --zoom 2 --output "$out/map.png" "$out/map.svg"
-  echo "$out/map.png"
-fi
+for ending in svg png; do
+  "$bin/shiftmap-inspect" plot map --store "$out/maps.db" --area floor --at "$at" \
+    --output "$out/map.$ending"
+done

@@ -17,6 +17,7 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
+#include "localizer/monitor/scan_innovations.h"
 #include "localizer/recording/shift_recorder.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
@@ -40,6 +41,7 @@ struct RunOptions {
   std::string initial_pose = "auto";
   std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
+  std::optional<std::string> nis;
   std::optional<std::string> report;
   std::optional<std::string> recording;
   bool return_report = false;
@@ -156,6 +158,7 @@ class Shift {
   const Localizer& localizer() const { return *localizer_; }
   const RunSummary& summary() const { return summary_; }
   const std::vector<StampedPose>& trajectory() const { return trajectory_; }
+  const std::vector<ScanInnovations>& innovations() const { return innovations_; }
 
  private:
   bool UsesLidar() const {
@@ -211,8 +214,17 @@ class Shift {
   void RecordPoses() {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
       trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
+      innovations_.push_back({estimate.stamp, estimate.pose});
     }
     if (recorder_ && recorded_.ok()) recorded_ = recorder_->Record(*localizer_);
+    // Of several poses at once, the last one has the innovations of all.
+    const LocalizerStatistics now = localizer_->Statistics();
+    if (!innovations_.empty()) {
+      innovations_.back().nis += now.nis_sum - nis_sum_;
+      innovations_.back().dof += 2 * (now.updates - updates_);
+    }
+    nis_sum_ = now.nis_sum;
+    updates_ = now.updates;
   }
 
   MapAt map_at_;
@@ -224,6 +236,9 @@ class Shift {
   Status recorded_;
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
+  std::vector<ScanInnovations> innovations_;
+  double nis_sum_ = 0.0;  // Of the innovations so far.
+  std::int64_t updates_ = 0;
   bool has_odometry_ = false;
   std::string run_hash_;
   std::string run_uuid_;
@@ -285,6 +300,9 @@ Status WriteResults(const RunOptions& options,
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift->trajectory(), *options.trajectory));
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
+  if (options.nis) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteScanInnovations(shift.innovations(), *options.nis));
+  }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();
 }
@@ -363,6 +381,9 @@ void AddRunCommand(Application* application) {
               &options->vehicle,
               "Name of the vehicle, for its own calibration; default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
+      .Option("--nis",
+              &options->nis,
+              "Write pose, covariance and NIS after each scan here, CSV for plot consistency")
       .Option("--report", &options->report, "Write the shift report here")
       .Option("--recording", &options->recording, "Record the shift here, MCAP that Foxglove opens")
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")

@@ -394,15 +394,32 @@ TEST_F(ShiftTest, NoTrajectoryTakesThePlaceOfAnother) {
 }
 
 TEST_F(ShiftTest, PlotIsWellFormed) {
-  Localize(kMappedShifts, {"--return"});
-  const std::string path = folder_.File("map.svg");
-  RunForJson("shiftmap-inspect", Of(store_, {"plot", "--output", path}));
-  const std::string svg = ReadFile(path);
-  EXPECT_EQ(XmlDefect(svg), "");
-  EXPECT_NE(svg.find("<svg"), std::string::npos);
-  for (const World::TrueMode& truth : week_->Modes(0)) {
-    EXPECT_NE(svg.find(truth.signature), std::string::npos) << truth.signature;
+  const std::string nis = folder_.File("nis.csv");
+  const std::string trajectory = folder_.File("shift.tum");
+  const std::string truth = week_->Truth(kMappedShifts);
+  Localize(kMappedShifts, {"--return", "--nis", nis, "--trajectory", trajectory});
+  const auto draw = [&](Arguments words) {
+    const std::string path = folder_.File(words[0] + ".svg");
+    words.insert(words.begin(), "plot");
+    words.insert(words.end(), {"--output", path});
+    RunForJson("shiftmap-inspect", Of(store_, words));
+    const std::string svg = ReadFile(path);
+    EXPECT_EQ(XmlDefect(svg), "") << words[1];
+    return svg;
+  };
+  const std::string map = draw({"map"});
+  const std::string rates = draw({"rates"});
+  for (const World::TrueMode& mode : week_->Modes(0)) {
+    EXPECT_NE(map.find(mode.signature), std::string::npos) << mode.signature;
+    EXPECT_NE(rates.find(mode.signature), std::string::npos) << mode.signature;
   }
+  draw({"night"});
+  draw({"modes", week_->Modes(0)[0].signature});
+  EXPECT_NE(draw({"history", week_->Modes(0)[0].signature}).find("mode 1"), std::string::npos);
+  EXPECT_NE(draw({"trajectory", trajectory, "--truth", truth, "--align"}).find("rmse 0."),
+            std::string::npos);
+  EXPECT_NE(draw({"consistency", nis, "--truth", truth, "--align"}).find("NEES"),
+            std::string::npos);
 }
 
 }  // namespace

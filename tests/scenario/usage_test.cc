@@ -184,7 +184,7 @@ TEST(UsageTest, ValuesThatDoNotFit) {
   expect("shiftmap-localizer", {"run", "--alpha", "2", "x.mcap"}, "--alpha");
   expect("shiftmap-inspect", {"show", "--at", "noon"}, "--at");
   expect("shiftmap-inspect", {"export", "--output", "x"}, "--geojson");
-  expect("shiftmap-inspect", {"plot", "weather", "--output", "x"}, "weather");
+  expect("shiftmap-inspect", {"plot", "weather", "--output", "x.svg"}, "weather");
   ExpectError("shiftmap-localizer", {"run", "--area", "a", "x.mcap"}, kUsage, "--store");
   ExpectError("shiftmap-localizer",
               {"run", "--area", "a", "--snapshot", "s", "--return", "x.mcap"},
@@ -232,7 +232,7 @@ TEST_F(OutputTest, DryRunWritesNothing) {
   const std::string report = folder_.File("shift.report");
   RunForJson("shiftmap-localizer", OfMap({"run", "--report", report, world_.Log(1)}));
   const auto before = Contents(folder_.path());
-  const std::string out = folder_.File("out");
+  const std::string out = folder_.File("out.svg");
   const std::vector<std::pair<std::string, Arguments>> commands = {
       {"shiftmap-mapper", OfMap({"build", "--trajectories", out, world_.Log(1)})},
       {"shiftmap-mapper", OfMap({"import", folder_.File("survey.csv")})},
@@ -274,7 +274,7 @@ TEST_F(OutputTest, FolderThatCannotBeWrittenToIsTemporary) {
   if (RunCommand("shiftmap-inspect", OfMap({"show"}), nobody).exit_code != 0) {
     GTEST_SKIP() << "another user cannot run the programs from here";
   }
-  const std::string out = folder_.File("out");
+  const std::string out = folder_.File("out.svg");
   const auto expect = [&](const std::string& program, const Arguments& words, const auto& object) {
     ExpectError(program, words, kTemporary, object, nobody);
   };
@@ -298,7 +298,7 @@ TEST_F(OutputTest, FolderThatCannotBeWrittenToIsTemporary) {
 
 TEST_F(OutputTest, FolderThatDoesNotExistIsNotFound) {
   constexpr int kNotFound = 6;
-  const std::string out = folder_.File("no/such/file");
+  const std::string out = folder_.File("no/such/file.svg");
   ExpectError(
       "shiftmap-localizer", OfMap({"run", "--trajectory", out, world_.Log(1)}), kNotFound, out);
   ExpectError("shiftmap-localizer", OfMap({"run", "--report", out, world_.Log(1)}), kNotFound, out);
@@ -325,7 +325,7 @@ TEST_F(OutputTest, FileInThePlaceOfAFolderIsBadInput) {
 // What a vehicle has learned must not be lost to a full disk that nobody noticed.
 TEST_F(OutputTest, FullDisk) {
   const CommandResult result =
-      RunCommand("shiftmap-inspect", OfMap({"plot", "--output", "/dev/full"}));
+      RunCommand("shiftmap-inspect", OfMap({"export", "--csv", "--output", "/dev/full"}));
   EXPECT_NE(result.exit_code, 0);
   EXPECT_EQ(CountLines(result.err), 1) << result.err;
 }

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "tools/plot/svg.h"
+#include "tools/plot/ticks.h"
 
 namespace shiftmap {
 namespace {
@@ -173,30 +174,6 @@ void DrawLegend(const Chart& chart, Svg* svg) {
 }
 
 }  // namespace
-
-std::vector<double> LinearTicks(double min, double max, int count) {
-  const double raw = (max - min) / count;
-  const double power = std::pow(10.0, std::floor(std::log10(raw)));
-  double step = 10.0 * power;
-  for (const double factor : {5.0, 2.0, 1.0}) {
-    if (factor * power >= raw) step = factor * power;
-  }
-  std::vector<double> ticks;
-  // Ticks are multiples of the step, so that zero is zero.
-  for (double k = std::ceil(min / step - 1e-9); k * step <= max + 1e-9 * step; ++k) {
-    ticks.push_back(k == 0.0 ? 0.0 : k * step);
-  }
-  return ticks;
-}
-
-std::vector<double> LogTicks(double min, double max) {
-  std::vector<double> ticks;
-  const double last = std::floor(std::log10(max) + 1e-9);
-  for (double k = std::ceil(std::log10(min) - 1e-9); k <= last; ++k) {
-    ticks.push_back(std::pow(10.0, k));
-  }
-  return ticks;
-}
 
 ChartSeries& SeriesNamed(const std::string& name, Chart* chart) {
   for (ChartSeries& series : chart->series) {

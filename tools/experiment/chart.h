@@ -33,11 +33,4 @@ ChartSeries& SeriesNamed(const std::string& name, Chart* chart);
 /// The chart as an SVG document.
 std::string DrawChart(const Chart& chart);
 
-/// Where an axis that shows [min, max] has its ticks: multiples of 1, 2 or 5 times a power of ten,
-/// about `count` of them, all within [min, max].
-std::vector<double> LinearTicks(double min, double max, int count);
-
-/// Powers of ten within [min, max], 0 < min.
-std::vector<double> LogTicks(double min, double max);
-
 }  // namespace shiftmap

@@ -8,24 +8,17 @@ namespace shiftmap {
 /// Adds the commands of shiftmap-inspect.
 void AddInspectCommands(Application* application);
 
-// The same by what they are about. Those of the last three write.
-void AddListCommands(Application* application);    ///< areas, versions, sightings, config
-void AddLedgerCommands(Application* application);  ///< reports, audit
-void AddMapCommands(
-    Application* application);  ///< show, vehicles, and those of AddLandmarkCommands
-void AddLandmarkCommands(Application* application);  ///< modes, history
+// The same by what they are about.
+void AddListCommands(Application* application);      ///< areas, versions, sightings, config
+void AddLedgerCommands(Application* application);    ///< reports, audit
+void AddMapCommands(Application* application);       ///< show, vehicles, modes, history
+void AddLandmarkCommands(Application* application);  ///< modes, history; by AddMapCommands
 void AddExportCommand(Application* application);     ///< export
-void AddPictureCommands(Application* application);   ///< plot
-void AddRunCommands(Application* application);       ///< runs
-void AddVersionCommands(Application* application);   ///< diff, publish, rollback
-void AddListCommands(Application* application);     ///< areas, versions, sightings
-void AddLedgerCommands(Application* application);   ///< reports, audit
-void AddMapCommands(Application* application);      ///< show, modes, history, vehicles
-void AddExportCommand(Application* application);    ///< export
-void AddPictureCommands(Application* application);  ///< plot
+void AddPlotCommand(Application* application);       ///< plot
+void AddViewCommands(Application* application);      ///< view
+// These write.
 void AddRunCommands(Application* application);      ///< runs
 void AddVersionCommands(Application* application);  ///< diff, publish, rollback
-void AddViewCommands(Application* application);     ///< view
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate
 

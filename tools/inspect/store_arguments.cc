@@ -7,13 +7,15 @@
 
 namespace shiftmap {
 
-void AddStoreOptions(StoreArguments* arguments, Command* command) {
-  command->Option("--store", &arguments->store, "Map store, or a snapshot of one area").Required();
-  command->Option("--area", &arguments->area, "Area").Required();
+void AddStoreOptions(StoreArguments* arguments, Command* command, bool required) {
+  command->Option("--store", &arguments->store, "Map store, or a snapshot of one area");
+  if (required) command->Required();
+  command->Option("--area", &arguments->area, "Area");
+  if (required) command->Required();
 }
 
-void AddMapOptions(StoreArguments* arguments, Command* command) {
-  AddStoreOptions(arguments, command);
+void AddMapOptions(StoreArguments* arguments, Command* command, bool required) {
+  AddStoreOptions(arguments, command, required);
   command->Option("--version", &arguments->version, "Map version (default: the published one)");
   command->Time("--at", &arguments->at_s, "Time of the probabilities (default: now)");
 }

@@ -21,10 +21,11 @@ struct StoreArguments {
 };
 
 /// Adds --store and --area; the arguments must outlive the run.
-void AddStoreOptions(StoreArguments* arguments, Command* command);
+/// @param required  False: the command checks by itself whether it needs them.
+void AddStoreOptions(StoreArguments* arguments, Command* command, bool required = true);
 
 /// Adds --version and --at too.
-void AddMapOptions(StoreArguments* arguments, Command* command);
+void AddMapOptions(StoreArguments* arguments, Command* command, bool required = true);
 
 /// Adds --known, which LoadMap follows.
 void AddKnownOption(StoreArguments* arguments, Command* command);

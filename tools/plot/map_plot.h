@@ -2,16 +2,19 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "mapstore/map/map_snapshot.h"
-#include "mapstore/map_store.h"
+#include "mapstore/store_types.h"
 
 namespace shiftmap {
 
-/// A map as an SVG picture, equal axes, north up: every mode with its 95 % ellipse, the most
-/// probable one of each landmark filled, the others joined to it (a landmark that is most probably
-/// absent has none filled, and says so); trajectories of the runs that
-/// built the map; metres along the edges. Colours can be told apart with any colour vision.
-std::string PlotMap(const MapSnapshot& snapshot, const Provenance& provenance);
+/// A map as an SVG picture, equal axes, y up: every mode with its 95 % ellipse and probability
+/// (LandmarkLayer), and the trajectories of runs.
+/// @param runs     That the version was built from, each with a colour.
+/// @param earlier  Of its ancestors, in grey.
+std::string PlotMap(const MapSnapshot& map,
+                    const std::vector<RunRecord>& runs,
+                    const std::vector<RunRecord>& earlier);
 
 }  // namespace shiftmap

@@ -10,7 +10,6 @@
 namespace shiftmap {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -20,27 +19,6 @@ int Count(const std::string& text, const std::string& what) {
     ++count;
   }
   return count;
-}
-
-TEST(LinearTicks, AreRoundNumbersWithinTheRange) {
-  EXPECT_THAT(LinearTicks(0.0, 1.0, 5), ElementsAre(0.0, 0.2, 0.4, 0.6000000000000001, 0.8, 1.0));
-  EXPECT_THAT(LinearTicks(-3.0, 11.0, 4), ElementsAre(0.0, 5.0, 10.0));
-  EXPECT_THAT(LinearTicks(-250.0, 250.0, 5), ElementsAre(-200.0, -100.0, 0.0, 100.0, 200.0));
-}
-
-TEST(LinearTicks, AreAboutAsManyAsAskedForAtAnyScale) {
-  for (double span = 1e-9; span < 1e9; span *= 1.7) {
-    const std::vector<double> ticks = LinearTicks(0.3 * span, 1.3 * span, 7);
-    EXPECT_GE(ticks.size(), 3u) << span;
-    EXPECT_LE(ticks.size(), 8u) << span;
-    EXPECT_GE(ticks.front(), 0.3 * span * (1.0 - 1e-9));
-    EXPECT_LE(ticks.back(), 1.3 * span * (1.0 + 1e-9));
-  }
-}
-
-TEST(LogTicks, ArePowersOfTen) {
-  EXPECT_THAT(LogTicks(0.01, 10.0), ElementsAre(0.01, 0.1, 1.0, 10.0));
-  EXPECT_THAT(LogTicks(0.5, 200.0), ElementsAre(1.0, 10.0, 100.0));
 }
 
 TEST(DrawChart, HasALineAndALegendEntryPerSeries) {

@@ -257,11 +257,70 @@ TEST_F(InspectCommands, ADryRunWritesNothing) {
   EXPECT_THAT(testing::ReadFile(output), HasSubstr("run_000"));
 }
 
+TEST_F(InspectCommands, TheEndingSaysTheFormatOfAPicture) {
+  const std::string png = dir_.File("map.PNG");
+  ASSERT_EQ(Run({"plot", "map", "--output", png, "--width-px", "300"}).code, 0);
+  EXPECT_THAT(testing::ReadFile(png), StartsWith("\x89PNG\r\n\x1a\n"));
+  const std::string svg = dir_.File("map.svg");
+  ASSERT_EQ(Run({"plot", "map", "--output", svg}).code, 0);
+  EXPECT_THAT(testing::ReadFile(svg), StartsWith("<?xml"));
+  for (const char* name : {"map", "map.jpg", "map.svg.gz", ".png.txt"}) {
+    const Outcome outcome = Run({"plot", "map", "--output", dir_.File(name)});
+    EXPECT_EQ(outcome.code, 2) << name;
+    EXPECT_THAT(outcome.err, HasSubstr("expected a name that ends in .svg or .png"));
+    EXPECT_FALSE(std::filesystem::exists(dir_.File(name)));
+  }
+  EXPECT_EQ(Run({"plot", "map", "--output", svg, "--width-px", "300"}).code, 2);
+}
+
+TEST_F(InspectCommands, DrawsEveryKindOfPictureOfAMap) {
+  const std::string signature = content_.groups[0].signature.text();
+  const std::string output = dir_.File("picture.svg");
+  for (const std::vector<std::string>& words :
+       std::vector<std::vector<std::string>>{{"map"},
+                                             {"modes", signature},
+                                             {"history", signature},
+                                             {"diff", "1", "2"},
+                                             {"rates"},
+                                             {"night"}}) {
+    std::vector<std::string> all = {"plot", "--json", "--output", output};
+    all.insert(all.begin() + 1, words.begin(), words.end());
+    const Outcome outcome = Run(all);
+    ASSERT_EQ(outcome.code, 0) << words[0] << ": " << outcome.err;
+    EXPECT_EQ(outcome.json()["picture"], words[0]);
+    EXPECT_EQ(outcome.json()["bytes"], testing::ReadFile(output).size());
+    EXPECT_THAT(testing::ReadFile(output), StartsWith("<?xml"));
+  }
+}
+
+TEST_F(InspectCommands, PicturesNameWhatIsMissing) {
+  const std::string output = dir_.File("a.svg");
+  const auto expect = [&](std::vector<std::string> words, int code, const std::string& what) {
+    words.insert(words.begin(), "plot");
+    words.insert(words.end(), {"--output", output});
+    const Outcome outcome = Run(words);
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(what));
+    EXPECT_FALSE(std::filesystem::exists(output));
+  };
+  expect({"modes"}, 2, "expected a signature");
+  expect({"modes", "nowhere"}, 6, "no landmark 'nowhere'");
+  expect({"history", "nowhere"}, 6, "nowhere");
+  expect({"diff", "1"}, 2, "expected two versions");
+  expect({"diff", "1", "x"}, 2, "expected two versions");
+  expect({"diff", "1", "9"}, 6, "9");
+  expect({"map", "L01"}, 2, "expected nothing more");
+  expect({"map", "--truth", "t.tum"}, 2, "--truth is for trajectory and consistency");
+  expect({"trajectory", "a.tum", "--align"}, 2, "--align is for --truth");
+  expect({"trajectory", dir_.File("none.tum")}, 6, "none.tum");
+  expect({"consistency", dir_.File("none.csv")}, 6, "none.csv");
+}
+
 TEST_F(InspectCommands, ErrorsHaveTheirExitCodes) {
   EXPECT_EQ(Run({"show", "--version", "9"}).code, 6);
   EXPECT_EQ(Run({"export", "--output", dir_.File("a")}).code, 2);
   EXPECT_EQ(Run({"export", "--csv", "--geojson", "--output", dir_.File("a")}).code, 2);
-  EXPECT_EQ(Run({"plot", "nothing", "--output", dir_.File("a")}).code, 2);
+  EXPECT_EQ(Run({"plot", "nothing", "--output", dir_.File("a.svg")}).code, 2);
   store_ = dir_.File("none.db");
   EXPECT_EQ(Run({"show"}).code, 6);
   testing::WriteFile(store_, "this is not a database, whatever its name says\n");

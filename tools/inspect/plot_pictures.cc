@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/inspect/plot_pictures.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <optional>
+
+#include "localizer/monitor/scan_innovations.h"
+#include "mapper/chain/group_chains.h"
+#include "mapstore/core/clock.h"
+#include "tools/eval/trajectory_error.h"
+#include "tools/inspect/landmark_history.h"
+#include "tools/plot/change_plot.h"
+#include "tools/plot/consistency_plot.h"
+#include "tools/plot/history_plot.h"
+#include "tools/plot/map_plot.h"
+#include "tools/plot/modes_plot.h"
+#include "tools/plot/rates_plot.h"
+#include "tools/plot/trajectory_plot.h"
+
+namespace shiftmap {
+namespace {
+
+// Of a long line of versions, only the newest are looked into.
+constexpr std::size_t kMostVersions = 400;
+
+Json AboutMap(const MapSnapshot& map) {
+  return {{"area", map.area()}, {"version", map.version().value()}};
+}
+
+// The summary of a version; null if the area has no such version.
+const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionNumber version) {
+  const auto at = std::find_if(versions.begin(), versions.end(), [&](const auto& candidate) {
+    return candidate.version == version;
+  });
+  return at == versions.end() ? nullptr : &*at;
+}
+
+StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
+                                                VersionNumber version,
+                                                MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
+  const VersionSummary* const summary = Find(versions, version);
+  return summary == nullptr ? std::nullopt : summary->parent;
+}
+
+// The runs that the ancestors of a version were built from.
+StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
+                                             VersionNumber version,
+                                             MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
+  std::vector<RunRecord> runs;
+  const VersionSummary* at = Find(versions, version);
+  for (std::size_t i = 0; i < kMostVersions && at != nullptr && at->parent; ++i) {
+    at = Find(versions, *at->parent);
+    if (at == nullptr) break;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                              store->LoadProvenance(area, at->version));
+    runs.insert(runs.end(), provenance.runs.begin(), provenance.runs.end());
+  }
+  return runs;
+}
+
+// A version with the probabilities of the time at which it was built.
+StatusOr<MapSnapshot> LoadBuilt(const std::string& area, VersionNumber version, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built, store->LoadVersion(area, version));
+  return store->LoadAt(area, version, built.stamp());
+}
+
+StatusOr<VersionNumber> ParseVersion(const std::string& text) {
+  std::int64_t number = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  if (error != std::errc() || stop != end) {
+    return InvalidArgument("plot diff: '{}', expected a version number", text);
+  }
+  return VersionNumber(number);
+}
+
+std::string StemOf(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+// The truth in the frame of the map: as it is, or moved onto an estimate.
+StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
+                                             const std::vector<StampedPose>& estimate) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> truth, ReadTum(arguments.truth));
+  if (!arguments.align) return truth;
+  const StatusOr<TrajectoryError> error = EvaluateTrajectory(estimate, truth, {.align = true});
+  if (!error.ok()) {
+    return MakeStatus(
+        error.status().code(), "truth '{}': {}", arguments.truth, Message(error.status()));
+  }
+  const Se2 T_map_truth = error->T_truth_estimate.Inverse();
+  for (StampedPose& pose : truth) pose.T_map_vehicle = T_map_truth * pose.T_map_vehicle;
+  return truth;
+}
+
+}  // namespace
+
+StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                            store.LoadProvenance(map.area(), map.version()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> earlier,
+                            EarlierRuns(map.area(), map.version(), &store));
+  return Picture{PlotMap(map, provenance.runs, earlier), AboutMap(map)};
+}
+
+StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  const int index = map.GroupIndex(Signature(arguments.subjects[0]));
+  if (index < 0) {
+    return NotFound("area '{}': version {} has no landmark '{}'",
+                    map.area(),
+                    map.version().value(),
+                    arguments.subjects[0]);
+  }
+  return Picture{PlotModes(map, map.groups()[static_cast<std::size_t>(index)]), AboutMap(map)};
+}
+
+StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& context) {
+  const StoreArguments& of = arguments.store;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(of, context));
+  const Signature signature(arguments.subjects[0]);
+  HistoryOptions options;
+  if (of.version) options.version = VersionNumber(*of.version);
+  if (of.at_s) options.at = StampFromSeconds(*of.at_s);
+  if (of.known_s) options.known = StampFromSeconds(*of.known_s);
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory visits,
+                            LoadLandmarkHistory(&store, of.area, signature, options));
+  // Without visits, what is stated fades until now.
+  const Stamp end = visits.visits.empty() ? std::max(SystemNow(), visits.stamp) : visits.stamp;
+  options.track = HistoryTimes(visits, options.at.value_or(end));
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
+                            LoadLandmarkHistory(&store, of.area, signature, options));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(of.area));
+  return Picture{PlotHistory(history, versions),
+                 {{"area", history.area},
+                  {"version", history.version.value()},
+                  {"signature", signature.text()}}};
+}
+
+StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber from, ParseVersion(arguments.subjects[0]));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber to, ParseVersion(arguments.subjects[1]));
+  const std::string& area = arguments.store.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot before, LoadBuilt(area, from, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, LoadBuilt(area, to, &store));
+  return Picture{PlotDiff(before, after),
+                 {{"area", area}, {"from", from.value()}, {"to", to.value()}}};
+}
+
+StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  std::vector<NamedTrajectory> estimates;
+  for (const std::string& path : arguments.subjects) {
+    SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(path));
+    estimates.push_back({StemOf(path), std::move(poses)});
+  }
+  std::optional<NamedTrajectory> truth;
+  if (!arguments.truth.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses,
+                              ReadTruth(arguments, estimates.front().poses));
+    truth = NamedTrajectory{StemOf(arguments.truth), std::move(poses)};
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(std::string svg, PlotTrajectories(map, estimates, truth));
+  return Picture{std::move(svg), AboutMap(map)};
+}
+
+StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Context&) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScanInnovations> scans,
+                            ReadScanInnovations(arguments.subjects[0]));
+  std::optional<std::vector<StampedPose>> truth;
+  if (!arguments.truth.empty()) {
+    std::vector<StampedPose> estimate;
+    for (const ScanInnovations& scan : scans) {
+      estimate.push_back({scan.stamp, scan.pose.T_map_vehicle});
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, estimate));
+  }
+  return Picture{PlotConsistency(StemOf(arguments.subjects[0]), scans, truth),
+                 {{"scans", scans.size()}}};
+}
+
+StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> evidence,
+                            store.Evidence(map.area(), map.version()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
+                            LearnGroupChains(map.groups(), evidence, {}));
+  std::vector<LeaveRate> rates;
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    const LearnedChain& chain = chains[i].chain;
+    rates.push_back({map.groups()[i].signature,
+                     map.groups()[i].chain.leave_rate_per_s(),
+                     chain.leave.rate_per_s,
+                     chain.leave.low_per_s,
+                     chain.leave.high_per_s,
+                     chain.visits});
+  }
+  return Picture{PlotRates(map, std::move(rates)), AboutMap(map)};
+}
+
+StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& context) {
+  const std::string& area = arguments.store.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadBuilt(area, version, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> parent,
+                            ParentOf(area, version, &store));
+  Night night;
+  if (parent) {
+    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadBuilt(area, *parent, &store));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store.LoadProvenance(area, version));
+  night.mapped = std::move(provenance.runs);
+  SHIFTMAP_ASSIGN_OR_RETURN(night.waiting, store.WaitingRuns(area));
+  SHIFTMAP_ASSIGN_OR_RETURN(night.exclusions, store.Exclusions(area));
+  return Picture{PlotNight(map, night), AboutMap(map)};
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "mapstore/store_types.h"
+#include "tools/inspect/landmark_history.h"
+
+namespace shiftmap {
+
+/// The times at which a picture of a history needs its probabilities: HistoryOptions::track.
+/// @param end  Of the picture, if that is after the last visit.
+std::vector<Stamp> HistoryTimes(const LandmarkHistory& history, Stamp end);
+
+/// The history of a landmark as an SVG picture: the probabilities of its modes over time, stacked;
+/// each visit as a tick in the row of the mode that its evidence favours; map versions as vertical
+/// lines, at the end of the newest run in them.
+/// @param history   Has the track of HistoryTimes().
+/// @param versions  Of the area.
+std::string PlotHistory(const LandmarkHistory& history,
+                        const std::vector<VersionSummary>& versions);
+
+}  // namespace shiftmap
