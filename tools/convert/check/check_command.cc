@@ -156,7 +156,7 @@ Status RunCheck(const CheckArguments& arguments, Context& context) {
                            checked.findings.front().message);
   }
   if (const auto warnings = count(Severity::kWarning); warnings > 0) {
-    context.Attend(fmt::format("run log '{}': {} warnings", arguments.log, warnings));
+    context.Attend(fmt::format("run log '{}': warnings: {}", arguments.log, warnings));
   }
   return OkStatus();
 }

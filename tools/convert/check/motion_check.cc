@@ -12,11 +12,16 @@
 namespace shiftmap {
 namespace {
 
+constexpr double kMinPairS = 1.0;
 constexpr double kMaxPairS = 10.0;
 constexpr double kMaxGapS = 1.0;  // Odometry says nothing of a longer one.
 
 // What a pair must move, by sighting and odometry together, to be above the noise.
 constexpr double kMinMotionM = 0.5;
+
+// The same with a mistake undone, which may be one of scale.
+constexpr double kMinOtherMotionM = 0.2;
+
 constexpr std::int64_t kMaxPairs = 50'000;
 constexpr std::size_t kMaxAnchors = 10'000;
 
@@ -197,7 +202,9 @@ void MotionCheck::Add(const Scan& scan) {
       continue;
     }
     Anchor& anchor = known->second;
-    const bool old = ToSeconds(scan.stamp - anchor.stamp) > kMaxPairS;
+    const double seconds = ToSeconds(scan.stamp - anchor.stamp);
+    if (seconds < kMinPairS) continue;
+    const bool old = seconds > kMaxPairS;
     const Motion motion = MotionOf(AsLogged(anchor.observation),
                                    AsLogged(observation),
                                    anchor.T_begin_vehicle[0].Inverse() * T_begin_vehicle_[0]);
@@ -223,7 +230,7 @@ void MotionCheck::AddPair(const Anchor& first, const Observation& second) {
     const Motion motion = MotionOf(
         tried.position(first.observation), tried.position(second), T_first_second[tried.units]);
     const double other = motion.misfit();
-    if (std::abs(other - misfit) < kChange) continue;
+    if (motion.total() < kMinOtherMotionM || std::abs(other - misfit) < kChange) continue;
     if (i == 0) ++turning_;
     Tally& tally = tallies_[i];
     ++tally.changed;

@@ -17,7 +17,7 @@ namespace shiftmap {
 
 /// Whether landmarks move through the vehicle's view as its odometry says they must.
 ///
-/// Two sightings p1, p2 of a landmark, at most ten seconds apart, are a pair. With the motion T of
+/// Two sightings p1, p2 of a landmark, one to ten seconds apart, are a pair. With the motion T of
 /// the vehicle between them by odometry, a landmark that stands gives p2 = T⁻¹ p1. The misfit of a
 /// pair is
 ///

@@ -66,7 +66,9 @@ void TimeCheck::Report(Stamp begin, Findings* findings) const {
        fmt::format("{}, {}", kind_, TimeInRun(longest_from_, begin)),
        fmt::format("nothing for {:.1f} s, usual are {:.3f} s", longest_s, median_s),
        jump ? "the clock was set, or two runs are in one log: begin a log for each"
-            : "see whether the recorder or the driver stopped; the pose is a guess there"});
+       : kind_ == "scans"
+           ? "log scans that saw nothing too; if the detector stopped, see why"
+           : "see whether the recorder or the driver stopped; the pose is a guess there"});
 }
 
 }  // namespace shiftmap
