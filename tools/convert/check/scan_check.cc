@@ -111,7 +111,7 @@ void ScanCheck::ReportSignatures(Stamp begin, Findings* findings) const {
     findings->push_back({Severity::kWarning,
                          "signature_twice",
                          fmt::format("scans, {}", TimeInRun(*first_double_, begin)),
-                         fmt::format("{} at two places of one scan, {} times",
+                         fmt::format("{} stand at two places in one scan; such sightings: {}",
                                      SomeNames({double_names_.begin(), double_names_.end()}),
                                      doubles_),
                          "give every landmark a code of its own; see whether codes are misread"});
