@@ -63,7 +63,7 @@ Json RateOf(const TimeCheck& times) {
   return document;
 }
 
-double Duration_s(const LogCheck& check) {
+double SecondsOf(const LogCheck& check) {
   const TimeCheck& times = check.odometry_times();
   return times.count() == 0 ? 0.0 : ToSeconds(times.end() - times.begin());
 }
@@ -83,7 +83,7 @@ Json DocumentOf(const std::string& path, const LogCheck& check, const Checked& c
                    {"source", checked.info.source},
                    {"area", checked.info.area},
                    {"run_uuid", checked.info.uuid},
-                   {"duration_s", Duration_s(check)},
+                   {"duration_s", SecondsOf(check)},
                    {"odometry", RateOf(check.odometry_times())},
                    {"scans", RateOf(check.scan_times())},
                    {"lidar_scans", check.lidar_scans()},
@@ -116,7 +116,7 @@ std::string TextOf(const std::string& path, const LogCheck& check, const Checked
                                  path,
                                  checked.info.vehicle,
                                  checked.info.area,
-                                 Duration_s(check));
+                                 SecondsOf(check));
   text += fmt::format("odometry      {}\n", RateText(check.odometry_times()));
   text += fmt::format(
       "scans         {}, {} of them empty\n", RateText(check.scan_times()), scans.empty_scans());

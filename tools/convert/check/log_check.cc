@@ -159,19 +159,10 @@ Findings LogCheck::Finish(const RunInfo& info) const {
     scans_.Report(begin, &findings);
     if (scans_.observations() > 0) motion_.Report(&findings);
   }
-  // Where units show twice, the finding with more detail is first.
-  const auto same = [](const Finding& a, const Finding& b) { return a.code == b.code; };
-  Findings once;
-  for (const Finding& finding : findings) {
-    const bool known = std::any_of(once.begin(), once.end(), [&](const Finding& other) {
-      return same(finding, other) && finding.place == other.place;
-    });
-    if (!known) once.push_back(finding);
-  }
-  std::stable_sort(once.begin(), once.end(), [](const Finding& a, const Finding& b) {
+  std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
     return a.severity > b.severity;
   });
-  return once;
+  return findings;
 }
 
 }  // namespace shiftmap

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -50,7 +51,7 @@ StatusOr<bool> HasTable(Database& database, const char* name) {
   return query.Step();
 }
 
-using Definitions = std::map<std::string, std::string>;
+using Definitions = std::map<std::string, std::shared_ptr<const std::string>>;
 
 // ROS 2 Iron and later keep them in a table.
 StatusOr<Definitions> ReadDefinitions(Database& database) {
@@ -70,7 +71,7 @@ StatusOr<Definitions> ReadDefinitions(Database& database) {
     if (bytes > kMaxDefinitionBytes) {
       return InvalidArgument("definitions of more than {} bytes", kMaxDefinitionBytes);
     }
-    definitions[query.Text(0)] = query.Text(1);
+    definitions[query.Text(0)] = std::make_shared<const std::string>(query.Text(1));
   }
 }
 
@@ -120,6 +121,7 @@ Status Bag::AddFile(const BagFile& file) {
 }
 
 Status Bag::AddTopic(BagTopic topic) {
+  if (topic.definition != nullptr && topic.definition->empty()) topic.definition = nullptr;
   const auto known = std::find_if(topics_.begin(), topics_.end(), [&](const BagTopic& other) {
     return other.name == topic.name;
   });
@@ -132,7 +134,7 @@ Status Bag::AddTopic(BagTopic topic) {
     return InvalidArgument(
         "topic '{}' is of type '{}' and of type '{}'", topic.name, known->type, topic.type);
   }
-  if (known->definition.empty()) known->definition = std::move(topic.definition);
+  if (known->definition == nullptr) known->definition = std::move(topic.definition);
   known->messages += topic.messages;
   return OkStatus();
 }
@@ -151,7 +153,7 @@ Status Bag::ListMcap(const OpenFile& file) {
     topic.name = channel->topic;
     topic.type = channel->schema_name;
     topic.encoding = channel->message_encoding;
-    if (channel->schema_encoding == kMessageText) topic.definition = *channel->schema_data;
+    if (channel->schema_encoding == kMessageText) topic.definition = channel->schema_data;
     topic.messages = count;
     SHIFTMAP_RETURN_IF_ERROR(AddTopic(std::move(topic)));
   }

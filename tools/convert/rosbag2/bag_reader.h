@@ -3,7 +3,7 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,9 +17,11 @@ namespace shiftmap::rosbag2 {
 /// One topic of a bag.
 struct BagTopic {
   std::string name;
-  std::string type;        ///< "nav_msgs/msg/Odometry".
-  std::string encoding;    ///< Of its messages: "cdr".
-  std::string definition;  ///< Its type in the form of MessageDefinition::Parse(); often empty.
+  std::string type;      ///< "nav_msgs/msg/Odometry".
+  std::string encoding;  ///< Of its messages: "cdr".
+  /// Its type in the form of MessageDefinition::Parse(), shared by topics; null if the bag has
+  /// none.
+  std::shared_ptr<const std::string> definition;
   std::int64_t messages = 0;
 };
 

@@ -148,8 +148,8 @@ StatusOr<DetectionScan> ReadDetections(const std::string& type,
   SHIFTMAP_ASSIGN_OR_RETURN(scan.stamp, message.Time("header.stamp"));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string frame, message.Text("header.frame_id"));
   const auto read = type == kDetection3dArray         ? &ReadDetection3d
-                     : type == kFiducialTransformArray ? &ReadFiducial
-                                                       : &ReadAprilTag;
+                    : type == kFiducialTransformArray ? &ReadFiducial
+                                                      : &ReadAprilTag;
   SHIFTMAP_ASSIGN_OR_RETURN(
       const auto* list,
       message.List(type == kFiducialTransformArray ? "transforms" : "detections"));

@@ -94,14 +94,16 @@ StatusOr<Eigen::Isometry3d> FrameTree::Lookup(const std::string& target,
       reach(down->second->child, down->second->T_parent_child);
     }
   }
-  constexpr std::size_t kNamed = 10;
+  constexpr std::size_t kMaxShown = 200;
   std::string names;
   for (const auto& [name, T] : known) {
-    if (names.size() > kNamed * 20) break;
-    names += (names.empty() ? "'" : ", '") + name + "'";
+    if (names.size() > kMaxShown) break;
+    names += (names.empty() ? "'" : ", '") + name.substr(0, kMaxShown) + "'";
   }
-  return NotFound(
-      "no fixed transforms lead from frame '{}' to '{}', only to {}", target, source, names);
+  return NotFound("no fixed transforms lead from frame '{}' to '{}', only to {}",
+                  target.substr(0, kMaxShown),
+                  source.substr(0, kMaxShown),
+                  names);
 }
 
 }  // namespace shiftmap::rosbag2

@@ -34,33 +34,37 @@ bool IsTopicNamed(const BagTopic& topic, std::string_view name) {
 
 using TypeCheck = bool (*)(const std::string& type);
 
+// Names and types, as far as a line holds them.
+std::string Listed(const std::vector<const BagTopic*>& topics) {
+  constexpr std::size_t kMaxShown = 500;
+  std::string text;
+  for (const BagTopic* topic : topics) {
+    if (text.size() > kMaxShown) break;
+    text += fmt::format("{}'{}' ({})", text.empty() ? "" : ", ", topic->name, topic->type);
+  }
+  if (text.size() > 2 * kMaxShown) text.resize(2 * kMaxShown);
+  return text.empty() ? "none" : text;
+}
+
 // The topic that was named, or the only one of the types wanted.
 StatusOr<const BagTopic*> ChooseTopic(
     const Bag& bag, const std::string& name, TypeCheck fits, const char* what, const char* option) {
+  std::vector<const BagTopic*> all;
   std::vector<const BagTopic*> candidates;
-  std::string names;
   for (const BagTopic& topic : bag.topics()) {
-    if (topic.messages == 0 || !fits(ShortTypeName(topic.type))) continue;
-    candidates.push_back(&topic);
-    names += (names.empty() ? "'" : ", '") + topic.name + "' (" + topic.type + ")";
+    all.push_back(&topic);
+    if (topic.messages > 0 && fits(ShortTypeName(topic.type))) candidates.push_back(&topic);
   }
   if (!name.empty()) {
     for (const BagTopic* topic : candidates) {
       if (topic->name == name) return topic;
     }
-    return InvalidArgument(
-        "no {} on topic '{}', there is {}", what, name, names.empty() ? "none" : names);
+    return InvalidArgument("no {} on topic '{}', there is {}", what, name, Listed(candidates));
   }
   if (candidates.size() == 1) return candidates.front();
-  if (candidates.empty()) {
-    std::string all;
-    for (const BagTopic& topic : bag.topics()) {
-      if (all.size() > 500) break;
-      all += (all.empty() ? "'" : ", '") + topic.name + "' (" + topic.type + ")";
-    }
-    return InvalidArgument("no {}; the topics are {}", what, all.empty() ? "none" : all);
-  }
-  return InvalidArgument("{} on more than one topic, choose by {}: {}", what, option, names);
+  if (candidates.empty()) return InvalidArgument("no {}; the topics are {}", what, Listed(all));
+  return InvalidArgument(
+      "{} on more than one topic, choose by {}: {}", what, option, Listed(candidates));
 }
 
 // Decodes messages of topics, whose definitions are parsed once.
@@ -71,9 +75,9 @@ class MessageDecoder {
     if (topic.encoding != "cdr") {
       return InvalidArgument("topic '{}': encoding '{}', expected cdr", topic.name, topic.encoding);
     }
-    builtin_ = builtin_ || topic.definition.empty();
+    builtin_ = builtin_ || topic.definition == nullptr;
     auto definition = MessageDefinition::Parse(
-        type, topic.definition.empty() ? BuiltinDefinition(type) : topic.definition);
+        type, topic.definition == nullptr ? BuiltinDefinition(type) : *topic.definition);
     if (!definition.ok()) {
       return InvalidArgument("topic '{}': {}", topic.name, Message(definition.status()));
     }
