@@ -48,11 +48,13 @@ void OdometryCheck::Add(const OdometrySample& sample) {
 void OdometryCheck::Report(Stamp begin, Findings* findings) const {
   if (count_ == 0) return;
   if (moving_ == 0) {
-    findings->push_back({Severity::kWarning,
-                         "standing_still",
-                         "odometry",
-                         "the vehicle never moves",
-                         "see whether the driver reports velocities; some fill in poses alone"});
+    findings->push_back(
+        {Severity::kWarning,
+         "standing_still",
+         "odometry",
+         "the vehicle never moves",
+         "see whether the driver reports velocities; where it fills in poses alone, convert with "
+         "--odometry-from-pose"});
   }
   if (ToSeconds(longest_same_) > kFrozenS) {
     findings->push_back(

@@ -9,11 +9,14 @@
 #include <utility>
 
 #include "mapstore/core/memory_bound.h"
+#include "mapstore/core/stamp_check.h"
+#include "mapstore/run/trajectory.h"
 #include "tools/convert/rosbag2/bag_reader.h"
 #include "tools/convert/rosbag2/builtin_definitions.h"
 #include "tools/convert/rosbag2/cdr.h"
 #include "tools/convert/rosbag2/frame_tree.h"
 #include "tools/convert/rosbag2/planar_observation.h"
+#include "tools/convert/rosbag2/pose_odometry.h"
 
 namespace shiftmap::rosbag2 {
 namespace {
@@ -108,6 +111,7 @@ class Conversion {
   Status ChooseTopics();
   Status ReadItems();
   Status TakeOdometry(const BagMessage& message, const MessageValue& value);
+  Status TakePose(Stamp stamp, const MessageValue& value);
   Status TakeDetections(const BagMessage& message, const MessageValue& value);
   Status ReadTagPositions();
   Status Mount();
@@ -125,6 +129,7 @@ class Conversion {
   std::vector<const BagTopic*> detections_;
   std::vector<const BagTopic*> static_transforms_;
   FrameTree frames_;
+  std::vector<StampedPose> poses_;    // Of the vehicle in the odometry's frame, if these count.
   std::vector<DetectionScan> scans_;  // With header stamps, which /tf has too,
   std::vector<Stamp> scan_stamps_;    // and the stamps that count.
   Rosbag2Run out_;
@@ -140,6 +145,9 @@ Status Conversion::ChooseTopics() {
   SHIFTMAP_ASSIGN_OR_RETURN(
       odometry_,
       ChooseTopic(bag_, options_.odometry_topic, IsOdometryType, "odometry", "--odometry-topic"));
+  if (options_.odometry_from_pose && ShortTypeName(odometry_->type) != kOdometry) {
+    return InvalidArgument("topic '{}': {} has no pose", odometry_->name, odometry_->type);
+  }
   SHIFTMAP_RETURN_IF_ERROR(decoder_.Add(*odometry_));
   out_.odometry_topic = odometry_->name;
   std::vector<std::string> names = options_.detections_topics;
@@ -172,18 +180,28 @@ Status Conversion::TakeOdometry(const BagMessage& message, const MessageValue& v
   OdometrySample sample;
   SHIFTMAP_ASSIGN_OR_RETURN(const Stamp header, value.Time("header.stamp"));
   SHIFTMAP_ASSIGN_OR_RETURN(sample.stamp, StampOf(message, header));
-  SHIFTMAP_ASSIGN_OR_RETURN(sample.v_mps, value.Number(twist + ".linear.x"));
-  SHIFTMAP_ASSIGN_OR_RETURN(sample.omega_radps, value.Number(twist + ".angular.z"));
-  SHIFTMAP_ASSIGN_OR_RETURN(const double sideways_mps, value.Number(twist + ".linear.y"));
-  if (std::abs(sideways_mps) > kSidewaysMps) ++out_.sideways;
   if (out_.vehicle_frame.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(out_.vehicle_frame,
                               value.Text(twist_only ? "header.frame_id" : "child_frame_id"));
     out_.vehicle_frame = FrameName(std::move(out_.vehicle_frame));
   }
+  if (options_.odometry_from_pose) return TakePose(sample.stamp, value);
+  SHIFTMAP_ASSIGN_OR_RETURN(sample.v_mps, value.Number(twist + ".linear.x"));
+  SHIFTMAP_ASSIGN_OR_RETURN(sample.omega_radps, value.Number(twist + ".angular.z"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const double sideways_mps, value.Number(twist + ".linear.y"));
+  if (std::abs(sideways_mps) > kSidewaysMps) ++out_.sideways;
   SHIFTMAP_RETURN_IF_ERROR(ValidateEvent(sample));
   out_.run.odometry.push_back(sample);
   return CountBytes(2 * sizeof(OdometrySample));
+}
+
+Status Conversion::TakePose(Stamp stamp, const MessageValue& value) {
+  SHIFTMAP_RETURN_IF_ERROR(ValidateStamp(stamp));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Eigen::Isometry3d T,
+                            ReadIsometry(value, "pose.pose.position", "pose.pose.orientation"));
+  const double yaw_rad = std::atan2(T.linear()(1, 0), T.linear()(0, 0));
+  poses_.push_back({stamp, Se2(T.translation().x(), T.translation().y(), yaw_rad)});
+  return CountBytes(2 * (sizeof(StampedPose) + sizeof(OdometrySample)));
 }
 
 Status Conversion::TakeDetections(const BagMessage& message, const MessageValue& value) {
@@ -312,8 +330,10 @@ void Conversion::Sort() {
     }
     std::stable_sort(items->begin(), items->end(), earlier);
   };
+  sort(&poses_);
   sort(&out_.run.odometry);
   sort(&out_.run.scans);
+  if (options_.odometry_from_pose) out_.run.odometry = OdometryOfPoses(poses_);
 }
 
 StatusOr<Rosbag2Run> Conversion::Convert() {
@@ -323,6 +343,7 @@ StatusOr<Rosbag2Run> Conversion::Convert() {
   SHIFTMAP_RETURN_IF_ERROR(Mount());
   SHIFTMAP_RETURN_IF_ERROR(MakeScans());
   Sort();
+  SHIFTMAP_RETURN_IF_ERROR(ValidateRun(out_.run));
   out_.run.info.vehicle = options_.vehicle;
   out_.run.info.source = "rosbag2";
   out_.run.info.area = options_.area;

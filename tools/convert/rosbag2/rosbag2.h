@@ -28,6 +28,9 @@ struct Rosbag2Options {
   std::string odometry_topic;                  ///< Empty: the only one there is.
   std::vector<std::string> detections_topics;  ///< Empty: the only one there is.
 
+  /// Velocities are differences of an Odometry's poses, for drivers that fill in these alone.
+  bool odometry_from_pose = false;
+
   std::string vehicle = "robot";
   std::string area;
   std::string run_uuid;

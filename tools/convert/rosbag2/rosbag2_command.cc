@@ -116,6 +116,9 @@ Status RunRosbag2(const Rosbag2Arguments& arguments, Context& context) {
 
 void AddInputOptions(Rosbag2Options* options, Command* command) {
   command->Option("--odometry-topic", &options->odometry_topic, "Default: the only one there is")
+      .Flag("--odometry-from-pose",
+            &options->odometry_from_pose,
+            "Differences of an Odometry's poses, not its twist")
       .Option("--detections-topic",
               &options->detections_topics,
               "Also several times, of several sensors (default: the only one there is)")

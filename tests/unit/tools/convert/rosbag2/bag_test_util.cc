@@ -63,11 +63,14 @@ std::string Twist(std::int64_t stamp_ns, double v_mps, double omega_radps, ByteO
       order);
 }
 
-std::string Odometry(std::int64_t stamp_ns, double v_mps, double omega_radps) {
+std::string Odometry(std::int64_t stamp_ns,
+                     double v_mps,
+                     double omega_radps,
+                     const Eigen::Isometry3d& T_odom_vehicle) {
   return Serialize([&](Cdr& cdr) {
     WriteHeader(cdr, stamp_ns, "odom");
     cdr << std::string("base_link");
-    WritePose(cdr, Eigen::Isometry3d::Identity());
+    WritePose(cdr, T_odom_vehicle);
     WriteCovariance(cdr, 0.0);
     WriteVector(cdr, {v_mps, 0.0, 0.0});
     WriteVector(cdr, {0.0, 0.0, omega_radps});

@@ -36,7 +36,10 @@ std::string Twist(std::int64_t stamp_ns,
                   double v_mps,
                   double omega_radps,
                   ByteOrder order = ByteOrder::kLittle);
-std::string Odometry(std::int64_t stamp_ns, double v_mps, double omega_radps);
+std::string Odometry(std::int64_t stamp_ns,
+                     double v_mps,
+                     double omega_radps,
+                     const Eigen::Isometry3d& T_odom_vehicle = Eigen::Isometry3d::Identity());
 std::string Transforms(std::int64_t stamp_ns, const std::vector<TestTransform>& transforms);
 std::string Detections(std::int64_t stamp_ns, const std::vector<TestDetection>& detections);
 std::string AprilTags(std::int64_t stamp_ns, const std::vector<std::int32_t>& ids);

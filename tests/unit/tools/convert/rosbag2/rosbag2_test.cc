@@ -114,6 +114,30 @@ TEST_F(Rosbag2Test, StampsOfZeroAreToldApart) {
   EXPECT_THAT(ReadMcap(messages).status(), IsOk());
 }
 
+TEST_F(Rosbag2Test, VelocitiesMayBeThoseOfThePoses) {
+  auto messages = testing::SmallDrive();
+  for (testing::Message& message : messages) {
+    if (message.topic != "/twist") continue;
+    message.type = "nav_msgs/msg/Odometry";
+    const double seconds =
+        static_cast<double>(message.log_time_ns - messages[1].log_time_ns) * 1e-9;
+    Eigen::Isometry3d T(Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitZ()));
+    T.translation() = T.linear() * Eigen::Vector3d(2.0 * seconds, 0.0, 0.0);
+    message.data = testing::Odometry(message.log_time_ns, 0.0, 0.0, T);
+  }
+  EXPECT_EQ(ReadMcap(messages)->run.odometry[0].v_mps, 0.0);
+  options_.odometry_from_pose = true;
+  const auto run = ReadMcap(messages);
+  ASSERT_THAT(run.status(), IsOk());
+  ASSERT_EQ(run->run.odometry.size(), 5U);
+  for (const OdometrySample& sample : run->run.odometry) {
+    EXPECT_NEAR(sample.v_mps, 2.0, 1e-9);
+    EXPECT_NEAR(sample.omega_radps, 0.0, 1e-9);
+  }
+  EXPECT_THAT(ReadMcap(testing::SmallDrive()).status(),
+              StatusIs(StatusCode::kInvalidArgument, "has no pose"));
+}
+
 TEST_F(Rosbag2Test, HostileDatabasesGiveOneClearLine) {
   const auto refuse = [&](const std::string& sql, const std::string& part) {
     const Status status = ReadSqlite(sql).status();
