@@ -8,8 +8,9 @@ packages=(
   # Build
   cmake g++ git ninja-build pkg-config protobuf-compiler
   # Libraries
-  libabsl-dev libboost-dev libcairo2-dev libceres-dev libcli11-dev libeigen3-dev libfmt-dev libmetis-dev libmicrohttpd-dev
-  libpng-dev libprotobuf-dev librsvg2-dev libspdlog-dev libsqlite3-dev libssl-dev libtomlplusplus-dev libzstd-dev
+  libabsl-dev libboost-dev libcairo2-dev libceres-dev libcli11-dev libeigen3-dev libfastcdr-dev libfmt-dev liblz4-dev
+  libmetis-dev libmicrohttpd-dev libpng-dev libprotobuf-dev librsvg2-dev libspdlog-dev libsqlite3-dev libssl-dev
+  libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
   chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev python3

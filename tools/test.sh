@@ -59,14 +59,16 @@ formatted() {
     xargs --no-run-if-empty clang-format --dry-run --Werror
 }
 
-# Installs into a scratch folder and builds a program that only knows find_package(shiftmap).
+# Installs into a scratch folder and builds programs that only know find_package(shiftmap).
 consumer() {
   rm -rf build/install build/consumer &&
     cmake --install build/dev --prefix "$PWD/build/install" >build/install.log &&
     cmake -S tests/consumer -B build/consumer -G Ninja \
       -DCMAKE_PREFIX_PATH="$PWD/build/install" >build/consumer.log &&
     cmake --build build/consumer &&
-    build/consumer/consumer
+    build/consumer/consumer &&
+    build/consumer/write_log build/consumer/run.mcap &&
+    build/install/bin/shiftmap-convert check build/consumer/run.mcap
 }
 
 # Of what comes from outside; all else under sanitizers takes longer (tools/sanitize.sh).

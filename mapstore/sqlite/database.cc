@@ -207,6 +207,7 @@ StatusOr<Database> Database::Open(const std::string& path, const Options& option
     case Mode::kReadOnly:
       break;
   }
+  if (options.immutable) return OpenUri(path, UriOf(path, "?mode=ro&immutable=1"), options);
   StatusOr<Database> database = OpenUri(path, UriOf(path, "?mode=ro"), options);
   if (database.status().code() != StatusCode::kUnavailable) return database;
   if (IsImmutable(path)) return OpenUri(path, UriOf(path, "?mode=ro&immutable=1"), options);
@@ -232,7 +233,7 @@ StatusOr<Database> Database::OpenUri(const std::string& path,
                                      const Options& options) {
   auto state = std::make_unique<State>();
   state->path = path;
-  state->name = NameOf(path);
+  state->name = options.name.empty() ? NameOf(path) : options.name;
   state->read_uri = options.mode == Mode::kReadOnly ? uri : UriOf(path, "?mode=ro");
   const int access = options.mode == Mode::kReadOnly ? SQLITE_OPEN_READONLY
                      : options.mode == Mode::kReadWrite

@@ -36,6 +36,11 @@ class Database {
     std::function<void()> on_wait = nullptr;
     /// Otherwise kFailedPrecondition: locks of network file systems do not hold.
     bool allow_network_file_system = false;
+    /// Of kReadOnly: nobody writes the file meanwhile. It is read without locks, and nothing is
+    /// made beside it; a write-ahead log that is there is not read.
+    bool immutable = false;
+    /// Starts messages, once the file is open, instead of "map store '<path>'".
+    std::string name = {};
   };
 
   /// A database that no file stands behind, for what needs a second schema to compare with.
@@ -72,7 +77,7 @@ class Database {
 
   bool writable() const;
   const std::string& path() const;
-  /// "map store '<path>'".
+  /// "map store '<path>'", or as the options say.
   const std::string& name() const;
   /// For another connection that only reads.
   const std::string& read_uri() const;

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "proto/mcap/byte_reader.h"
-#include "proto/mcap/crc32.h"
 #include "proto/mcap/format.h"
 
 namespace shiftmap::mcap {
@@ -12,7 +11,7 @@ namespace shiftmap::mcap {
 Status Definitions::Count(std::size_t bytes) {
   bytes_ += bytes;
   if (bytes_ > kMaxDefinitionBytes) {
-    return DataLoss("schemas and channels: names above {} bytes", kMaxDefinitionBytes);
+    return DataLoss("schemas and channels: names and texts above {} bytes", kMaxDefinitionBytes);
   }
   return OkStatus();
 }
@@ -23,14 +22,18 @@ Status Definitions::AddSchema(std::string_view content) {
   Schema schema;
   schema.name = reader.String();
   schema.encoding = reader.String();
-  schema.data_crc = Crc32::Of(reader.String());
+  const std::string_view data = reader.String();
   if (!reader.ok()) return DataLoss("schema: fields beyond its {} bytes", content.size());
   if (id == 0) return DataLoss("schema '{}': id 0, expected 1 or more", schema.name);
   if (const auto known = schemas_.find(id); known != schemas_.end()) {
-    if (known->second == schema) return OkStatus();
+    if (known->second.name == schema.name && known->second.encoding == schema.encoding &&
+        *known->second.data == data) {
+      return OkStatus();
+    }
     return DataLoss("schema {}: '{}', was '{}'", id, schema.name, known->second.name);
   }
-  SHIFTMAP_RETURN_IF_ERROR(Count(schema.name.size() + schema.encoding.size()));
+  SHIFTMAP_RETURN_IF_ERROR(Count(schema.name.size() + schema.encoding.size() + data.size()));
+  schema.data = std::make_shared<const std::string>(data);
   schemas_.emplace(id, std::move(schema));
   return OkStatus();
 }
@@ -61,6 +64,7 @@ Status Definitions::AddChannel(std::string_view content) {
     }
     entry.channel.schema_name = schema->second.name;
     entry.channel.schema_encoding = schema->second.encoding;
+    entry.channel.schema_data = schema->second.data;
   }
   SHIFTMAP_RETURN_IF_ERROR(
       Count(entry.channel.topic.size() + entry.channel.message_encoding.size() +

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -11,8 +12,7 @@
 
 namespace shiftmap::mcap {
 
-/// The schemas and channels that a file has defined so far. Only names are kept, of at most
-/// kMaxDefinitionBytes together.
+/// The schemas and channels that a file has defined so far, of at most kMaxDefinitionBytes together.
 class Definitions {
  public:
   /// Takes the content of a schema or channel record. A definition may be repeated.
@@ -28,8 +28,7 @@ class Definitions {
   struct Schema {
     std::string name;
     std::string encoding;
-    std::uint32_t data_crc = 0;
-    friend bool operator==(const Schema&, const Schema&) = default;
+    std::shared_ptr<const std::string> data;
   };
   struct ChannelEntry {
     Channel channel;

@@ -12,12 +12,14 @@
 
 namespace shiftmap::mcap {
 
-/// What a channel's messages are. The schema's own text is not kept.
+/// What a channel's messages are.
 struct Channel {
   std::string topic;
   std::string message_encoding;  ///< E.g. "protobuf".
   std::string schema_name;       ///< E.g. "shiftmap.proto.Odometry"; empty without a schema.
   std::string schema_encoding;   ///< E.g. "protobuf".
+  /// The schema's own bytes, in that encoding, shared by its channels; null without a schema.
+  std::shared_ptr<const std::string> schema_data;
 };
 
 /// One message of a log.
@@ -37,7 +39,7 @@ struct LogMessage {
 /// A file that ends early, as after a power failure, gives everything up to its last whole chunk
 /// (or its last whole message outside chunks), and truncation() then says so.
 ///
-/// Errors: kInvalidArgument if it is not MCAP, or a chunk's compression is not "" or "zstd";
+/// Errors: kInvalidArgument if it is not MCAP, or a chunk's compression is not "", "zstd" or "lz4";
 /// kDataLoss if a CRC is wrong, a record does not hold what its type says, or a limit of format.h
 /// is passed; kUnavailable if the stream cannot be read. After an error the reader is at its end.
 /// Messages name the byte of the record.

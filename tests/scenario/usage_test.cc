@@ -37,7 +37,8 @@ struct Program {
 
 const std::vector<Program>& Programs() {
   static const auto* const programs = new std::vector<Program>{
-      {"shiftmap-convert", {"carmen", "lidar-json", "utias", "victoria-park"}},
+      {"shiftmap-convert",
+       {"carmen", "check", "csv", "lidar-json", "rosbag2", "utias", "victoria-park"}},
       {"shiftmap-eval", {"trajectory", "map"}},
       {"shiftmap-experiment",
        {"alignments",

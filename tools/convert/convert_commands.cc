@@ -7,35 +7,17 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/convert/carmen.h"
+#include "tools/convert/check/check_command.h"
+#include "tools/convert/csv_command.h"
 #include "tools/convert/lidar_json.h"
 #include "tools/convert/lidar_log.h"
+#include "tools/convert/rosbag2/rosbag2_command.h"
+#include "tools/convert/run_report.h"
 #include "tools/convert/utias.h"
 #include "tools/convert/victoria_park.h"
 
 namespace shiftmap {
 namespace {
-
-// What was written, with what is said of this kind of log alone.
-void ReportRun(const std::string& output, const Run& run, const Json& more, Context& context) {
-  std::size_t observations = 0;
-  for (const Scan& scan : run.scans) observations += scan.observations.size();
-  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
-  Json document = {{"output", output},
-                   {"source", run.info.source},
-                   {"begin_s", ToSecondsSinceEpoch(run.odometry.front().stamp)},
-                   {"duration_s", duration_s},
-                   {"odometry", run.odometry.size()},
-                   {"scans", run.scans.size()},
-                   {"observations", observations}};
-  document.update(more);
-  context.Report(document,
-                 fmt::format("{}: {:.1f} s, {} odometry samples, {} scans with {} observations\n",
-                             output,
-                             duration_s,
-                             run.odometry.size(),
-                             run.scans.size(),
-                             observations));
-}
 
 struct UtiasArguments {
   UtiasOptions options;
@@ -242,6 +224,9 @@ void AddLidarCommand(const std::string& name,
 }  // namespace
 
 void AddConvertCommands(Application* application) {
+  AddRosbag2Command(application);
+  AddCsvCommand(application);
+  AddCheckCommand(application);
   AddUtiasCommand(application);
   AddVictoriaParkCommand(application);
   AddLidarCommand("lidar-json",

@@ -2,7 +2,9 @@
 #include "tools/convert/convert_commands.h"
 
 int main(int argc, char** argv) {
-  shiftmap::Application application("shiftmap-convert", "Public data sets to run logs");
+  shiftmap::Application application(
+      "shiftmap-convert",
+      "Logs of robots, and public data sets, to run logs; and checks of run logs");
   shiftmap::AddConvertCommands(&application);
   return application.Main(argc, argv);
 }

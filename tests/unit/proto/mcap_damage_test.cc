@@ -206,9 +206,9 @@ TEST(McapHostile, DefinitionsHaveALimitTogether) {
 }
 
 TEST(McapReaderRules, NamesTheCompressionThatItCannotRead) {
-  const Status status = ReadAll(Begin() + ChunkRecord("abc", 9, 0, "lz4")).status;
+  const Status status = ReadAll(Begin() + ChunkRecord("abc", 9, 0, "bz2")).status;
   EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
-  EXPECT_NE(Message(status).find("'lz4'"), std::string::npos);
+  EXPECT_NE(Message(status).find("'bz2'"), std::string::npos);
 }
 
 TEST(McapReaderRules, SkipsRecordsThatItDoesNotKnow) {
