@@ -113,6 +113,7 @@ void AddInspectCommands(Application* application) {
   AddListCommands(application);
   AddLedgerCommands(application);
   AddRunCommands(application);
+  AddEditCommands(application);
   AddMapCommands(application);
   AddPictureCommands(application);
   AddVersionCommands(application);
