@@ -2,7 +2,8 @@
 #include "mapper/map_edits.h"
 
 #include <algorithm>
-#include <utility>
+
+#include "mapstore/map/edited_map.h"
 
 namespace shiftmap {
 

@@ -33,7 +33,7 @@ struct ChainHistory {
   /// By time. A visit begins after the end of the one before.
   std::vector<ChainVisit> visits;
 
-  StatedRate stated;  ///< Counts as seen beside the visits.
+  StatedRate stated = {};  ///< Counts as seen beside the visits.
 };
 
 /// The ledger's rows of a group as a history.

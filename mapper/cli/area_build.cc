@@ -53,37 +53,6 @@ StatusOr<std::string> UndoneEditOf(const std::string& area,
   return std::string();
 }
 
-// The newest of a version and its ancestors that no excluded run went into, and no geometry that
-// was taken back.
-StatusOr<VersionNumber> NewestWithoutExcluded(const std::string& area,
-                                              VersionNumber version,
-                                              MapStore* store,
-                                              const Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (VersionNumber at = version;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, at, store));
-    if (runs.empty() && undone.empty()) return at;
-    context.Warn(
-        runs.empty()
-            ? fmt::format("version {} rests on {}, which was taken back: it is no prior",
-                          at.value(),
-                          undone)
-            : fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
-                          at.value(),
-                          runs.front()));
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
-    if (summary == versions.end() || !summary->parent) {
-      return FailedPrecondition(
-          "area '{}': every version of the line rests on what was taken out; --prior none starts "
-          "anew",
-          area);
-    }
-    at = *summary->parent;
-  }
-}
-
 // Goes on from the edits that are in force. A prior that is named is taken as it is.
 Status TakeEditsIn(const AreaBuildOptions& options,
                    const Context& context,
@@ -124,8 +93,8 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   if (options.prior == "published") {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
     if (!prior.published) return prior;
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        prior.version, NewestWithoutExcluded(options.area, *prior.published, &store, context));
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.version,
+                              FindPriorVersion(options.area, *prior.published, &store, &context));
   } else {
     prior.version = VersionNumber(std::stoll(options.prior));
   }
@@ -401,6 +370,37 @@ StatusOr<std::optional<CommitResult>> Write(const AreaBuildOptions& options,
 }
 
 }  // namespace
+
+StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
+                                         VersionNumber version,
+                                         MapStore* store,
+                                         const Context* context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (VersionNumber at = version;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, at, store));
+    if (runs.empty() && undone.empty()) return at;
+    if (context != nullptr) {
+      context->Warn(
+          runs.empty()
+              ? fmt::format("version {} rests on {}, which was taken back: it is no prior",
+                            at.value(),
+                            undone)
+              : fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
+                            at.value(),
+                            runs.front()));
+    }
+    const auto summary = std::find_if(
+        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
+    if (summary == versions.end() || !summary->parent) {
+      return FailedPrecondition(
+          "area '{}': every version of the line rests on what was taken out; --prior none starts "
+          "anew",
+          area);
+    }
+    at = *summary->parent;
+  }
+}
 
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context) {
   const Stamp now = SystemNow();

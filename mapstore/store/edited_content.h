@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <set>
 
-#include "mapstore/map/map_edit.h"
+#include "mapstore/map/edited_map.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/version_rows.h"
 #include "proto/core/status.h"

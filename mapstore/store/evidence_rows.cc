@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "mapstore/store/blob.h"
@@ -55,9 +56,13 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
     rows.push_back(std::move(row));
   }
   // The names of renamed landmarks are elsewhere in the order.
-  std::stable_sort(rows.begin(), rows.end(), [](const EvidenceRow& a, const EvidenceRow& b) {
-    return a.evidence.signature < b.evidence.signature;
-  });
+  const auto by_name = [](const EvidenceRow& a, const EvidenceRow& b) {
+    return std::tie(a.evidence.signature, a.evidence.begin, a.evidence.end, a.source) <
+           std::tie(b.evidence.signature, b.evidence.begin, b.evidence.end, b.source);
+  };
+  if (!std::is_sorted(rows.begin(), rows.end(), by_name)) {
+    std::stable_sort(rows.begin(), rows.end(), by_name);
+  }
   return rows;
 }
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "mapstore/map/map_edit.h"
+#include "mapstore/map/edited_map.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"

@@ -22,8 +22,8 @@
 namespace shiftmap::testing {
 namespace {
 
-constexpr int kHistories = 8;
-constexpr int kSteps = 60;
+constexpr int kHistories = 4;
+constexpr int kSteps = 50;
 
 class EditHistory : public ::testing::TestWithParam<int> {
  protected:

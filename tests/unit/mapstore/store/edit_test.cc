@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <string>
 #include <vector>
@@ -192,6 +193,35 @@ TEST_F(EditTest, RenamesOfOneLandmarkAreTakenBackInAnyOrder) {
   EXPECT_EQ(Undo(second.edit).version->content_hash, first_.content_hash);
   EXPECT_EQ(First(*store_.LoadAt("floor"), NameOf(0)), believed);
   ExpectClean();
+}
+
+// Edits of different landmarks, and a shift on the first version, in every order.
+TEST_F(EditTest, OrderDoesNotMatterWhereNothingDependsOnIt) {
+  MapEdit placed = Make(EditKind::kPosition, 2);
+  placed.mode = ModeNumber(1);
+  placed.p_map_landmark = {5.0, 6.0};
+  placed.sd_m = 0.02;
+  const std::vector<MapEdit> edits = {Rename(0, "gate"), Make(EditKind::kRetire, 1), placed};
+  const ShiftReport report = Report(first_, NameOf(0), 100.0);
+  std::vector<int> order = {0, 1, 2, 3};
+  std::string expected;
+  do {
+    TempDir dir;
+    MapStore store = OpenStore(dir.File("a.db"));
+    CommitOptions options;
+    options.states_probabilities = false;
+    ASSERT_THAT(store.Commit("floor", content_, {"test", "", 0, {}}, options), IsOk());
+    for (const int step : order) {
+      if (step == 3) {
+        ASSERT_THAT(store.Return(report), IsOk());
+      } else {
+        ASSERT_THAT(store.Edit("floor", edits[static_cast<std::size_t>(step)]), IsOk());
+      }
+    }
+    const std::string hash = ContentHash(store.LoadAt("floor")->content());
+    if (expected.empty()) expected = hash;
+    EXPECT_EQ(hash, expected);
+  } while (std::next_permutation(order.begin(), order.end()));
 }
 
 TEST_F(EditTest, ARetiredLandmarkHasItsRowsAgainWhenItComesBack) {
