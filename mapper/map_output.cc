@@ -211,7 +211,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                             LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
     const bool known = problem.Known(sources[i].group) != nullptr;
-    if (chains[i].learned || !known) (*groups)[i].chain = chains[i].chain.chain();
+    const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
+    if (chains[i].learned || !known || relearned) (*groups)[i].chain = chains[i].chain.chain();
   }
   return chains;
 }

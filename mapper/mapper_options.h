@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
@@ -60,6 +61,9 @@ struct ChainOptions {
   /// What shifts reported along the line of the prior map, but nothing about a run that the build
   /// takes: its visits are evidence already.
   std::vector<EvidenceRow> ledger;
+
+  /// Landmarks that get the chain that is learned whatever the prior map has.
+  std::set<Signature> relearned;
 };
 
 /// When few landmarks agree, or others agree at another place, the place of a run in the map must

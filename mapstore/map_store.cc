@@ -11,6 +11,7 @@
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/audit_rows.h"
+#include "mapstore/store/edit_rows.h"
 #include "mapstore/store/evidence_rows.h"
 #include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/ledger_filter.h"
@@ -117,6 +118,14 @@ StatusOr<MapStore::State::Filtered> MapStore::State::Filter(const std::string& a
   return filtered;
 }
 
+StatusOr<std::map<Signature, Signature>> MapStore::State::AliasesOf(const std::string& area,
+                                                                    const VersionRow& version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_row.area_id, version.version_id));
+  return LandmarkNames(held).Aliases();
+}
+
 StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
                                             std::optional<VersionNumber> version,
                                             const LedgerQuery& query) {
@@ -126,8 +135,13 @@ StatusOr<MapSnapshot> MapStore::State::Load(const std::string& area,
     return DataLoss("{}: end of its evidence: {}", VersionName(area, number), Message(valid));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
-  return MapSnapshot(
-      area, number, filtered.row.content_hash, std::move(filtered.content), position);
+  SHIFTMAP_ASSIGN_OR_RETURN(auto aliases, AliasesOf(area, filtered.row));
+  return MapSnapshot(area,
+                     number,
+                     filtered.row.content_hash,
+                     std::move(filtered.content),
+                     position,
+                     std::move(aliases));
 }
 
 MapStore::MapStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -229,7 +243,9 @@ StatusOr<MapSnapshot> MapStore::LoadVersion(const std::string& area, VersionNumb
   SHIFTMAP_ASSIGN_OR_RETURN(MapContent content,
                             ReadContent(database, row, state_->VersionName(area, version)));
   SHIFTMAP_ASSIGN_OR_RETURN(const LedgerPosition position, ReadLedgerPosition(database));
-  return MapSnapshot(area, version, row.content_hash, std::move(content), position);
+  SHIFTMAP_ASSIGN_OR_RETURN(auto aliases, state_->AliasesOf(area, row));
+  return MapSnapshot(
+      area, version, row.content_hash, std::move(content), position, std::move(aliases));
 }
 
 StatusOr<MapSnapshot> MapStore::LoadAt(const std::string& area,

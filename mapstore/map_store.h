@@ -230,6 +230,37 @@ class MapStore {
   /// positions still rest on them.
   StatusOr<std::vector<std::string>> ExcludedRunsOf(const std::string& area, VersionNumber version);
 
+  /// Makes an edit in the published version, publishes the version that comes of it, and keeps the
+  /// edit for every build to come. All in one transaction: a version that is published meanwhile is
+  /// the one that is edited.
+  /// @param edit  With its kind's members, author and reason; the store sets the others.
+  /// Errors also: kInvalidArgument if ValidateEdit refuses it or the map cannot take it; kNotFound
+  /// if nothing is published, or the version does not have the landmark, mode or vehicle;
+  /// kFailedPrecondition if the file is a snapshot.
+  StatusOr<EditResult> Edit(const std::string& area, MapEdit edit, bool dry_run = false);
+
+  /// Takes an edit back: publishes the version that comes of the others. A build stays, and so do
+  /// all rows. Where the published version was built on a position, control point or rate that is
+  /// taken back, it stays published and rests on it (EditsOf) until the next build.
+  /// Errors also: kNotFound if there is none of that id; kAlreadyExists if it was taken back;
+  /// kInvalidArgument if author or reason are empty; kFailedPrecondition if another edit needs it.
+  StatusOr<EditResult> UndoEdit(const std::string& area,
+                                EditId edit,
+                                EditUndo undo,
+                                bool dry_run = false);
+
+  /// All edits of an area, by id, those taken back included (MapEdit::undone).
+  StatusOr<std::vector<MapEdit>> Edits(const std::string& area);
+
+  /// The edits that a version is made with, by id. One that was taken back since is among them if
+  /// the version rests on it.
+  StatusOr<std::vector<MapEdit>> EditsOf(const std::string& area, VersionNumber version);
+
+  /// A version that holds the edits in force, for a build to go on from: `version` if it does, else
+  /// a child of it that is not published. Edits of other lines of versions do not count, and what
+  /// cannot be made in this one is left out.
+  StatusOr<VersionNumber> WithEditsInForce(const std::string& area, VersionNumber version);
+
   /// Every write, oldest first; of one area, or of the whole store.
   StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt);
 

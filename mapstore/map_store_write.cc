@@ -11,6 +11,7 @@
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/edit_rows.h"
 #include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/mapped_rows.h"
 #include "mapstore/store/provenance_rows.h"
@@ -78,27 +79,6 @@ Status CheckNewRuns(Database& database, const VersionRow& parent, const Provenan
   return OkStatus();
 }
 
-// Adds the rows of a version. Returns its row.
-StatusOr<VersionRow> InsertWholeVersion(Database& database,
-                                        std::int64_t area_id,
-                                        const MapContent& content,
-                                        const Provenance& provenance,
-                                        bool states_probabilities,
-                                        VersionRow version) {
-  SHIFTMAP_ASSIGN_OR_RETURN(version.number, NextVersionNumber(database, area_id));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      version,
-      InsertVersion(
-          database, area_id, std::move(version), states_probabilities, content, provenance));
-  SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
-  for (const RunRecord& run : provenance.runs) {
-    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
-  }
-  SHIFTMAP_RETURN_IF_ERROR(
-      InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
-  return version;
-}
-
 bool HasEvidence(const Provenance& provenance) {
   return std::any_of(provenance.runs.begin(), provenance.runs.end(), [](const RunRecord& run) {
     return !run.evidence.empty();
@@ -116,6 +96,25 @@ Status InsertWaiting(Database& database,
 }
 
 }  // namespace
+
+StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
+                                                 const MapContent& content,
+                                                 const Provenance& provenance,
+                                                 bool states_probabilities,
+                                                 VersionRow version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(version.number, NextVersionNumber(database, area_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      version,
+      InsertVersion(
+          database, area_id, std::move(version), states_probabilities, content, provenance));
+  SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
+  for (const RunRecord& run : provenance.runs) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
+  return version;
+}
 
 Status MapStore::State::MovePublished(std::int64_t area_id,
                                       const VersionRow& version,
@@ -198,13 +197,13 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   if (options.ledger_position) {
     version.ledger_position = std::min(version.ledger_position, *options.ledger_position);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(version,
-                            InsertWholeVersion(database,
-                                               area_row.area_id,
-                                               content,
-                                               provenance,
-                                               options.states_probabilities,
-                                               std::move(version)));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      version,
+      state_->AddVersion(
+          area_row.area_id, content, provenance, options.states_probabilities, std::move(version)));
+  for (const EditId edit : options.without_edits) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertVersionEdit(database, version.version_id, edit, false));
+  }
   if (options.publish) {
     SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, kPublishAction));
   }

@@ -11,6 +11,7 @@
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/evidence.h"
+#include "mapstore/map/map_edit.h"
 #include "mapstore/map/visibility.h"
 #include "mapstore/run/trajectory.h"
 
@@ -109,11 +110,27 @@ struct CommitOptions {
 
   /// Whether a version without a parent is published whatever is; otherwise only if none is.
   bool replace = true;
+
+  /// Edits that were taken back, that the parent holds, and that nothing of the content rests on.
+  std::vector<EditId> without_edits = {};
 };
 
 struct CommitResult {
   VersionNumber version;
   std::string content_hash;
+};
+
+/// What became of an edit, or of taking one back.
+struct EditResult {
+  EditId edit;
+
+  /// The version that is published with it now; nothing if none is made: in a dry run, or of an
+  /// edit that the published version does not hold, or that cannot be taken out of it.
+  std::optional<CommitResult> version;
+
+  /// Of an edit taken back: the published version still rests on it, and the next build goes on
+  /// without it.
+  bool rests_on = false;
 };
 
 struct AreaSummary {

@@ -19,6 +19,12 @@ struct ChainVisit {
   Eigen::VectorXd log_likelihoods;  ///< Per state, up to a constant of the visit. [nat]
 };
 
+/// A leave rate that somebody states beforehand: as if so many jumps had been seen in so long.
+struct StatedRate {
+  double jumps = 0.0;    ///< >= 0.
+  double seconds = 0.0;  ///< > 0 where there are jumps. [s]
+};
+
 /// All that was seen of one group's chain.
 struct ChainHistory {
   Signature signature;
@@ -26,6 +32,8 @@ struct ChainHistory {
 
   /// By time. A visit begins after the end of the one before.
   std::vector<ChainVisit> visits;
+
+  StatedRate stated = {};  ///< Counts as seen beside the visits.
 };
 
 /// The ledger's rows of a group as a history.

@@ -45,6 +45,8 @@ std::vector<ChainHistory> MakeHistories(const std::vector<LandmarkGroup>& groups
   for (const LandmarkGroup& group : groups) {
     histories.push_back(AllowMistakes(MakeChainHistory(group, std::move(rows[group.signature])),
                                       options.mistaken_visits));
+    const auto stated = options.stated.find(group.signature);
+    if (stated != options.stated.end()) histories.back().stated = stated->second;
   }
   return histories;
 }
@@ -64,6 +66,14 @@ Status GroupChainOptions::Validate() const {
   if (!(mistaken_visits >= 0.0 && mistaken_visits < 1.0)) {
     return InvalidArgument("mode chains: {} mistaken visits, expected within [0, 1)",
                            mistaken_visits);
+  }
+  for (const auto& [signature, rate] : stated) {
+    if (!(rate.jumps > 0.0 && rate.seconds > 0.0 && std::isfinite(rate.jumps / rate.seconds))) {
+      return InvalidArgument("mode chains: '{}': {} jumps in {} s stated, expected > 0",
+                             signature.text(),
+                             rate.jumps,
+                             rate.seconds);
+    }
   }
   if (!(interval > 0.0 && interval < 1.0)) {
     return InvalidArgument("mode chains: interval {}, expected within (0, 1)", interval);

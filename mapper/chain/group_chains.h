@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <vector>
 
+#include "mapper/chain/chain_history.h"
 #include "mapper/chain/learn_chain.h"
 #include "mapstore/map/landmark_group.h"
 #include "mapstore/map/mode_filter.h"
@@ -24,6 +26,9 @@ struct GroupChainOptions {
   /// Share of visits whose evidence is about something else: a signature misread, a pose off. One
   /// such visit between others that agree is then no pair of jumps within minutes. In [0, 1).
   double mistaken_visits = 1e-3;
+
+  /// What is stated about single landmarks.
+  std::map<Signature, StatedRate> stated;
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
 

@@ -74,23 +74,44 @@ bool MayTellPairs(const ChainSteps& steps, const RateFit& uniform) {
          ExpectedJumps(steps, uniform) >= steps.states * (steps.states - 1);
 }
 
+// The prior of each rate of a structure, with its part of what is stated of all.
+Gamma WithStated(const Gamma& prior,
+                 const StatedRate& stated,
+                 ChainStructure structure,
+                 int states) {
+  const double rates = structure == ChainStructure::kUniform ? 1.0 : states * (states - 1.0);
+  return {prior.shape + stated.jumps / rates, prior.exposure_s + stated.seconds / rates};
+}
+
 Choice Fit(const ChainSteps& steps,
-           const Gamma& prior,
+           const StatedRate& stated,
+           const Gamma& shared,
            const ChainLearningOptions& options,
            const Choice& before) {
   Choice choice;
   if (steps.states < 2) return choice;
+  const auto prior = [&](ChainStructure structure) {
+    return WithStated(shared, stated, structure, steps.states);
+  };
   if (options.structure) {
-    choice.fit = FitRates(steps, *options.structure, prior, options.fit);
+    choice.fit = FitRates(steps, *options.structure, prior(*options.structure), options.fit);
     return choice;
   }
-  RateFit uniform = FitRates(steps, ChainStructure::kUniform, prior, options.fit, before.uniform);
+  RateFit uniform = FitRates(steps,
+                             ChainStructure::kUniform,
+                             prior(ChainStructure::kUniform),
+                             options.fit,
+                             before.uniform);
   choice.uniform = uniform.log_rates;
   if (!MayTellPairs(steps, uniform)) {
     choice.fit = std::move(uniform);
     return choice;
   }
-  RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, options.fit, before.general);
+  RateFit general = FitRates(steps,
+                             ChainStructure::kGeneral,
+                             prior(ChainStructure::kGeneral),
+                             options.fit,
+                             before.general);
   choice.general = general.log_rates;
   choice.general_gain = general.log_marginal - uniform.log_marginal;
   choice.fit = choice.general_gain > 0.0 ? std::move(general) : std::move(uniform);
@@ -103,13 +124,14 @@ constexpr std::size_t kPriorGroups = 200;
 // Fits every `step`-th group.
 void FitEvery(std::size_t step,
               const std::vector<ChainSteps>& steps,
+              const std::vector<ChainHistory>& histories,
               const Gamma& prior,
               const ChainLearningOptions& options,
               std::vector<Choice>* choices) {
   const std::size_t count = (steps.size() + step - 1) / step;
   ForEachIndex(count, options.threads, [&](std::size_t i) {
     Choice& choice = (*choices)[i * step];
-    choice = Fit(steps[i * step], prior, options, choice);
+    choice = Fit(steps[i * step], histories[i * step].stated, prior, options, choice);
   });
 }
 
@@ -170,7 +192,7 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   constexpr double kSettled = 1e-2;
   const std::size_t step = options.share_prior ? steps.size() / kPriorGroups + 1 : 1;
   for (int round = 0;; ++round) {
-    FitEvery(step, steps, result.prior, options, &choices);
+    FitEvery(step, steps, histories, result.prior, options, &choices);
     if (!options.share_prior || round == kMaxRounds) break;
     const Gamma next = SharedPrior(choices, options);
     const double change = std::max(std::abs(std::log(next.shape / result.prior.shape)),
@@ -178,7 +200,7 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
     if (change < kSettled) break;
     result.prior = next;
   }
-  if (step > 1) FitEvery(1, steps, result.prior, options, &choices);
+  if (step > 1) FitEvery(1, steps, histories, result.prior, options, &choices);
   for (std::size_t i = 0; i < histories.size(); ++i) {
     LearnedChain learned = Describe(histories[i], std::move(choices[i].fit), options.interval);
     learned.general_gain = choices[i].general_gain;

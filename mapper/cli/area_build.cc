@@ -13,6 +13,7 @@
 #include "mapper/cli/build_report.h"
 #include "mapper/cli/run_loader.h"
 #include "mapper/cli/stop_signals.h"
+#include "mapper/map_edits.h"
 #include "mapper/selection/selector.h"
 #include "mapper/tree/tree_builder.h"
 #include "mapstore/cli/store_access.h"
@@ -36,30 +37,40 @@ struct PriorMap {
   std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
   std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
   std::vector<ModeVisibility> visibility;  // Of the same line's runs.
+  BuildEdits edits;
 };
 
-// The newest of a version and its ancestors that no excluded run went into.
-StatusOr<VersionNumber> NewestWithoutExcluded(const std::string& area,
-                                              VersionNumber version,
-                                              MapStore* store,
-                                              const Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (VersionNumber at = version;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
-    if (runs.empty()) return at;
-    context.Warn(fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
-                             at.value(),
-                             runs.front()));
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
-    if (summary == versions.end() || !summary->parent) {
-      return FailedPrecondition(
-          "area '{}': every version of the line is made from excluded runs; --prior none starts "
-          "anew",
-          area);
-    }
-    at = *summary->parent;
+// The name of an edit that was taken back and that a version was built on, or nothing.
+StatusOr<std::string> UndoneEditOf(const std::string& area,
+                                   VersionNumber version,
+                                   MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held, store->EditsOf(area, version));
+  for (const MapEdit& edit : held) {
+    const bool geometry = edit.kind == EditKind::kPosition || edit.kind == EditKind::kNewMode ||
+                          edit.kind == EditKind::kControl;
+    if (edit.undone && geometry) return fmt::format("edit {}", edit.id.value());
   }
+  return std::string();
+}
+
+// Goes on from the edits that are in force. A prior that is named is taken as it is.
+Status TakeEditsIn(const AreaBuildOptions& options,
+                   const Context& context,
+                   MapStore* store,
+                   PriorMap* prior) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store->Edits(options.area));
+  if (edits.empty()) return OkStatus();
+  if (prior->published && !context.dry_run()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        MapStore writer,
+        OpenStore(options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
+    SHIFTMAP_ASSIGN_OR_RETURN(prior->version,
+                              writer.WithEditsInForce(options.area, *prior->version));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            store->EditsOf(options.area, *prior->version));
+  prior->edits = MakeBuildEdits(held);
+  return OkStatus();
 }
 
 StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
@@ -82,11 +93,12 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   if (options.prior == "published") {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
     if (!prior.published) return prior;
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        prior.version, NewestWithoutExcluded(options.area, *prior.published, &store, context));
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.version,
+                              FindPriorVersion(options.area, *prior.published, &store, &context));
   } else {
     prior.version = VersionNumber(std::stoll(options.prior));
   }
+  SHIFTMAP_RETURN_IF_ERROR(TakeEditsIn(options, context, &store, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
                             store.LoadVersion(options.area, *prior.version));
   prior.content = snapshot.content();
@@ -255,6 +267,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   mapper_options.modes.leave_rate_per_s = options.leave_rate_per_s;
   mapper_options.chains.learn = !options.no_learned_rates;
   mapper_options.chains.ledger = prior.evidence;
+  StateRates(prior.edits, &mapper_options.chains);
   mapper_options.visibility = prior.visibility;
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
@@ -352,6 +365,7 @@ StatusOr<std::optional<CommitResult>> Write(const AreaBuildOptions& options,
   commit_options.replace = options.prior == "none";
   commit_options.states_probabilities = false;
   commit_options.waiting = Unplaced(result);
+  if (!result.chains.empty()) commit_options.without_edits = prior.edits.undone_rates;
   SHIFTMAP_ASSIGN_OR_RETURN(
       CommitResult commit,
       store.Commit(options.area, result.content, MakeProvenance(options, result), commit_options));
@@ -360,12 +374,44 @@ StatusOr<std::optional<CommitResult>> Write(const AreaBuildOptions& options,
 
 }  // namespace
 
+StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
+                                         VersionNumber version,
+                                         MapStore* store,
+                                         const Context* context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (VersionNumber at = version;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, at, store));
+    if (runs.empty() && undone.empty()) return at;
+    if (context != nullptr) {
+      context->Warn(
+          runs.empty()
+              ? fmt::format("version {} rests on {}, which was taken back: it is no prior",
+                            at.value(),
+                            undone)
+              : fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
+                            at.value(),
+                            runs.front()));
+    }
+    const auto summary = std::find_if(
+        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
+    if (summary == versions.end() || !summary->parent) {
+      return FailedPrecondition(
+          "area '{}': every version of the line rests on what was taken out; --prior none starts "
+          "anew",
+          area);
+    }
+    at = *summary->parent;
+  }
+}
+
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context) {
   const Stamp now = SystemNow();
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
   SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
+  FollowEdits(prior.edits, &runs.inputs);
   SHIFTMAP_RETURN_IF_ERROR(LoadMemory(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
@@ -389,6 +435,7 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   }
   SHIFTMAP_RETURN_IF_ERROR(result.status());
   build.result = *std::move(result);
+  HoldControlPoints(prior.edits, &build.result);
   build.dropped = std::move(runs.dropped);
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());

@@ -47,6 +47,15 @@ struct AreaBuildOptions {
   std::vector<std::string> logs;
 };
 
+/// The version that a build goes on from: the newest of a version and its ancestors that no
+/// excluded run went into, and no geometry that was taken back.
+/// @param context  Gets a warning for each that is passed over; may be null.
+/// Errors: kFailedPrecondition if there is none.
+StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
+                                         VersionNumber version,
+                                         MapStore* store,
+                                         const Context* context);
+
 /// What became of it.
 struct AreaBuild {
   MapperResult result;

@@ -74,6 +74,7 @@ class Night {
   struct AreaLogs {
     std::vector<LogHead> fresh;     // No build has seen them.
     std::vector<LogHead> waiting;   // An earlier build could not place them.
+    std::vector<LogHead> again;     // In the map, but not in what a build goes on from.
     std::vector<std::string> held;  // Lines about logs that somebody has to decide about.
   };
 
@@ -182,6 +183,7 @@ Status Night::FindLogs() {
 // @param store  Null if there is none.
 Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore* store) {
   std::set<std::string> mapped;
+  std::set<std::string> kept;     // Of these, what is in the version that a build goes on from.
   std::set<std::string> waiting;  // Hashes.
   std::vector<Exclusion> exclusions;
   if (store != nullptr) {
@@ -192,6 +194,10 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore*
       for (const UnplacedRun& run : runs) waiting.insert(run.sha256);
       if (*published) {
         SHIFTMAP_ASSIGN_OR_RETURN(mapped, store->RunIdentities(area, **published));
+        // The build says what is wrong with it.
+        const StatusOr<VersionNumber> prior = FindPriorVersion(area, **published, store, nullptr);
+        SHIFTMAP_ASSIGN_OR_RETURN(kept,
+                                  store->RunIdentities(area, prior.ok() ? *prior : **published));
       }
     } else if (published.status().code() != StatusCode::kNotFound) {
       return published.status();
@@ -212,12 +218,15 @@ Status Night::Sort(const std::string& area, std::vector<LogHead> logs, MapStore*
     return true;
   };
   for (LogHead& log : logs) {
-    if (is_out(log.identity(), log) || mapped.contains(log.identity())) continue;
+    if (is_out(log.identity(), log) || kept.contains(log.identity())) continue;
     if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
     if (by_hash && is_out(log.sha256, log)) continue;
-    std::vector<LogHead>& kind = waiting.contains(log.sha256) ? sorted.waiting : sorted.fresh;
+    const bool again = mapped.contains(log.identity());
+    std::vector<LogHead>& kind = again                          ? sorted.again
+                                 : waiting.contains(log.sha256) ? sorted.waiting
+                                                                : sorted.fresh;
     kind.push_back(std::move(log));
   }
   return OkStatus();
@@ -230,7 +239,7 @@ Status Night::BuildNew(const std::string& area,
                        std::vector<std::string>* reasons) {
   AreaBuildOptions build = options_.build;
   build.area = area;
-  for (const std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting}) {
+  for (const std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting, &logs.again}) {
     for (const LogHead& log : *kind) build.logs.push_back(log.path);
   }
   const StatusOr<AreaBuild> built = BuildArea(build, context_);

@@ -309,7 +309,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const std::vector<MappedRun>& ru
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
-    if (chains[i].learned) (*groups)[i].chain = chains[i].chain.chain();
+    const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
+    if (chains[i].learned || relearned) (*groups)[i].chain = chains[i].chain.chain();
   }
   return chains;
 }

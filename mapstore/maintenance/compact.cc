@@ -44,7 +44,9 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
                           "DELETE FROM landmark_group WHERE version_id = ?1",
                           "DELETE FROM mode_covariance WHERE version_id = ?1",
                           "DELETE FROM anonymous_landmark WHERE version_id = ?1",
-                          "DELETE FROM vehicle_calibration WHERE version_id = ?1",
+                          "DELETE FROM vehicle_calibration WHERE version_id = ?1 "
+                          "AND version_id NOT IN (SELECT kept_version_id FROM map_edit "
+                          "WHERE kept_version_id IS NOT NULL)",
                           "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
                           "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
                           "UPDATE version SET content_stored = 0 WHERE version_id = ?1"}) {
@@ -209,7 +211,11 @@ Status CompactArea(Database& database,
       ReadIds(database,
               "SELECT version_id FROM version v WHERE area_id = ?1 AND content_stored = 1 "
               "AND version_id <> coalesce((SELECT published_version_id FROM area a "
-              "WHERE a.area_id = ?1), 0) AND (SELECT count(*) FROM version n "
+              "WHERE a.area_id = ?1), 0) "
+              // The build that the published version is an edit of.
+              "AND version_id <> coalesce((SELECT edited_version_id FROM area a JOIN version p "
+              "ON p.version_id = a.published_version_id WHERE a.area_id = ?1), 0) "
+              "AND (SELECT count(*) FROM version n "
               "WHERE n.area_id = ?1 AND n.number > v.number) >= ?2",
               area_id,
               policy.keep_versions));

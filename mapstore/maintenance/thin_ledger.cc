@@ -141,7 +141,9 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
     for (;;) {
       SHIFTMAP_ASSIGN_OR_RETURN(const LedgerRow* const row, cursor.Next());
       if (row == nullptr) break;
-      const auto group = groups.find(row->signature);
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                                view.NameOf(row->signature, row->version_id));
+      const auto group = groups.find(name);
       if (group == groups.end()) continue;
       SHIFTMAP_ASSIGN_OR_RETURN(const bool counts, view.Counts(*row));
       if (!counts) continue;

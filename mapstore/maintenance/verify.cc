@@ -87,8 +87,12 @@ StatusOr<VerifyResult> VerifyStore(const std::string& path) {
                             Transaction::Begin(database, Transaction::Kind::kRead));
   VerifyResult result;
   DefectList defects(&result);
-  for (const auto part :
-       {VerifyFile, VerifyVersions, VerifyLedger, VerifyCheckpoints, FindFutureStamps}) {
+  for (const auto part : {VerifyFile,
+                          VerifyVersions,
+                          VerifyEdits,
+                          VerifyLedger,
+                          VerifyCheckpoints,
+                          FindFutureStamps}) {
     const Status status = part(database, &defects);
     if (status.ok()) continue;
     // Damage that keeps a part from going on is a defect like others; a lost disk is not.

@@ -35,6 +35,9 @@ Status VerifyFile(Database& database, DefectList* defects);
 /// Areas, versions, content, trajectories.
 Status VerifyVersions(Database& database, DefectList* defects);
 
+/// Edits, and the versions that are made of them.
+Status VerifyEdits(Database& database, DefectList* defects);
+
 /// Reports, evidence, decisions, sightings.
 Status VerifyLedger(Database& database, DefectList* defects);
 

@@ -13,7 +13,8 @@ namespace shiftmap {
 /// A mode that was found to be the same position as another one.
 struct MergedMode {
   ModeNumber number;  ///< Retired: no mode gets it again.
-  ModeNumber into;    ///< The mode of the group that stands for it now.
+  ModeNumber into;    ///< The mode of the group that stands for it now; kAbsent of one that a
+                      ///< person added and took back: there the landmark is at no known position.
 };
 
 /// Every known position of one physical landmark, and the chain it jumps by.

@@ -42,7 +42,7 @@ Status ValidateMerged(const LandmarkGroup& group, const std::string& owner) {
     if (merged.number.value() < 1 || (previous != nullptr && !(previous->number < merged.number))) {
       return InvalidArgument("{}: merged modes do not ascend from 1", owner);
     }
-    if (group.StateOf(merged.number) >= 0 || group.StateOf(merged.into) < 1) {
+    if (group.StateOf(merged.number) >= 0 || group.StateOf(merged.into) < 0) {
       return InvalidArgument("{}: mode {} cannot be part of mode {}",
                              owner,
                              merged.number.value(),
@@ -175,13 +175,15 @@ MapSnapshot::MapSnapshot(std::string area,
                          VersionNumber version,
                          std::string content_hash,
                          MapContent content,
-                         LedgerPosition ledger_position)
+                         LedgerPosition ledger_position,
+                         std::map<Signature, Signature> aliases)
     : area_(std::move(area)),
       version_(version),
       content_hash_(std::move(content_hash)),
       content_(std::make_shared<const MapContent>(std::move(content))),
       ledger_position_(ledger_position),
-      calibration_(content_->calibration) {
+      calibration_(content_->calibration),
+      aliases_(std::move(aliases)) {
   const Status valid = ValidateMapContent(*content_);
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
   int mode_index = 0;
@@ -189,6 +191,10 @@ MapSnapshot::MapSnapshot(std::string area,
     index_.emplace(groups()[i].signature, static_cast<int>(i));
     first_mode_.push_back(mode_index);
     mode_index += static_cast<int>(groups()[i].modes.size());
+  }
+  for (const auto& [name, now] : aliases_) {
+    const auto group = index_.find(now);
+    if (group != index_.end()) index_.emplace(name, group->second);
   }
 }
 

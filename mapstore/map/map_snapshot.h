@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <unordered_map>
@@ -58,11 +59,13 @@ class MapSnapshot {
   /// @param content  Valid by ValidateMapContent.
   /// @param content_hash  Of the version as committed; the probabilities in `content` may be newer.
   /// @param ledger_position  The reports that the probabilities account for up to the stamp.
+  /// @param aliases          As aliases() gives them.
   MapSnapshot(std::string area,
               VersionNumber version,
               std::string content_hash,
               MapContent content,
-              LedgerPosition ledger_position = {});
+              LedgerPosition ledger_position = {},
+              std::map<Signature, Signature> aliases = {});
 
   const std::string& area() const { return area_; }
   VersionNumber version() const { return version_; }
@@ -90,7 +93,10 @@ class MapSnapshot {
   /// What a version that is made from this map names in CommitOptions.
   LedgerPosition ledger_position() const { return ledger_position_; }
 
-  /// The index in groups() of a signature, or -1; O(1).
+  /// Former names of landmarks that were renamed, each with the name in groups().
+  const std::map<Signature, Signature>& aliases() const { return aliases_; }
+
+  /// The index in groups() of a signature or of a former one, or -1; O(1).
   int GroupIndex(const Signature& signature) const;
 
   /// The row of a mode in covariance(): `state` counts from 1 as in LandmarkGroup.
@@ -106,6 +112,7 @@ class MapSnapshot {
   LedgerPosition ledger_position_;
   Calibration calibration_;
   std::string calibrated_vehicle_;
+  std::map<Signature, Signature> aliases_;
   std::unordered_map<Signature, int> index_;
   std::vector<int> first_mode_;
 };

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/evidence_rows.h"
 
+#include <algorithm>
+#include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "mapstore/store/blob.h"
@@ -30,7 +33,7 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
   std::vector<EvidenceRow> rows;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
-    if (!found) return rows;
+    if (!found) break;
     if (without_runs.contains(query.Text(6)) || without_runs.contains(query.Text(11))) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const bool tells,
                               view.TellsOfPast(query.Int64(4), query.Int64(9), query.Int64(5)));
@@ -38,7 +41,9 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
     EvidenceRow row;
     row.source = query.Text(3);
     row.vehicle = query.Text(10);
-    row.evidence.signature = Signature(query.Text(0));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                              view.NameOf(query.Blob(0), query.Int64(5)));
+    row.evidence.signature = Signature(std::string(name));
     row.evidence.begin = StampFromNanoseconds(query.Int64(1));
     row.evidence.end = StampFromNanoseconds(query.Int64(2));
     row.evidence.observations = query.Int64(8);
@@ -50,6 +55,15 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
     }
     rows.push_back(std::move(row));
   }
+  // The names of renamed landmarks are elsewhere in the order.
+  const auto by_name = [](const EvidenceRow& a, const EvidenceRow& b) {
+    return std::tie(a.evidence.signature, a.evidence.begin, a.evidence.end, a.source) <
+           std::tie(b.evidence.signature, b.evidence.begin, b.evidence.end, b.source);
+  };
+  if (!std::is_sorted(rows.begin(), rows.end(), by_name)) {
+    std::stable_sort(rows.begin(), rows.end(), by_name);
+  }
+  return rows;
 }
 
 }  // namespace shiftmap

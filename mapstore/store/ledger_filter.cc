@@ -104,7 +104,9 @@ StatusOr<std::int64_t> LedgerFilter::TakeRows(Stamp before, Stamp mapped_before)
 }
 
 Status LedgerFilter::HoldRow(const LedgerRow& row) {
-  const int index = GroupOf(row.signature);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                            view_.NameOf(row.signature, row.version_id));
+  const int index = GroupOf(name);
   if (index < 0) return OkStatus();
   const LandmarkGroup& group = content_->groups[static_cast<std::size_t>(index)];
   if (!UnpackLogLikelihoods(row.log_likelihoods, &modes_)) {
@@ -174,8 +176,14 @@ Status LedgerFilter::TakeStatement(Stamp stamp) {
     }
     return OkStatus();
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
-                            ReadStatement(*database_, *version_.statement_version_id, groups));
+  std::vector<std::string> names;
+  for (const LandmarkGroup& group : groups) {
+    SHIFTMAP_ASSIGN_OR_RETURN(std::string name,
+                              view_.NameIn(*version_.statement_version_id, group.signature.text()));
+    names.push_back(std::move(name));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const auto stated, ReadStatement(*database_, *version_.statement_version_id, groups, names));
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (!stated[i]) continue;
     std::optional<ModeState>& state = states_.groups[i];

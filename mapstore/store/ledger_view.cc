@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/store/edit_rows.h"
 
 namespace shiftmap {
 
@@ -62,13 +63,56 @@ StatusOr<bool> LedgerView::TellsOfPast(std::int64_t report_id,
 
 StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
   if (!exclusions_) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
-    area.Bind(version_.version_id);
-    SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
-    SHIFTMAP_ASSIGN_OR_RETURN(exclusions_, ReadExclusions(*database_, area.Int64(0), known_));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
+    SHIFTMAP_ASSIGN_OR_RETURN(exclusions_, ReadExclusions(*database_, area_id, known_));
   }
   return &*exclusions_;
+}
+
+StatusOr<std::int64_t> LedgerView::AreaId() {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
+  area.Bind(version_.version_id);
+  SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
+  return area.Int64(0);
+}
+
+StatusOr<const LandmarkNames*> LedgerView::NamesOf(std::int64_t version_id) {
+  if (!has_renames_) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement query,
+        database_->Prepare("SELECT 1 FROM map_edit WHERE area_id = ?1 AND kind = ?2 LIMIT 1"));
+    query.Bind(area_id, ::shiftmap::NameOf(EditKind::kRename));
+    SHIFTMAP_ASSIGN_OR_RETURN(has_renames_, query.Step());
+  }
+  if (!*has_renames_) return static_cast<const LandmarkNames*>(nullptr);
+  const auto [found, is_new] = names_.try_emplace(version_id);
+  if (is_new) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                              ReadHeldEdits(*database_, area_id, version_id));
+    found->second = LandmarkNames(held);
+  }
+  return &found->second;
+}
+
+StatusOr<std::string_view> LedgerView::NameOf(std::string_view signature, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkNames* const other, NamesOf(version_id));
+  if (other == nullptr) return signature;
+  const auto [found, is_new] = named_.try_emplace({version_id, std::string(signature)});
+  if (is_new) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkNames* const own, NamesOf(version_.version_id));
+    found->second = own->Name(other->Landmark(Signature(found->first.second))).text();
+  }
+  return std::string_view(found->second);
+}
+
+StatusOr<std::string> LedgerView::NameIn(std::int64_t version_id, const std::string& signature) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkNames* const other, NamesOf(version_id));
+  if (other == nullptr) return signature;
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkNames* const own, NamesOf(version_.version_id));
+  return other->Name(own->Landmark(Signature(signature))).text();
 }
 
 StatusOr<std::optional<SetAside>> LedgerView::ExclusionOf(std::int64_t run_id) {

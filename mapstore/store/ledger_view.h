@@ -2,13 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/map_edit.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/ledger_cursor.h"
@@ -81,6 +85,13 @@ class LedgerView {
   /// @param report_id, run_id  As LedgerRow has them.
   StatusOr<const LedgerVehicle*> VehicleOf(std::int64_t report_id, std::int64_t run_id);
 
+  /// The name that the view's version has for the landmark which another version calls `signature`.
+  /// Holds as long as the view.
+  StatusOr<std::string_view> NameOf(std::string_view signature, std::int64_t version_id);
+
+  /// The other way: the name that another version has for a landmark of the view's.
+  StatusOr<std::string> NameIn(std::int64_t version_id, const std::string& signature);
+
   /// The version whose statement holds; null if none does.
   StatusOr<const VersionRow*> StatementRow();
 
@@ -112,6 +123,10 @@ class LedgerView {
   StatusOr<std::optional<SetAside>> ExclusionOf(std::int64_t run_id);
   StatusOr<bool> IsSuperseded(std::int64_t report_id);
   StatusOr<const std::vector<Exclusion>*> Exclusions();
+  StatusOr<std::int64_t> AreaId();
+
+  /// The names of a version; null if the area has no renames.
+  StatusOr<const LandmarkNames*> NamesOf(std::int64_t version_id);
 
   Database* database_;
   VersionRow version_;
@@ -125,6 +140,9 @@ class LedgerView {
   std::unordered_map<std::int64_t, LedgerVehicle> report_vehicles_;
   std::unordered_map<std::int64_t, LedgerVehicle> run_vehicles_;
   std::optional<std::vector<Exclusion>> exclusions_;
+  std::optional<bool> has_renames_;
+  std::unordered_map<std::int64_t, LandmarkNames> names_;              // By version.
+  std::map<std::pair<std::int64_t, std::string>, std::string> named_;  // NameOf.
 };
 
 }  // namespace shiftmap

@@ -80,8 +80,10 @@ StatusOr<std::vector<SetAsideRows>> CountSetAside(Database& database,
       ++counts[*aside];
       continue;
     }
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                              view.NameOf(evidence.signature.text(), reported.version_id));
     SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkGroup* const group,
-                              numbers->Find(database, evidence.signature));
+                              numbers->Find(database, Signature(std::string(name))));
     const auto reason = ReasonOfGroup(group, evidence.modes);
     if (reason) ++counts[*reason];
   }
@@ -121,7 +123,9 @@ StatusOr<std::vector<ReportSummary>> SummarizeReports(Database& database,
       if (!UnpackLogLikelihoods(rows.Blob(4), &modes)) {
         return DataLoss("{}: evidence of '{}' is damaged", database.name(), rows.Text(3));
       }
-      const auto group = groups.find(rows.Text(3));
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                                view.NameOf(rows.Blob(3), rows.Int64(1)));
+      const auto group = groups.find(std::string(name));
       reason = ReasonOfGroup(group == groups.end() ? nullptr : group->second, modes);
     }
     if (reason) ++counts[report->second][*reason];

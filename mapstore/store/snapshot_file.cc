@@ -6,6 +6,7 @@
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/edit_rows.h"
 #include "mapstore/store/ledger_view.h"
 
 namespace shiftmap {
@@ -150,8 +151,20 @@ Status CopyVersions(Database& source,
             version.statement_version_id));
   }
   return snapshot.Execute(
-      "UPDATE main.version SET parent_version_id = NULL "
-      "WHERE parent_version_id NOT IN (SELECT version_id FROM main.version)");
+      "UPDATE main.version SET edited_version_id = NULL, parent_version_id = "
+      "iif(parent_version_id IN (SELECT version_id FROM main.version), parent_version_id, NULL)");
+}
+
+// The edits of the area, so that names follow. The versions that take them in are there.
+Status CopyEdits(Database& snapshot, std::int64_t area_id) {
+  SHIFTMAP_RETURN_IF_ERROR(
+      Run(snapshot,
+          "INSERT INTO main.map_edit SELECT * FROM source.map_edit WHERE area_id = ?1",
+          area_id));
+  SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("UPDATE main.map_edit SET kept_version_id = NULL"));
+  return snapshot.Execute(
+      "INSERT INTO main.version_edit SELECT * FROM source.version_edit "
+      "WHERE version_id IN (SELECT version_id FROM main.version)");
 }
 
 Status CopyRows(Database& source,
@@ -176,6 +189,9 @@ Status CopyRows(Database& source,
   LedgerView view(source, version);
   CopiedRows copied;
   if (version.statement_version_id) copied.versions.insert(*version.statement_version_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::int64_t> edited,
+                            EditedVersionsOfLine(source, version.version_id));
+  copied.versions.insert(edited.begin(), edited.end());
   SHIFTMAP_RETURN_IF_ERROR(CopyReported(source, snapshot, area_id, from, &view, &copied));
   SHIFTMAP_RETURN_IF_ERROR(CopyMapped(source, snapshot, area_id, from, &view, &copied));
   for (const std::int64_t report_id : copied.reports) {
@@ -185,6 +201,7 @@ Status CopyRows(Database& source,
             report_id));
   }
   SHIFTMAP_RETURN_IF_ERROR(CopyVersions(source, snapshot, version, copied.versions));
+  SHIFTMAP_RETURN_IF_ERROR(CopyEdits(snapshot, area_id));
   return CopyContent(snapshot, version.version_id);
 }
 

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
+#include "mapstore/map/edited_map.h"
 #include "mapstore/map/map_snapshot.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
@@ -64,6 +66,10 @@ struct MapStore::State {
                              std::optional<VersionNumber> version,
                              const LedgerQuery& query);
 
+  /// Former names of a version's landmarks.
+  StatusOr<std::map<Signature, Signature>> AliasesOf(const std::string& area,
+                                                     const VersionRow& version);
+
   /// The mode numbers of a version that is committed.
   StatusOr<ModeNumbers*> NumbersOf(const VersionRow& version);
 
@@ -77,6 +83,20 @@ struct MapStore::State {
   /// Makes the checkpoints of a version that was published just now. Without them a reader takes
   /// longer, nothing else.
   void MakeCheckpoints(const std::string& area, std::int64_t area_id, const VersionRow& version);
+
+  /// Adds the rows of a version, inside a transaction. Returns its row, with number and id.
+  StatusOr<VersionRow> AddVersion(std::int64_t area_id,
+                                  const MapContent& content,
+                                  const Provenance& provenance,
+                                  bool states_probabilities,
+                                  VersionRow version);
+
+  /// Adds a version that is another one with the edits of `map`, inside a transaction.
+  /// @param parent  Its parent.
+  StatusOr<VersionRow> AddEdited(std::int64_t area_id,
+                                 const VersionRow& parent,
+                                 const EditedMap& map,
+                                 const std::string& tool);
 
   /// Moves the published pointer inside a transaction. @param action  For the audit log.
   Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);

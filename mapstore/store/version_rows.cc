@@ -3,7 +3,9 @@
 
 #include <fmt/ranges.h>
 
+#include <string_view>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 #include "mapstore/core/nearest_name.h"
@@ -56,8 +58,10 @@ Status SetOwnProbabilities(Database& database,
     }
     return OkStatus();
   }
+  std::vector<std::string> names;
+  for (const LandmarkGroup& group : content->groups) names.push_back(group.signature.text());
   SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
-                            ReadStatement(database, version.version_id, content->groups));
+                            ReadStatement(database, version.version_id, content->groups, names));
   for (std::size_t i = 0; i < stated.size(); ++i) {
     LandmarkGroup& group = content->groups[i];
     if (!stated[i]) return DataLoss("{}: group '{}': no statement", owner, group.signature.text());
@@ -182,21 +186,23 @@ StatusOr<MapContent> ReadContent(Database& database,
 }
 
 StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
-    Database& database, std::int64_t version_id, const std::vector<LandmarkGroup>& groups) {
+    Database& database,
+    std::int64_t version_id,
+    const std::vector<LandmarkGroup>& groups,
+    const std::vector<std::string>& names) {
+  std::unordered_map<std::string_view, std::size_t> index;
+  for (std::size_t i = 0; i < names.size(); ++i) index.emplace(names[i], i);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
       database.Prepare("SELECT signature, mode, probability FROM stated_probability "
                        "WHERE version_id = ?1 ORDER BY signature, mode"));
   rows.Bind(version_id);
   std::vector<std::vector<StatedMode>> modes(groups.size());
-  std::size_t i = 0;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
     if (!row) break;
-    // Groups are in the order of the signatures' bytes too.
-    while (i < groups.size() && groups[i].signature.text() < rows.Blob(0)) ++i;
-    if (i == groups.size()) break;
-    if (groups[i].signature.text() != rows.Blob(0)) continue;
+    const auto found = index.find(rows.Blob(0));
+    if (found == index.end()) continue;
     const StatedMode mode{ModeNumber(rows.Int64(1)), rows.Double(2)};
     if (!(mode.probability >= 0.0 && mode.probability <= 1.0)) {
       return DataLoss("{}: version row {}: stated probability {} of '{}'",
@@ -205,10 +211,10 @@ StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
                       mode.probability,
                       rows.Text(0));
     }
-    modes[i].push_back(mode);
+    modes[found->second].push_back(mode);
   }
   std::vector<std::optional<Eigen::VectorXd>> stated(groups.size());
-  for (i = 0; i < groups.size(); ++i) {
+  for (std::size_t i = 0; i < groups.size(); ++i) {
     if (!modes[i].empty()) stated[i] = CarriedProbabilities(groups[i], modes[i]);
   }
   return stated;

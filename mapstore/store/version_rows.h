@@ -60,8 +60,12 @@ StatusOr<MapContent> ReadContent(Database& database,
 /// What a version says of its groups' probabilities, for groups that have other modes since: a mode
 /// that it does not have gets the probability of `absent`. By `groups`; nothing for one that it
 /// does not have.
+/// @param names  The groups' names in the version that states, in the order of `groups`.
 StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
-    Database& database, std::int64_t version_id, const std::vector<LandmarkGroup>& groups);
+    Database& database,
+    std::int64_t version_id,
+    const std::vector<LandmarkGroup>& groups,
+    const std::vector<std::string>& names);
 
 /// Adds a version row and its content; with its statement if `states_probabilities`, else that of
 /// its parent holds. Returns the row with its id.

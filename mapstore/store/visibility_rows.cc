@@ -82,7 +82,9 @@ StatusOr<std::vector<ModeVisibility>> ReadLineVisibility(
                       query.Text(2),
                       query.Int64(0));
     }
-    sums[{query.Text(2), query.Int64(3)}] += *scans;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                              view.NameOf(query.Blob(2), query.Int64(0)));
+    sums[{std::string(name), query.Int64(3)}] += *scans;
   }
   std::vector<ModeVisibility> visibility;
   for (const auto& [mode, scans] : sums) {

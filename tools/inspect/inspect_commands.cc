@@ -11,6 +11,7 @@ void AddInspectCommands(Application* application) {
   AddExportCommand(application);
   AddPlotCommand(application);
   AddViewCommands(application);
+  AddEditCommands(application);
   AddVersionCommands(application);
   AddMaintenanceCommands(application);
 }

@@ -18,6 +18,7 @@ void AddPlotCommand(Application* application);       ///< plot
 void AddViewCommands(Application* application);      ///< view
 // These write.
 void AddRunCommands(Application* application);      ///< runs
+void AddEditCommands(Application* application);     ///< edit
 void AddVersionCommands(Application* application);  ///< diff, publish, rollback
 void AddMaintenanceCommands(
     Application* application);  ///< verify, backup, restore, compact, migrate

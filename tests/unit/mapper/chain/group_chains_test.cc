@@ -175,6 +175,36 @@ TEST(GroupChainsTest, WithoutEvidenceThePriorStays) {
   }
 }
 
+// The mode of a Gamma density of log x is (shape / exposure), whoever counts.
+TEST(GroupChainsTest, AStatedRateCountsAsJumpsInATime) {
+  std::mt19937_64 random(TestSeed(76));
+  const std::vector<LandmarkGroup> groups = Groups(2, 2, random);
+  GroupChainOptions options;
+  options.leave_rate_per_s = 3e-6;
+  options.stated[groups[0].signature] = {4.0, 4.0 / 1e-3};
+  const auto chains = LearnGroupChains(groups, {}, options);
+  ASSERT_TRUE(chains.ok());
+  const double jumps = options.prior_jumps + 4.0;
+  const double seconds = options.prior_jumps / options.leave_rate_per_s + 4.0 / 1e-3;
+  EXPECT_NEAR((*chains)[0].chain.leave.rate_per_s, jumps / seconds, 1e-9);
+  EXPECT_NEAR((*chains)[1].chain.leave.rate_per_s, 3e-6, 1e-9);
+
+  // Against visits that never find it moved, where a heavy statement wins and a light one does not.
+  std::vector<EvidenceRow> rows;
+  for (const LandmarkGroup& group : groups) {
+    AddRows(group, ModeChain::Uniform(2, 0.0), Every(3e4, 40), 1e-6, random, &rows);
+  }
+  const auto learned = [&](double weight) {
+    options.stated[groups[0].signature] = {weight, weight / 1e-3};
+    return LearnGroupChains(groups, rows, options)->front().chain.leave.rate_per_s;
+  };
+  EXPECT_GT(learned(1e5), 0.9e-3);
+  EXPECT_LT(learned(0.1), 2e-5);
+  options.stated[groups[0].signature] = {1.0, 0.0};
+  EXPECT_THAT(Message(LearnGroupChains(groups, rows, options).status()),
+              HasSubstr("1 jumps in 0 s stated, expected > 0"));
+}
+
 // Years of irregular visits: bounded work, and the rates all the same.
 TEST(GroupChainsTest, LongIrregularLedgersAreLearnedFromToo) {
   std::mt19937_64 random(TestSeed(75));

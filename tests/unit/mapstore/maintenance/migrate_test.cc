@@ -62,7 +62,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 7; 'shiftmap-inspect migrate'"));
+                             ", this build reads 8; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -126,7 +126,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 7 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 8 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -220,6 +220,31 @@ TEST(MigrateDerivedTest, WhatWasKnownIsThatOfTheMigration) {
   EXPECT_EQ(store.LoadKnown("floor", published->written)->version(), VersionNumber(1));
   EXPECT_THAT(store.LoadKnown("floor", published->written - Duration(1)),
               StatusIs(StatusCode::kNotFound, "nothing was published by"));
+}
+
+// Two builds and a report: a store that nobody edited, and that can be.
+TEST(MigrateDerivedTest, AnUneditedStoreTakesEdits) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_7.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  const MapSnapshot before = *store.LoadAt("floor");
+  EXPECT_EQ(before.content_hash(),
+            "c79a45435e4dbd3359ee9809e3c6fb51bfd91c97f51462a4b37a1098010e8c48");
+  EXPECT_THAT(*store.Edits("floor"), SizeIs(0));
+  MapEdit edit;
+  edit.kind = EditKind::kRename;
+  edit.author = edit.reason = "test";
+  edit.signature = Signature("L1");
+  edit.new_name = Signature("gate");
+  const StatusOr<EditResult> result = store.Edit("floor", edit);
+  ASSERT_THAT(result, IsOk());
+  EXPECT_EQ(store.LoadAt("floor")->GroupIndex(Signature("L1")),
+            store.LoadAt("floor")->GroupIndex(Signature("gate")));
+  ASSERT_THAT(store.UndoEdit("floor", result->edit, {"test", "test", {}}), IsOk());
+  EXPECT_EQ(ContentHash(store.LoadAt("floor")->content()), ContentHash(before.content()));
 }
 
 // The rows that its checkpoint was made from are elsewhere.

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/map_edits.h"
+
+#include <algorithm>
+
+#include "mapstore/map/edited_map.h"
+
+namespace shiftmap {
+
+BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
+  const LandmarkNames names(held);
+  BuildEdits edits;
+  edits.aliases = names.Aliases();
+  std::vector<MapEdit> in_force;
+  for (const MapEdit& edit : held) {
+    const Signature name = names.Name(edit.landmark);
+    if (edit.kind == EditKind::kRate) edits.relearned.insert(name);
+    if (edit.kind == EditKind::kRate && edit.undone) edits.undone_rates.push_back(edit.id);
+    if (edit.undone && edit.kind != EditKind::kRename) continue;
+    in_force.push_back(edit);
+    if (edit.kind == EditKind::kRetire) edits.retired.insert(name);
+    if (edit.kind == EditKind::kRate) {
+      StatedRate& rate = edits.rates[name];
+      rate.jumps += edit.weight;
+      rate.seconds += edit.weight / edit.rate_per_s;
+    }
+  }
+  edits.control_points = ControlPointsOf(in_force);
+  return edits;
+}
+
+void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs) {
+  if (edits.aliases.empty() && edits.retired.empty()) return;
+  for (MapperInput& input : *inputs) {
+    for (Scan& scan : input.run.scans) {
+      std::erase_if(scan.observations, [&](Observation& observation) {
+        const auto alias = edits.aliases.find(observation.signature);
+        if (alias != edits.aliases.end()) observation.signature = alias->second;
+        return edits.retired.contains(observation.signature);
+      });
+    }
+  }
+}
+
+void StateRates(const BuildEdits& edits, ChainOptions* options) {
+  options->learning.stated = edits.rates;
+  options->relearned = edits.relearned;
+}
+
+void HoldControlPoints(const BuildEdits& edits, MapperResult* result) {
+  if (edits.control_points.empty() || result->runs.empty()) return;
+  const Se2 T_new_old = HoldControlPoints(edits.control_points, false, &result->content);
+  for (MappedRun& run : result->runs) {
+    run.T_map_start = T_new_old * run.T_map_start;
+    for (StampedPose& pose : run.trajectory) pose.T_map_vehicle = T_new_old * pose.T_map_vehicle;
+  }
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "mapstore/map/control_points.h"
+#include "mapstore/map/landmark_group.h"
+#include "mapstore/map/map_edit.h"
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/vehicle_calibration.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// The control points among edits that hold, by the names that landmarks have under all of them.
+std::vector<ControlPoint> ControlPointsOf(const std::vector<MapEdit>& held);
+
+/// A map while edits are made in it and taken out of it.
+class EditedMap {
+ public:
+  /// @param held  The edits that the content is made with, by id.
+  EditedMap(MapContent content, std::vector<MapEdit> held);
+
+  const MapContent& content() const { return content_; }
+  const std::vector<MapEdit>& held() const { return held_; }
+  const LandmarkNames& names() const { return names_; }
+
+  /// The landmark of an edit, or null.
+  const LandmarkGroup* GroupOf(const MapEdit& edit) const;
+
+  /// Sets what an edit leaves open: the number of a new mode, the mode of a control point.
+  /// Errors: kNotFound without the landmark; kInvalidArgument if two modes are about as near to the
+  /// control point.
+  Status Complete(MapEdit* edit) const;
+
+  /// Errors: kNotFound if the map does not have the landmark, mode or vehicle; kInvalidArgument if
+  /// it cannot be done, as a rename to a name that is taken.
+  /// @param kept  Of kCalibration: what holds instead; nothing: the fleet's calibration.
+  Status Apply(const MapEdit& edit, const std::optional<VehicleCalibration>& kept = std::nullopt);
+
+  /// Keeps the number of a new mode that is taken back: no other gets it, and to be there is to be
+  /// at no known position.
+  void Reserve(const MapEdit& new_mode);
+
+  /// Whether an edit can be taken out of the map, although runs were added since. Positions and
+  /// rates that runs were mapped with cannot.
+  bool IsReversible(const MapEdit& edit) const;
+
+  /// Takes an edit out. What it took away comes back as it was before; how it correlates with what
+  /// was built since is not known, and counts as not at all.
+  /// @param before  The map that the edit was made on.
+  /// Precondition: IsReversible.
+  Status Reverse(const MapEdit& edit, const EditedMap& before);
+
+ private:
+  Status ApplyTo(const MapEdit& edit, const std::optional<VehicleCalibration>& kept);
+  Status ReverseIn(const MapEdit& edit, const EditedMap& before);
+
+  MapContent content_;
+  std::vector<MapEdit> held_;
+  LandmarkNames names_;
+};
+
+}  // namespace shiftmap

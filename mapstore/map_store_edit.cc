@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Edits that a person makes in a map, and takes back.
+#include <algorithm>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mapstore/core/inert_text.h"
+#include "mapstore/map_store.h"
+#include "mapstore/store/audit_rows.h"
+#include "mapstore/store/edit_rows.h"
+#include "mapstore/store/edited_content.h"
+#include "mapstore/store/evidence_rows.h"
+#include "mapstore/store/store_state.h"
+
+namespace shiftmap {
+namespace {
+
+std::set<EditId> IdsOf(const std::vector<MapEdit>& edits) {
+  std::set<EditId> ids;
+  for (const MapEdit& edit : edits) ids.insert(edit.id);
+  return ids;
+}
+
+std::set<EditId> IdsInForce(const std::vector<MapEdit>& edits) {
+  std::set<EditId> ids;
+  for (const MapEdit& edit : edits) {
+    if (!edit.undone) ids.insert(edit.id);
+  }
+  return ids;
+}
+
+// "3: rename 'L07': replaced (surveyor)"
+std::string Subject(EditId id,
+                    const MapEdit& edit,
+                    const std::string& why,
+                    const std::string& who) {
+  const std::string& about =
+      edit.kind == EditKind::kCalibration ? edit.vehicle : edit.signature.text();
+  return fmt::format("{}: {} '{}': {} ({})", id.value(), NameOf(edit.kind), about, why, who);
+}
+
+// From the first visit that tells of a landmark to the last. [s]
+StatusOr<double> EvidenceSeconds(Database& database,
+                                 std::int64_t area_id,
+                                 const VersionRow& version,
+                                 const Signature& name) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                            ReadLineEvidence(database, area_id, version, {}));
+  std::optional<Stamp> first;
+  Stamp last;
+  for (const EvidenceRow& row : rows) {
+    if (row.evidence.signature != name) continue;
+    first = std::min(first.value_or(row.evidence.begin), row.evidence.begin);
+    last = std::max(last, row.evidence.end);
+  }
+  return first ? ToSecondsSinceEpoch(last) - ToSecondsSinceEpoch(*first) : 0.0;
+}
+
+// A name is one landmark's for ever: rows go by it.
+Status CheckNewName(Database& database,
+                    std::int64_t area_id,
+                    const MapEdit& rename,
+                    const EditedMap& map) {
+  const auto taken = [&](const char* by) {
+    return InvalidArgument("'{}': {}", InertLine(rename.new_name.text()), by);
+  };
+  if (map.names().Aliases().contains(rename.new_name)) return taken("is a former name");
+  for (const MapEdit& edit : map.held()) {
+    if (edit.kind == EditKind::kRetire && map.names().Name(edit.landmark) == rename.new_name) {
+      return taken("is a landmark that was retired");
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::int64_t> versions,
+                            VersionsNaming(database, area_id, rename.new_name.text()));
+  for (const std::int64_t version_id : versions) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                              ReadHeldEdits(database, area_id, version_id));
+    if (LandmarkNames(held).Landmark(rename.new_name) != rename.landmark) {
+      return taken("the ledger knows another landmark of that name");
+    }
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<VersionRow> MapStore::State::AddEdited(std::int64_t area_id,
+                                                const VersionRow& parent,
+                                                const EditedMap& map,
+                                                const std::string& tool) {
+  const MapContent& content = map.content();
+  if (const Status valid = ValidateMapContent(content); !valid.ok()) {
+    return InvalidArgument("{}: {}", database.name(), Message(valid));
+  }
+  const bool states = parent.states_probabilities();
+  VersionRow version;
+  version.parent_version_id = parent.version_id;
+  version.statement_version_id = parent.statement_version_id;
+  version.content_hash = states ? ContentHash(content) : GeometryHash(content);
+  version.stamp = content.stamp;
+  version.created = clock();
+  version.ledger_position = parent.ledger_position;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      version, AddVersion(area_id, content, {tool, "{}", 0, {}}, states, std::move(version)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::int64_t> base,
+                            ReadEditedVersion(database, parent.version_id));
+  SHIFTMAP_RETURN_IF_ERROR(
+      SetEditedVersion(database, version.version_id, base.value_or(parent.version_id)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_id, parent.version_id));
+  const std::set<EditId> before = IdsOf(held);
+  const std::set<EditId> after = IdsOf(map.held());
+  for (const EditId id : before) {
+    if (after.contains(id)) continue;
+    SHIFTMAP_RETURN_IF_ERROR(InsertVersionEdit(database, version.version_id, id, false));
+  }
+  for (const EditId id : after) {
+    if (before.contains(id)) continue;
+    SHIFTMAP_RETURN_IF_ERROR(InsertVersionEdit(database, version.version_id, id, true));
+  }
+  return version;
+}
+
+StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool dry_run) {
+  Database& database = state_->database;
+  const auto refuse = [&](const Status& status) {
+    return MakeStatus(status.code(), "{}: {}", state_->AreaName(area), Message(status));
+  };
+  if (const Status valid = ValidateEdit(edit); !valid.ok()) return refuse(valid);
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  const std::int64_t area_id = area_row.area_id;
+  SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("takes no edit"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_id, published.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      EditedMap map, RecomputeContent(database, area_id, published, IdsInForce(held), false));
+
+  edit.made = state_->clock();
+  edit.landmark = map.names().Landmark(edit.signature);
+  if (const Status complete = map.Complete(&edit); !complete.ok()) return refuse(complete);
+  if (edit.kind == EditKind::kRename) {
+    const Status free = CheckNewName(database, area_id, edit, map);
+    if (!free.ok()) return refuse(free);
+  }
+  if (edit.kind == EditKind::kRate) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        edit.evidence_s,
+        EvidenceSeconds(database, area_id, published, map.names().Name(edit.landmark)));
+  }
+  if (edit.kind == EditKind::kCalibration) {
+    SHIFTMAP_ASSIGN_OR_RETURN(edit.kept,
+                              FindKept(database, published.version_id, edit.vehicle, edit.since));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto kept, ReadKept(database, area_id, edit));
+  if (!dry_run) {
+    SHIFTMAP_ASSIGN_OR_RETURN(edit.id, InsertEdit(database, area_id, edit));
+  }
+  if (const Status applied = map.Apply(edit, kept); !applied.ok()) return refuse(applied);
+  if (const Status valid = ValidateMapContent(map.content()); !valid.ok()) return refuse(valid);
+  EditResult result;
+  result.edit = edit.id;
+  if (dry_run) return result;
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+      database, area_id, "edit", Subject(edit.id, edit, edit.reason, edit.author), edit.made));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const VersionRow version,
+      state_->AddEdited(area_id, published, map, fmt::format("edit {}", edit.id.value())));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, version, kPublishAction));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  state_->MakeCheckpoints(area, area_id, version);
+  result.version = CommitResult{version.number, version.content_hash};
+  return result;
+}
+
+StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
+                                        EditId id,
+                                        EditUndo undo,
+                                        bool dry_run) {
+  Database& database = state_->database;
+  const auto refuse = [&](const Status& status) {
+    return MakeStatus(status.code(), "{}: {}", state_->AreaName(area), Message(status));
+  };
+  if (const Status valid = ValidateUndo(undo); !valid.ok()) return refuse(valid);
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  const std::int64_t area_id = area_row.area_id;
+  SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("takes no edit"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
+  const auto edit = std::find_if(
+      edits.begin(), edits.end(), [&](const MapEdit& other) { return other.id == id; });
+  if (edit == edits.end()) return NotFound("{}: no edit {}", state_->AreaName(area), id.value());
+  if (edit->undone) {
+    return MakeStatus(StatusCode::kAlreadyExists,
+                      "{}: edit {}: was taken back already",
+                      state_->AreaName(area),
+                      id.value());
+  }
+  undo.when = state_->clock();
+  if (!dry_run) {
+    SHIFTMAP_RETURN_IF_ERROR(EndEdit(database, id, undo));
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+        database, area_id, "undo", Subject(id, *edit, undo.reason, undo.author), undo.when));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_id, published.version_id));
+  EditResult result;
+  result.edit = id;
+  const bool holds = IdsOf(held).contains(id);
+  if (holds) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool possible, CanTakeOut(database, area_id, published, *edit));
+    result.rests_on = !possible;
+  }
+  std::optional<VersionRow> version;
+  if (holds && !result.rests_on) {
+    std::set<EditId> wanted = IdsInForce(held);
+    wanted.erase(id);
+    const StatusOr<EditedMap> map = RecomputeContent(database, area_id, published, wanted, false);
+    if (!map.ok() && map.status().code() != StatusCode::kFailedPrecondition) {
+      return FailedPrecondition("{}: edit {}: another one needs it: {}",
+                                state_->AreaName(area),
+                                id.value(),
+                                Message(map.status()));
+    }
+    SHIFTMAP_RETURN_IF_ERROR(map.status());
+    if (!dry_run) {
+      SHIFTMAP_ASSIGN_OR_RETURN(
+          version,
+          state_->AddEdited(area_id, published, *map, fmt::format("edit {} undone", id.value())));
+      SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, *version, kPublishAction));
+    }
+  }
+  if (dry_run) return result;
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  if (version) {
+    state_->MakeCheckpoints(area, area_id, *version);
+    result.version = CommitResult{version->number, version->content_hash};
+  }
+  return result;
+}
+
+StatusOr<std::vector<MapEdit>> MapStore::Edits(const std::string& area) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, area));
+  return ReadEdits(state_->database, area_row.area_id);
+}
+
+StatusOr<std::vector<MapEdit>> MapStore::EditsOf(const std::string& area, VersionNumber version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(state_->database, area, area_row.area_id, version));
+  return ReadHeldEdits(state_->database, area_row.area_id, row.version_id);
+}
+
+StatusOr<VersionNumber> MapStore::WithEditsInForce(const std::string& area, VersionNumber version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  const std::int64_t area_id = area_row.area_id;
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, GetVersion(database, area, area_id, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t root, RootOfLine(database, row.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_id, row.version_id));
+  std::set<EditId> wanted;
+  for (const MapEdit& edit : edits) {
+    if (edit.undone) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::int64_t> first,
+                              FirstVersionWith(database, edit.id));
+    if (!first) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t own_root, RootOfLine(database, *first));
+    if (own_root == root) wanted.insert(edit.id);
+  }
+  if (wanted == IdsOf(held)) return version;
+  SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap map,
+                            RecomputeContent(database, area_id, row, wanted, true));
+  if (IdsOf(map.held()) == IdsOf(held)) return version;
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow edited,
+                            state_->AddEdited(area_id, row, map, "edits in force"));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return edited.number;
+}
+
+}  // namespace shiftmap

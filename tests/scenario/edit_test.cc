@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Edits of a surveyor between the nights: what builds, localizers and snapshots make of them, and
+// what is left when they are taken back.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/scenario/command.h"
+#include "tests/scenario/world.h"
+
+namespace shiftmap::testing {
+namespace {
+
+constexpr int kAttention = 8;
+
+struct Place {
+  double x_m = 0.0;
+  double y_m = 0.0;
+};
+
+double Distance(const Place& a, const Place& b) { return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m); }
+
+class EditScenarioTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    world_ = new World({"--seed",
+                        "5",
+                        "--shifts",
+                        "4",
+                        "--duration-s",
+                        "120",
+                        "--groups",
+                        "14",
+                        "--size-m",
+                        "22",
+                        "--mode-change-probability",
+                        "0.1"});
+    RunForJson("shiftmap-mapper", world_->BuildOf("first.db", {0}));
+  }
+  static void TearDownTestSuite() { delete world_; }
+
+  // Two stores with the same first map: one is edited.
+  EditScenarioTest() {
+    for (const char* store : {kEdited, kPlain}) {
+      std::filesystem::copy_file(world_->File("first.db"),
+                                 world_->File(store),
+                                 std::filesystem::copy_options::overwrite_existing);
+    }
+  }
+
+  static Arguments EditOf(const Arguments& words) {
+    Arguments arguments = {"edit"};
+    arguments.insert(arguments.end(), words.begin(), words.end());
+    const Arguments rest = {
+        "--store", world_->File(kEdited), "--area", "floor", "--author", "ann", "--reason", "test"};
+    arguments.insert(arguments.end(), rest.begin(), rest.end());
+    return arguments;
+  }
+
+  static Json Edit(const Arguments& words) { return RunForJson("shiftmap-inspect", EditOf(words)); }
+
+  static Json Build(const std::string& store, const std::vector<int>& runs) {
+    return RunForJson("shiftmap-mapper", world_->BuildOf(store, runs));
+  }
+
+  static Json Groups(const std::string& store) {
+    return RunForJson("shiftmap-inspect",
+                      {"show",
+                       "--store",
+                       world_->File(store),
+                       "--area",
+                       "floor",
+                       "--at",
+                       "1769000000"})["groups"];
+  }
+
+  static Json Group(const std::string& store, const std::string& signature) {
+    const Json groups = Groups(store);
+    for (const Json& group : groups) {
+      if (group["signature"] == signature) return group;
+    }
+    return nullptr;
+  }
+
+  // Where the first mode of every landmark is.
+  static std::map<std::string, Place> Places(const std::string& store) {
+    std::map<std::string, Place> places;
+    const Json groups = Groups(store);
+    for (const Json& group : groups) {
+      for (const Json& mode : group["modes"]) {
+        if (mode["mode"] != 1) continue;
+        places[group["signature"].get<std::string>()] = {mode["x_m"].get<double>(),
+                                                         mode["y_m"].get<double>()};
+      }
+    }
+    return places;
+  }
+
+  // Where the landmarks truly stood in the first run.
+  static std::map<std::string, Place> TruePlaces() {
+    std::map<std::pair<std::string, int>, Place> all;
+    for (const std::vector<std::string>& row : ReadCsv(world_->Places())) {
+      all[{row[0], std::stoi(row[1])}] = {std::stod(row[2]), std::stod(row[3])};
+    }
+    std::map<std::string, Place> places;
+    for (const World::TrueMode& mode : world_->Modes(0)) {
+      if (mode.mode > 0) places[mode.signature] = all[{mode.signature, mode.mode}];
+    }
+    return places;
+  }
+
+  static std::string Point(const Place& place) {
+    return fmt::format("{:.6f},{:.6f}", place.x_m, place.y_m);
+  }
+
+  static constexpr char kEdited[] = "edited.db";
+  static constexpr char kPlain[] = "plain.db";
+  static World* world_;
+};
+
+World* EditScenarioTest::world_ = nullptr;
+
+// The new name sorts as the old one, so that no sum is in another order.
+TEST_F(EditScenarioTest, ALogWithTheOldNameMakesTheSameMapUpToTheName) {
+  const std::string old = Places(kPlain).begin()->first;
+  const std::string now = old + "-b";
+  Edit({"rename", old, now});
+  Build(kEdited, {1});
+  Build(kPlain, {1});
+  Json expected = Groups(kPlain);
+  for (Json& group : expected) {
+    if (group["signature"] == old) group["signature"] = now;
+  }
+  EXPECT_EQ(Groups(kEdited), expected);
+
+  // A localizer that reads the old name, on the store and on a snapshot.
+  const Arguments run = {"run", "--area", "floor", "--initial-pose", "auto", world_->Log(2)};
+  const auto localize = [&](const Arguments& on) {
+    Arguments arguments = run;
+    arguments.insert(arguments.end(), on.begin(), on.end());
+    return RunForJson("shiftmap-localizer", arguments);
+  };
+  const std::string snapshot = world_->File("snapshot.db");
+  std::filesystem::remove(snapshot);
+  RunForJson("shiftmap-inspect",
+             {"export",
+              "--snapshot",
+              "--store",
+              world_->File(kEdited),
+              "--area",
+              "floor",
+              "--output",
+              snapshot});
+  Json probabilities = localize({"--store", world_->File(kPlain)})["mode_probabilities"];
+  for (Json& group : probabilities) {
+    if (group["signature"] == old) group["signature"] = now;
+  }
+  EXPECT_EQ(localize({"--store", world_->File(kEdited)})["mode_probabilities"], probabilities);
+  EXPECT_EQ(localize({"--snapshot", snapshot})["mode_probabilities"], probabilities);
+
+  // Taken back, the build stays and has the old name.
+  const Json undone = Edit({"undo", "1"});
+  EXPECT_FALSE(undone["version"].is_null());
+  EXPECT_EQ(Groups(kEdited), Groups(kPlain));
+}
+
+TEST_F(EditScenarioTest, ARetiredLandmarkStaysOutOfBuildsUntilItIsTakenBack) {
+  const std::string gone = Places(kPlain).begin()->first;
+  Edit({"retire", gone});
+  Build(kEdited, {1});
+  EXPECT_TRUE(Group(kEdited, gone).is_null());
+  Edit({"undo", "1"});
+  EXPECT_EQ(Group(kEdited, gone)["modes"][0]["x_m"], Group("first.db", gone)["modes"][0]["x_m"]);
+  Build(kEdited, {2});
+  EXPECT_FALSE(Group(kEdited, gone).is_null());
+}
+
+TEST_F(EditScenarioTest, ControlPointsPutTheMapIntoTheSurveyedFrameAndBuildsKeepIt) {
+  const std::map<std::string, Place> truth = TruePlaces();
+  const std::map<std::string, Place> before = Places(kEdited);
+  std::vector<std::string> surveyed;
+  for (const auto& [signature, place] : before) {
+    if (truth.contains(signature)) surveyed.push_back(signature);
+  }
+  ASSERT_GE(surveyed.size(), 8U);
+  constexpr double kSd = 0.02;
+  for (std::size_t i = 0; i < surveyed.size(); i += 3) {
+    Edit({"control", surveyed[i], Point(truth.at(surveyed[i])), "--mode", "1", "--sd", "0.02"});
+  }
+  const auto worst = [&](std::size_t first, std::size_t step) {
+    const std::map<std::string, Place> now = Places(kEdited);
+    double distance = 0.0;
+    for (std::size_t i = first; i < surveyed.size(); i += step) {
+      distance = std::max(distance, Distance(now.at(surveyed[i]), truth.at(surveyed[i])));
+    }
+    return distance;
+  };
+  // The frame was the start of the first run, metres and a turn away.
+  EXPECT_GT(Distance(before.at(surveyed[1]), truth.at(surveyed[1])), 1.0);
+  EXPECT_LT(worst(0, 3), 3.0 * kSd);
+  EXPECT_LT(worst(0, 1), 0.3);
+  for (const int run : {1, 2}) {
+    const Json build = Build(kEdited, {run});
+    EXPECT_LT(worst(0, 3), 3.0 * kSd) << run;
+    EXPECT_LT(worst(0, 1), 0.3) << run;
+    EXPECT_EQ(build["waiting"].size(), 0U);
+  }
+}
+
+TEST_F(EditScenarioTest, WhatABuildWasMadeWithIsLeftOutOfTheNext) {
+  const std::string signature = Places(kEdited).begin()->first;
+  Place moved = Places(kEdited).at(signature);
+  moved.x_m += 3.0;
+  moved.y_m -= 2.0;
+  Edit({"control", signature, Point(moved), "--mode", "1", "--sd", "0.02"});
+  Build(kEdited, {1});
+  EXPECT_LT(Distance(Places(kEdited).at(signature), moved), 0.02);
+
+  const CommandResult undone = RunCommand("shiftmap-inspect", EditOf({"undo", "1"}));
+  EXPECT_EQ(undone.exit_code, kAttention);
+  EXPECT_NE(undone.err.find("was built on edit 1: the next build goes on without it"),
+            std::string::npos)
+      << undone.err;
+  EXPECT_LT(Distance(Places(kEdited).at(signature), moved), 0.02);
+  Build(kEdited, {1, 2});
+  Build(kPlain, {1, 2});
+  EXPECT_EQ(Groups(kEdited), Groups(kPlain));
+}
+
+TEST_F(EditScenarioTest, AStatedRateWeighsInEveryFitUntilItIsTakenBack) {
+  const std::string signature = Places(kEdited).begin()->first;
+  const auto rate = [&](const std::string& store) {
+    return Group(store, signature)["leave_rate_per_s"].get<double>();
+  };
+  Edit({"rate", signature, "0.001", "--weight", "1000"});
+  EXPECT_NEAR(rate(kEdited), 1e-3, 1e-5);
+  Build(kEdited, {1});
+  EXPECT_NEAR(rate(kEdited), 1e-3, 2e-5);
+  const CommandResult undone = RunCommand("shiftmap-inspect", EditOf({"undo", "1"}));
+  EXPECT_EQ(undone.exit_code, kAttention);
+  Build(kEdited, {2});
+  Build(kPlain, {1});
+  Build(kPlain, {2});
+  // The prior that all share was another one in the night between.
+  EXPECT_NEAR(std::log(rate(kEdited) / rate(kPlain)), 0.0, 0.1);
+  const Json verified =
+      RunForJson("shiftmap-inspect", {"verify", "--store", world_->File(kEdited)});
+  EXPECT_EQ(verified["defects"], 0);
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

@@ -1,0 +1,456 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Edits in a store: the versions they make, the rows that follow them, and taking them back.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "mapstore/maintenance/compact.h"
+#include "mapstore/maintenance/verify.h"
+#include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
+#include "tests/support/geometry_matchers.h"
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tests/unit/mapstore/store/store_test_util.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class EditTest : public ::testing::Test {
+ protected:
+  EditTest() {
+    std::mt19937_64 random(TestSeed(21));
+    content_ = RandomContent(random, {.groups = 3, .anonymous_landmarks = 0, .vehicles = 1});
+    content_.stamp = At(0.0);
+    content_.vehicles[0].stamp = At(-100.0);
+    for (LandmarkGroup& group : content_.groups) {
+      group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), 1e-5);
+    }
+    CommitOptions options;
+    options.states_probabilities = false;
+    first_ = *store_.Commit("floor", content_, {"test", "", 0, {}}, options);
+  }
+
+  const std::string& NameOf(std::size_t group) const {
+    return content_.groups[group].signature.text();
+  }
+
+  MapEdit Make(EditKind kind, std::size_t group) const {
+    MapEdit edit;
+    edit.kind = kind;
+    edit.author = "surveyor";
+    edit.reason = "test";
+    edit.signature = content_.groups[group].signature;
+    return edit;
+  }
+
+  MapEdit Rename(std::size_t group, const std::string& name) const {
+    MapEdit edit = Make(EditKind::kRename, group);
+    edit.new_name = Signature(name);
+    return edit;
+  }
+
+  // A report of one visit that finds a landmark at its first mode.
+  ShiftReport Report(const CommitResult& version, const std::string& name, double at) {
+    ShiftReport report = EmptyReport(version, "floor", ++reports_);
+    VisitEvidence visit = TwoStateEvidence(At(at), At(at + 60.0), -10.0, 0.0);
+    visit.signature = Signature(name);
+    report.evidence = {visit};
+    return report;
+  }
+
+  EditResult Edit(const MapEdit& edit) {
+    const StatusOr<EditResult> result = store_.Edit("floor", edit);
+    EXPECT_THAT(result, IsOk());
+    return *result;
+  }
+
+  EditResult Undo(EditId id) {
+    const StatusOr<EditResult> result = store_.UndoEdit("floor", id, {"surveyor", "a mistake", {}});
+    EXPECT_THAT(result, IsOk());
+    return *result;
+  }
+
+  // A build on the published version that changes nothing.
+  CommitResult Build() {
+    const VersionNumber parent = **store_.PublishedVersion("floor");
+    CommitOptions options;
+    options.parent = parent;
+    options.states_probabilities = false;
+    MapContent content = store_.LoadVersion("floor", parent)->content();
+    return *store_.Commit("floor", content, {"test", "", 0, {}}, options);
+  }
+
+  const LandmarkGroup* Group(const MapSnapshot& map, const std::string& name) const {
+    const int index = map.GroupIndex(Signature(name));
+    return index < 0 ? nullptr : &map.groups()[static_cast<std::size_t>(index)];
+  }
+
+  double First(const MapSnapshot& map, const std::string& name) const {
+    return Group(map, name)->probabilities(1);
+  }
+
+  void ExpectClean() {
+    const StatusOr<VerifyResult> verified = VerifyStore(path_);
+    ASSERT_THAT(verified, IsOk());
+    EXPECT_TRUE(verified->clean())
+        << verified->defects[0].row << ": " << verified->defects[0].problem;
+  }
+
+  TempDir dir_;
+  const std::string path_ = dir_.File("a.db");
+  MapStore store_ = OpenStore(path_);
+  MapContent content_;
+  CommitResult first_;
+  int reports_ = 0;
+};
+
+TEST_F(EditTest, RowsAndNamesFollowARenameAndItsUndo) {
+  const std::string old = NameOf(0);
+  ASSERT_THAT(store_.Return(Report(first_, old, 100.0)), IsOk());
+  const MapSnapshot before = *store_.LoadAt("floor");
+  const EditResult rename = Edit(Rename(0, "gate"));
+  ASSERT_TRUE(rename.version);
+  const MapSnapshot renamed = *store_.LoadAt("floor");
+  EXPECT_EQ(renamed.version(), rename.version->version);
+  EXPECT_EQ(Group(renamed, "gate")->probabilities, Group(before, old)->probabilities);
+  // The old name still is the landmark's.
+  EXPECT_EQ(Group(renamed, old), Group(renamed, "gate"));
+  EXPECT_EQ(store_.Evidence("floor", renamed.version())->front().evidence.signature.text(), "gate");
+
+  // A later shift on the renamed map, and one that still drives on the first.
+  ASSERT_THAT(store_.Return(Report(*rename.version, "gate", 200.0)), IsOk());
+  ASSERT_THAT(store_.Return(Report(first_, old, 300.0)), IsOk());
+  EXPECT_THAT(*store_.Evidence("floor", renamed.version()), SizeIs(3));
+  const std::vector<ReportSummary> reports = *store_.Reports("floor");
+  for (const ReportSummary& report : reports) {
+    EXPECT_THAT(report.set_aside, IsEmpty());
+  }
+  const double believed = First(*store_.LoadAt("floor"), "gate");
+
+  const EditResult undone = Undo(rename.edit);
+  ASSERT_TRUE(undone.version);
+  EXPECT_EQ(undone.version->content_hash, first_.content_hash);
+  const MapSnapshot after = *store_.LoadAt("floor");
+  EXPECT_EQ(Group(after, "gate"), nullptr);
+  EXPECT_EQ(First(after, old), believed);
+  // The first version, which no edit touched, says the same of the same rows.
+  EXPECT_EQ(ContentHash(store_.LoadAt("floor", VersionNumber(1))->content()),
+            ContentHash(after.content()));
+  ExpectClean();
+}
+
+TEST_F(EditTest, ARenameHoldsInBuildsAndIsTakenOutOfThem) {
+  const std::string old = NameOf(2);
+  const EditResult rename = Edit(Rename(2, "gate"));
+  const CommitResult built = Build();
+  ASSERT_THAT(store_.Return(Report(built, "gate", 200.0)), IsOk());
+  const double believed = First(*store_.LoadAt("floor"), "gate");
+  const EditResult undone = Undo(rename.edit);
+  ASSERT_TRUE(undone.version);
+  EXPECT_FALSE(undone.rests_on);
+  EXPECT_EQ(undone.version->content_hash, first_.content_hash);
+  EXPECT_EQ(First(*store_.LoadAt("floor"), old), believed);
+  EXPECT_THAT(*store_.EditsOf("floor", undone.version->version), IsEmpty());
+  ExpectClean();
+}
+
+TEST_F(EditTest, ANameIsOneLandmarksForEver) {
+  const EditResult rename = Edit(Rename(0, "gate"));
+  EXPECT_THAT(store_.Edit("floor", Rename(1, "gate")),
+              StatusIs(StatusCode::kInvalidArgument, "'gate': is another landmark of the map"));
+  EXPECT_THAT(store_.Edit("floor", Rename(1, NameOf(0))),
+              StatusIs(StatusCode::kInvalidArgument, "is a former name"));
+  ASSERT_THAT(store_.Return(Report(*rename.version, "gate", 100.0)), IsOk());
+  Undo(rename.edit);
+  EXPECT_THAT(store_.Edit("floor", Rename(1, "gate")),
+              StatusIs(StatusCode::kInvalidArgument, "the ledger knows another landmark"));
+  EXPECT_THAT(store_.Edit("floor", Rename(0, "gate")), IsOk());
+  const EditResult retired = Edit(Make(EditKind::kRetire, 1));
+  EXPECT_THAT(store_.Edit("floor", Rename(2, NameOf(1))),
+              StatusIs(StatusCode::kInvalidArgument, "is a landmark that was retired"));
+  EXPECT_TRUE(retired.version);
+}
+
+TEST_F(EditTest, RenamesOfOneLandmarkAreTakenBackInAnyOrder) {
+  const EditResult first = Edit(Rename(0, "gate"));
+  MapEdit again = Rename(0, "door");
+  again.signature = Signature("gate");
+  const EditResult second = Edit(again);
+  ASSERT_THAT(store_.Return(Report(*second.version, "door", 100.0)), IsOk());
+  const double believed = First(*store_.LoadAt("floor"), "door");
+  Undo(first.edit);
+  EXPECT_EQ(First(*store_.LoadAt("floor"), "door"), believed);
+  EXPECT_EQ(Undo(second.edit).version->content_hash, first_.content_hash);
+  EXPECT_EQ(First(*store_.LoadAt("floor"), NameOf(0)), believed);
+  ExpectClean();
+}
+
+// Edits of different landmarks, and a shift on the first version, in every order.
+TEST_F(EditTest, OrderDoesNotMatterWhereNothingDependsOnIt) {
+  MapEdit placed = Make(EditKind::kPosition, 2);
+  placed.mode = ModeNumber(1);
+  placed.p_map_landmark = {5.0, 6.0};
+  placed.sd_m = 0.02;
+  const std::vector<MapEdit> edits = {Rename(0, "gate"), Make(EditKind::kRetire, 1), placed};
+  const ShiftReport report = Report(first_, NameOf(0), 100.0);
+  std::vector<int> order = {0, 1, 2, 3};
+  std::string expected;
+  do {
+    TempDir dir;
+    MapStore store = OpenStore(dir.File("a.db"));
+    CommitOptions options;
+    options.states_probabilities = false;
+    ASSERT_THAT(store.Commit("floor", content_, {"test", "", 0, {}}, options), IsOk());
+    for (const int step : order) {
+      if (step == 3) {
+        ASSERT_THAT(store.Return(report), IsOk());
+      } else {
+        ASSERT_THAT(store.Edit("floor", edits[static_cast<std::size_t>(step)]), IsOk());
+      }
+    }
+    const std::string hash = ContentHash(store.LoadAt("floor")->content());
+    if (expected.empty()) expected = hash;
+    EXPECT_EQ(hash, expected);
+  } while (std::next_permutation(order.begin(), order.end()));
+}
+
+TEST_F(EditTest, ARetiredLandmarkHasItsRowsAgainWhenItComesBack) {
+  ASSERT_THAT(store_.Return(Report(first_, NameOf(1), 100.0)), IsOk());
+  const MapSnapshot before = *store_.LoadAt("floor");
+  const EditResult retired = Edit(Make(EditKind::kRetire, 1));
+  EXPECT_EQ(Group(*store_.LoadAt("floor"), NameOf(1)), nullptr);
+  EXPECT_EQ(store_.Reports("floor")->front().set_aside.front().reason, SetAside::kNoLandmark);
+  Undo(retired.edit);
+  EXPECT_EQ(ContentHash(store_.LoadAt("floor")->content()), ContentHash(before.content()));
+  EXPECT_THAT(store_.Edit("floor", Make(EditKind::kRetire, 1)), IsOk());
+  EXPECT_THAT(store_.Edit("floor", Make(EditKind::kRetire, 1)),
+              StatusIs(StatusCode::kNotFound, "no landmark '"));
+  ExpectClean();
+}
+
+// A surveyed position that a build was made with stays in it, and is said to.
+TEST_F(EditTest, APositionThatABuildRestsOnIsMarked) {
+  MapEdit edit = Make(EditKind::kPosition, 0);
+  edit.mode = ModeNumber(1);
+  edit.p_map_landmark = {5.0, 6.0};
+  edit.sd_m = 0.02;
+  const EditResult placed = Edit(edit);
+  const CommitResult built = Build();
+  const EditResult undone = Undo(placed.edit);
+  EXPECT_FALSE(undone.version);
+  EXPECT_TRUE(undone.rests_on);
+  EXPECT_EQ(**store_.PublishedVersion("floor"), built.version);
+  const std::vector<MapEdit> held = *store_.EditsOf("floor", built.version);
+  ASSERT_THAT(held, SizeIs(1));
+  EXPECT_TRUE(held[0].undone);
+  EXPECT_THAT(*store_.EditsOf("floor", VersionNumber(1)), IsEmpty());
+  ExpectClean();
+}
+
+// What goes on from an older version takes the edits in that it does not hold.
+TEST_F(EditTest, AnOlderVersionTakesTheEditsInForceIn) {
+  MapEdit placed = Make(EditKind::kPosition, 0);
+  placed.mode = ModeNumber(1);
+  placed.p_map_landmark = {5.0, 6.0};
+  placed.sd_m = 0.02;
+  const EditResult position = Edit(placed);
+  const EditResult rename = Edit(Rename(1, "gate"));
+  Build();
+  Undo(position.edit);
+  const StatusOr<VersionNumber> version = store_.WithEditsInForce("floor", VersionNumber(1));
+  ASSERT_THAT(version, IsOk());
+  EXPECT_NE(*version, VersionNumber(1));
+  const MapSnapshot map = *store_.LoadVersion("floor", *version);
+  EXPECT_NE(map.GroupIndex(Signature("gate")), -1);
+  EXPECT_EQ(Group(map, NameOf(0))->modes[0].p_map_landmark,
+            content_.groups[0].modes[0].p_map_landmark);
+  EXPECT_EQ(store_.EditsOf("floor", *version)->front().id, rename.edit);
+  EXPECT_EQ(*store_.WithEditsInForce("floor", *version), *version);
+  EXPECT_NE(**store_.PublishedVersion("floor"), *version);
+  ExpectClean();
+}
+
+TEST_F(EditTest, EditsAreTakenBackInAnyOrderUnlessOneNeedsAnother) {
+  MapEdit added = Make(EditKind::kNewMode, 0);
+  added.p_map_landmark = {1.0, 1.0};
+  added.sd_m = 0.1;
+  const EditResult mode = Edit(added);
+  MapEdit moved = Make(EditKind::kPosition, 0);
+  moved.mode = store_.Edits("floor")->front().mode;
+  moved.p_map_landmark = {2.0, 2.0};
+  moved.sd_m = 0.1;
+  const EditResult position = Edit(moved);
+  EXPECT_THAT(store_.UndoEdit("floor", mode.edit, {"surveyor", "test", {}}),
+              StatusIs(StatusCode::kFailedPrecondition, "edit 1: another one needs it: edit 2"));
+  Undo(position.edit);
+  Undo(mode.edit);
+  const MapSnapshot map = *store_.LoadAt("floor");
+  EXPECT_EQ(Group(map, NameOf(0))->modes.size(), content_.groups[0].modes.size());
+  ExpectClean();
+}
+
+TEST_F(EditTest, WhatCannotBeDoneIsRefusedAndLeavesNothing) {
+  const auto undo = [&](int id, const std::string& reason) {
+    return store_.UndoEdit("floor", EditId(id), {"surveyor", reason, {}});
+  };
+  MapEdit edit = Make(EditKind::kRetire, 0);
+  edit.signature = Signature("\x1b[31mnobody");
+  EXPECT_THAT(store_.Edit("floor", edit),
+              StatusIs(StatusCode::kNotFound, "no landmark '\\x1b[31mnobody'"));
+  edit.reason = "";
+  EXPECT_THAT(store_.Edit("floor", edit), StatusIs(StatusCode::kInvalidArgument, "reason: empty"));
+  EXPECT_THAT(store_.Edit("roof", Make(EditKind::kRetire, 0)),
+              StatusIs(StatusCode::kNotFound, "no area 'roof'"));
+  EXPECT_THAT(undo(1, "test"), StatusIs(StatusCode::kNotFound, "no edit 1"));
+  EXPECT_THAT(store_.Edit("floor", Make(EditKind::kRetire, 0), true), IsOk());
+  EXPECT_THAT(*store_.Edits("floor"), IsEmpty());
+  EXPECT_THAT(*store_.Versions("floor"), SizeIs(1));
+  const EditResult retired = Edit(Make(EditKind::kRetire, 0));
+  EXPECT_THAT(undo(1, ""), StatusIs(StatusCode::kInvalidArgument, "reason: empty"));
+  Undo(retired.edit);
+  EXPECT_THAT(undo(1, "test"), StatusIs(StatusCode::kAlreadyExists, "taken back already"));
+}
+
+TEST_F(EditTest, EditsAreInTheAuditLogWithTheirReasons) {
+  const EditResult retired = Edit(Make(EditKind::kRetire, 0));
+  Undo(retired.edit);
+  std::vector<std::string> actions;
+  const std::vector<AuditEntry> audit = *store_.AuditLog("floor");
+  for (const AuditEntry& entry : audit) {
+    actions.push_back(entry.action + " " + entry.subject);
+  }
+  const std::vector<std::string> expected = {
+      "edit 1: retire '" + NameOf(0) + "': test (surveyor)",
+      "undo 1: retire '" + NameOf(0) + "': a mistake (surveyor)",
+      "publish 3"};
+  EXPECT_THAT(actions, ::testing::IsSupersetOf(expected));
+}
+
+TEST_F(EditTest, ASnapshotHoldsEditsAndFollowsNames) {
+  ASSERT_THAT(store_.Return(Report(first_, NameOf(0), 100.0)), IsOk());
+  Edit(Rename(0, "gate"));
+  MapEdit control = Make(EditKind::kControl, 1);
+  control.mode = ModeNumber(1);
+  control.p_map_landmark = {50.0, 60.0};
+  control.sd_m = 0.02;
+  Edit(control);
+  Build();
+  const std::string path = dir_.File("snapshot.db");
+  ASSERT_THAT(store_.ExportSnapshot("floor", path), IsOk());
+  MapStore snapshot = *MapStore::Open(path, MapStore::Access::kReadOnly);
+  const MapSnapshot map = *snapshot.LoadAt("floor");
+  EXPECT_EQ(ContentHash(map.content()), ContentHash(store_.LoadAt("floor")->content()));
+  EXPECT_NE(map.GroupIndex(Signature(NameOf(0))), -1);
+  EXPECT_THAT(Group(map, NameOf(1))->modes[0].p_map_landmark,
+              IsNearMatrix(Eigen::Vector2d(50.0, 60.0), 1e-9));
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore writer = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  EXPECT_THAT(writer.Edit("floor", Rename(0, "door")),
+              StatusIs(StatusCode::kFailedPrecondition, "a snapshot takes no edit"));
+}
+
+// What an import states goes with the renamed landmark, in the version that is edited and in
+// builds.
+TEST_F(EditTest, StatementsFollowNames) {
+  MapContent stated = content_;
+  stated.stamp = At(1.0);
+  CommitOptions options;
+  options.parent = first_.version;
+  ASSERT_THAT(store_.Commit("floor", stated, {"import", "", 0, {}}, options), IsOk());
+  const MapSnapshot before = *store_.LoadAt("floor");
+  const EditResult rename = Edit(Rename(0, "gate"));
+  EXPECT_EQ(Group(*store_.LoadAt("floor"), "gate")->probabilities,
+            Group(before, NameOf(0))->probabilities);
+  Build();
+  EXPECT_THAT(Group(*store_.LoadAt("floor"), "gate")->probabilities,
+              IsNearMatrix(Group(before, NameOf(0))->probabilities, 1e-12));
+  Undo(rename.edit);
+  EXPECT_THAT(Group(*store_.LoadAt("floor"), NameOf(0))->probabilities,
+              IsNearMatrix(Group(before, NameOf(0))->probabilities, 1e-12));
+  ExpectClean();
+}
+
+TEST_F(EditTest, CompactingKeepsWhatEditsNeed) {
+  const EditResult retired = Edit(Make(EditKind::kRetire, 0));
+  Edit(Rename(1, "gate"));
+  RetentionPolicy policy;
+  policy.keep_versions = 1;
+  ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+  EXPECT_THAT(Undo(retired.edit).version, ::testing::Ne(std::nullopt));
+  EXPECT_NE(Group(*store_.LoadAt("floor"), NameOf(0)), nullptr);
+  ExpectClean();
+}
+
+TEST_F(EditTest, AResetCalibrationIsWhatWasKnownBefore) {
+  MapContent later = content_;
+  later.vehicles[0].stamp = At(50.0);
+  later.vehicles[0].runs += 1;
+  later.vehicles[0].log_scale_v.value += 0.01;
+  later.stamp = At(60.0);
+  CommitOptions options;
+  options.parent = first_.version;
+  options.states_probabilities = false;
+  ASSERT_THAT(store_.Commit("floor", later, {"test", "", 0, {}}, options), IsOk());
+  MapEdit edit;
+  edit.kind = EditKind::kCalibration;
+  edit.author = "surveyor";
+  edit.reason = "new tyres";
+  edit.vehicle = content_.vehicles[0].vehicle;
+  edit.since = content_.vehicles[0].stamp + Duration(1);
+  const EditResult reset = Edit(edit);
+  const auto value = [&] { return store_.LoadAt("floor")->vehicles()[0].log_scale_v.value; };
+  EXPECT_EQ(value(), content_.vehicles[0].log_scale_v.value);
+  RetentionPolicy policy;
+  policy.keep_versions = 1;
+  ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+  ExpectClean();
+  Undo(reset.edit);
+  EXPECT_EQ(value(), later.vehicles[0].log_scale_v.value);
+  edit.since = content_.vehicles[0].stamp;
+  Edit(edit);
+  EXPECT_THAT(store_.LoadAt("floor")->vehicles(), IsEmpty());
+}
+
+TEST_F(EditTest, VerifyFindsAnEditThatWasChanged) {
+  Edit(Rename(0, "gate"));
+  {
+    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("UPDATE map_edit SET new_name = 'door'"), IsOk());
+  }
+  const StatusOr<VerifyResult> verified = VerifyStore(path_);
+  ASSERT_THAT(verified, IsOk());
+  ASSERT_FALSE(verified->clean());
+  EXPECT_THAT(verified->defects[0].problem, ::testing::HasSubstr("its edits give another content"));
+}
+
+TEST_F(EditTest, DerivedNumbersOfAnEditedVersionAreRecomputedBitByBit) {
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_THAT(store_.Return(Report(first_, NameOf(static_cast<std::size_t>(i % 3)), 100.0 * i)),
+                IsOk());
+  }
+  Edit(Rename(0, "gate"));
+  MapEdit rate = Make(EditKind::kRate, 1);
+  rate.rate_per_s = 1e-3;
+  rate.weight = 3.0;
+  Edit(rate);
+  const std::string before = ContentHash(store_.LoadAt("floor")->content());
+  {
+    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("DELETE FROM ledger_checkpoint"), IsOk());
+  }
+  EXPECT_EQ(ContentHash(store_.LoadAt("floor")->content()), before);
+  ExpectClean();
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

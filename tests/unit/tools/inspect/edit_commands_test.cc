@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "mapstore/map/sha256.h"
+#include "mapstore/map_store.h"
+#include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tools/inspect/inspect_commands.h"
+
+namespace shiftmap::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct Outcome {
+  int code;
+  std::string out;
+  std::string err;
+
+  Json json() const { return Json::parse(out); }
+};
+
+class EditCommands : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::mt19937_64 random(TestSeed(12));
+    const MapContent content = RandomContent(random, {.groups = 4, .vehicles = 1});
+    for (const LandmarkGroup& group : content.groups) names_.push_back(group.signature.text());
+    vehicle_ = content.vehicles[0].vehicle;
+    MapStore store = *MapStore::Open(store_, MapStore::Access::kReadWriteCreate);
+    ASSERT_THAT(store.Commit("hall", content, {"test", "", 0, {}}, {}), IsOk());
+  }
+
+  Outcome Run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "edit");
+    arguments.insert(arguments.end(), {"--store", store_, "--area", "hall"});
+    Application application("shiftmap-inspect", "");
+    AddInspectCommands(&application);
+    std::ostringstream out;
+    std::ostringstream err;
+    const ExitCode code = application.Run(arguments, &out, &err);
+    return {static_cast<int>(code), out.str(), err.str()};
+  }
+
+  // With a reason.
+  Outcome Edit(std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--reason", "survey of May", "--author", "ann"});
+    return Run(std::move(arguments));
+  }
+
+  TempDir dir_;
+  const std::string store_ = dir_.File("maps.db");
+  std::vector<std::string> names_;
+  std::string vehicle_;
+};
+
+TEST_F(EditCommands, EveryKindIsMadeListedAndTakenBack) {
+  const std::vector<std::vector<std::string>> edits = {
+      {"position", names_[0], "1", "1.5,-2", "--sd", "0.02"},
+      {"position", names_[0], "-3,4e0", "--new", "--sd", "0.1"},
+      {"control", names_[1], "10,20", "--sd", "0.05", "--mode", "1"},
+      {"retire", names_[2]},
+      {"rename", names_[3], "gate"},
+      {"rate", "gate", "1e-4", "--weight", "5"},
+      {"calibration", "reset", vehicle_, "--since", "0"}};
+  for (std::size_t i = 0; i < edits.size(); ++i) {
+    const Outcome made = Edit(edits[i]);
+    ASSERT_EQ(made.code, 0) << i << made.err;
+    EXPECT_THAT(made.out, HasSubstr("version " + std::to_string(i + 2) + " is published"));
+  }
+  const Json list = Run({"list", "--json"}).json();
+  ASSERT_EQ(list["edits"].size(), edits.size());
+  EXPECT_EQ(list["edits"][0]["kind"], "position");
+  EXPECT_EQ(list["edits"][0]["x_m"], 1.5);
+  EXPECT_EQ(list["edits"][0]["author"], "ann");
+  EXPECT_EQ(list["edits"][0]["reason"], "survey of May");
+  EXPECT_EQ(list["edits"][1]["y_m"], 4.0);
+  EXPECT_EQ(list["edits"][4]["new_name"], "gate");
+  EXPECT_EQ(list["edits"][5]["weight"], 5.0);
+  EXPECT_EQ(list["edits"][6]["vehicle"], vehicle_);
+  for (std::size_t i = edits.size(); i-- > 0;) {
+    const Outcome undone = Edit({"undo", std::to_string(i + 1), "--json"});
+    ASSERT_EQ(undone.code, 0) << i << undone.err;
+    EXPECT_EQ(undone.json()["edit"]["undone"]["author"], "ann");
+  }
+  EXPECT_THAT(Run({"list"}).out, HasSubstr("taken back "));
+}
+
+TEST_F(EditCommands, AMergedModeIsPartOfTheOther) {
+  ASSERT_EQ(Edit({"position", names_[0], "1,1", "--new", "--sd", "0.1"}).code, 0);
+  const Json list = Run({"list", "--json"}).json();
+  const std::string added = std::to_string(list["edits"][0]["mode"].get<int>());
+  const Outcome merged = Edit({"merge", names_[0], added, "1", "--json"});
+  ASSERT_EQ(merged.code, 0) << merged.err;
+  EXPECT_EQ(merged.json()["edit"]["into"], 1);
+  EXPECT_EQ(merged.json()["version"], 3);
+}
+
+TEST_F(EditCommands, ADryRunSaysItAndWritesNothing) {
+  const std::string before = *HashFile(store_);
+  const Outcome outcome = Edit({"rename", names_[0], "gate", "--dry-run"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("renamed 'gate'"));
+  EXPECT_EQ(*HashFile(store_), before);
+  EXPECT_EQ(Edit({"rename", "nobody", "gate", "--dry-run"}).code, 6);
+}
+
+TEST_F(EditCommands, WhatMakesNoSenseIsAUsageError) {
+  for (const std::vector<std::string>& words :
+       std::vector<std::vector<std::string>>{{"position", names_[0], "1", "1.5"},
+                                             {"position", names_[0], "1", "1,2"},
+                                             {"position", names_[0], "1", "1,2,3", "--sd", "1"},
+                                             {"position", names_[0], "0", "1,2", "--sd", "1"},
+                                             {"control", names_[0], "north", "--sd", "1"},
+                                             {"rename", names_[0]},
+                                             {"retire"},
+                                             {"retire", names_[0], "--sd", "1"},
+                                             {"rate", names_[0], "often"},
+                                             {"calibration", "forget", vehicle_, "--since", "0"},
+                                             {"calibration", "reset", vehicle_},
+                                             {"undo", "first"},
+                                             {"split", names_[0]}}) {
+    EXPECT_EQ(Edit(words).code, 2) << words[0];
+  }
+  EXPECT_EQ(Run({"retire", names_[0]}).code, 2);
+  EXPECT_EQ(Run({"retire", names_[0], "--reason", ""}).code, 2);
+}
+
+TEST_F(EditCommands, HostileInputIsOneClearLine) {
+  const auto expect = [&](const std::vector<std::string>& words, int code, const char* text) {
+    const Outcome outcome = Edit(words);
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(text));
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_EQ(outcome.err.find('\x1b'), std::string::npos);
+    EXPECT_EQ(outcome.out, "");
+  };
+  expect({"position", names_[0], "1", "nan,2", "--sd", "1"}, 3, "position (nan, 2)");
+  expect({"control", names_[0], "1,inf", "--sd", "1"}, 3, "position (1, inf)");
+  expect({"control", names_[0], "1,2", "--sd", "0"}, 3, "standard deviation 0 m");
+  expect({"control", names_[0], "1,2", "--sd", "-1"}, 3, "standard deviation -1 m");
+  expect({"rate", names_[0], "0"}, 3, "rate 0 per s");
+  expect({"rate", names_[0], "1", "--weight", "0"}, 3, "weight 0");
+  expect({"retire", "\x1b[31mred"}, 6, "no landmark '\\x1b[31mred'");
+  expect({"rename", names_[0], "a\x1b[2Jb"}, 3, "new name: 'a\\x1b[2Jb'");
+  expect({"rename", names_[0], std::string(2000, 'x')}, 3, "2000 bytes");
+  expect({"calibration", "reset", "nobody", "--since", "0"}, 6, "vehicle 'nobody'");
+  expect({"undo", "7"}, 6, "no edit 7");
+  expect({"position", names_[0], "99", "1,2", "--sd", "1"}, 6, "no mode 99");
+}
+
+}  // namespace
+}  // namespace shiftmap::testing

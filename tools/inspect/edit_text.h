@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "mapstore/cli/context.h"
+#include "mapstore/map/map_edit.h"
+
+namespace shiftmap {
+
+/// An edit as a document: id, kind, author, reason, made_s, the version made with it first, and
+/// what its kind says; `undone` is null while it is in force.
+Json EditJson(const MapEdit& edit);
+
+/// What an edit says, as part of a line: "position of 'L07' mode 2 at (1.000, 2.000) m, sd 0.020
+/// m".
+std::string EditText(const MapEdit& edit);
+
+}  // namespace shiftmap
