@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <numeric>
+#include <string_view>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
@@ -146,12 +147,15 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(
       const MapContent content,
       ReadContent(database, version, state_->VersionName(area, version.number)));
+  LedgerFilter filter(database, area_row.area_id, version, content, query.known);
   LandmarkRecords records;
   records.version = version.number;
-  SHIFTMAP_ASSIGN_OR_RETURN(records.versions,
-                            ReadLandmarkVersions(database, area_row.area_id, version, signature));
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<LandmarkVisitRow> rows,
-                            ReadLandmarkVisits(database, area_row.area_id, signature));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      records.versions,
+      ReadLandmarkVersions(database, area_row.area_id, version, signature, &filter.view()));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      std::vector<LandmarkVisitRow> rows,
+      ReadLandmarkVisits(database, area_row.area_id, signature, &filter.view()));
   const bool known = std::any_of(records.versions.begin(),
                                  records.versions.end(),
                                  [](const LandmarkInVersion& other) { return other.known; });
@@ -168,7 +172,6 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
                                          ? *query.known + FromSeconds(state_->clock_tolerance_s)
                                          : state_->LatestStamp(),
                            .known = query.known};
-  LedgerFilter filter(database, area_row.area_id, version, content, query.known);
   VisitProbabilities after;
   if (found != content.groups.end()) {
     filter.Watch([&](const FilteredVisit& visit) {
@@ -229,7 +232,10 @@ StatusOr<LandmarkTracks> MapStore::LoadTracks(const std::string& area, const Tra
   std::unordered_map<Signature, std::size_t> index;
   for (std::size_t i = 0; i < content.groups.size(); ++i) index[content.groups[i].signature] = i;
   for (LandmarkVisitRow& row : rows) {
-    const auto found = index.find(row.visit.evidence.signature);
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const std::string_view name,
+        filter.view().NameOf(row.visit.evidence.signature.text(), row.version_id));
+    const auto found = index.find(Signature(std::string(name)));
     if (found != index.end()) by_group[found->second].push_back(std::move(row));
   }
   for (std::size_t i = 0; i < content.groups.size(); ++i) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string_view>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
@@ -12,20 +13,26 @@
 namespace shiftmap {
 namespace {
 
-// ?2: a signature, or empty for all; ?3: the newest so many, or -1.
+// ?2: a signature, also by the names that renames gave, or empty for all; ?3: the newest so many,
+// or -1.
 constexpr const char* kVisits =
+    "WITH RECURSIVE names (name) AS (SELECT ?2 UNION "
+    "SELECT m.new_name FROM map_edit m JOIN names ON m.signature = names.name "
+    "WHERE m.area_id = ?1 AND m.kind = 'rename' UNION "
+    "SELECT m.signature FROM map_edit m JOIN names ON m.new_name = names.name "
+    "WHERE m.area_id = ?1 AND m.kind = 'rename') "
     "SELECT e.begin_ns, e.end_ns, e.report_id, 0, e.version_id, v.number, e.observation_count, "
     "e.log_likelihoods, r.vehicle, r.identity, r.uuid, r.received_ns, "
     "coalesce((SELECT name FROM run WHERE run.identity = r.identity ORDER BY run_id LIMIT 1), ''), "
     "e.signature "
     "FROM visit_evidence e JOIN shift_report r USING (report_id) "
     "JOIN version v ON v.version_id = e.version_id "
-    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature = ?2) UNION ALL "
+    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature IN names) UNION ALL "
     "SELECT e.begin_ns, e.end_ns, 0, e.run_id, e.version_id, v.number, e.observation_count, "
     "e.log_likelihoods, r.vehicle, r.identity, '', v.created_ns, r.name, e.signature "
     "FROM mapped_evidence e JOIN run r USING (run_id) "
     "JOIN version v ON v.version_id = e.version_id "
-    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature = ?2) ORDER BY 1 DESC LIMIT ?3";
+    "WHERE e.area_id = ?1 AND (?2 = '' OR e.signature IN names) ORDER BY 1 DESC LIMIT ?3";
 
 constexpr const char* kDecisions =
     "SELECT d.signature, d.mode, d.stamp_ns, d.log_odds FROM decision d "
@@ -34,20 +41,21 @@ constexpr const char* kDecisions =
 // Recursion goes to smaller numbers, so that a damaged file ends it too.
 constexpr const char* kVersions =
     "WITH RECURSIVE line (version_id, number, parent) AS (SELECT version_id, number, "
-    "parent_version_id FROM version WHERE version_id = ?3 UNION SELECT p.version_id, p.number, "
+    "parent_version_id FROM version WHERE version_id = ?2 UNION SELECT p.version_id, p.number, "
     "p.parent_version_id FROM line JOIN version p ON p.version_id = line.parent "
     "WHERE p.number < line.number) "
     "SELECT v.version_id, v.number, p.number, v.stamp_ns, v.created_ns, "
-    "EXISTS (SELECT 1 FROM line WHERE line.version_id = v.version_id), "
-    "g.group_index, g.leave_rate_per_s FROM version v "
+    "EXISTS (SELECT 1 FROM line WHERE line.version_id = v.version_id) FROM version v "
     "LEFT JOIN version p ON p.version_id = v.parent_version_id "
-    "LEFT JOIN landmark_group g ON g.version_id = v.version_id AND g.signature = ?2 "
     "WHERE v.area_id = ?1 AND v.content_stored ORDER BY v.number";
 
-// @param signature  Of all rows; empty: of several landmarks.
-Status AddDecisions(Database& database,
-                    const std::string& signature,
-                    std::vector<LandmarkVisitRow>* rows) {
+Status AddDecisions(Database& database, std::vector<LandmarkVisitRow>* rows) {
+  // One name is asked for; of several all decisions are read.
+  const bool one = std::all_of(rows->begin(), rows->end(), [&](const LandmarkVisitRow& row) {
+    return row.visit.evidence.signature == rows->front().visit.evidence.signature;
+  });
+  const std::string signature =
+      one && !rows->empty() ? rows->front().visit.evidence.signature.text() : "";
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(kDecisions));
   std::unordered_map<std::int64_t, std::vector<Decision>> decisions;
   for (LandmarkVisitRow& row : *rows) {
@@ -141,7 +149,7 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadVisits(Database& database,
     };
     return key(a.visit) < key(b.visit);
   });
-  SHIFTMAP_RETURN_IF_ERROR(AddDecisions(database, signature, &rows));
+  SHIFTMAP_RETURN_IF_ERROR(AddDecisions(database, &rows));
   return rows;
 }
 
@@ -149,8 +157,17 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadVisits(Database& database,
 
 StatusOr<std::vector<LandmarkVisitRow>> ReadLandmarkVisits(Database& database,
                                                            std::int64_t area_id,
-                                                           const Signature& signature) {
-  return ReadVisits(database, area_id, signature.text(), -1);
+                                                           const Signature& signature,
+                                                           LedgerView* view) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<LandmarkVisitRow> rows,
+                            ReadVisits(database, area_id, signature.text(), -1));
+  std::vector<LandmarkVisitRow> own;
+  for (LandmarkVisitRow& row : rows) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                              view->NameOf(row.visit.evidence.signature.text(), row.version_id));
+    if (name == signature.text()) own.push_back(std::move(row));
+  }
+  return own;
 }
 
 StatusOr<std::vector<LandmarkVisitRow>> ReadNewestVisits(Database& database,
@@ -162,8 +179,13 @@ StatusOr<std::vector<LandmarkVisitRow>> ReadNewestVisits(Database& database,
 StatusOr<std::vector<LandmarkInVersion>> ReadLandmarkVersions(Database& database,
                                                               std::int64_t area_id,
                                                               const VersionRow& version,
-                                                              const Signature& signature) {
+                                                              const Signature& signature,
+                                                              LedgerView* view) {
   SHIFTMAP_ASSIGN_OR_RETURN(Statement query, database.Prepare(kVersions));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement group,
+      database.Prepare("SELECT group_index, leave_rate_per_s FROM landmark_group "
+                       "WHERE version_id = ?1 AND signature = ?2"));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement modes,
       database.Prepare("SELECT number, x_m, y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, last_seen_ns "
@@ -172,7 +194,7 @@ StatusOr<std::vector<LandmarkInVersion>> ReadLandmarkVersions(Database& database
       Statement merged,
       database.Prepare("SELECT number, into_number FROM merged_mode "
                        "WHERE version_id = ?1 AND group_index = ?2 ORDER BY number"));
-  query.Bind(area_id, signature.text(), version.version_id);
+  query.Bind(area_id, version.version_id);
   std::vector<LandmarkInVersion> versions;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
@@ -183,11 +205,14 @@ StatusOr<std::vector<LandmarkInVersion>> ReadLandmarkVersions(Database& database
     landmark.stamp = StampFromNanoseconds(query.Int64(3));
     landmark.created = StampFromNanoseconds(query.Int64(4));
     landmark.in_line = query.Int64(5) != 0;
-    landmark.known = !query.IsNull(6);
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string name,
+                              view->NameIn(query.Int64(0), signature.text()));
+    group.Bind(query.Int64(0), name);
+    SHIFTMAP_ASSIGN_OR_RETURN(landmark.known, group.Step());
     if (landmark.known) {
-      landmark.leave_rate_per_s = query.Double(7);
+      landmark.leave_rate_per_s = group.Double(1);
       SHIFTMAP_RETURN_IF_ERROR(
-          AddModes(&modes, &merged, query.Int64(0), query.Int64(6), &landmark));
+          AddModes(&modes, &merged, query.Int64(0), group.Int64(0), &landmark));
     }
     versions.push_back(std::move(landmark));
   }

@@ -102,4 +102,20 @@ std::string EditText(const MapEdit& edit) {
   return "";
 }
 
+std::string EditLine(const MapEdit& edit) {
+  std::string line = fmt::format("edit {}: {}, {} UTC by {} ({})",
+                                 edit.id.value(),
+                                 EditText(edit),
+                                 TimeText(edit.made),
+                                 InertLine(edit.author),
+                                 InertLine(edit.reason));
+  if (edit.undone) {
+    line += fmt::format("; taken back {} UTC by {} ({})",
+                        TimeText(edit.undone->when),
+                        InertLine(edit.undone->author),
+                        InertLine(edit.undone->reason));
+  }
+  return line + "\n";
+}
+
 }  // namespace shiftmap

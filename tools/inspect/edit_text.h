@@ -16,4 +16,7 @@ Json EditJson(const MapEdit& edit);
 /// m".
 std::string EditText(const MapEdit& edit);
 
+/// The same with who made it, when and why, and who took it back, as a line.
+std::string EditLine(const MapEdit& edit);
+
 }  // namespace shiftmap

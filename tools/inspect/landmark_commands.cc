@@ -11,6 +11,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/nearest_name.h"
 #include "mapstore/map_store.h"
+#include "tools/inspect/edit_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/landmark_text.h"
 #include "tools/inspect/store_arguments.h"
@@ -213,6 +214,18 @@ StatusOr<std::string> UnexplainedText(const LandmarkHistory& history, MapStore* 
   return text;
 }
 
+// The edits of the landmark, under whatever name, those taken back included.
+StatusOr<std::vector<MapEdit>> EditsOfLandmark(const LandmarkHistory& history, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<MapEdit> edits, store->Edits(history.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            store->EditsOf(history.area, history.version));
+  const Signature landmark = LandmarkNames(held).Landmark(history.signature);
+  std::erase_if(edits, [&](const MapEdit& edit) {
+    return edit.kind == EditKind::kCalibration || edit.landmark != landmark;
+  });
+  return edits;
+}
+
 Status RunHistory(const HistoryArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   HistoryOptions options = OptionsOf(arguments.store);
@@ -228,7 +241,15 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
                      ModesText(history, context.style()) + "\n" +
                      VisitsText(history, limit, context.style());
   if (arguments.steps) text += "\n" + TrackText(history, context.style());
-  context.Report(HistoryJson(history, arguments.limit ? limit : 0), text);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, EditsOfLandmark(history, &store));
+  Json document = HistoryJson(history, arguments.limit ? limit : 0);
+  document["edits"] = Json::array();
+  if (!edits.empty()) text += "\n";
+  for (const MapEdit& edit : edits) {
+    document["edits"].push_back(EditJson(edit));
+    text += EditLine(edit);
+  }
+  context.Report(document, text);
   return OkStatus();
 }
 

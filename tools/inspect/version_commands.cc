@@ -10,6 +10,7 @@
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map/map_diff.h"
 #include "tools/inspect/diff_text.h"
+#include "tools/inspect/edit_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -137,6 +138,43 @@ StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStor
   return rates;
 }
 
+// Edits that the second version is made with and the first is not, and the other way.
+struct EditChanges {
+  std::vector<MapEdit> made;
+  std::vector<MapEdit> taken_back;
+};
+
+StatusOr<EditChanges> EditChangesOf(const DiffArguments& arguments, MapStore* store) {
+  const std::string& area = arguments.store.area;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> from,
+                            store->EditsOf(area, VersionNumber(arguments.from)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> to,
+                            store->EditsOf(area, VersionNumber(arguments.to)));
+  const auto without = [](const std::vector<MapEdit>& edits, const std::vector<MapEdit>& others) {
+    std::vector<MapEdit> left;
+    for (const MapEdit& edit : edits) {
+      const bool common = std::any_of(
+          others.begin(), others.end(), [&](const MapEdit& other) { return other.id == edit.id; });
+      if (!common) left.push_back(edit);
+    }
+    return left;
+  };
+  return EditChanges{without(to, from), without(from, to)};
+}
+
+Json EditsJson(const std::vector<MapEdit>& edits) {
+  Json list = Json::array();
+  for (const MapEdit& edit : edits) list.push_back(EditJson(edit));
+  return list;
+}
+
+std::string EditsText(const EditChanges& edits) {
+  std::string text;
+  for (const MapEdit& edit : edits.made) text += EditLine(edit);
+  for (const MapEdit& edit : edits.taken_back) text += "no longer: " + EditLine(edit);
+  return text.empty() ? text : text + "\n";
+}
+
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   const std::string& area = arguments.store.area;
@@ -152,12 +190,17 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
     });
   }
   std::erase_if(diff.groups, [](const GroupDiff& group) { return group.empty(); });
+  SHIFTMAP_ASSIGN_OR_RETURN(const EditChanges edits, EditChangesOf(arguments, &store));
   if (context.json()) {
-    context.Report(DiffJson(arguments, diff), "");
+    Json document = DiffJson(arguments, diff);
+    document["edits_made"] = EditsJson(edits.made);
+    document["edits_taken_back"] = EditsJson(edits.taken_back);
+    context.Report(document, "");
     return OkStatus();
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const LeaveRates rates, RatesOf(to, diff, &store));
-  context.Report({}, DiffText(from, to, diff, rates, arguments.all, context.style()));
+  context.Report(
+      {}, EditsText(edits) + DiffText(from, to, diff, rates, arguments.all, context.style()));
   return OkStatus();
 }
 

@@ -255,6 +255,37 @@ TEST_F(LandmarkHistoryTest, ASnapshotTellsWhatItHolds) {
               StatusIs(StatusCode::kFailedPrecondition, "snapshot"));
 }
 
+// A rename is a name: visits, versions and probabilities are those of before, and another landmark
+// may have the old name later.
+TEST_F(LandmarkHistoryTest, ARenamedLandmarkKeepsItsHistory) {
+  const LandmarkHistory before = Load("A");
+  MapEdit rename;
+  rename.kind = EditKind::kRename;
+  rename.signature = Signature("A");
+  rename.new_name = Signature("Z");
+  rename.author = "anna";
+  rename.reason = "a new tag";
+  ASSERT_THAT(store_.Edit("a", rename), IsOk());
+  rename.signature = Signature("B");
+  rename.new_name = Signature("A");
+  ASSERT_THAT(store_.Edit("a", rename), IsOk());
+  const LandmarkHistory after = Load("Z");
+  ASSERT_THAT(after.visits, SizeIs(before.visits.size()));
+  for (std::size_t i = 0; i < before.visits.size(); ++i) {
+    EXPECT_EQ(after.visits[i].begin, before.visits[i].begin);
+    EXPECT_EQ(after.visits[i].set_aside, before.visits[i].set_aside);
+    EXPECT_EQ(after.visits[i].decision.has_value(), before.visits[i].decision.has_value());
+    ASSERT_EQ(after.visits[i].probabilities.size(), before.visits[i].probabilities.size());
+    for (std::size_t k = 0; k < before.visits[i].probabilities.size(); ++k) {
+      EXPECT_EQ(after.visits[i].probabilities[k].probability,
+                before.visits[i].probabilities[k].probability);
+    }
+  }
+  ASSERT_THAT(after.modes, SizeIs(2));
+  EXPECT_EQ(after.modes[0].first_version, first_.version);
+  EXPECT_THAT(Load("A").visits, SizeIs(1));
+}
+
 TEST_F(LandmarkHistoryTest, ALandmarkThatNobodyKnowsIsNotFound) {
   EXPECT_THAT(LoadLandmarkHistory(&store_, "a", Signature("C")),
               StatusIs(StatusCode::kNotFound, "area 'a': no landmark 'C'"));
