@@ -57,8 +57,10 @@ StatusOr<std::optional<LandmarkStatement>> ReadLandmarkStatement(Database& datab
     return std::optional(
         LandmarkStatement{statement->number, statement->stamp, group.probabilities});
   }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string name,
+                            view->NameIn(statement->version_id, group.signature.text()));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
-                            ReadStatement(database, statement->version_id, {group}));
+                            ReadStatement(database, statement->version_id, {group}, {name}));
   if (!stated.front()) return std::optional<LandmarkStatement>();
   return std::optional(LandmarkStatement{statement->number, statement->stamp, *stated.front()});
 }
