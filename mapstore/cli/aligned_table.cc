@@ -26,7 +26,8 @@ bool LooksLikeTime(const std::string& cell) {
 }
 
 // Columns of text are not made narrower than this.
-constexpr std::size_t kLeastWidth = 8;
+constexpr std::size_t kLeastWidth = 12;
+constexpr const char* kMore = "…";  // Stands for columns that are left out.
 constexpr std::size_t kGap = 2;
 
 }  // namespace
@@ -54,12 +55,23 @@ std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
       if (LooksLikeTime(row.cells[j])) fixed[j] = true;
     }
   }
-  std::size_t total = kGap * (widths.size() - 1);
-  for (const std::size_t width : widths) total += width;
-  while (columns > 0 && total > columns) {
+  if (columns == 0) return widths;
+  const auto narrow = [&](std::size_t j) {
+    return fixed[j] ? widths[j] : std::min(widths[j], kLeastWidth);
+  };
+  const std::size_t all = widths.size();
+  std::size_t least = 0;
+  for (std::size_t j = 0; j < all; ++j) least += narrow(j) + (j > 0 ? kGap : 0);
+  while (widths.size() > 1 && least + (widths.size() < all ? kGap + 1 : 0) > columns) {
+    least -= narrow(widths.size() - 1) + kGap;
+    widths.pop_back();
+  }
+  std::size_t total = widths.size() < all ? kGap + 1 : 0;
+  for (std::size_t j = 0; j < widths.size(); ++j) total += widths[j] + (j > 0 ? kGap : 0);
+  while (total > columns) {
     std::size_t widest = widths.size();
     for (std::size_t j = 0; j < widths.size(); ++j) {
-      const bool shrinks = !fixed[j] && widths[j] > kLeastWidth;
+      const bool shrinks = widths[j] > narrow(j);
       if (shrinks && (widest == widths.size() || widths[j] > widths[widest])) widest = j;
     }
     if (widest == widths.size()) break;
@@ -87,6 +99,7 @@ std::string AlignedTable::ToString(const TextStyle& style) const {
       const std::string padding(widths[j] - DisplayWidth(cell), ' ');
       line += numeric[j] ? padding + cell : cell + padding;
     }
+    if (widths.size() < row.cells.size()) line += std::string(kGap, ' ') + kMore;
     line.erase(line.find_last_not_of(' ') + 1);
     if (columns > 0) line = Shortened(line, columns);
     text += (style.colour ? Marked(line, row.emphasis) : line) + '\n';

@@ -21,12 +21,12 @@ class AlignedTable {
   std::size_t rows() const { return rows_.size() - 1; }
 
   /// Header and rows, one line each. If they are wider than the terminal, the widest columns of
-  /// text (not of times) are shortened, an ellipsis in the place of what is left out, and then the
-  /// lines. With colour, emphasis is there as Marked() text.
+  /// text (not of times) are shortened; if that is not enough, the last columns are left out. An
+  /// ellipsis is in the place of both. With colour, emphasis is there as Marked() text.
   std::string ToString(const TextStyle& style = {}) const;
 
  private:
-  // As wide as the cells, but where the terminal is narrower.
+  // Of the columns that are shown: as wide as the cells, but where the terminal is narrower.
   std::vector<std::size_t> Widths(const std::vector<bool>& numeric, std::size_t columns) const;
 
   struct Row {

@@ -16,7 +16,7 @@ const std::vector<ProgramCommands>& AllPrograms() {
         "history", "migrate", "modes",     "plot",     "publish", "reports",  "restore", "rollback",
         "runs",    "show",    "sightings", "vehicles", "verify",  "versions", "view"}},
       {"sim", {"mine", "open"}},
-      {"convert", {"carmen", "csv", "lidar-json", "rosbag2", "utias", "victoria-park"}},
+      {"convert", {"carmen", "check", "csv", "lidar-json", "rosbag2", "utias", "victoria-park"}},
       {"eval", {"consistency", "map", "trajectory"}},
       {"experiment",
        {"alignments",

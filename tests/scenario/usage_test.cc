@@ -62,7 +62,7 @@ const std::vector<Program>& Programs() {
       {"shiftmap-inspect",
        {"areas",    "versions", "show",     "modes",   "history", "sightings", "runs",
         "reports",  "audit",    "vehicles", "export",  "plot",    "diff",      "publish",
-        "rollback", "verify",   "backup",   "restore", "compact", "config",    "migrate"}},
+        "rollback", "verify",   "backup",   "restore", "compact", "migrate"}},
       {"shiftmap-localizer", {"run", "return", "serve", "ctl"}},
       {"shiftmap-mapper", {"build", "import"}},
       {"shiftmap-sim", {"mine", "open"}},

@@ -51,9 +51,21 @@ std::string RunText(const HistoryVisit& visit) {
   return visit.run_name.empty() ? ShortHash(visit.run) : visit.run_name;
 }
 
+// What a visit says that leaves several modes equally likely: which one it speaks against.
+std::string TieText(const HistoryVisit& visit) {
+  const auto [least, most] = std::minmax_element(
+      visit.log_likelihoods.begin(), visit.log_likelihoods.end(), [](const auto& a, const auto& b) {
+        return a.log_likelihood < b.log_likelihood;
+      });
+  if (least == visit.log_likelihoods.end()) return "nothing";
+  const double log_odds = most->log_likelihood - least->log_likelihood;
+  if (log_odds < kLeastLogOdds) return "nothing";
+  return fmt::format("not {} {}", ModeName(least->mode), OddsText(log_odds));
+}
+
 // What the visit says by itself.
 std::string EvidenceText(const HistoryVisit& visit) {
-  if (visit.log_odds < kLeastLogOdds) return "nothing";
+  if (visit.log_odds < kLeastLogOdds) return TieText(visit);
   const bool elsewhere = visit.likely_mode == kAbsent && visit.observations > 0;
   if (elsewhere) return fmt::format("elsewhere {}", OddsText(visit.log_odds));
   return fmt::format("{} {}", ModeName(visit.likely_mode), OddsText(visit.log_odds));

@@ -44,14 +44,14 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
   std::erase_if(reports, [&](const auto& report) { return IsOlder(report.end, arguments); });
   Json list = Json::array();
   AlignedTable table({"end",
-                      "report",
                       "vehicle",
                       "version",
                       "rows",
                       "counting",
+                      "not_counting",
+                      "report",
                       "decisions",
-                      "sightings",
-                      "not_counting"});
+                      "sightings"});
   for (const ReportSummary& report : reports) {
     list.push_back({{"uuid", report.uuid},
                     {"vehicle", report.vehicle},
@@ -68,14 +68,14 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
     int aside = 0;
     for (const SetAsideRows& rows : report.set_aside) aside += rows.rows;
     table.AddRow({TimeText(report.end),
-                  ShortHash(report.uuid),
                   report.vehicle,
                   fmt::format("{}", report.version.value()),
                   fmt::format("{}", report.evidence_rows),
                   fmt::format("{}", report.evidence_rows - aside),
+                  SetAsideText(report.set_aside),
+                  ShortHash(report.uuid),
                   fmt::format("{}", report.decisions),
-                  fmt::format("{}", report.sightings),
-                  SetAsideText(report.set_aside)},
+                  fmt::format("{}", report.sightings)},
                  aside > 0 && aside == report.evidence_rows ? Emphasis::kFaint : Emphasis::kNone);
   }
   context.Report({{"area", arguments.area}, {"version", version.value()}, {"reports", list}},

@@ -38,11 +38,19 @@ TEST(AlignedTable, FitsTheTerminalByItsWidestColumnOfText) {
   EXPECT_NE(whole.find("made against a version of another line"), std::string::npos);
 }
 
-TEST(AlignedTable, LinesAreCutWhereNoColumnOfTextIsLeftToShorten) {
+TEST(AlignedTable, TheLastColumnsAreLeftOutWhereNoTextIsLeftToShorten) {
   AlignedTable table({"alpha", "beta", "gamma"});
   table.AddRow({"100000", "200000", "300000"});
-  EXPECT_EQ(RenderMarks(table.ToString({.columns = 12, .rows = 0, .colour = false}), false),
-            " alpha    b…\n100000  200…\n");
+  EXPECT_EQ(table.ToString({.columns = 17, .rows = 0, .colour = false}),
+            " alpha    beta  …\n100000  200000  …\n");
+  EXPECT_EQ(table.ToString({.columns = 4, .rows = 0, .colour = false}), " al…\n100…\n");
+}
+
+TEST(AlignedTable, TimesAreNotShortened) {
+  AlignedTable table({"begin", "reason"});
+  table.AddRow({"2026-01-09 06:00:00", "another report about its run counts"});
+  EXPECT_EQ(table.ToString({.columns = 40, .rows = 0, .colour = false}),
+            "begin                reason\n2026-01-09 06:00:00  another report abo…\n");
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "tests/support/temp_dir.h"
 #include "tests/unit/tools/inspect/landmark_test_util.h"
 #include "tools/inspect/inspect_commands.h"
+#include "tools/inspect/landmark_text.h"
 
 namespace shiftmap {
 namespace {
@@ -141,6 +142,18 @@ TEST_F(LandmarkCommands, ModesOfOneLandmarkHaveItsRateAndItsLastVisits) {
   const Json modes = Json::parse(Run({"modes", "L02", "--json"}));
   EXPECT_EQ(modes["modes"][0]["x_m"], 12.0);
   EXPECT_EQ(modes["landmark"]["visits"].size(), 2U);
+}
+
+TEST(VisitsText, AVisitThatTellsTwoModesNotApartSaysWhichOneItSpeaksAgainst) {
+  LandmarkHistory history;
+  history.probabilities = {{kAbsent, 0.2}, {ModeNumber(1), 0.3}, {ModeNumber(2), 0.5}};
+  HistoryVisit visit;
+  visit.log_likelihoods = {{kAbsent, 0.0}, {ModeNumber(1), -3.0}, {ModeNumber(2), 0.0}};
+  visit.likely_mode = ModeNumber(2);
+  history.visits = {visit};
+  EXPECT_THAT(VisitsText(history, 0, {}), HasSubstr("not mode 1 20:1"));
+  history.visits[0].log_likelihoods[1].log_likelihood = 0.0;
+  EXPECT_THAT(VisitsText(history, 0, {}), HasSubstr("nothing"));
 }
 
 TEST_F(LandmarkCommands, AMistypedSignatureIsAnsweredWithTheNearest) {
