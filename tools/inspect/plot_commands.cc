@@ -126,7 +126,12 @@ void AddPlotCommand(Application* application) {
       });
   AddMapOptions(&plot->store, &command, false);
   AddKnownOption(&plot->store, &command);
-  command.Option("WHAT", &plot->what, "What to draw")
+  command
+      .Option("WHAT",
+              &plot->what,
+              "The map; the modes or the history of a landmark; the difference of two versions; "
+              "trajectories on the map; whether a localizer's covariances are right; leave rates; "
+              "or the changes of the last build")
       .OneOf(KindNames())
       .Option("SUBJECT",
               &plot->subjects,

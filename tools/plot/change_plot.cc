@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <set>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/quantile.h"
@@ -226,8 +225,9 @@ std::string ChangePlot::Draw(const MapPage& page, const Legend& legend) const {
   }
   svg.Dots(others, std::min(3.5, landmarks_.radius()), "#C4C4C4");
   const double size = std::clamp(landmarks_.radius() + 0.5, 2.0, 4.5);
-  for (auto change = changes_.changes.rbegin(); change != changes_.changes.rend(); ++change) {
-    DrawChange(change->kind, Start(*change), landmarks_.frame().Pixel(change->p_to), size, &svg);
+  for (std::size_t i = changes_.changes.size(); i-- > 0;) {
+    const MapChange& change = changes_.changes[i];
+    DrawChange(change.kind, Start(change), landmarks_.frame().Pixel(change.p_to), size, &svg);
   }
   DrawLabels(&svg);
   return svg.ToString();

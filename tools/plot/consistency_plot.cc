@@ -157,9 +157,10 @@ void ConsistencyPlot::DrawNis(Svg* svg) const {
     band.emplace_back(time_.Pixel(window.begin_s), y.Pixel(window.Bound(0.975)));
     band.emplace_back(time_.Pixel(window.end_s), y.Pixel(window.Bound(0.975)));
   }
-  for (auto window = windows_.rbegin(); window != windows_.rend(); ++window) {
-    band.emplace_back(time_.Pixel(window->end_s), y.Pixel(window->Bound(0.025)));
-    band.emplace_back(time_.Pixel(window->begin_s), y.Pixel(window->Bound(0.025)));
+  for (std::size_t i = windows_.size(); i-- > 0;) {
+    const Window& window = windows_[i];
+    band.emplace_back(time_.Pixel(window.end_s), y.Pixel(window.Bound(0.025)));
+    band.emplace_back(time_.Pixel(window.begin_s), y.Pixel(window.Bound(0.025)));
   }
   svg->Polygon(band, kBand);
   svg->Line({kLeft, y.Pixel(1.0)}, {kLeft + kWidth, y.Pixel(1.0)}, kExpected);

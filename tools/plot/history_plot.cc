@@ -167,10 +167,10 @@ void HistoryPlot::DrawVisits(Svg* svg) const {
     row.push_back(Eigen::Vector2d(x, y) - half);
     row.push_back(Eigen::Vector2d(x, y) + half);
   }
-  for (std::size_t i = 0; i < modes_.size(); ++i) {
-    const double y = RowY(modes_[i]);
+  for (const ModeNumber mode : modes_) {
+    const double y = RowY(mode);
     svg->Line({kLeft, y}, {kLeft + kWidth, y}, {.stroke = palette::kGrid});
-    svg->Text({kLeft - 6.0, y + 4.0}, ModeName(modes_[i]), name);
+    svg->Text({kLeft - 6.0, y + 4.0}, ModeName(mode), name);
   }
   for (const auto& [look, ends] : ticks) {
     svg->Segments(ends,
@@ -209,9 +209,11 @@ Legend HistoryPlot::MakeLegend() const {
       svg->Rect(at - Eigen::Vector2d(8.0, 6.0), {16.0, 12.0}, {.fill = color, .opacity = 0.8});
     };
   };
+  const std::vector<ModeProbability>& last =
+      history_.track.empty() ? history_.probabilities : history_.track.back().modes;
   for (std::size_t i = 0; i < std::min(modes_.size(), kListed); ++i) {
     std::string text = ModeName(modes_[i]);
-    for (const ModeProbability& p : history_.probabilities) {
+    for (const ModeProbability& p : last) {
       if (p.mode == modes_[i]) text += fmt::format(": {} at the end", PercentText(p.probability));
     }
     for (const ModeHistory& mode : history_.modes) {

@@ -159,11 +159,11 @@ void ModesPlot::DrawPanels(double top, Svg* svg) const {
                               Panels()),
             {.size = 13.0, .bold = true});
   for (std::size_t i = 0; i < Panels(); ++i) {
-    const auto row = static_cast<double>(i / kPanelsPerRow);
-    const auto column = static_cast<double>(i % kPanelsPerRow);
-    DrawPanel(i,
-              {left + column * (kPanel + kPanelGap), top + 32.0 + row * (kPanel + kPanelCaption)},
-              svg);
+    const std::size_t row = i / kPanelsPerRow;
+    const std::size_t column = i % kPanelsPerRow;
+    const Eigen::Vector2d corner(left + static_cast<double>(column) * (kPanel + kPanelGap),
+                                 top + 32.0 + static_cast<double>(row) * (kPanel + kPanelCaption));
+    DrawPanel(i, corner, svg);
   }
 }
 

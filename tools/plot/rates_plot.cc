@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "tools/plot/chart_frame.h"
 #include "tools/plot/legend.h"

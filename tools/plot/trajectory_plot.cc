@@ -21,6 +21,7 @@ constexpr double kMaxGapS = 1.0;    // Of the truth: TrajectoryErrorOptions::max
 constexpr double kTolerance = 0.3;  // Of a drawn trajectory. [px]
 constexpr double kBreakS = 10.0;    // A longer gap is no line.
 constexpr const char* kTruthColor = palette::kInk;
+constexpr const char* kTruthDash = "5 3";
 
 const char* ColorOf(std::size_t estimate) { return palette::Cycle(palette::kRuns, estimate); }
 
@@ -97,17 +98,13 @@ void AddEntry(const char* color, const std::string& dash, const std::string& tex
       text);
 }
 
-}  // namespace
-
-StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
-                                       const std::vector<NamedTrajectory>& estimates,
-                                       const std::optional<NamedTrajectory>& truth) {
-  std::vector<Eigen::Vector2d> points;
-  std::vector<ErrorLine> errors;
-  Legend legend;
-  legend.Heading("Trajectories");
+// The legend's part on trajectories. With a truth, the errors against it are added to `errors`.
+Status AddTrajectories(const std::vector<NamedTrajectory>& estimates,
+                       const std::optional<NamedTrajectory>& truth,
+                       std::vector<ErrorLine>* errors,
+                       Legend* legend) {
+  legend->Heading("Trajectories");
   for (std::size_t i = 0; i < estimates.size(); ++i) {
-    AppendPositions(estimates[i].poses, &points);
     std::string text = Svg::Shortened(estimates[i].name, 12.0, 200.0);
     if (truth) {
       SHIFTMAP_ASSIGN_OR_RETURN(ErrorLine line, ErrorOf(estimates[i], *truth));
@@ -115,14 +112,47 @@ StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
                           line.error.position_rmse_m,
                           line.error.position_median_m,
                           line.error.position_max_m);
-      errors.push_back(std::move(line));
+      errors->push_back(std::move(line));
     }
-    AddEntry(ColorOf(i), "", text, &legend);
+    AddEntry(ColorOf(i), "", text, legend);
   }
   if (truth) {
-    AppendPositions(truth->poses, &points);
-    AddEntry(kTruthColor, "5 3", "truth: " + Svg::Shortened(truth->name, 12.0, 160.0), &legend);
+    AddEntry(kTruthColor, kTruthDash, "truth: " + Svg::Shortened(truth->name, 12.0, 160.0), legend);
   }
+  return OkStatus();
+}
+
+void DrawTrajectories(const std::vector<NamedTrajectory>& estimates,
+                      const std::optional<NamedTrajectory>& truth,
+                      const MapFrame& frame,
+                      Svg* svg) {
+  if (truth) {
+    DrawTrajectory(truth->poses,
+                   frame,
+                   {.stroke = kTruthColor, .stroke_width = 1.6, .dash = kTruthDash},
+                   kTolerance,
+                   svg);
+  }
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    DrawTrajectory(estimates[i].poses,
+                   frame,
+                   {.stroke = ColorOf(i), .stroke_width = 1.5, .opacity = 0.85},
+                   kTolerance,
+                   svg);
+  }
+}
+
+}  // namespace
+
+StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
+                                       const std::vector<NamedTrajectory>& estimates,
+                                       const std::optional<NamedTrajectory>& truth) {
+  std::vector<ErrorLine> errors;
+  Legend legend;
+  SHIFTMAP_RETURN_IF_ERROR(AddTrajectories(estimates, truth, &errors, &legend));
+  std::vector<Eigen::Vector2d> points;
+  for (const NamedTrajectory& estimate : estimates) AppendPositions(estimate.poses, &points);
+  if (truth) AppendPositions(truth->poses, &points);
   const LandmarkLayer landmarks(map.content(), std::move(points));
   landmarks.AddTo(&legend);
   const MapFrame& frame = landmarks.frame();
@@ -136,25 +166,11 @@ StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
       frame,
       legend);
   landmarks.Draw(0.55, &svg);
-  if (truth) {
-    DrawTrajectory(truth->poses,
-                   frame,
-                   {.stroke = kTruthColor, .stroke_width = 1.6, .dash = "5 3"},
-                   kTolerance,
-                   &svg);
-  }
-  for (std::size_t i = 0; i < estimates.size(); ++i) {
-    DrawTrajectory(estimates[i].poses,
-                   frame,
-                   {.stroke = ColorOf(i), .stroke_width = 1.5, .opacity = 0.85},
-                   kTolerance,
-                   &svg);
-  }
+  DrawTrajectories(estimates, truth, frame, &svg);
   if (!errors.empty()) {
     // As wide as the page, whatever the shape of the map.
-    const double left = frame.corner().x();
     const double width = std::max(frame.size().x(), 480.0);
-    DrawErrors(errors, left, BelowMap(frame, legend), width, &svg);
+    DrawErrors(errors, frame.corner().x(), BelowMap(frame, legend), width, &svg);
   }
   return svg.ToString();
 }

@@ -97,7 +97,7 @@ std::vector<VersionSummary> Versions(int count) {
 TEST(HistoryPlot, HasARowPerModeAndAMarkPerVersion) {
   const std::string svg = PlotHistory(History(12), Versions(3));
   EXPECT_EQ(PictureDefect(svg), "");
-  EXPECT_THAT(TextsOf(svg), HasSubstr("mode 2: 90 % at the end"));
+  EXPECT_THAT(TextsOf(svg), HasSubstr("mode 2: 85 % at the end"));
   EXPECT_THAT(TextsOf(svg), HasSubstr("v3"));
   EXPECT_THAT(TextsOf(svg), HasSubstr("2026-01-09"));
   EXPECT_EQ(testing::CountElements(svg, "polygon"), 3);
