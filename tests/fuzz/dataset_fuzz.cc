@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reads the input as the files of a public data set, or as tables, one after the other and separated
-// by \xff. The first byte chooses. A run that is accepted is in order.
+// Reads the input as the files of a public data set, or as tables, one after the other and
+// separated by \xff. The first byte chooses. A run that is accepted is in order.
 #include <algorithm>
 
 #include "proto/core/check.h"
