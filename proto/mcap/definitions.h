@@ -12,7 +12,8 @@
 
 namespace shiftmap::mcap {
 
-/// The schemas and channels that a file has defined so far, of at most kMaxDefinitionBytes together.
+/// The schemas and channels that a file has defined so far, of at most kMaxDefinitionBytes
+/// together.
 class Definitions {
  public:
   /// Takes the content of a schema or channel record. A definition may be repeated.

@@ -48,7 +48,7 @@ inline constexpr std::uint64_t kMaxChunkBytes = std::uint64_t{64} << 20;  ///< U
 inline constexpr std::uint64_t kMaxRecordBytes =
     kMaxChunkBytes + (1 << 16);  ///< Content of any record that is not skipped.
 inline constexpr std::uint64_t kMaxDefinitionBytes =
-    std::uint64_t{8} << 20;  ///< Names and texts of all schemas and channels together.
+    std::uint64_t{64} << 20;  ///< Names and texts of all schemas and channels together.
 
 /// What all chunks may hold together before compression: the first, and the second for each byte of
 /// the file up to there. A log of a parked vehicle in chunks of a second holds 3 bytes per byte.

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reads the input as the files of a public data set, one after the other and separated by \xff. The
-// first byte chooses the data set. A run that is accepted is in order.
+// Reads the input as the files of a public data set, or as tables, one after the other and
+// separated by \xff. The first byte chooses. A run that is accepted is in order.
 #include <algorithm>
 
 #include "proto/core/check.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/temp_dir.h"
+#include "tools/convert/csv_run.h"
 #include "tools/convert/utias.h"
 #include "tools/convert/victoria_park.h"
 
@@ -59,6 +60,15 @@ void ReadAsVictoriaPark(std::string_view bytes, const std::string& folder) {
   ReadVictoriaParkGps(folder).status().IgnoreError();
 }
 
+void ReadAsTables(std::string_view bytes, const std::string& folder) {
+  WriteFiles(bytes, folder, {"odometry.csv", "observations.csv", "truth.csv"});
+  CsvRunOptions options;
+  options.odometry = folder + "/odometry.csv";
+  options.observations = folder + "/observations.csv";
+  options.truth = folder + "/truth.csv";
+  if (const auto csv = ReadCsvRun(options); csv.ok()) CheckRun(csv->run);
+}
+
 }  // namespace
 
 std::vector<std::string> FuzzSeeds() {
@@ -78,6 +88,12 @@ std::vector<std::string> FuzzSeeds() {
           std::string(1, '\0') + "t_s,speed_mps,steering_rad\n1.0,2.5,0.1\n2.0,2.5,-0.1\n" + next +
               "scan,t_s,range_m,bearing_raw\n0,1.5,10,1.0\n0,1.5,12,2.0\n1,1.7,10,1.1\n" + next +
               "t_s,x_m,y_m\n1.0,5,6\n",
+          "\2stamp_s,v_mps,omega_radps\n1,1e9,0\n2.5,0,-1e-300\n" + next +
+              "stamp_s,signature,range_m,bearing_rad,sd_range_m,sd_bearing_rad\n"
+              "1,\"a\"\"b\",2,0.5,1,1e-30\n1,,,,,\n2,'=c,5e-324,7,,\n" +
+              next + "yaw_rad,stamp_s,x_m,y_m\n7,1,1e300,0\n",
+          "\2stamp_s,v_mps,omega_radps\n7e9,1,1\n7000000000,1,1\n" + next +
+              "signature,x_m,stamp_s,y_m\n,0,1,0\n" + next + "stamp_s,x_m,y_m,yaw_rad\n",
           std::string(1, '\0') +
               "t_s,speed_mps,steering_rad\n0,1e9,1.5707963267948966\n7e9,-1e9,1e9\n" + next +
               "scan,t_s,range_m,bearing_raw\n0,0,1e-300,0\n9223372036854775807,7e9,1e9,1e9\n" +
@@ -87,7 +103,10 @@ std::vector<std::string> FuzzSeeds() {
 void RunFuzzInput(std::string_view bytes) {
   static const TempDir folder;
   if (bytes.empty()) return;
-  if (bytes.front() % 2 != 0) {
+  const auto kind = static_cast<unsigned char>(bytes.front()) % 3;
+  if (kind == 2) {
+    ReadAsTables(bytes.substr(1), folder.path());
+  } else if (kind == 1) {
     ReadAsUtias(bytes.substr(1), folder.path());
   } else {
     ReadAsVictoriaPark(bytes.substr(1), folder.path());

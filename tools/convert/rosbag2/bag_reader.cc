@@ -101,6 +101,9 @@ StatusOr<Bag> Bag::Open(const std::string& path) {
   for (const BagFile& file : files) {
     SHIFTMAP_RETURN_IF_ERROR(OfFile(file.path, bag.AddFile(file)));
   }
+  std::sort(bag.topics_.begin(), bag.topics_.end(), [](const BagTopic& a, const BagTopic& b) {
+    return a.name < b.name;
+  });
   return bag;
 }
 

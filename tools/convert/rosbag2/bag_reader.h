@@ -43,6 +43,7 @@ class Bag {
   /// Reads each file once to list its topics.
   static StatusOr<Bag> Open(const std::string& path);
 
+  /// By name.
   const std::vector<BagTopic>& topics() const { return topics_; }
 
   /// A topic by its name, or null.
