@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -63,10 +64,10 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow base, BaseOf(database, version));
   SHIFTMAP_ASSIGN_OR_RETURN(EditedMap map, ReadMap(database, area_id, base));
   const std::vector<MapEdit> of_base = map.held();
-  for (auto edit = of_base.rbegin(); edit != of_base.rend(); ++edit) {
-    if (wanted.contains(edit->id) || !map.IsReversible(*edit)) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, *edit));
-    SHIFTMAP_RETURN_IF_ERROR(map.Reverse(*edit, before));
+  for (const MapEdit& edit : std::ranges::reverse_view(of_base)) {
+    if (wanted.contains(edit.id) || !map.IsReversible(edit)) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, edit));
+    SHIFTMAP_RETURN_IF_ERROR(map.Reverse(edit, before));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
   for (const MapEdit& edit : edits) {
