@@ -96,7 +96,7 @@ TEST(ControlPointsTest, ShapeIsConditionedAsAGaussianWithAFreeFrame) {
   MapContent content = before;
   HoldControlPoints(points, true, &content);
 
-  constexpr double kFreeSd = 1e3;
+  constexpr double kFreeSd = 10.0;
   Eigen::VectorXd mean = PositionsOf(before);
   Eigen::MatrixXd G(8, 3);
   for (int i = 0; i < 4; ++i) {
