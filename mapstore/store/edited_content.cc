@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <optional>
-#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -64,7 +63,8 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow base, BaseOf(database, version));
   SHIFTMAP_ASSIGN_OR_RETURN(EditedMap map, ReadMap(database, area_id, base));
   const std::vector<MapEdit> of_base = map.held();
-  for (const MapEdit& edit : std::ranges::reverse_view(of_base)) {
+  const std::vector<MapEdit> newest_first(of_base.rbegin(), of_base.rend());
+  for (const MapEdit& edit : newest_first) {
     if (wanted.contains(edit.id) || !map.IsReversible(edit)) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, edit));
     SHIFTMAP_RETURN_IF_ERROR(map.Reverse(edit, before));
