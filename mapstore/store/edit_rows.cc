@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/store/edit_rows.h"
 
-#include <algorithm>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 
@@ -46,6 +44,16 @@ StatusOr<MapEdit> ReadEdit(const Statement& row, const Database& database) {
   }
   if (!row.IsNull(22)) edit.version = VersionNumber(row.Int64(22));
   return edit;
+}
+
+// The first column of all rows.
+StatusOr<std::vector<std::int64_t>> ReadIds(Statement* query) {
+  std::vector<std::int64_t> ids;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query->Step());
+    if (!row) return ids;
+    ids.push_back(query->Int64(0));
+  }
 }
 
 }  // namespace
@@ -179,12 +187,7 @@ StatusOr<std::vector<std::int64_t>> EditedVersionsOfLine(Database& database,
                        "SELECT DISTINCT version_id FROM line JOIN version_edit USING "
                        "(version_id) ORDER BY version_id"));
   query.Bind(version_id);
-  std::vector<std::int64_t> versions;
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return versions;
-    versions.push_back(query.Int64(0));
-  }
+  return ReadIds(&query);
 }
 
 StatusOr<std::int64_t> RootOfLine(Database& database, std::int64_t version_id) {
@@ -221,12 +224,7 @@ StatusOr<std::vector<std::int64_t>> VersionsNaming(Database& database,
                        "AND signature = ?2 UNION SELECT version_id FROM mapped_evidence "
                        "WHERE area_id = ?1 AND signature = ?2"));
   query.Bind(area_id, name);
-  std::vector<std::int64_t> versions;
-  for (;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return versions;
-    versions.push_back(query.Int64(0));
-  }
+  return ReadIds(&query);
 }
 
 StatusOr<std::optional<std::int64_t>> ReadEditedVersion(Database& database,

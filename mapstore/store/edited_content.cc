@@ -63,10 +63,11 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow base, BaseOf(database, version));
   SHIFTMAP_ASSIGN_OR_RETURN(EditedMap map, ReadMap(database, area_id, base));
   const std::vector<MapEdit> of_base = map.held();
-  for (auto edit = of_base.rbegin(); edit != of_base.rend(); ++edit) {
-    if (wanted.contains(edit->id) || !map.IsReversible(*edit)) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, *edit));
-    SHIFTMAP_RETURN_IF_ERROR(map.Reverse(*edit, before));
+  const std::vector<MapEdit> newest_first(of_base.rbegin(), of_base.rend());
+  for (const MapEdit& edit : newest_first) {
+    if (wanted.contains(edit.id) || !map.IsReversible(edit)) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, edit));
+    SHIFTMAP_RETURN_IF_ERROR(map.Reverse(edit, before));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
   for (const MapEdit& edit : edits) {

@@ -15,13 +15,14 @@
 namespace shiftmap::testing {
 namespace {
 
-// A map of four landmarks, one mode each, whose positions are known to 0.1 m and correlated.
+// A map of four landmarks, one mode each, whose positions are known to some centimetres and
+// correlated.
 MapContent FourLandmarks(std::uint64_t seed) {
   std::mt19937_64 random(TestSeed(seed));
   std::normal_distribution<double> normal;
   Eigen::MatrixXd root(8, 8);
-  for (double& value : root.reshaped()) value = 0.1 * normal(random);
-  const Eigen::MatrixXd dense = root * root.transpose() + 1e-4 * Eigen::MatrixXd::Identity(8, 8);
+  for (double& value : root.reshaped()) value = 0.01 * normal(random);
+  const Eigen::MatrixXd dense = root * root.transpose() + 1e-6 * Eigen::MatrixXd::Identity(8, 8);
   MapContent content;
   content.covariance = JointCovariance::FromDense(dense);
   for (int i = 0; i < 4; ++i) {
@@ -89,13 +90,13 @@ TEST(ControlPointsTest, PointsOfAMovedMapMoveItAsAWholeByAnyAngle) {
 // points one after the other.
 TEST(ControlPointsTest, ShapeIsConditionedAsAGaussianWithAFreeFrame) {
   const MapContent before = FourLandmarks(3);
-  const std::vector<ControlPoint> points = {PointOn(before, 0, 0.05, 0.02, 0.03),
-                                            PointOn(before, 1, -0.04, 0.06, 0.05),
-                                            PointOn(before, 3, 0.01, -0.08, 0.04)};
+  const std::vector<ControlPoint> points = {PointOn(before, 0, 0.010, 0.004, 0.006),
+                                            PointOn(before, 1, -0.008, 0.012, 0.010),
+                                            PointOn(before, 3, 0.002, -0.016, 0.008)};
   MapContent content = before;
   HoldControlPoints(points, true, &content);
 
-  constexpr double kFreeSd = 1e3;
+  constexpr double kFreeSd = 10.0;
   Eigen::VectorXd mean = PositionsOf(before);
   Eigen::MatrixXd G(8, 3);
   for (int i = 0; i < 4; ++i) {
@@ -114,7 +115,7 @@ TEST(ControlPointsTest, ShapeIsConditionedAsAGaussianWithAFreeFrame) {
     cov -= K * H * cov;
   }
   // The frame turns by some milliradian, of which the oracle has the first order only.
-  EXPECT_THAT(PositionsOf(content), IsNearMatrix(mean, 1e-3));
+  EXPECT_THAT(PositionsOf(content), IsNearMatrix(mean, 2e-4));
   EXPECT_THAT(ValidateMapContent(content), IsOk());
   EXPECT_LT(content.covariance.Dense().trace(), before.covariance.Dense().trace());
 }

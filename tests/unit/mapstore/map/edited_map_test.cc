@@ -10,25 +10,10 @@
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
+#include "tests/unit/mapstore/map/edit_test_util.h"
 
 namespace shiftmap::testing {
 namespace {
-
-MapEdit MakeEdit(EditKind kind, const std::string& signature) {
-  MapEdit edit;
-  edit.kind = kind;
-  edit.author = "surveyor";
-  edit.reason = "test";
-  edit.signature = edit.landmark = Signature(signature);
-  return edit;
-}
-
-MapEdit MakeRename(const std::string& landmark, const std::string& name, int id) {
-  MapEdit edit = MakeEdit(EditKind::kRename, landmark);
-  edit.new_name = Signature(name);
-  edit.id = EditId(id);
-  return edit;
-}
 
 class EditedMapTest : public ::testing::Test {
  protected:

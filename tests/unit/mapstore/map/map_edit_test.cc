@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/support/status_matchers.h"
+#include "tests/unit/mapstore/map/edit_test_util.h"
 
 namespace shiftmap::testing {
 namespace {
@@ -17,22 +18,6 @@ using ::testing::ElementsAre;
 using ::testing::Pair;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-MapEdit MakeEdit(EditKind kind, const std::string& signature) {
-  MapEdit edit;
-  edit.kind = kind;
-  edit.author = "surveyor";
-  edit.reason = "test";
-  edit.signature = edit.landmark = Signature(signature);
-  return edit;
-}
-
-MapEdit MakeRename(const std::string& landmark, const std::string& name, int id) {
-  MapEdit edit = MakeEdit(EditKind::kRename, landmark);
-  edit.new_name = Signature(name);
-  edit.id = EditId(id);
-  return edit;
-}
 
 TEST(LandmarkNamesTest, FollowRenamesOfRenames) {
   const LandmarkNames names({MakeRename("A", "B", 1), MakeRename("A", "C", 2)});

@@ -59,6 +59,14 @@ class EditTest : public ::testing::Test {
     return edit;
   }
 
+  MapEdit Placed(std::size_t group) const {
+    MapEdit edit = Make(EditKind::kPosition, group);
+    edit.mode = ModeNumber(1);
+    edit.p_map_landmark = {5.0, 6.0};
+    edit.sd_m = 0.02;
+    return edit;
+  }
+
   // A report of one visit that finds a landmark at its first mode.
   ShiftReport Report(const CommitResult& version, const std::string& name, double at) {
     ShiftReport report = EmptyReport(version, "floor", ++reports_);
@@ -197,10 +205,7 @@ TEST_F(EditTest, RenamesOfOneLandmarkAreTakenBackInAnyOrder) {
 
 // Edits of different landmarks, and a shift on the first version, in every order.
 TEST_F(EditTest, OrderDoesNotMatterWhereNothingDependsOnIt) {
-  MapEdit placed = Make(EditKind::kPosition, 2);
-  placed.mode = ModeNumber(1);
-  placed.p_map_landmark = {5.0, 6.0};
-  placed.sd_m = 0.02;
+  const MapEdit placed = Placed(2);
   const std::vector<MapEdit> edits = {Rename(0, "gate"), Make(EditKind::kRetire, 1), placed};
   const ShiftReport report = Report(first_, NameOf(0), 100.0);
   std::vector<int> order = {0, 1, 2, 3};
@@ -240,10 +245,7 @@ TEST_F(EditTest, ARetiredLandmarkHasItsRowsAgainWhenItComesBack) {
 
 // A surveyed position that a build was made with stays in it, and is said to.
 TEST_F(EditTest, APositionThatABuildRestsOnIsMarked) {
-  MapEdit edit = Make(EditKind::kPosition, 0);
-  edit.mode = ModeNumber(1);
-  edit.p_map_landmark = {5.0, 6.0};
-  edit.sd_m = 0.02;
+  const MapEdit edit = Placed(0);
   const EditResult placed = Edit(edit);
   const CommitResult built = Build();
   const EditResult undone = Undo(placed.edit);
@@ -259,10 +261,7 @@ TEST_F(EditTest, APositionThatABuildRestsOnIsMarked) {
 
 // What goes on from an older version takes the edits in that it does not hold.
 TEST_F(EditTest, AnOlderVersionTakesTheEditsInForceIn) {
-  MapEdit placed = Make(EditKind::kPosition, 0);
-  placed.mode = ModeNumber(1);
-  placed.p_map_landmark = {5.0, 6.0};
-  placed.sd_m = 0.02;
+  const MapEdit placed = Placed(0);
   const EditResult position = Edit(placed);
   const EditResult rename = Edit(Rename(1, "gate"));
   Build();
