@@ -301,7 +301,7 @@ Status WriteResults(const RunOptions& options,
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.nis) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteScanInnovations(shift.innovations(), *options.nis));
+    SHIFTMAP_RETURN_IF_ERROR(WriteScanInnovations(shift->innovations(), *options.nis));
   }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();
