@@ -17,7 +17,7 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
-#include "localizer/monitor/scan_innovations.h"
+#include "localizer/monitor/scan_consistency.h"
 #include "localizer/recording/shift_recorder.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
@@ -158,7 +158,7 @@ class Shift {
   const Localizer& localizer() const { return *localizer_; }
   const RunSummary& summary() const { return summary_; }
   const std::vector<StampedPose>& trajectory() const { return trajectory_; }
-  const std::vector<ScanInnovations>& innovations() const { return innovations_; }
+  const std::vector<ScanConsistency>& consistency() const { return consistency_; }
 
  private:
   bool UsesLidar() const {
@@ -214,14 +214,14 @@ class Shift {
   void RecordPoses() {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
       trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
-      innovations_.push_back({estimate.stamp, estimate.pose});
+      consistency_.push_back({estimate.stamp, estimate.pose});
     }
     if (recorder_ && recorded_.ok()) recorded_ = recorder_->Record(*localizer_);
     // Of several poses at once, the last one has the innovations of all.
     const LocalizerStatistics now = localizer_->Statistics();
-    if (!innovations_.empty()) {
-      innovations_.back().nis += now.nis_sum - nis_sum_;
-      innovations_.back().dof += 2 * (now.updates - updates_);
+    if (!consistency_.empty()) {
+      consistency_.back().nis += now.nis_sum - nis_sum_;
+      consistency_.back().dof += 2 * (now.updates - updates_);
     }
     nis_sum_ = now.nis_sum;
     updates_ = now.updates;
@@ -236,7 +236,7 @@ class Shift {
   Status recorded_;
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
-  std::vector<ScanInnovations> innovations_;
+  std::vector<ScanConsistency> consistency_;
   double nis_sum_ = 0.0;  // Of the innovations so far.
   std::int64_t updates_ = 0;
   bool has_odometry_ = false;
@@ -301,7 +301,7 @@ Status WriteResults(const RunOptions& options,
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.nis) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteScanInnovations(shift->innovations(), *options.nis));
+    SHIFTMAP_RETURN_IF_ERROR(WriteScanConsistency(shift->consistency(), *options.nis));
   }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "localizer/monitor/scan_innovations.h"
+#include "localizer/monitor/scan_consistency.h"
 #include "mapper/chain/group_chains.h"
 #include "mapstore/core/clock.h"
 #include "tools/eval/trajectory_error.h"
@@ -172,12 +172,12 @@ StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Cont
 }
 
 StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Context&) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScanInnovations> scans,
-                            ReadScanInnovations(arguments.subjects[0]));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScanConsistency> scans,
+                            ReadScanConsistency(arguments.subjects[0]));
   std::optional<std::vector<StampedPose>> truth;
   if (!arguments.truth.empty()) {
     std::vector<StampedPose> estimate;
-    for (const ScanInnovations& scan : scans) {
+    for (const ScanConsistency& scan : scans) {
       estimate.push_back({scan.stamp, scan.pose.T_map_vehicle});
     }
     SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, estimate));

@@ -46,15 +46,15 @@ struct Window {
 };
 
 // Scans with innovations only.
-std::vector<ScanInnovations> WithInnovations(const std::vector<ScanInnovations>& scans) {
-  std::vector<ScanInnovations> kept;
-  for (const ScanInnovations& scan : scans) {
+std::vector<ScanConsistency> WithInnovations(const std::vector<ScanConsistency>& scans) {
+  std::vector<ScanConsistency> kept;
+  for (const ScanConsistency& scan : scans) {
     if (scan.dof > 0) kept.push_back(scan);
   }
   return kept;
 }
 
-std::vector<Window> Windows(const std::vector<ScanInnovations>& scans) {
+std::vector<Window> Windows(const std::vector<ScanConsistency>& scans) {
   const std::size_t count = std::clamp<std::size_t>(scans.size() / 10, 1, kWindows);
   std::vector<Window> windows;
   for (std::size_t w = 0; w < count && !scans.empty(); ++w) {
@@ -77,10 +77,10 @@ struct Error {
   double nees;
 };
 
-std::vector<Error> Errors(const std::vector<ScanInnovations>& scans,
+std::vector<Error> Errors(const std::vector<ScanConsistency>& scans,
                           const std::vector<StampedPose>& truth) {
   std::vector<Error> errors;
-  for (const ScanInnovations& scan : scans) {
+  for (const ScanConsistency& scan : scans) {
     const std::optional<Se2> T_map_truth = Interpolate(truth, scan.stamp, FromSeconds(kMaxGapS));
     if (!T_map_truth || !IsSymmetricPositiveDefinite(scan.pose.cov_T_map_vehicle)) continue;
     errors.push_back(
@@ -92,7 +92,7 @@ std::vector<Error> Errors(const std::vector<ScanInnovations>& scans,
 
 class ConsistencyPlot {
  public:
-  ConsistencyPlot(const std::vector<ScanInnovations>& scans,
+  ConsistencyPlot(const std::vector<ScanConsistency>& scans,
                   const std::optional<std::vector<StampedPose>>& truth)
       : scans_(WithInnovations(scans)),
         windows_(Windows(scans_)),
@@ -110,7 +110,7 @@ class ConsistencyPlot {
   std::string Draw(const std::string& name) const;
 
  private:
-  double Tail(const ScanInnovations& scan) const {
+  double Tail(const ScanConsistency& scan) const {
     return ChiSquareTail(scan.nis, static_cast<int>(scan.dof));
   }
   double MeanNees() const {
@@ -125,7 +125,7 @@ class ConsistencyPlot {
   void AddNis(Legend* legend) const;
   void AddNees(Legend* legend) const;
 
-  std::vector<ScanInnovations> scans_;
+  std::vector<ScanConsistency> scans_;
   std::vector<Window> windows_;
   bool has_truth_;
   Stamp first_;  // Of all scans.
@@ -200,7 +200,7 @@ void ConsistencyPlot::DrawNees(double top, Svg* svg) const {
 
 void ConsistencyPlot::DrawHistogram(const Eigen::Vector2d& corner, Svg* svg) const {
   std::array<double, kBins> shares = {};
-  for (const ScanInnovations& scan : scans_) {
+  for (const ScanConsistency& scan : scans_) {
     const auto bin = std::clamp(static_cast<int>(Tail(scan) * kBins), 0, kBins - 1);
     shares[static_cast<std::size_t>(bin)] += 100.0 / static_cast<double>(scans_.size());
   }
@@ -233,7 +233,7 @@ void ConsistencyPlot::AddNis(Legend* legend) const {
   std::int64_t dof = 0;
   std::size_t beyond = 0;
   double high = 0.0;
-  for (const ScanInnovations& scan : scans_) {
+  for (const ScanConsistency& scan : scans_) {
     nis += scan.nis;
     dof += scan.dof;
     if (Tail(scan) < 0.05) ++beyond;
@@ -330,7 +330,7 @@ std::string ConsistencyPlot::Draw(const std::string& name) const {
 }  // namespace
 
 std::string PlotConsistency(const std::string& name,
-                            const std::vector<ScanInnovations>& scans,
+                            const std::vector<ScanConsistency>& scans,
                             const std::optional<std::vector<StampedPose>>& truth) {
   return ConsistencyPlot(scans, truth).Draw(name);
 }

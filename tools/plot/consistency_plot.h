@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "localizer/monitor/scan_innovations.h"
+#include "localizer/monitor/scan_consistency.h"
 #include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
@@ -18,7 +18,7 @@ namespace shiftmap {
 /// @param scans  At least one.
 /// @param truth  In the map frame.
 std::string PlotConsistency(const std::string& name,
-                            const std::vector<ScanInnovations>& scans,
+                            const std::vector<ScanConsistency>& scans,
                             const std::optional<std::vector<StampedPose>>& truth);
 
 }  // namespace shiftmap

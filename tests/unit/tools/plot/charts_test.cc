@@ -34,12 +34,12 @@ MapSnapshot Map(int groups) {
 }
 
 // Scans of a filter whose errors are drawn from `scale` times its covariance.
-std::vector<ScanInnovations> Scans(int count, double scale) {
+std::vector<ScanConsistency> Scans(int count, double scale) {
   std::mt19937_64 random(testing::TestSeed(5));
   std::chi_squared_distribution<double> nis(4.0);
-  std::vector<ScanInnovations> scans;
+  std::vector<ScanConsistency> scans;
   for (int i = 0; i < count; ++i) {
-    ScanInnovations scan;
+    ScanConsistency scan;
     scan.stamp = kMorning + FromSeconds(0.2 * i);
     scan.pose.cov_T_map_vehicle = 0.01 * Eigen::Matrix3d::Identity();
     scan.pose.T_map_vehicle = Se2(0.1 * std::sqrt(3.0), 0.0, 0.0);
@@ -177,8 +177,8 @@ TEST(ConsistencyPlot, HasTheErrorOfThePoseIfThereIsATruth) {
 
 TEST(ConsistencyPlot, FewScansAndScansOfNothingAreAPictureToo) {
   EXPECT_EQ(PictureDefect(PlotConsistency("run", Scans(1, 1.0), std::nullopt)), "");
-  std::vector<ScanInnovations> blind = Scans(20, 1.0);
-  for (ScanInnovations& scan : blind) scan.dof = 0;
+  std::vector<ScanConsistency> blind = Scans(20, 1.0);
+  for (ScanConsistency& scan : blind) scan.dof = 0;
   EXPECT_EQ(PictureDefect(PlotConsistency("run", blind, std::nullopt)), "");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "localizer/monitor/scan_innovations.h"
+#include "localizer/monitor/scan_consistency.h"
 
 #include <fmt/format.h>
 
@@ -57,8 +57,8 @@ bool ParseNumber(const std::string& text, double* value) {
   return error == std::errc() && stop == end && std::isfinite(*value);
 }
 
-ScanInnovations FromRow(const Row& row) {
-  ScanInnovations scan;
+ScanConsistency FromRow(const Row& row) {
+  ScanConsistency scan;
   scan.stamp = StampFromSeconds(row[kStamp]);
   scan.pose.T_map_vehicle = Se2(row[kX], row[kY], row[kYaw]);
   scan.pose.cov_T_map_vehicle << row[kCovXx], row[kCovXy], row[kCovXyaw], row[kCovXy], row[kCovYy],
@@ -85,9 +85,9 @@ StatusOr<std::array<std::size_t, kColumns>> FindColumns(const std::vector<std::s
 
 }  // namespace
 
-Status WriteScanInnovations(const std::vector<ScanInnovations>& scans, const std::string& path) {
+Status WriteScanConsistency(const std::vector<ScanConsistency>& scans, const std::string& path) {
   std::string text = fmt::format("{}\n", fmt::join(kNames, ","));
-  for (const ScanInnovations& scan : scans) {
+  for (const ScanConsistency& scan : scans) {
     const Se2& T_map_vehicle = scan.pose.T_map_vehicle;
     const Eigen::Matrix3d& cov = scan.pose.cov_T_map_vehicle;
     fmt::format_to(std::back_inserter(text),
@@ -108,14 +108,14 @@ Status WriteScanInnovations(const std::vector<ScanInnovations>& scans, const std
   return WriteFileAtomically(path, text);
 }
 
-StatusOr<std::vector<ScanInnovations>> ReadScanInnovations(const std::string& path) {
+StatusOr<std::vector<ScanConsistency>> ReadScanConsistency(const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("innovations", path));
   const StatusOr<std::vector<CsvRecord>> records = ParseCsv(text);
   if (!records.ok())
     return InvalidArgument("innovations '{}': {}", path, Message(records.status()));
   if (records->size() < 2) return InvalidArgument("innovations '{}': no scan", path);
   SHIFTMAP_ASSIGN_OR_RETURN(const auto columns, FindColumns(records->front().cells, path));
-  std::vector<ScanInnovations> scans;
+  std::vector<ScanConsistency> scans;
   for (const auto& [line, cells] : std::span(*records).subspan(1)) {
     Row row = {};
     bool good = cells.size() == records->front().cells.size();
