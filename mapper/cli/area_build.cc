@@ -254,8 +254,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   MapperOptions mapper_options;
   mapper_options.now = now;
   mapper_options.clock_tolerance_s = options.clock_tolerance_s;
-  mapper_options.solver_kind =
-      options.solver == "ceres" ? SolverKind::kCeres : SolverKind::kSchur;
+  mapper_options.solver_kind = options.solver == "ceres" ? SolverKind::kCeres : SolverKind::kSchur;
   mapper_options.seed = options.seed;
   mapper_options.threads = options.threads;
   mapper_options.max_memory_bytes = MaxMemory(options);
