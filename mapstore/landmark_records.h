@@ -73,6 +73,7 @@ struct LandmarkInVersion {
 
 /// One landmark: all that the ledger and the versions of the area tell of it.
 struct LandmarkRecords {
+  Signature signature;    ///< In that version: a former name was asked for, or it is the same.
   VersionNumber version;  ///< The one that was asked for.
   Stamp stamp;            ///< The probabilities of `group` hold then.
 

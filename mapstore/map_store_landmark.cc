@@ -135,7 +135,7 @@ Status FilterLandmark(Database& database,
 }  // namespace
 
 StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
-                                                 const Signature& signature,
+                                                 const Signature& asked,
                                                  const LandmarkQuery& query) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
@@ -150,7 +150,12 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
       const MapContent content,
       ReadContent(database, version, state_->VersionName(area, version.number)));
   LedgerFilter filter(database, area_row.area_id, version, content, query.known);
+  // A former name stands for the landmark that has another one now.
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string_view name,
+                            filter.view().NameOf(asked.text(), version.version_id));
+  const Signature signature{std::string(name)};
   LandmarkRecords records;
+  records.signature = signature;
   records.version = version.number;
   SHIFTMAP_ASSIGN_OR_RETURN(
       records.versions,

@@ -126,7 +126,7 @@ StatusOr<LandmarkHistory> LoadLandmarkHistory(MapStore* store,
           area, signature, {options.version, options.at, options.known, options.track}));
   LandmarkHistory history;
   history.area = area;
-  history.signature = signature;
+  history.signature = records.signature;
   history.version = records.version;
   history.stamp = records.stamp;
   history.known = options.known;

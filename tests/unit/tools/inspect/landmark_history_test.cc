@@ -279,8 +279,8 @@ TEST_F(LandmarkHistoryTest, ARenamedLandmarkKeepsItsHistory) {
   }
   ASSERT_THAT(after.modes, SizeIs(2));
   EXPECT_EQ(after.modes[0].first_version, first_.version);
-  EXPECT_EQ(LoadLandmarkHistory(&store_, "a", Signature("A")).status().code(),
-            StatusCode::kNotFound);
+  EXPECT_EQ(Load("A").signature, Signature("Z"));
+  EXPECT_THAT(Load("A").visits, SizeIs(before.visits.size()));
 }
 
 TEST_F(LandmarkHistoryTest, ALandmarkThatNobodyKnowsIsNotFound) {
