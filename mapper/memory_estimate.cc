@@ -21,7 +21,7 @@ namespace {
 constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
 
 // The program, its libraries, and what the store's library caches.
-constexpr std::int64_t kProgram = 20 * kMib;
+constexpr std::int64_t kProgram = 22 * kMib;
 
 // A log is there as it was read and as it is arranged.
 constexpr std::int64_t kLogCopies = 2;
