@@ -157,7 +157,6 @@ class Shift {
 
   const Localizer& localizer() const { return *localizer_; }
   const RunSummary& summary() const { return summary_; }
-  const std::vector<StampedPose>& trajectory() const { return trajectory_; }
   const std::vector<ScanConsistency>& consistency() const { return consistency_; }
 
  private:
@@ -213,7 +212,6 @@ class Shift {
 
   void RecordPoses() {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
-      trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
       consistency_.push_back({estimate.stamp, estimate.pose});
     }
     if (recorder_ && recorded_.ok()) recorded_ = recorder_->Record(*localizer_);
@@ -235,7 +233,6 @@ class Shift {
   std::optional<ShiftRecorder> recorder_;  // If there is something to record to.
   Status recorded_;
   RunSummary summary_;
-  std::vector<StampedPose> trajectory_;
   std::vector<ScanConsistency> consistency_;
   double nis_sum_ = 0.0;  // Of the innovations so far.
   std::int64_t updates_ = 0;
@@ -297,7 +294,7 @@ Status WriteResults(const RunOptions& options,
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
   }
   if (options.trajectory) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift->trajectory(), *options.trajectory));
+    SHIFTMAP_RETURN_IF_ERROR(WriteTum(TrajectoryOf(shift->consistency()), *options.trajectory));
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.nis) {

@@ -31,8 +31,8 @@ struct Visit {
   std::optional<int> decided;  ///< State; the last decision, if it was revised.
   int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
 
-  /// Counts an observation that agrees with the decision or not. True if so many in a row did not
-  /// that the landmark moved in view, or the decision was wrong.
+  /// Counts the observations in a row that contradict the decision; one that agrees ends the row.
+  /// True when the row is long: the landmark moved in view, or the decision was wrong.
   bool IsOverturnedBy(bool agrees);
 
   /// Decided, and all other states were given up: there is nothing left to test.

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <span>
@@ -13,6 +12,7 @@
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/csv.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
 namespace {
@@ -52,9 +52,8 @@ constexpr double kMaxDof = 1e6;
 using Row = std::array<double, kColumns>;
 
 bool ParseNumber(const std::string& text, double* value) {
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, *value);
-  return error == std::errc() && stop == end && std::isfinite(*value);
+  *value = ParseWhole<double>(text).value_or(NAN);
+  return std::isfinite(*value);
 }
 
 ScanConsistency FromRow(const Row& row) {
@@ -84,6 +83,15 @@ StatusOr<std::array<std::size_t, kColumns>> FindColumns(const std::vector<std::s
 }
 
 }  // namespace
+
+std::vector<StampedPose> TrajectoryOf(const std::vector<ScanConsistency>& scans) {
+  std::vector<StampedPose> trajectory;
+  trajectory.reserve(scans.size());
+  for (const ScanConsistency& scan : scans) {
+    trajectory.push_back({scan.stamp, scan.pose.T_map_vehicle});
+  }
+  return trajectory;
+}
 
 Status WriteScanConsistency(const std::vector<ScanConsistency>& scans, const std::string& path) {
   std::string text = fmt::format("{}\n", fmt::join(kNames, ","));

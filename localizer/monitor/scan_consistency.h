@@ -7,6 +7,7 @@
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/run/trajectory.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -18,6 +19,9 @@ struct ScanConsistency {
   double nis = 0.0;      ///< Sum of νᵀ S⁻¹ ν over the observations that corrected the pose.
   std::int64_t dof = 0;  ///< Two per observation.
 };
+
+/// The poses alone.
+std::vector<StampedPose> TrajectoryOf(const std::vector<ScanConsistency>& scans);
 
 /// Writes a line per scan, in CSV: stamp_s, x_m, y_m, yaw_rad; the covariance of the pose by
 /// cov_xx, cov_xy, cov_xyaw, cov_yy, cov_yyaw, cov_yawyaw [m, m, rad]; nis, dof. Stamps in

@@ -48,7 +48,7 @@ bool SameChange(const StateChange& a, const StateChange& b) {
   return a.stamp == b.stamp && a.from == b.from && a.to == b.to;
 }
 
-// Lets through at most so many a second.
+// Passes events at a rate of at most `rate_hz`.
 class RateLimit {
  public:
   explicit RateLimit(double rate_hz) : period_(FromSeconds(1.0 / rate_hz)) {}

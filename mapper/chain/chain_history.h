@@ -19,7 +19,7 @@ struct ChainVisit {
   Eigen::VectorXd log_likelihoods;  ///< Per state, up to a constant of the visit. [nat]
 };
 
-/// A leave rate that somebody states beforehand: as if so many jumps had been seen in so long.
+/// A prior of the leave rate: a number of jumps, and the time in which they were seen.
 struct StatedRate {
   double jumps = 0.0;    ///< >= 0.
   double seconds = 0.0;  ///< > 0 where there are jumps. [s]
@@ -33,7 +33,7 @@ struct ChainHistory {
   /// By time. A visit begins after the end of the one before.
   std::vector<ChainVisit> visits;
 
-  StatedRate stated = {};  ///< Counts as seen beside the visits.
+  StatedRate stated = {};  ///< Counts like further visits.
 };
 
 /// The ledger's rows of a group as a history.

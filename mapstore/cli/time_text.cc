@@ -2,11 +2,12 @@
 #include "mapstore/cli/time_text.h"
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <optional>
 #include <string>
+
+#include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
 namespace {
@@ -16,13 +17,8 @@ constexpr double kMaxSeconds = 9.2e9;
 constexpr double kDayS = 86'400.0;
 
 std::optional<double> Number(std::string_view text) {
-  double value = 0.0;
-  const char* const last = text.data() + text.size();
-  const auto [end, error] = std::from_chars(text.data(), last, value);
-  if (text.empty() || error != std::errc() || end != last || !std::isfinite(value)) {
-    return std::nullopt;
-  }
-  return value;
+  const std::optional<double> value = ParseWhole<double>(text);
+  return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 // Takes `digits` digits off the front.

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/convert/decimal.h"
 
-#include <charconv>
 #include <cmath>
+#include <optional>
+
+#include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
 namespace {
@@ -15,13 +17,6 @@ bool AllDigits(std::string_view text) {
   return text.find_first_not_of("0123456789") == std::string_view::npos;
 }
 
-template <typename Number>
-bool ParseWhole(std::string_view text, Number* value) {
-  const char* end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, *value);
-  return result.ec == std::errc() && result.ptr == end;
-}
-
 }  // namespace
 
 StatusOr<Stamp> ParseStamp(std::string_view text) {
@@ -29,9 +24,8 @@ StatusOr<Stamp> ParseStamp(std::string_view text) {
   const std::string_view whole = text.substr(0, point);
   const std::string_view fraction =
       point == std::string_view::npos ? std::string_view() : text.substr(point + 1);
-  std::int64_t seconds = 0;
-  if (whole.empty() || !AllDigits(whole) || !AllDigits(fraction) || !ParseWhole(whole, &seconds) ||
-      seconds > kMaxSeconds) {
+  const std::optional<std::int64_t> seconds = ParseWhole<std::int64_t>(whole);
+  if (!AllDigits(whole) || !AllDigits(fraction) || !seconds || *seconds > kMaxSeconds) {
     return InvalidArgument("'{}', expected seconds since the epoch", text);
   }
   const std::string_view finer =
@@ -43,21 +37,21 @@ StatusOr<Stamp> ParseStamp(std::string_view text) {
   for (std::size_t i = 0; i < kNanosecondDigits; ++i) {
     nanoseconds = nanoseconds * 10 + (i < fraction.size() ? fraction[i] - '0' : 0);
   }
-  return StampFromNanoseconds(seconds * kNanosecondsPerSecond + nanoseconds);
+  return StampFromNanoseconds(*seconds * kNanosecondsPerSecond + nanoseconds);
 }
 
 StatusOr<double> ParseNumber(std::string_view text) {
-  double value = 0.0;
-  if (!ParseWhole(text, &value) || !std::isfinite(value)) {
+  const std::optional<double> value = ParseWhole<double>(text);
+  if (!value || !std::isfinite(*value)) {
     return InvalidArgument("'{}', expected a number", text);
   }
-  return value;
+  return *value;
 }
 
 StatusOr<std::int64_t> ParseInteger(std::string_view text) {
-  std::int64_t value = 0;
-  if (!ParseWhole(text, &value)) return InvalidArgument("'{}', expected an integer", text);
-  return value;
+  const std::optional<std::int64_t> value = ParseWhole<std::int64_t>(text);
+  if (!value) return InvalidArgument("'{}', expected an integer", text);
+  return *value;
 }
 
 }  // namespace shiftmap

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <span>
 #include <string_view>
 
 #include "mapstore/core/csv.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/parse_whole.h"
 #include "tools/eval/map_error.h"
 
 namespace shiftmap {
 namespace {
 
 bool ParseNumber(const std::string& text, double* value) {
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, *value);
-  return error == std::errc() && stop == end && std::isfinite(*value);
+  *value = ParseWhole<double>(text).value_or(NAN);
+  return std::isfinite(*value);
 }
 
 }  // namespace

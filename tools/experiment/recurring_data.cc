@@ -2,13 +2,13 @@
 #include "tools/experiment/recurring_data.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
+#include <optional>
 #include <random>
 #include <string_view>
-#include <system_error>
 
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
 namespace {
@@ -27,8 +27,9 @@ StatusOr<std::vector<std::string>> ReadLines(const std::string& path) {
 // The whole of `text` as an integer.
 bool ParseInteger(std::string_view text, std::int64_t* value) {
   if (!text.empty() && text.back() == '\r') text.remove_suffix(1);
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  return error == std::errc() && end == text.data() + text.size();
+  const std::optional<std::int64_t> number = ParseWhole<std::int64_t>(text);
+  *value = number.value_or(0);
+  return number.has_value();
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -15,6 +14,7 @@
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/parse_whole.h"
 #include "tools/inspect/edit_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
@@ -54,25 +54,11 @@ const char* UsageOf(const EditArguments& arguments) {
   return action == kUndo ? "ID" : "";
 }
 
-std::optional<std::int64_t> ParseInteger(const std::string& text) {
-  std::int64_t value = 0;
-  const char* const end = text.data() + text.size();
-  const auto [rest, error] = std::from_chars(text.data(), end, value);
-  return error == std::errc() && rest == end ? std::optional(value) : std::nullopt;
-}
-
-std::optional<double> ParseNumber(const std::string& text) {
-  double value = 0.0;
-  const char* const end = text.data() + text.size();
-  const auto [rest, error] = std::from_chars(text.data(), end, value);
-  return error == std::errc() && rest == end ? std::optional(value) : std::nullopt;
-}
-
 std::optional<Eigen::Vector2d> ParsePoint(const std::string& text) {
   const std::size_t comma = text.find(',');
   if (comma == std::string::npos) return std::nullopt;
-  const std::optional<double> x = ParseNumber(text.substr(0, comma));
-  const std::optional<double> y = ParseNumber(text.substr(comma + 1));
+  const std::optional<double> x = ParseWhole<double>(text.substr(0, comma));
+  const std::optional<double> y = ParseWhole<double>(text.substr(comma + 1));
   if (!x || !y) return std::nullopt;
   return Eigen::Vector2d(*x, *y);
 }
@@ -102,7 +88,7 @@ bool ReadPoint(const EditArguments& arguments, std::size_t word, MapEdit* edit) 
 }
 
 bool ReadMode(const std::string& word, ModeNumber* mode) {
-  const std::optional<std::int64_t> number = ParseInteger(word);
+  const std::optional<std::int64_t> number = ParseWhole<std::int64_t>(word);
   if (!number || *number < 1) return false;
   *mode = ModeNumber(*number);
   return true;
@@ -152,7 +138,7 @@ std::optional<MapEdit> ReadEdit(const EditArguments& arguments) {
   } else if (action == "rate") {
     edit.kind = EditKind::kRate;
     const std::optional<double> rate =
-        words.size() == 2 ? ParseNumber(words[1]) : std::optional<double>();
+        words.size() == 2 ? ParseWhole<double>(words[1]) : std::optional<double>();
     fits = rate.has_value();
     edit.rate_per_s = rate.value_or(0.0);
     edit.weight = arguments.weight;
@@ -229,7 +215,7 @@ Status Make(const EditArguments& arguments, Context& context) {
 }
 
 Status Undo(const EditArguments& arguments, Context& context) {
-  const EditId id(ParseInteger(arguments.words[0]).value());
+  const EditId id(ParseWhole<std::int64_t>(arguments.words[0]).value());
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenForEdit(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const EditResult result,
                             store.UndoEdit(arguments.store.area,
@@ -264,9 +250,9 @@ std::string Misused(const EditArguments& arguments) {
     return idle ? "list takes no more arguments, and no --reason" : "";
   }
   if (std::string idle = Idle(arguments); !idle.empty()) return idle;
-  const bool fits = arguments.action == kUndo
-                        ? arguments.words.size() == 1 && ParseInteger(arguments.words[0])
-                        : ReadEdit(arguments).has_value();
+  const bool fits = arguments.action == kUndo ? arguments.words.size() == 1 &&
+                                                    ParseWhole<std::int64_t>(arguments.words[0])
+                                              : ReadEdit(arguments).has_value();
   if (!fits) return fmt::format("expected: edit {} {}", arguments.action, UsageOf(arguments));
   if (arguments.reason.empty()) return "expected --reason";
   return AuthorOf(arguments).empty() ? "expected --author" : "";

@@ -3,11 +3,12 @@
 
 #include <cmath>
 
+#include "mapstore/map/estimate.h"
+
 namespace shiftmap {
 namespace {
 
 constexpr double kPriorJumps = 0.5;
-constexpr double kNormalQuantile = 1.959964;
 
 // About log λ, of one gap.
 double Information(double rate_per_s, int states, double gap_s) {
@@ -30,7 +31,7 @@ LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
   for (std::size_t i = 1; i < visits.size(); ++i) {
     information += Information(rate_per_s, states, ToSeconds(visits[i] - visits[i - 1]));
   }
-  const double factor = std::exp(kNormalQuantile / std::sqrt(information));
+  const double factor = std::exp(kSigmas95 / std::sqrt(information));
   estimate.low_per_s = rate_per_s / factor;
   estimate.high_per_s = rate_per_s * factor;
   return estimate;

@@ -12,14 +12,6 @@
 namespace shiftmap {
 namespace {
 
-StatusOr<std::optional<VersionNumber>> ParentOf(const MapSnapshot& map, MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(map.area()));
-  for (const VersionSummary& version : versions) {
-    if (version.version == map.version()) return version.parent;
-  }
-  return std::optional<VersionNumber>();
-}
-
 std::string ProbabilityText(double probability) { return fmt::format("{:.4f}", probability); }
 
 std::string MapText(const MapSnapshot& map, const TextStyle& style) {
@@ -62,7 +54,7 @@ std::string MapText(const MapSnapshot& map, const TextStyle& style) {
 Status RunShow(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto parent, ParentOf(map, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto parent, ParentOf(map.area(), map.version(), &store));
   context.Report(context.json() ? MapJson(map, parent) : Json(),
                  context.json() ? "" : MapText(map, context.style()));
   return OkStatus();

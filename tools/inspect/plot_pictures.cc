@@ -2,13 +2,13 @@
 #include "tools/inspect/plot_pictures.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <optional>
 
 #include "localizer/monitor/scan_consistency.h"
 #include "mapper/chain/group_chains.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/parse_whole.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/plot/change_plot.h"
@@ -37,14 +37,6 @@ const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionN
   return at == versions.end() ? nullptr : &*at;
 }
 
-StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
-                                                VersionNumber version,
-                                                MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
-  const VersionSummary* const summary = Find(versions, version);
-  return summary == nullptr ? std::nullopt : summary->parent;
-}
-
 // The runs that the ancestors of a version were built from.
 StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
                                              VersionNumber version,
@@ -62,20 +54,10 @@ StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
   return runs;
 }
 
-// A version with the probabilities of the time at which it was built.
-StatusOr<MapSnapshot> LoadBuilt(const std::string& area, VersionNumber version, MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot built, store->LoadVersion(area, version));
-  return store->LoadAt(area, version, built.stamp());
-}
-
 StatusOr<VersionNumber> ParseVersion(const std::string& text) {
-  std::int64_t number = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, number);
-  if (error != std::errc() || stop != end) {
-    return InvalidArgument("plot diff: '{}', expected a version number", text);
-  }
-  return VersionNumber(number);
+  const std::optional<std::int64_t> number = ParseWhole<std::int64_t>(text);
+  if (!number) return InvalidArgument("plot diff: '{}', expected a version number", text);
+  return VersionNumber(*number);
 }
 
 std::string StemOf(const std::string& path) { return std::filesystem::path(path).stem().string(); }
@@ -147,8 +129,8 @@ StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& con
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber to, ParseVersion(arguments.subjects[1]));
   const std::string& area = arguments.store.area;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot before, LoadBuilt(area, from, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, LoadBuilt(area, to, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot before, LoadAsBuilt(area, from, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, LoadAsBuilt(area, to, &store));
   return Picture{PlotDiff(before, after),
                  {{"area", area}, {"from", from.value()}, {"to", to.value()}}};
 }
@@ -176,11 +158,7 @@ StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Conte
                             ReadScanConsistency(arguments.subjects[0]));
   std::optional<std::vector<StampedPose>> truth;
   if (!arguments.truth.empty()) {
-    std::vector<StampedPose> estimate;
-    for (const ScanConsistency& scan : scans) {
-      estimate.push_back({scan.stamp, scan.pose.T_map_vehicle});
-    }
-    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, estimate));
+    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, TrajectoryOf(scans)));
   }
   return Picture{PlotConsistency(StemOf(arguments.subjects[0]), scans, truth),
                  {{"scans", scans.size()}}};
@@ -210,12 +188,12 @@ StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& co
   const std::string& area = arguments.store.area;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments.store, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadBuilt(area, version, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadAsBuilt(area, version, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> parent,
                             ParentOf(area, version, &store));
   Night night;
   if (parent) {
-    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadBuilt(area, *parent, &store));
+    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadAsBuilt(area, *parent, &store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store.LoadProvenance(area, version));
   night.mapped = std::move(provenance.runs);

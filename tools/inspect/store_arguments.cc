@@ -56,6 +56,25 @@ bool Gates(const UnmappedSighting& sighting,
                             sighting.cov_p_map_landmark + cov_p_map_landmark) < kGate;
 }
 
+StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
+                                                VersionNumber version,
+                                                MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (const VersionSummary& other : versions) {
+    if (other.version == version) return other.parent;
+  }
+  return std::optional<VersionNumber>();
+}
+
+StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  std::optional<Stamp> stamp;
+  for (const VersionSummary& other : versions) {
+    if (other.version == version) stamp = other.stamp;
+  }
+  return store->LoadAt(area, version, stamp);
+}
+
 std::string ShortHash(const std::string& hash) { return hash.substr(0, 12); }
 
 std::string TimeText(Stamp stamp) { return stamp == Stamp() ? "-" : FormatUtc(stamp); }

@@ -46,6 +46,15 @@ bool Gates(const UnmappedSighting& sighting,
            const Eigen::Vector2d& p_map_landmark,
            const Eigen::Matrix2d& cov_p_map_landmark);
 
+/// The parent of a version; nothing if it has none, or the area does not have the version.
+StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
+                                                VersionNumber version,
+                                                MapStore* store);
+
+/// A version with the probabilities of the time at which it was built.
+/// Errors: as MapStore::LoadAt.
+StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version, MapStore* store);
+
 /// As many digits of a hash as people need.
 std::string ShortHash(const std::string& hash);
 

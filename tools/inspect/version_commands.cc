@@ -101,19 +101,6 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
           {"calibration", calibration}};
 }
 
-// A version with the probabilities of the time at which it was built.
-StatusOr<MapSnapshot> LoadAtOwnStamp(const std::string& area,
-                                     std::int64_t number,
-                                     const std::vector<VersionSummary>& versions,
-                                     MapStore* store) {
-  const VersionNumber version(number);
-  std::optional<Stamp> stamp;
-  for (const VersionSummary& other : versions) {
-    if (other.version == version) stamp = other.stamp;
-  }
-  return store->LoadAt(area, version, stamp);
-}
-
 // Of the groups whose rates changed, from the visits that tell of the second map.
 StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
   LeaveRates rates;
@@ -178,11 +165,10 @@ std::string EditsText(const EditChanges& edits) {
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   const std::string& area = arguments.store.area;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store.Versions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            LoadAtOwnStamp(area, arguments.from, versions, &store));
+                            LoadAsBuilt(area, VersionNumber(arguments.from), &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
-                            LoadAtOwnStamp(area, arguments.to, versions, &store));
+                            LoadAsBuilt(area, VersionNumber(arguments.to), &store));
   MapDiff diff = DiffMaps(from.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {
