@@ -18,7 +18,9 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 # (what is included, where it may be, what to say)
 CONFINED = [
     (re.compile(r"^sqlite3\.h$"), re.compile(r"^mapstore/sqlite/"), "mapstore/sqlite"),
-    (re.compile(r"\.pb\.h$"), re.compile(r"^proto/|(^|/)codec/"), "proto and codec folders"),
+    (re.compile(r"^grpcpp/|\.grpc\.pb\.h$"), re.compile(r"^(mapstore/server|localizer/transfer)/"), "the server and its client"),
+    (re.compile(r"(?<!\.grpc)\.pb\.h$"), re.compile(r"^proto/|(^|/)codec/"), "proto and codec folders"),
+    (re.compile(r"^curl/"), re.compile(r"^localizer/transfer/"), "localizer/transfer"),
     (re.compile(r"^ceres/"), re.compile(r"^mapper/graph/"), "mapper/graph"),
     (re.compile(r"^absl/"), re.compile(r"^proto/core/status\.h$"), "proto/core/status.h"),
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),

@@ -6,9 +6,10 @@ set -euo pipefail
 
 packages=(
   # Build
-  cmake g++ git ninja-build pkg-config protobuf-compiler
+  cmake g++ git ninja-build pkg-config protobuf-compiler protobuf-compiler-grpc
   # Libraries
-  libabsl-dev libboost-dev libcairo2-dev libceres-dev libcli11-dev libeigen3-dev libfastcdr-dev libfmt-dev liblz4-dev
+  libabsl-dev libboost-dev libcairo2-dev libceres-dev libcli11-dev libcurl4-openssl-dev libeigen3-dev libfastcdr-dev
+  libfmt-dev libgrpc++-dev liblz4-dev
   libmetis-dev libmicrohttpd-dev libpng-dev libprotobuf-dev librsvg2-dev libspdlog-dev libsqlite3-dev libssl-dev
   libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev

@@ -33,3 +33,26 @@ function(shiftmap_proto_library name)
   endif()
   install(TARGETS ${target} EXPORT shiftmapTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endfunction()
+
+# shiftmap_grpc_library(<name> FILES <path from the project root>.proto ... [DEPS ...])
+# The same with the services in them: "proto/<file>.grpc.pb.h". DEPS: the libraries of the messages
+# that the files import.
+function(shiftmap_grpc_library name)
+  cmake_parse_arguments(ARG "" "" "FILES;DEPS" ${ARGN})
+  shiftmap_proto_library(${name} FILES ${ARG_FILES})
+  set(target shiftmap_${name})
+  set(out_dir "${PROJECT_BINARY_DIR}/generated")
+  foreach(file IN LISTS ARG_FILES)
+    string(REGEX REPLACE "\\.proto$" ".grpc.pb" stem "${file}")
+    add_custom_command(
+      OUTPUT "${out_dir}/${stem}.cc" "${out_dir}/${stem}.h"
+      COMMAND protobuf::protoc "--proto_path=${PROJECT_SOURCE_DIR}" "--grpc_out=${out_dir}"
+        "--plugin=protoc-gen-grpc=$<TARGET_FILE:gRPC::grpc_cpp_plugin>" "${file}"
+      DEPENDS "${PROJECT_SOURCE_DIR}/${file}"
+      WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}"
+      COMMENT "protoc ${file} (services)"
+      VERBATIM)
+    target_sources(${target} PRIVATE "${out_dir}/${stem}.cc" "${out_dir}/${stem}.h")
+  endforeach()
+  target_link_libraries(${target} PUBLIC ${ARG_DEPS} gRPC::grpc++)
+endfunction()
