@@ -36,6 +36,14 @@ std::string ErrorJson(const std::string& message, ExitCode code) {
   return JsonText(Json{{"error", message}, {"exit_code", static_cast<int>(code)}});
 }
 
+constexpr const char* kCompletion = "--completion";
+
+const std::vector<std::string>& LogLevels() {
+  static const auto* const kLevels =
+      new std::vector<std::string>{"trace", "debug", "info", "warning", "error", "off"};
+  return *kLevels;
+}
+
 void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->set_help_flag("-h,--help", "Print this help and exit");
   parser->set_version_flag("--version", parser->get_name() + " " + SoftwareVersion());
@@ -43,7 +51,7 @@ void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
   parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
   parser->add_option("--log-level", common->log_level, "Least level that is logged")
       ->capture_default_str()
-      ->check(OneOfThese({"trace", "debug", "info", "warning", "error", "off"}));
+      ->check(OneOfThese(LogLevels()));
   parser->add_option("--config", common->config, "Read options from this TOML file");
 }
 
@@ -68,6 +76,8 @@ std::string ConfigPath(std::span<const std::string> arguments) {
 Application::State::State(std::string program_name, std::string description)
     : program(std::move(program_name)), parser(std::move(description), program) {
   AddCommonOptions(&parser, &common);
+  parser.add_option(kCompletion, "Print a script by which a shell completes words, and exit")
+      ->check(OneOfThese({"bash", "zsh"}));
 }
 
 Command* Application::State::Select(std::span<const std::string> arguments) const {
@@ -96,7 +106,8 @@ ReadingProgram::ReadingCommand Application::State::KeysOf(const Command& command
   if (&section != &parser) reading.name = section.get_name();
   for (const CLI::Option* option : section.get_options()) {
     for (const std::string& name : option->get_lnames()) {
-      const bool key = option != section.get_version_ptr() && name != "help" && name != "config";
+      const bool key = option != section.get_version_ptr() && name != "help" && name != "config" &&
+                       name != "completion";
       if (key) reading.keys.push_back(name);
     }
   }
@@ -124,6 +135,33 @@ std::vector<std::string> Application::State::ConfigArguments(
     for (const std::string& value : setting.values) added.push_back(name + "=" + value);
   }
   return added;
+}
+
+std::vector<CompletedCommand> Application::State::Completed() const {
+  const auto completed = [](const CLI::App& section, const Command* command) {
+    CompletedCommand result;
+    result.help = section.get_description();
+    for (const CLI::Option* option : section.get_options()) {
+      CompletedCommand::Argument argument = {"", option->get_description(), true, {}};
+      if (!option->get_lnames().empty()) argument.name = "--" + option->get_lnames().front();
+      argument.takes_value = option->get_items_expected_max() > 0;
+      if (argument.name == kCompletion) argument.values = {"bash", "zsh"};
+      if (argument.name == "--log-level") argument.values = LogLevels();
+      if (command != nullptr) {
+        const auto allowed = command->state_->allowed.find(option);
+        if (allowed != command->state_->allowed.end()) argument.values = allowed->second;
+      }
+      result.arguments.push_back(std::move(argument));
+    }
+    return result;
+  };
+  std::vector<CompletedCommand> all = {completed(parser, Select({}))};
+  for (const auto& command : commands) {
+    if (command->state_->parser == &parser) continue;
+    all.push_back(completed(*command->state_->parser, command.get()));
+    all.back().name = command->state_->parser->get_name();
+  }
+  return all;
 }
 
 std::vector<std::string> Application::State::CommandNames() const {
@@ -271,6 +309,13 @@ Command& Application::AddCommand(const std::string& name,
 ExitCode Application::Run(const std::vector<std::string>& arguments,
                           std::ostream* out,
                           std::ostream* err) {
+  if (arguments.size() == 2 && arguments.front() == kCompletion) {
+    if (arguments.back() == "bash" || arguments.back() == "zsh") {
+      *out << (arguments.back() == "bash" ? BashCompletion : ZshCompletion)(state_->program,
+                                                                            state_->Completed());
+      return ExitCode::kDone;
+    }
+  }
   const Command* command = state_->Select(arguments);
   state_->run_arguments = arguments;
   try {

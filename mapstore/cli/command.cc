@@ -158,12 +158,13 @@ Command& Command::Required() {
 Command& Command::OneOf(const std::vector<std::string>& allowed) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
   state_->last->check(OneOfThese(allowed));
+  state_->allowed[state_->last] = allowed;
   return *this;
 }
 
 Command& Command::InRange(double min, double max) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
-  state_->last->check(CLI::Range(min, max));
+  state_->last->check(CLI::Range(min, max).description(fmt::format("[{:g}, {:g}]", min, max)));
   return *this;
 }
 

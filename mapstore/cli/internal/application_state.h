@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mapstore/cli/application.h"
+#include "mapstore/cli/internal/completion.h"
 #include "mapstore/cli/internal/site_config.h"
 #include "mapstore/cli/text_style.h"
 
@@ -51,6 +52,9 @@ struct Application::State {
   Status ReportConfig(const std::string& asked,
                       std::span<const std::string> arguments,
                       Context& context) const;
+
+  /// For shells: what stands before a command, and each command.
+  std::vector<CompletedCommand> Completed() const;
 
   std::string program;
   CommonOptions common;

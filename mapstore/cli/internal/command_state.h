@@ -5,6 +5,9 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "mapstore/cli/command.h"
 
@@ -18,6 +21,7 @@ struct Command::State {
   CLI::Option* last = nullptr;
   CommonOptions* common = nullptr;
   bool writes = false;
+  std::map<const CLI::Option*, std::vector<std::string>> allowed;  // Of options that have a list.
   std::vector<CLI::Option*> lists;  // Options that are given several times.
   Body body;
   std::vector<std::function<void()>> refresh;  // Reads relative times anew.
