@@ -19,7 +19,7 @@ namespace shiftmap {
 namespace {
 
 // Builds of one area in one night at most: each further one is without runs that were held.
-constexpr int kMaxBuilds = 4;
+constexpr int kMaxBuilds = 6;
 
 Status CheckStopped() {
   if (StopSignals::Received().empty()) return OkStatus();
@@ -56,6 +56,11 @@ struct Candidate {
   VersionNumber version;
   std::string content_hash;
   BuildOutcome outcome;
+  std::set<std::string> runs;  // Identities and hashes.
+
+  bool Has(const LogHead& log) const {
+    return runs.contains(log.identity()) || runs.contains(log.sha256);
+  }
 };
 
 class Area {
@@ -73,7 +78,6 @@ class Area {
     return OpenStore(options_.build.store, access, context_, options_.build.clock_tolerance_s);
   }
   Status HoldOut();
-  std::string NightOf(const std::vector<LogHead>& given) const;
   StatusOr<std::optional<Candidate>> FindCandidate(const std::string& night) const;
   StatusOr<std::optional<Candidate>> MakeCandidate(const std::vector<LogHead>& given);
   StatusOr<Judgement> JudgeCandidate(const Candidate& candidate,
@@ -83,7 +87,12 @@ class Area {
   StatusOr<bool> BuildWithoutWorst(const Judgement& judgement, const std::vector<LogHead>& given);
   Status Publish(const Candidate& candidate);
   Status Refuse(const Candidate& candidate, const Judgement& judgement);
-  void Take(const Candidate& candidate);
+  StatusOr<bool> LeaveOut(const Candidate& candidate);
+  void Say(const std::string& line);
+  void Take(const Candidate& candidate) {
+    night_.version = candidate.version;
+    night_.content_hash = candidate.content_hash;
+  }
 
   const NightOptions& options_;
   const AreaLogs& logs_;
@@ -122,16 +131,6 @@ Status Area::HoldOut() {
   return OkStatus();
 }
 
-// The same for the same logs, built by the same software.
-std::string Area::NightOf(const std::vector<LogHead>& given) const {
-  std::set<std::string> runs;
-  for (const LogHead& log : given) runs.insert(log.identity());
-  Sha256 hash;
-  hash.Update(SoftwareRevision() + (options_.build.no_learned_rates ? " default\n" : " learned\n"));
-  for (const std::string& run : runs) hash.Update(run + "\n");
-  return hash.HexDigest();
-}
-
 StatusOr<std::optional<Candidate>> Area::FindCandidate(const std::string& night) const {
   std::error_code error;
   if (!std::filesystem::exists(options_.build.store, error)) return std::optional<Candidate>();
@@ -146,14 +145,19 @@ StatusOr<std::optional<Candidate>> Area::FindCandidate(const std::string& night)
                               store.LoadProvenance(night_.area, at->version));
     BuildOutcome outcome = ReadOutcome(provenance.configuration);
     if (outcome.night != night) continue;
-    return std::optional(Candidate{at->version, at->content_hash, std::move(outcome)});
+    Candidate candidate{at->version, at->content_hash, std::move(outcome), {}};
+    for (const RunRecord& run : provenance.runs) {
+      candidate.runs.insert(run.identity());
+      candidate.runs.insert(run.sha256);
+    }
+    return std::optional(std::move(candidate));
   }
   return std::optional<Candidate>();
 }
 
 // Nothing if there is no version; the reasons then say why.
 StatusOr<std::optional<Candidate>> Area::MakeCandidate(const std::vector<LogHead>& given) {
-  const std::string night = NightOf(given);
+  const std::string night = NightKey(given, options_.build);
   SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> found, FindCandidate(night));
   if (found) return found;
   AreaBuildOptions build = options_.build;
@@ -212,9 +216,8 @@ StatusOr<bool> Area::HoldSuspects(const Judgement& judgement, std::vector<LogHea
   SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
   bool any = false;
   for (const Judgement::Suspect& suspect : judgement.suspects) {
-    const std::string& path = judgement.shifts[suspect.shift].path;
     const auto log = std::find_if(
-        given->begin(), given->end(), [&](const LogHead& of) { return of.path == path; });
+        given->begin(), given->end(), [&](const LogHead& of) { return of.path == suspect.path; });
     if (log == given->end() || since.included.contains("run " + log->identity())) continue;
     SHIFTMAP_RETURN_IF_ERROR(Hold(*log, suspect.reason));
     given->erase(log);
@@ -258,12 +261,34 @@ StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
   return true;
 }
 
-void Area::Take(const Candidate& candidate) {
-  night_.version = candidate.version;
-  night_.content_hash = candidate.content_hash;
-  for (const auto* const lines : {&candidate.outcome.left_out, &candidate.outcome.waiting}) {
-    night_.reasons.insert(night_.reasons.end(), lines->begin(), lines->end());
+void Area::Say(const std::string& line) {
+  const std::vector<std::string>& said = night_.reasons;
+  if (std::find(said.begin(), said.end(), line) == said.end()) night_.reasons.push_back(line);
+}
+
+// What a build does not take has no part in its map either: it is built again without. Whether
+// there was any.
+StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
+  std::vector<LogHead> out;
+  std::erase_if(given_, [&](const LogHead& log) {
+    if (candidate.Has(log)) return false;
+    out.push_back(log);
+    return true;
+  });
+  for (const std::string& line : candidate.outcome.left_out) {
+    const auto log = std::find_if(out.begin(), out.end(), [&](const LogHead& of) {
+      const std::string stem = std::filesystem::path(of.path).stem().string();
+      return line.starts_with(fmt::format("run '{}' ", stem));
+    });
+    if (log == out.end()) {
+      Say(line);
+      continue;
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string hash, HashFile(log->path));
+    Say(fmt::format("{}; to ignore it: shiftmap-inspect runs exclude {}", line, hash));
   }
+  for (const std::string& line : candidate.outcome.waiting) Say(line);
+  return !out.empty();
 }
 
 Status Area::Publish(const Candidate& candidate) {
@@ -289,6 +314,8 @@ StatusOr<AreaNight> Area::Run() {
   for (int build = 0; build < kMaxBuilds && !given_.empty(); ++build) {
     SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Candidate> candidate, MakeCandidate(given_));
     if (!candidate) break;
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
+    if (less) continue;
     if (options_.no_judge) {
       SHIFTMAP_RETURN_IF_ERROR(Publish(*candidate));
       break;
@@ -315,6 +342,15 @@ StatusOr<AreaNight> Area::Run() {
 }
 
 }  // namespace
+
+std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build) {
+  std::set<std::string> runs;
+  for (const LogHead& log : logs) runs.insert(log.identity());
+  Sha256 hash;
+  hash.Update(SoftwareRevision() + (build.no_learned_rates ? " default\n" : " learned\n"));
+  for (const std::string& run : runs) hash.Update(run + "\n");
+  return hash.HexDigest();
+}
 
 StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
                                  const std::string& area,

@@ -31,6 +31,9 @@ struct AreaNight {
   bool alarm() const { return refused_in_a_row >= kAlarmRefusals; }
 };
 
+/// What tells the build of some logs from others: AreaBuildOptions::night.
+std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build);
+
 /// Builds the new logs of an area on its published version, judges the version and publishes it if
 /// it is not worse. A run of the build that fits neither map is held, and the area built without
 /// it. Where the version is worse and no run is suspect, the area is built once more without the

@@ -11,6 +11,7 @@
 
 #include "mapstore/cli/context.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/quantile.h"
 #include "mapstore/map/map_diff.h"
@@ -98,11 +99,9 @@ void Test(const JudgeOptions& options, Judgement* judgement) {
        options.doubt_margin,
        [](const ShiftScore& score) { return score.doubt_share(); }},
       {"decisions",
-       "share of decisions that correct the map",
+       "share of landmarks that were not where the map held them likeliest",
        options.decision_margin,
-       [](const ShiftScore& score) {
-         return static_cast<double>(score.corrections) / std::max(1, score.decisions);
-       }}};
+       [](const ShiftScore& score) { return score.wrong_share(); }}};
   for (const Measure& measure : measures) {
     std::vector<double> differences;
     for (const JudgedShift& shift : judgement->shifts) {
@@ -127,14 +126,27 @@ double Median(std::vector<double> values) { return values.empty() ? 0.0 : Quanti
 
 // The better of both maps: a layout that changed is no fault of the run.
 double Least(const JudgedShift& shift, const std::function<double(const ShiftScore&)>& of) {
-  return shift.before ? std::min(of(*shift.before), of(shift.after)) : of(shift.after);
+  const ShiftScore& after = shift.as_calibrated_before.value_or(shift.after);
+  return shift.before ? std::min(of(*shift.before), of(after)) : of(after);
+}
+
+// The geometry and chains of one map with the calibration of another.
+MapSnapshot WithCalibrationOf(const MapSnapshot& map, const MapSnapshot& other) {
+  MapContent content = map.content();
+  content.calibration.odometry = other.content().calibration.odometry;
+  content.vehicles = other.content().vehicles;
+  return {map.area(),
+          map.version(),
+          map.content_hash(),
+          std::move(content),
+          map.ledger_position(),
+          map.aliases()};
 }
 
 void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
   const auto nis = [](const ShiftScore& score) { return score.nis_per_dof(); };
-  const auto lost = [](const ShiftScore& score) { return score.lost_share(); };
-  for (std::size_t i = 0; i < judgement->shifts.size(); ++i) {
-    const JudgedShift& shift = judgement->shifts[i];
+  const auto lost = [](const ShiftScore& score) { return score.astray_share(); };
+  for (const JudgedShift& shift : judgement->shifts) {
     if (!shift.in_build) continue;
     std::vector<double> other_nis;
     std::vector<double> other_lost;
@@ -156,13 +168,38 @@ void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
     } else if (own_lost > options.suspect_lost_share &&
                own_lost > options.suspect_factor * Median(other_lost)) {
       reason = fmt::format(
-          "no pose is trusted for {:.0f} % of its time, {:.0f} % in the median of "
+          "it is lost for {:.0f} % of its time, {:.0f} % in the median of "
           "the others",
           100.0 * own_lost,
           100.0 * Median(other_lost));
     }
     if (reason.empty()) continue;
-    judgement->suspects.push_back({i, "fits neither the old map nor the new one: " + reason});
+    judgement->suspects.push_back(
+        {shift.path, "fits neither the old map nor the new one: " + reason});
+  }
+}
+
+// A vehicle is in one run at a time.
+void FindWrongClocks(const std::vector<RunRecord>& runs,
+                     const std::vector<EvidenceRow>& rows,
+                     const std::vector<LogHead>& logs,
+                     Judgement* judgement) {
+  for (const RunRecord& run : runs) {
+    if (run.vehicle.empty()) continue;
+    const auto other = std::find_if(rows.begin(), rows.end(), [&](const EvidenceRow& row) {
+      return row.vehicle == run.vehicle && row.source != run.sha256 &&
+             row.evidence.begin < run.end && row.evidence.end > run.begin;
+    });
+    if (other == rows.end()) continue;
+    const auto log = std::find_if(logs.begin(), logs.end(), [&](const LogHead& of) {
+      return of.identity() == run.identity() || of.identity() == run.sha256;
+    });
+    if (log == logs.end()) continue;
+    judgement->suspects.push_back(
+        {log->path,
+         fmt::format("its clock is wrong: vehicle '{}' was in another run at {} UTC",
+                     InertLine(run.vehicle),
+                     FormatUtc(other->evidence.begin))});
   }
 }
 
@@ -183,7 +220,13 @@ class Replays {
     const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
     if (!read.ok()) return OkStatus();
     const Run& run = read->run;
-    JudgedShift shift{log.path, log.identity(), run.info.vehicle, in_build, std::nullopt, {}};
+    JudgedShift shift{log.path, log.identity(), run.info.vehicle, in_build, {}, {}, {}};
+    if (before_ && in_build) {
+      const MapSnapshot mixed = KnownBefore(WithCalibrationOf(after_, *before_), rows_, log.begin);
+      const auto score = Replay(run, mixed, go_on_);
+      if (!score.ok()) return Stopped(score.status());
+      shift.as_calibrated_before = *score;
+    }
     if (before_) {
       const auto score = Replay(run, KnownBefore(*before_, rows_, log.begin), go_on_);
       if (!score.ok()) return Stopped(score.status());
@@ -289,6 +332,7 @@ StatusOr<Judgement> Judge(const std::string& area,
     built.insert(run.identity());
     built.insert(run.sha256);
   }
+  FindWrongClocks(provenance.runs, rows, logs.built, &judgement);
   const Replays replays(std::move(before), after, std::move(rows), go_on);
   SHIFTMAP_RETURN_IF_ERROR(
       ReplayAll(logs, built, static_cast<std::size_t>(options.max_shifts), replays, &judgement));

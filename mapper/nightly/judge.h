@@ -19,16 +19,17 @@ namespace shiftmap {
 struct JudgeOptions {
   int max_shifts = 12;  ///< That are replayed at most; as many again takes as long again.
 
-  double nis_margin = 0.2231;    ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
-  double doubt_margin = 0.05;    ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
-  double decision_margin = 0.1;  ///< Of the share of decisions that correct the map.
+  double nis_margin = 0.2231;  ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
+  double doubt_margin = 0.05;  ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
+  double decision_margin =
+      0.1;  ///< Of the share of landmarks that are not where they are likeliest.
 
   /// What a build's squared residuals per observation may grow by from the published one's.
   double cost_factor = 2.0;
 
-  // A run of the build that fits neither map while the others fit is suspect: it is without a pose
-  // for more than this share of its time, or has more NIS per degree of freedom, ...
-  double suspect_lost_share = 0.3;
+  // A run of the build that fits neither map while the others fit is suspect: it is LOST for more
+  // than this share of its time, or has more NIS per degree of freedom, ...
+  double suspect_lost_share = 0.15;
   double suspect_nis = 3.0;
   double suspect_factor = 2.0;  ///< ... and so many times as much as the median of the others.
 };
@@ -41,6 +42,10 @@ struct JudgedShift {
   bool in_build = false;             ///< The build took it, so that its gain proves nothing.
   std::optional<ShiftScore> before;  ///< Nothing: there was no map.
   ShiftScore after;
+
+  /// Of a run of the build: on the new map, with the calibration of the old one. Landmarks that
+  /// moved do no harm there, odometry that is not as it was does.
+  std::optional<ShiftScore> as_calibrated_before;
 };
 
 /// Whether a version is good enough for vehicles.
@@ -69,7 +74,7 @@ struct Judgement {
   std::vector<std::string> worse;  ///< Why it is not published; none: it is not worse.
 
   struct Suspect {
-    std::size_t shift = 0;  ///< Index in `shifts`.
+    std::string path;  ///< Of its log.
     std::string reason;
   };
   std::vector<Suspect> suspects;  ///< Runs of the build that should not be in a map.
@@ -89,6 +94,10 @@ struct JudgedLogs {
 /// Where landmarks have moved since, the old map is bound to be worse, and that blocks nothing: the
 /// test is one-sided. Gains count little, so that no run is explained at the expense of the others:
 /// those of a run that the build took count nothing, others the margin at most (PairedTest).
+///
+/// A run of the build is suspect if it fits neither the old map nor the new one with the old
+/// calibration, though the others do: with a calibration of its own a broken odometer fits itself.
+/// A run is suspect too if its vehicle was in another run at the same time: the clock was wrong.
 ///
 /// The version is worse if a test says so, if its cost has grown by more than the factor, or if
 /// modes are gone that nobody retired. A landmark that moved beyond its covariance blocks nothing.

@@ -20,7 +20,8 @@ Json ScoreJson(const ShiftScore& score) {
           {"ungated", score.ungated},
           {"states", states},
           {"decisions", score.decisions},
-          {"corrections", score.corrections}};
+          {"met", score.met},
+          {"right", score.right}};
 }
 
 template <typename T>
@@ -40,16 +41,19 @@ Json JudgementJson(const Judgement& judgement) {
   }
   Json shifts = Json::array();
   for (const JudgedShift& shift : judgement.shifts) {
-    shifts.push_back({{"log", shift.path},
-                      {"run", shift.run},
-                      {"vehicle", shift.vehicle},
-                      {"in_build", shift.in_build},
-                      {"before", shift.before ? ScoreJson(*shift.before) : Json(nullptr)},
-                      {"after", ScoreJson(shift.after)}});
+    shifts.push_back(
+        {{"log", shift.path},
+         {"run", shift.run},
+         {"vehicle", shift.vehicle},
+         {"in_build", shift.in_build},
+         {"before", shift.before ? ScoreJson(*shift.before) : Json(nullptr)},
+         {"after", ScoreJson(shift.after)},
+         {"as_calibrated_before",
+          shift.as_calibrated_before ? ScoreJson(*shift.as_calibrated_before) : Json(nullptr)}});
   }
   Json suspects = Json::array();
   for (const Judgement::Suspect& suspect : judgement.suspects) {
-    suspects.push_back({{"log", judgement.shifts[suspect.shift].path}, {"reason", suspect.reason}});
+    suspects.push_back({{"log", suspect.path}, {"reason", suspect.reason}});
   }
   return {{"against", judgement.before ? Json(judgement.before->value()) : Json(nullptr)},
           {"version", judgement.after.value()},

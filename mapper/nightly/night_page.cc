@@ -132,8 +132,7 @@ std::string Cells(const Json& before, const Json& after) {
       [](const Json& score) { return Number(score["nis_per_dof"], 2); },
       Doubt,
       [](const Json& score) {
-        return fmt::format(
-            "{} of {}", score["corrections"].get<int>(), score["decisions"].get<int>());
+        return fmt::format("{} of {}", score["right"].get<int>(), score["met"].get<int>());
       }};
   for (const auto& of : values) {
     html += fmt::format("<td>{}</td><td>{}</td>", cell(before, of), cell(after, of));
@@ -175,7 +174,7 @@ std::string JudgementHtml(const Json& judgement) {
   }
   html +=
       "</table>\n<table><tr><th>shift</th><th>vehicle</th><th>in the build</th><th>NIS before</th>"
-      "<th>after</th><th>in doubt before</th><th>after</th><th>corrections before</th>"
+      "<th>after</th><th>in doubt before</th><th>after</th><th>landmarks right before</th>"
       "<th>after</th></tr>\n";
   for (const Json& shift : judgement["shifts"]) {
     html += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>{}</tr>\n",

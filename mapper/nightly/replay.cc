@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/replay.h"
 
+#include <algorithm>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -11,6 +12,9 @@ namespace shiftmap {
 namespace {
 
 constexpr std::int64_t kEventsBetweenQuestions = 4096;
+
+// Fewer are a passing view.
+constexpr int kMinSightings = 3;
 
 double At(const ShiftScore& score, LocalizerState state) {
   return score.seconds_in_state[static_cast<std::size_t>(state)];
@@ -28,8 +32,20 @@ void CountDecisions(const Localizer& localizer, ShiftScore* score) {
     Eigen::Index likeliest = 0;
     group.probabilities.maxCoeff(&likeliest);
     ++score->decisions;
-    if (group.StateOf(mode) != static_cast<int>(likeliest)) ++score->corrections;
+    if (group.StateOf(mode) == static_cast<int>(likeliest)) ++score->right;
   }
+}
+
+int CountMet(const Run& run) {
+  std::map<Signature, int> sightings;
+  for (const Scan& scan : run.scans) {
+    for (const Observation& seen : scan.observations) {
+      if (!seen.signature.anonymous()) ++sightings[seen.signature];
+    }
+  }
+  return static_cast<int>(std::count_if(sightings.begin(), sightings.end(), [](const auto& of) {
+    return of.second >= kMinSightings;
+  }));
 }
 
 }  // namespace
@@ -45,6 +61,10 @@ double ShiftScore::ShareOf(LocalizerState state) const {
 
 double ShiftScore::lost_share() const {
   return ShareOf(LocalizerState::kInitializing) + ShareOf(LocalizerState::kLost);
+}
+
+double ShiftScore::wrong_share() const {
+  return met > 0 ? 1.0 - std::min(1.0, static_cast<double>(right) / met) : 0.0;
 }
 
 double ShiftScore::doubt_share() const {
@@ -92,6 +112,7 @@ StatusOr<ShiftScore> Replay(const Run& run,
   score.nis_sum = statistics.nis_sum;
   score.dof = 2 * statistics.updates;
   score.ungated = statistics.ungated;
+  score.met = CountMet(run);
   CountDecisions(localizer, &score);
   return score;
 }

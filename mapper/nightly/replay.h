@@ -20,8 +20,9 @@ struct ShiftScore {
   double nis_sum = 0.0;      ///< Of the observations that corrected the pose.
   std::int64_t dof = 0;      ///< Of nis_sum.
   std::int64_t ungated = 0;  ///< Observations of known landmarks at no place of theirs.
+  int met = 0;               ///< Landmarks that were seen, three times at least.
   int decisions = 0;         ///< Landmarks whose mode was decided, each once,
-  int corrections = 0;       ///< and those of them of which the map held another state likelier.
+  int right = 0;             ///< and those of them of which the map held no other state likelier.
 
   double seconds() const;
 
@@ -34,7 +35,15 @@ struct ShiftScore {
   /// Share of the time without a pose that is trusted: INITIALIZING and LOST.
   double lost_share() const;
 
-  /// The same, with UNKNOWN_CHANGE: the map did not do.
+  /// Share of the time LOST; all of it if nothing ever corrected a pose.
+  double astray_share() const { return dof > 0 ? ShareOf(LocalizerState::kLost) : 1.0; }
+
+  /// Share of the landmarks met that were not where the map held them likeliest, or where nothing
+  /// decided that. A landmark that moved is among them on any map, whether the map has its new
+  /// place or not.
+  double wrong_share() const;
+
+  /// INITIALIZING, LOST and UNKNOWN_CHANGE: the map did not do.
   double doubt_share() const;
 };
 
