@@ -99,7 +99,7 @@ void Test(const JudgeOptions& options, Judgement* judgement) {
        options.doubt_margin,
        [](const ShiftScore& score) { return score.doubt_share(); }},
       {"decisions",
-       "share of landmarks that were not where the map held them likeliest",
+       "share of landmarks that are not decided for the mode that the mapper found",
        options.decision_margin,
        [](const ShiftScore& score) { return score.wrong_share(); }}};
   for (const Measure& measure : measures) {
@@ -221,18 +221,19 @@ class Replays {
     if (!read.ok()) return OkStatus();
     const Run& run = read->run;
     JudgedShift shift{log.path, log.identity(), run.info.vehicle, in_build, {}, {}, {}};
+    const FoundModes found = FindModes(rows_, read->sha256);
     if (before_ && in_build) {
       const MapSnapshot mixed = KnownBefore(WithCalibrationOf(after_, *before_), rows_, log.begin);
-      const auto score = Replay(run, mixed, go_on_);
+      const auto score = Replay(run, mixed, found, go_on_);
       if (!score.ok()) return Stopped(score.status());
       shift.as_calibrated_before = *score;
     }
     if (before_) {
-      const auto score = Replay(run, KnownBefore(*before_, rows_, log.begin), go_on_);
+      const auto score = Replay(run, KnownBefore(*before_, rows_, log.begin), found, go_on_);
       if (!score.ok()) return Stopped(score.status());
       shift.before = *score;
     }
-    const auto score = Replay(run, KnownBefore(after_, rows_, log.begin), go_on_);
+    const auto score = Replay(run, KnownBefore(after_, rows_, log.begin), found, go_on_);
     if (!score.ok()) return Stopped(score.status());
     shift.after = *score;
     shifts->push_back(std::move(shift));

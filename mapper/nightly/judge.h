@@ -19,10 +19,9 @@ namespace shiftmap {
 struct JudgeOptions {
   int max_shifts = 12;  ///< That are replayed at most; as many again takes as long again.
 
-  double nis_margin = 0.2231;  ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
-  double doubt_margin = 0.05;  ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
-  double decision_margin =
-      0.1;  ///< Of the share of landmarks that are not where they are likeliest.
+  double nis_margin = 0.2231;    ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
+  double doubt_margin = 0.05;    ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
+  double decision_margin = 0.1;  ///< Of the share of landmarks that are not decided right.
 
   /// What a build's squared residuals per observation may grow by from the published one's.
   double cost_factor = 2.0;

@@ -43,7 +43,7 @@ StatusOr<LogAreas> LocateLog(const LogHead& log,
       return map.GroupIndex(signature) >= 0;
     });
     if (known < kMinLandmarks) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const ShiftScore score, Replay(read.run, map, go_on));
+    SHIFTMAP_ASSIGN_OR_RETURN(const ShiftScore score, Replay(read.run, map, {}, go_on));
     if (score.dof > 0 && score.lost_share() <= kMostLost) areas.fit.push_back(area.area);
   }
   return areas;

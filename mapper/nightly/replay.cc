@@ -21,31 +21,23 @@ double At(const ShiftScore& score, LocalizerState state) {
 }
 
 // The landmarks whose mode was decided, by the last decision about each.
-void CountDecisions(const Localizer& localizer, ShiftScore* score) {
+void CountDecisions(const Localizer& localizer, const FoundModes& found, ShiftScore* score) {
   std::map<Signature, ModeNumber> decided;
+  const MapSnapshot& map = localizer.snapshot();
   for (const Decision& decision : localizer.decisions()) {
     decided[decision.signature] = decision.mode;
   }
-  const MapSnapshot& map = localizer.snapshot();
-  for (const auto& [signature, mode] : decided) {
-    const LandmarkGroup& group = map.groups()[static_cast<std::size_t>(map.GroupIndex(signature))];
-    Eigen::Index likeliest = 0;
-    group.probabilities.maxCoeff(&likeliest);
-    ++score->decisions;
-    if (group.StateOf(mode) == static_cast<int>(likeliest)) ++score->right;
+  score->decisions = static_cast<int>(decided.size());
+  score->met = static_cast<int>(found.size());
+  for (const auto& [signature, mode] : found) {
+    const int index = map.GroupIndex(signature);
+    if (index < 0) continue;
+    const LandmarkGroup& group = map.groups()[static_cast<std::size_t>(index)];
+    const auto of = decided.find(group.signature);
+    if (of == decided.end()) continue;
+    const int state = group.CarriedStateOf(mode);
+    if (state >= 0 && state == group.StateOf(of->second)) ++score->right;
   }
-}
-
-int CountMet(const Run& run) {
-  std::map<Signature, int> sightings;
-  for (const Scan& scan : run.scans) {
-    for (const Observation& seen : scan.observations) {
-      if (!seen.signature.anonymous()) ++sightings[seen.signature];
-    }
-  }
-  return static_cast<int>(std::count_if(sightings.begin(), sightings.end(), [](const auto& of) {
-    return of.second >= kMinSightings;
-  }));
 }
 
 }  // namespace
@@ -94,8 +86,27 @@ MapSnapshot KnownBefore(const MapSnapshot& map, const std::vector<EvidenceRow>& 
           map.aliases()};
 }
 
+FoundModes FindModes(const std::vector<EvidenceRow>& rows, const std::string& run) {
+  FoundModes found;
+  std::map<Signature, Stamp> newest;
+  for (const EvidenceRow& row : rows) {
+    const VisitEvidence& visit = row.evidence;
+    if (row.source != run || visit.observations < kMinSightings) continue;
+    const auto [at, first] = newest.emplace(visit.signature, visit.begin);
+    if (!first && visit.begin < at->second) continue;
+    at->second = visit.begin;
+    const auto likeliest =
+        std::max_element(visit.modes.begin(), visit.modes.end(), [](const auto& a, const auto& b) {
+          return a.log_likelihood < b.log_likelihood;
+        });
+    if (likeliest != visit.modes.end()) found[visit.signature] = likeliest->mode;
+  }
+  return found;
+}
+
 StatusOr<ShiftScore> Replay(const Run& run,
                             const MapSnapshot& map,
+                            const FoundModes& found,
                             const std::function<Status()>& go_on) {
   Localizer localizer(map.ForVehicle(run.info.vehicle), LocalizerOptions());
   std::int64_t events = 0;
@@ -112,8 +123,7 @@ StatusOr<ShiftScore> Replay(const Run& run,
   score.nis_sum = statistics.nis_sum;
   score.dof = 2 * statistics.updates;
   score.ungated = statistics.ungated;
-  score.met = CountMet(run);
-  CountDecisions(localizer, &score);
+  CountDecisions(localizer, found, &score);
   return score;
 }
 

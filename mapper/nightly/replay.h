@@ -4,6 +4,8 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "localizer/localizer_state.h"
@@ -20,9 +22,9 @@ struct ShiftScore {
   double nis_sum = 0.0;      ///< Of the observations that corrected the pose.
   std::int64_t dof = 0;      ///< Of nis_sum.
   std::int64_t ungated = 0;  ///< Observations of known landmarks at no place of theirs.
-  int met = 0;               ///< Landmarks that were seen, three times at least.
-  int decisions = 0;         ///< Landmarks whose mode was decided, each once,
-  int right = 0;             ///< and those of them of which the map held no other state likelier.
+  int decisions = 0;         ///< Landmarks whose mode was decided, each once.
+  int met = 0;               ///< Landmarks whose mode the mapper found, with the whole run,
+  int right = 0;             ///< and those of them that were decided for it in the end.
 
   double seconds() const;
 
@@ -38,9 +40,7 @@ struct ShiftScore {
   /// Share of the time LOST; all of it if nothing ever corrected a pose.
   double astray_share() const { return dof > 0 ? ShareOf(LocalizerState::kLost) : 1.0; }
 
-  /// Share of the landmarks met that were not where the map held them likeliest, or where nothing
-  /// decided that. A landmark that moved is among them on any map, whether the map has its new
-  /// place or not.
+  /// Share of the landmarks met that were not decided, or for another mode.
   double wrong_share() const;
 
   /// INITIALIZING, LOST and UNKNOWN_CHANGE: the map did not do.
@@ -53,12 +53,21 @@ struct ShiftScore {
 /// @param rows  Of any landmarks; those of the shift itself left out by the caller.
 MapSnapshot KnownBefore(const MapSnapshot& map, const std::vector<EvidenceRow>& rows, Stamp begin);
 
+/// The mode in which each landmark stood in a run, last.
+using FoundModes = std::map<Signature, ModeNumber>;
+
+/// What the mapper found, by the rows that it made of the run.
+/// @param run  SHA-256 of its log. Of one that is not mapped nothing is known.
+FoundModes FindModes(const std::vector<EvidenceRow>& rows, const std::string& run);
+
 /// Localizes a shift that is over, from a start that is found.
 /// @param map    As KnownBefore gives it.
+/// @param found  What decisions are compared with.
 /// @param go_on  Asked now and then; an error ends it.
 /// Errors: as Localizer::Process.
 StatusOr<ShiftScore> Replay(const Run& run,
                             const MapSnapshot& map,
+                            const FoundModes& found,
                             const std::function<Status()>& go_on);
 
 }  // namespace shiftmap
