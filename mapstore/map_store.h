@@ -105,6 +105,12 @@ class MapStore {
   /// Notes runs that wait for another build, where no version is made: as CommitOptions::waiting.
   Status NoteWaiting(const std::string& area, const std::vector<UnplacedRun>& runs);
 
+  /// Adds an entry to the audit log that changes nothing else.
+  /// @param area  Nothing: it is about the whole store.
+  Status AddNote(const std::optional<std::string>& area,
+                 NightNote note,
+                 const std::string& subject);
+
   /// Runs that waited for another build and are not in the published version nor in its ancestors,
   /// in the order they were noted.
   StatusOr<std::vector<UnplacedRun>> WaitingRuns(const std::string& area);

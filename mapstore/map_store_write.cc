@@ -220,6 +220,21 @@ Status MapStore::NoteWaiting(const std::string& area, const std::vector<Unplaced
   return transaction.Commit();
 }
 
+Status MapStore::AddNote(const std::optional<std::string>& area,
+                         NightNote note,
+                         const std::string& subject) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  std::optional<std::int64_t> area_id;
+  if (area) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, *area));
+    area_id = area_row.area_id;
+  }
+  const char* const action = note == NightNote::kRefused ? kRefuseAction : kLocateAction;
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertAudit(state_->database, area_id, action, subject, state_->clock()));
+  return transaction.Commit();
+}
+
 Status MapStore::Publish(const std::string& area,
                          VersionNumber version,
                          std::optional<VersionNumber> expected,

@@ -197,6 +197,12 @@ struct ReportSummary {
   std::vector<SetAsideRows> set_aside;  ///< Evidence rows that do not count, by reason.
 };
 
+/// What a nightly job concludes and keeps in the audit log.
+enum class NightNote {
+  kRefused,  ///< "refuse": a version is not published.
+  kLocated,  ///< "locate": the area of a log that names none.
+};
+
 /// A write.
 struct AuditEntry {
   Stamp written;

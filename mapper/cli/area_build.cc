@@ -200,6 +200,25 @@ std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
   return thinned;
 }
 
+// What became of the runs, for whoever looks at the version later.
+Json OutcomeJson(const MapperResult& result) {
+  double chi2 = 0.0;
+  std::int64_t observations = 0;
+  std::int64_t outliers = 0;
+  for (const MappedRun& run : result.runs) {
+    chi2 += run.chi2;
+    observations += run.observations;
+    outliers += run.outliers;
+  }
+  return {{"chi2", chi2},
+          {"observations", observations},
+          {"outliers", outliers},
+          {"modes_created", result.modes_created},
+          {"modes_merged", result.modes_merged},
+          {"left_out", LeftOutLines(result)},
+          {"waiting", WaitingLines(result)}};
+}
+
 Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& result) {
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
@@ -214,7 +233,9 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                             {"calibrate", !options.no_calibration},
                             {"leave_rate_per_s", options.leave_rate_per_s},
                             {"learned_rates", !options.no_learned_rates},
-                            {"vehicles", VehiclesJson(result.vehicles)}};
+                            {"vehicles", VehiclesJson(result.vehicles)},
+                            {"outcome", OutcomeJson(result)}};
+  if (!options.night.empty()) configuration["night"] = options.night;
   if (options.engine == "tree") {
     configuration["tree"] = {{"field_of_view", options.field_of_view},
                              {"leaves", options.tree.max_leaves},
@@ -224,7 +245,8 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                              {"insertion", options.tree_insertion},
                              {"merging", options.tree_merging}};
   }
-  provenance.configuration = configuration.dump();
+  // Names are any bytes.
+  provenance.configuration = configuration.dump(-1, ' ', false, Json::error_handler_t::replace);
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
     provenance.runs.push_back({run.name,

@@ -45,6 +45,10 @@ struct AreaBuildOptions {
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
   std::vector<std::string> logs;
+
+  /// What tells the build of a night apart, for one that goes on where another one was interrupted;
+  /// empty of another build.
+  std::string night;
 };
 
 /// The version that a build goes on from: the newest of a version and its ancestors that no

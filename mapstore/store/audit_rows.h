@@ -20,6 +20,13 @@ inline constexpr const char* kWaitAction = "wait";
 inline constexpr const char* kPublishAction = "publish";
 inline constexpr const char* kRollbackAction = "rollback";
 
+/// Of a version that a nightly job does not publish; its subject is the version's number, a blank
+/// and the reasons.
+inline constexpr const char* kRefuseAction = "refuse";
+
+/// Of a log that names no area, and where it was found to be; the subject is the job's own.
+inline constexpr const char* kLocateAction = "locate";
+
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
 /// @param written  By the clock of this machine.

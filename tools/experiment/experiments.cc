@@ -3,6 +3,7 @@
 
 #include "tools/experiment/alignments_command.h"
 #include "tools/experiment/engines_command.h"
+#include "tools/experiment/fleet_nights_command.h"
 #include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
@@ -28,6 +29,7 @@ namespace shiftmap {
 void AddExperiments(Application* application) {
   AddAlignmentsExperiment(application);
   AddEnginesExperiment(application);
+  AddFleetNightsExperiment(application);
   AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);

@@ -71,20 +71,28 @@ struct Recovery {
 
 class Site {
  public:
-  Site(const NightsOptions& options,
-       NightsWorld world,
-       std::string folder,
-       std::vector<std::string> night_words)
+  Site(const NightsOptions& options, NightsWorld world, std::string folder, std::string area)
       : options_(options),
         world_(std::move(world)),
         folder_(std::move(folder)),
-        night_words_(std::move(night_words)) {}
+        area_(std::move(area)) {}
 
-  StatusOr<NightsResult> Drive(const std::function<void(const NightResult&)>& progress);
+  const NightsOptions& options() const { return options_; }
+
+  // Makes the folders.
+  Status Start() const;
+
+  // The shifts of a day.
+  Status DriveDay(int night, NightResult* result);
+
+  // What the night after it made of the map.
+  Status CountNight(int night, NightResult* result);
+
+  std::vector<Removal> Removals() const;
 
  private:
   std::string store() const { return SiteStore(folder_); }
-  std::string logs() const { return folder_ + "/logs"; }
+  std::string logs() const { return folder_ + "/logs/" + area_; }
   std::string Stem(int index) const { return fmt::format("{}/{:04}", logs(), index); }
 
   // Whether it is a shift with the fault.
@@ -112,14 +120,13 @@ class Site {
                     NightResult* result);
   Status CountRecovery(int index, const ShiftReport& report, NightResult* result);
   void CountModes(const TruthMap& map, NightResult* result) const;
-  Status Night(int night, NightResult* result);
   std::size_t TruthIndex(const Signature& signature) const;
   int TrueState(const TruthMap& map, std::size_t group, const LandmarkGroup& known, int run) const;
 
-  const NightsOptions& options_;
+  NightsOptions options_;
   NightsWorld world_;
   std::string folder_;
-  std::vector<std::string> night_words_;
+  std::string area_;
   std::map<std::string, int> waiting_since_;  // Night, by hash.
   std::map<std::size_t, int> absent_since_;   // Run, by group that was removed.
   std::map<Signature, Recovery> recoveries_;  // Of what the vehicle with the fault visited.
@@ -148,9 +155,9 @@ StatusOr<std::optional<TruthMap>> Site::LoadMap(int run, std::optional<Stamp> at
   std::error_code error;
   if (!std::filesystem::exists(store(), error)) return std::optional<TruthMap>();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, maps.PublishedVersion(kSiteArea));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, maps.PublishedVersion(area_));
   if (!published) return std::optional<TruthMap>();
-  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, maps.LoadAt(kSiteArea, published, at));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, maps.LoadAt(area_, published, at));
   SHIFTMAP_ASSIGN_OR_RETURN(
       const MapError fit,
       EvaluateMap(map.groups(), PlacesUntil(world_.world, run), /*align=*/true));
@@ -228,7 +235,7 @@ StatusOr<std::optional<CommandOutput>> Site::Localize(int index) const {
                                     "--store",
                                     store(),
                                     "--area",
-                                    kSiteArea,
+                                    area_,
                                     "--report",
                                     Stem(index) + ".report",
                                     "--trajectory",
@@ -313,7 +320,7 @@ Status Site::CountRecovery(int index, const ShiftReport& report, NightResult* re
 Status Site::DriveShift(int index, NightResult* result) {
   const VehicleFault fault = FaultOf(index);
   Run log = WithFault(run(index).run, fault);
-  log.info.area = kSiteArea;
+  log.info.area = area_;
   SHIFTMAP_RETURN_IF_ERROR(WriteRunLog(log, Stem(index) + ".mcap"));
   const Stamp begin = log.odometry.front().stamp;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(index, begin));
@@ -355,65 +362,114 @@ void Site::CountModes(const TruthMap& map, NightResult* result) const {
   result->map_rmse_m = std::sqrt(squares / std::max(1, result->modes - result->wrong_modes));
 }
 
-Status Site::Night(int night, NightResult* result) {
-  std::vector<std::string> words = {
-      "nightly", "--store", store(), "--logs", logs(), "--min-age-s", "0"};
-  words.insert(words.end(), night_words_.begin(), night_words_.end());
-  const auto begin = std::chrono::steady_clock::now();
-  SHIFTMAP_RETURN_IF_ERROR(
-      RunInProcess(
-          AddNightlyCommand, words, {ExitCode::kDone, ExitCode::kAttention, ExitCode::kNothingToDo})
-          .status());
-  result->night_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+Status Site::CountNight(int night, NightResult* result) {
   const int last = night * options_.vehicles - 1;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore maps, MapStore::Open(store(), MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(kSiteArea));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting, maps.WaitingRuns(area_));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions, maps.Exclusions(area_));
   result->waiting = static_cast<int>(waiting.size());
+  result->held = static_cast<int>(exclusions.size());
   result->unmapped = last + 1;
   if (map) {
     CountModes(*map, result);
     SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> mapped,
-                              maps.RunIdentities(kSiteArea, map->map.version()));
+                              maps.RunIdentities(area_, map->map.version()));
     result->unmapped -= static_cast<int>(mapped.size());
   }
   for (const UnplacedRun& waits : waiting) {
     const int since = waiting_since_.emplace(waits.sha256, night).first->second;
     result->waited_nights = std::max(result->waited_nights, night - since + 1);
   }
-  constexpr double kMib = 1024.0 * 1024.0;
-  result->store_mib = static_cast<double>(std::filesystem::file_size(store())) / kMib;
   return OkStatus();
 }
 
-StatusOr<NightsResult> Site::Drive(const std::function<void(const NightResult&)>& progress) {
+Status Site::Start() const {
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(logs()));
-  SHIFTMAP_RETURN_IF_ERROR(WriteWorld(world_.world, folder_ + "/world").status());
-  NightsResult all;
-  for (int night = 1; night <= options_.nights; ++night) {
-    NightResult& result = all.nights.emplace_back();
-    result.night = night;
-    square_error_ = 0.0;
-    poses_ = 0;
-    for (int shift = 0; shift < options_.vehicles; ++shift) {
-      SHIFTMAP_RETURN_IF_ERROR(DriveShift((night - 1) * options_.vehicles + shift, &result));
-    }
-    result.rmse_m = std::sqrt(square_error_ / poses_);
-    if (night % options_.nights_per_build == 0 || night == options_.nights) {
-      SHIFTMAP_RETURN_IF_ERROR(Night(night, &result));
-    }
-    progress(result);
+  return WriteWorld(world_.world, fmt::format("{}/world/{}", folder_, area_)).status();
+}
+
+Status Site::DriveDay(int night, NightResult* result) {
+  square_error_ = 0.0;
+  poses_ = 0;
+  for (int shift = 0; shift < options_.vehicles; ++shift) {
+    SHIFTMAP_RETURN_IF_ERROR(DriveShift((night - 1) * options_.vehicles + shift, result));
   }
+  result->rmse_m = std::sqrt(square_error_ / poses_);
+  return OkStatus();
+}
+
+std::vector<Removal> Site::Removals() const {
+  std::vector<Removal> removals;
   for (std::size_t g = 0; g < world_.removed.size(); ++g) {
     if (!world_.removed[g]) continue;
     const auto found = absent_since_.find(g);
     const double runs = found == absent_since_.end()
                             ? std::numeric_limits<double>::quiet_NaN()
                             : static_cast<double>(found->second - *world_.removed[g]);
-    all.removals.push_back(
+    removals.push_back(
         {world_.world.groups[g].signature, *world_.removed[g], runs / options_.vehicles});
   }
+  return removals;
+}
+
+// One night over all sites; `results` are those of the night.
+Status RunNight(const std::string& folder,
+                const std::vector<std::string>& night_words,
+                const std::vector<NightResult*>& results) {
+  std::vector<std::string> words = {
+      "nightly", "--store", SiteStore(folder), "--logs", folder + "/logs", "--min-age-s", "0"};
+  words.insert(words.end(), night_words.begin(), night_words.end());
+  const auto begin = std::chrono::steady_clock::now();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const CommandOutput output,
+      RunInProcess(AddNightlyCommand,
+                   words,
+                   {ExitCode::kDone, ExitCode::kAttention, ExitCode::kNothingToDo}));
+  const double wall_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  constexpr double kMib = 1024.0 * 1024.0;
+  const double mib = static_cast<double>(std::filesystem::file_size(SiteStore(folder))) / kMib;
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    results[i]->night_s = wall_s;
+    results[i]->store_mib = mib;
+    if (!output.document.contains("areas") || i >= output.document["areas"].size()) continue;
+    results[i]->published = output.document["areas"][i]["published"].get<bool>();
+  }
+  return OkStatus();
+}
+
+StatusOr<std::vector<NightsResult>> DriveSites(
+    std::vector<Site>* sites,
+    const std::string& folder,
+    const std::vector<std::string>& night_words,
+    const std::function<void(const std::vector<NightsResult>&)>& progress) {
+  std::vector<NightsResult> all(sites->size());
+  for (const Site& site : *sites) SHIFTMAP_RETURN_IF_ERROR(site.Start());
+  const NightsOptions options = sites->front().options();
+  for (int night = 1; night <= options.nights; ++night) {
+    std::vector<NightResult*> results;
+    for (std::size_t i = 0; i < sites->size(); ++i) {
+      results.push_back(&all[i].nights.emplace_back());
+      results.back()->night = night;
+      SHIFTMAP_RETURN_IF_ERROR((*sites)[i].DriveDay(night, results.back()));
+    }
+    if (night % options.nights_per_build == 0 || night == options.nights) {
+      SHIFTMAP_RETURN_IF_ERROR(RunNight(folder, night_words, results));
+      for (std::size_t i = 0; i < sites->size(); ++i) {
+        SHIFTMAP_RETURN_IF_ERROR((*sites)[i].CountNight(night, results[i]));
+      }
+    }
+    progress(all);
+  }
+  for (std::size_t i = 0; i < sites->size(); ++i) all[i].removals = (*sites)[i].Removals();
   return all;
+}
+
+Status CheckNew(const std::string& folder) {
+  std::error_code error;
+  if (!std::filesystem::exists(folder, error)) return OkStatus();
+  return FailedPrecondition("folder '{}': is there already", folder);
 }
 
 }  // namespace
@@ -424,12 +480,30 @@ StatusOr<NightsResult> DriveNights(const NightsOptions& options,
                                    const std::string& folder,
                                    const std::vector<std::string>& night_words,
                                    const std::function<void(const NightResult&)>& progress) {
-  std::error_code error;
-  if (std::filesystem::exists(folder, error)) {
-    return FailedPrecondition("folder '{}': is there already", folder);
-  }
+  SHIFTMAP_RETURN_IF_ERROR(CheckNew(folder));
   SHIFTMAP_ASSIGN_OR_RETURN(NightsWorld world, DrawNights(options));
-  return Site(options, std::move(world), folder, night_words).Drive(progress);
+  std::vector<Site> sites;
+  sites.emplace_back(options, std::move(world), folder, kSiteArea);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      std::vector<NightsResult> results,
+      DriveSites(&sites, folder, night_words, [&](const std::vector<NightsResult>& all) {
+        progress(all.front().nights.back());
+      }));
+  return std::move(results.front());
+}
+
+StatusOr<std::vector<NightsResult>> DriveFleet(
+    const std::vector<NightsOptions>& options,
+    const std::string& folder,
+    const std::vector<std::string>& night_words,
+    const std::function<void(const std::vector<NightsResult>&)>& progress) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckNew(folder));
+  std::vector<Site> sites;
+  for (const NightsOptions& of_site : options) {
+    SHIFTMAP_ASSIGN_OR_RETURN(NightsWorld world, DrawNights(of_site));
+    sites.emplace_back(of_site, std::move(world), folder, fmt::format("area-{:02}", sites.size()));
+  }
+  return DriveSites(&sites, folder, night_words, progress);
 }
 
 }  // namespace shiftmap

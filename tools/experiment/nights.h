@@ -53,7 +53,9 @@ struct NightResult {
   int unmapped = 0;         ///< Runs up to now that the map does not have,
   int waiting = 0;          ///< and those of them that wait.
   int waited_nights = 0;    ///< The longest of them.
-  double night_s = 0.0;     ///< On the wall.
+  bool published = false;   ///< What the night built.
+  int held = 0;             ///< Runs that are held or excluded.
+  double night_s = 0.0;     ///< On the wall, of all areas.
   double store_mib = 0.0;
 };
 
@@ -84,5 +86,15 @@ StatusOr<NightsResult> DriveNights(const NightsOptions& options,
                                    const std::string& folder,
                                    const std::vector<std::string>& night_words,
                                    const std::function<void(const NightResult&)>& progress);
+
+/// The same of several sites that share a store, one area each, `area-00` and so on: one `nightly`
+/// a night maps them all.
+/// @param sites     As many nights each.
+/// @param progress  Called after each night with the results of all sites.
+StatusOr<std::vector<NightsResult>> DriveFleet(
+    const std::vector<NightsOptions>& sites,
+    const std::string& folder,
+    const std::vector<std::string>& night_words,
+    const std::function<void(const std::vector<NightsResult>&)>& progress);
 
 }  // namespace shiftmap

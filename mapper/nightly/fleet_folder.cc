@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/cli/fleet_folder.h"
+#include "mapper/nightly/fleet_folder.h"
 
 #include <algorithm>
 #include <filesystem>

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/nightly/area_logs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "mapper/cli/area_build.h"
+#include "mapstore/map/sha256.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr std::size_t kSha256Digits = 64;
+
+// What the store says of an area's runs.
+struct KnownRuns {
+  std::set<std::string> mapped;
+  std::set<std::string> kept;     // Of these, what is in the version that a build goes on from.
+  std::set<std::string> waiting;  // Hashes.
+  std::vector<Exclusion> exclusions;
+};
+
+StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
+  KnownRuns known;
+  const StatusOr<std::optional<VersionNumber>> published = store->PublishedVersion(area);
+  if (published.status().code() == StatusCode::kNotFound) return known;
+  if (!published.ok()) return published.status();
+  const StatusOr<std::vector<Exclusion>> exclusions = store->Exclusions(area);
+  if (exclusions.status().code() == StatusCode::kNotFound) return known;
+  if (!exclusions.ok()) return exclusions.status();
+  known.exclusions = *exclusions;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->WaitingRuns(area));
+  for (const UnplacedRun& run : runs) known.waiting.insert(run.sha256);
+  if (!*published) return known;
+  SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, **published));
+  // The build says what is wrong with it.
+  const StatusOr<VersionNumber> prior = FindPriorVersion(area, **published, store, nullptr);
+  SHIFTMAP_ASSIGN_OR_RETURN(known.kept,
+                            store->RunIdentities(area, prior.ok() ? *prior : **published));
+  return known;
+}
+
+// Whether a log is out of all builds by somebody's decision.
+bool TakeOut(const KnownRuns& known, const std::string& run, const LogHead& log, AreaLogs* sorted) {
+  const Exclusion* const exclusion =
+      FindExclusion(known.exclusions, run, log.info.vehicle, log.begin);
+  if (exclusion == nullptr) return false;
+  if (exclusion->held) {
+    sorted->held.push_back(
+        fmt::format("'{}' is held: {}; to decide: shiftmap-inspect runs include {}, or exclude",
+                    log.path,
+                    exclusion->reason,
+                    exclusion->vehicle.empty() ? exclusion->run
+                                               : fmt::format("--vehicle {}", exclusion->vehicle)));
+  } else {
+    sorted->excluded.push_back(log);
+  }
+  return true;
+}
+
+}  // namespace
+
+StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, MapStore* store) {
+  KnownRuns known;
+  if (store != nullptr) {
+    SHIFTMAP_ASSIGN_OR_RETURN(known, ReadKnownRuns(area, store));
+  }
+  // A log that has a UUID may be known by its hash, which takes a reading of the whole file.
+  const bool by_hash = !known.waiting.empty() ||
+                       std::any_of(known.exclusions.begin(),
+                                   known.exclusions.end(),
+                                   [](const auto& of) { return of.run.size() == kSha256Digits; });
+  AreaLogs sorted;
+  for (LogHead& log : logs) {
+    if (TakeOut(known, log.identity(), log, &sorted)) continue;
+    if (known.kept.contains(log.identity())) {
+      sorted.mapped.push_back(std::move(log));
+      continue;
+    }
+    if (by_hash && log.sha256.empty()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
+    }
+    if (by_hash && TakeOut(known, log.sha256, log, &sorted)) continue;
+    const bool again = known.mapped.contains(log.identity());
+    std::vector<LogHead>& kind = again                                ? sorted.again
+                                 : known.waiting.contains(log.sha256) ? sorted.waiting
+                                                                      : sorted.fresh;
+    kind.push_back(std::move(log));
+  }
+  return sorted;
+}
+
+}  // namespace shiftmap

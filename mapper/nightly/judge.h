@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapper/nightly/fleet_folder.h"
+#include "mapper/nightly/paired_test.h"
+#include "mapper/nightly/replay.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/map_store.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// What a map may be worse by and still be published.
+struct JudgeOptions {
+  int max_shifts = 12;  ///< That are replayed at most; as many again takes as long again.
+
+  double nis_margin = 0.2231;    ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
+  double doubt_margin = 0.05;    ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
+  double decision_margin = 0.1;  ///< Of the share of landmarks that are not decided right.
+
+  /// What a build's squared residuals per observation may grow by from the published one's.
+  double cost_factor = 2.0;
+
+  // A run of the build that fits neither map while the others fit is suspect: it is LOST for more
+  // than this share of its time, or has more NIS per degree of freedom, ...
+  double suspect_lost_share = 0.15;
+  double suspect_nis = 3.0;
+  double suspect_factor = 2.0;  ///< ... and so many times as much as the median of the others.
+};
+
+/// A shift on both maps.
+struct JudgedShift {
+  std::string path;
+  std::string run;  ///< As LogHead::identity.
+  std::string vehicle;
+  bool in_build = false;             ///< The build took it, so that its gain proves nothing.
+  std::optional<ShiftScore> before;  ///< Nothing: there was no map.
+  ShiftScore after;
+
+  /// Of a run of the build: on the new map, with the calibration of the old one. Landmarks that
+  /// moved do no harm there, odometry that is not as it was does.
+  std::optional<ShiftScore> as_calibrated_before;
+};
+
+/// Whether a version is good enough for vehicles.
+struct Judgement {
+  std::optional<VersionNumber> before;  ///< What it is judged against; nothing: there is none.
+  VersionNumber after;
+
+  std::optional<double> cost_before;  ///< Squared residuals per observation; if the build says.
+  std::optional<double> cost_after;
+
+  int modes_made = 0;
+  int modes_removed = 0;
+  int modes_merged = 0;
+  int landmarks_made = 0;
+  int landmarks_removed = 0;
+  int runs_waiting = 0;             ///< Runs of the build whose place is ambiguous.
+  std::vector<std::string> moved;   ///< Landmarks with a mode moved beyond its covariance.
+  std::vector<JudgedShift> shifts;  ///< Of the build first, then by begin.
+
+  struct NamedTest {
+    const char* name;  ///< A word, e.g. "nis".
+    PairedTestResult result;
+  };
+  std::vector<NamedTest> tests;
+
+  std::vector<std::string> worse;  ///< Why it is not published; none: it is not worse.
+
+  struct Suspect {
+    std::string path;  ///< Of its log.
+    std::string reason;
+  };
+  std::vector<Suspect> suspects;  ///< Runs of the build that should not be in a map.
+};
+
+/// The logs that a judgement may replay.
+struct JudgedLogs {
+  std::vector<LogHead> built;     ///< Given to the build.
+  std::vector<LogHead> held_out;  ///< New, and kept from it for the judgement.
+  std::vector<LogHead> mapped;    ///< In the map already.
+};
+
+/// Judges a version that is committed against the one that it was made from.
+///
+/// Shifts are replayed by the localizer on both maps, each from a start that is found, and with the
+/// probabilities of KnownBefore: of both maps from the new one's rows, the shift's own left out.
+/// Where landmarks have moved since, the old map is bound to be worse, and that blocks nothing: the
+/// test is one-sided. Gains count little, so that no run is explained at the expense of the others:
+/// those of a run that the build took count nothing, others the margin at most (PairedTest).
+///
+/// A run of the build is suspect if it fits neither the old map nor the new one with the old
+/// calibration, though the others do: with a calibration of its own a broken odometer fits itself.
+/// A run is suspect too if its vehicle was in another run at the same time: the clock was wrong.
+///
+/// The version is worse if a test says so, if its cost has grown by more than the factor, or if
+/// modes are gone that nobody retired. A landmark that moved beyond its covariance blocks nothing.
+/// @param go_on  Asked now and then; an error ends it.
+/// Errors: those of the store and of `go_on`. A log that cannot be replayed is left out.
+StatusOr<Judgement> Judge(const std::string& area,
+                          VersionNumber version,
+                          const JudgedLogs& logs,
+                          const JudgeOptions& options,
+                          MapStore* store,
+                          const std::function<Status()>& go_on);
+
+/// What a build said of itself in its provenance; empty if it said nothing.
+struct BuildOutcome {
+  std::string night;
+  std::optional<double> cost;  ///< As Judgement::cost_after.
+  std::vector<std::string> left_out;
+  std::vector<std::string> waiting;
+};
+BuildOutcome ReadOutcome(const std::string& configuration);
+
+}  // namespace shiftmap

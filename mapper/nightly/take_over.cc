@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/nightly/take_over.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+// A version's provenance with what its runs say, as it was committed.
+StatusOr<Provenance> WholeProvenance(const std::string& area,
+                                     VersionNumber version,
+                                     MapStore* from) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, from->LoadProvenance(area, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> line, from->RunIdentities(area, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, from->Evidence(area, version));
+  std::map<std::string, std::vector<VisitEvidence>> by_source;
+  for (const EvidenceRow& row : rows) by_source[row.source].push_back(row.evidence);
+  for (RunRecord& run : provenance.runs) {
+    run.evidence = by_source[run.sha256];
+    std::set<std::string> others = line;
+    others.erase(run.sha256);
+    others.erase(run.identity());
+    SHIFTMAP_ASSIGN_OR_RETURN(run.visibility, from->MappedVisibility(area, version, others));
+  }
+  return provenance;
+}
+
+Status TakeVersion(const std::string& area,
+                   const VersionSummary& summary,
+                   MapStore* from,
+                   MapStore* to) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, from->LoadVersion(area, summary.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                            WholeProvenance(area, summary.version, from));
+  CommitOptions options;
+  options.parent = summary.parent;
+  options.publish = false;
+  options.states_probabilities = false;
+  if (summary.parent) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> before,
+                              from->EditsOf(area, *summary.parent));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> after,
+                              from->EditsOf(area, summary.version));
+    for (const MapEdit& edit : before) {
+      const bool held = std::any_of(
+          after.begin(), after.end(), [&](const MapEdit& of) { return of.id == edit.id; });
+      if (!held) options.without_edits.push_back(edit.id);
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const CommitResult commit,
+                            to->Commit(area, map.content(), provenance, options));
+  if (commit.version == summary.version && commit.content_hash == summary.content_hash) {
+    return OkStatus();
+  }
+  return Internal("area '{}': version {} with content {} became version {} with content {}",
+                  area,
+                  summary.version.value(),
+                  summary.content_hash,
+                  commit.version.value(),
+                  commit.content_hash);
+}
+
+template <typename T>
+StatusOr<std::vector<T>> OrNone(StatusOr<std::vector<T>> result) {
+  if (result.status().code() == StatusCode::kNotFound) return std::vector<T>();
+  return result;
+}
+
+Status TakeVersions(const std::string& area, const AreaBase& base, MapStore* from, MapStore* to) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto theirs, OrNone(from->Versions(area)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto ours, OrNone(to->Versions(area)));
+  for (const VersionSummary& our : ours) {
+    if (our.version <= base.newest) continue;
+    const bool same = std::any_of(theirs.begin(), theirs.end(), [&](const auto& their) {
+      return their.version == our.version && their.content_hash == our.content_hash &&
+             their.parent == our.parent;
+    });
+    if (same) continue;
+    return MakeStatus(StatusCode::kAborted,
+                      "area '{}': version {} was made since the night was planned",
+                      area,
+                      our.version.value());
+  }
+  const VersionNumber newest = ours.empty() ? base.newest : ours.back().version;
+  for (const VersionSummary& their : theirs) {
+    if (their.version <= std::max(newest, base.newest)) continue;
+    SHIFTMAP_RETURN_IF_ERROR(TakeVersion(area, their, from, to));
+  }
+  return OkStatus();
+}
+
+// The two parts of a subject.
+std::pair<std::string, std::string> Split(const std::string& text, const std::string& at) {
+  const std::size_t found = text.find(at);
+  if (found == std::string::npos) return {text, ""};
+  return {text.substr(0, found), text.substr(found + at.size())};
+}
+
+Status TakeEntry(const std::string& area,
+                 const AuditEntry& entry,
+                 const AreaBase& base,
+                 MapStore* to) {
+  if (entry.action == "wait") {
+    const auto [hash, name] = Split(entry.subject, " ");
+    return to->NoteWaiting(area, {{name, hash, {}}});
+  }
+  if (entry.action == "refuse") return to->AddNote(area, NightNote::kRefused, entry.subject);
+  if (entry.action == "hold") {
+    const auto [run, reason] = Split(entry.subject.substr(std::string("run ").size()), ": ");
+    Exclusion hold;
+    hold.run = run;
+    hold.reason = reason;
+    hold.held = true;
+    return to->Exclude(area, hold);
+  }
+  if (entry.action == "publish") {
+    VersionNumber::Value number = 0;
+    std::from_chars(entry.subject.data(), entry.subject.data() + entry.subject.size(), number);
+    return to->Publish(area, VersionNumber(number), base.published);
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+Status TakeOver(const std::string& area, const AreaBase& base, MapStore* from, MapStore* to) {
+  SHIFTMAP_RETURN_IF_ERROR(TakeVersions(area, base, from, to));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto theirs, OrNone(from->AuditLog(area)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto ours, OrNone(to->AuditLog(area)));
+  std::set<std::pair<std::string, std::string>> there;
+  for (std::size_t i = base.audit; i < ours.size(); ++i) {
+    there.emplace(ours[i].action, ours[i].subject);
+  }
+  for (std::size_t i = base.audit; i < theirs.size(); ++i) {
+    if (there.contains({theirs[i].action, theirs[i].subject})) continue;
+    SHIFTMAP_RETURN_IF_ERROR(TakeEntry(area, theirs[i], base, to));
+  }
+  return OkStatus();
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Versions that are worse on purpose: the map before with its landmarks moved about.
+#include "mapper/nightly/area_night.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "mapper/cli/stop_signals.h"
+#include "mapstore/codec/run_log.h"
+#include "mapstore/map_store.h"
+#include "tests/support/status_matchers.h"
+#include "tests/support/temp_dir.h"
+#include "tools/sim/open_world.h"
+
+namespace shiftmap {
+namespace {
+
+using testing::IsOk;
+
+class AreaNightTest : public ::testing::Test {
+ protected:
+  AreaNightTest() {
+    OpenWorldOptions options;
+    options.groups = 12;
+    options.size_m = 20.0;
+    options.duration_s = 40.0;
+    options.runs = 6;
+    options.vehicles = 1;
+    options.mode_change_probability = 0.0;
+    options.shift_interval_s = 3600.0;
+    world_ = *SimulateOpen(options);
+    night_.build.store = folder_.File("maps.db");
+    night_.build.threads = 1;
+  }
+
+  LogHead Log(int index) const {
+    shiftmap::Run run = world_.runs[static_cast<std::size_t>(index)].run;
+    run.info.area = "floor";
+    run.info.uuid = fmt::format("0f8fad5b-d9cb-469f-a165-{:012x}", index);
+    const std::string path = folder_.File(fmt::format("run_{}.mcap", index));
+    EXPECT_THAT(WriteRunLog(run, path), IsOk());
+    return *ReadLogHead(path);
+  }
+
+  AreaNight Night(const std::vector<LogHead>& fresh, const std::vector<LogHead>& mapped = {}) {
+    AreaLogs logs;
+    logs.fresh = fresh;
+    logs.mapped = mapped;
+    std::ostringstream err;
+    Context context(CommonOptions(), &err);
+    const StopSignals signals;
+    StatusOr<AreaNight> night = RunAreaNight(night_, "floor", logs, context);
+    EXPECT_THAT(night.status(), IsOk());
+    return *std::move(night);
+  }
+
+  MapStore Store() const {
+    return *MapStore::Open(night_.build.store, MapStore::Access::kReadWrite);
+  }
+
+  // What a build of these logs on version 1 would have left, with landmarks off by `sd_m`.
+  VersionNumber CommitMoved(const std::vector<LogHead>& logs, double sd_m) {
+    MapStore store = Store();
+    MapContent content = store.LoadVersion("floor", VersionNumber(1))->content();
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> noise(0.0, sd_m);
+    for (LandmarkGroup& group : content.groups) {
+      for (Mode& mode : group.modes) {
+        mode.p_map_landmark += Eigen::Vector2d(noise(random), noise(random));
+      }
+    }
+    Provenance provenance;
+    provenance.tool = "test";
+    provenance.configuration = nlohmann::json{{"night", NightKey(logs, night_.build)}}.dump();
+    for (const LogHead& log : logs) {
+      provenance.runs.push_back({"run",
+                                 std::string(64, 'a'),
+                                 log.info.vehicle,
+                                 log.begin,
+                                 log.begin,
+                                 {},
+                                 {},
+                                 log.info.uuid});
+    }
+    CommitOptions options;
+    options.parent = VersionNumber(1);
+    options.publish = false;
+    options.states_probabilities = false;
+    const auto commit = store.Commit("floor", content, provenance, options);
+    EXPECT_THAT(commit.status(), IsOk());
+    return commit->version;
+  }
+
+  SimulatedWorld world_;
+  testing::TempDir folder_;
+  NightOptions night_;
+};
+
+TEST_F(AreaNightTest, AVersionThatIsWorseIsNotPublishedAndThreeInARowAreAnAlarm) {
+  const std::vector<LogHead> mapped = {Log(0), Log(1)};
+  ASSERT_TRUE(Night(mapped).published);
+  std::vector<LogHead> fresh;
+  for (int night = 1; night <= kAlarmRefusals; ++night) {
+    fresh.push_back(Log(1 + night));
+    const VersionNumber worse = CommitMoved(fresh, 1.0);
+    for (const char* const time : {"first", "again"}) {
+      const AreaNight result = Night(fresh, mapped);
+      EXPECT_EQ(result.version, worse) << time;
+      EXPECT_FALSE(result.published);
+      EXPECT_EQ(result.refused_in_a_row, night) << time;
+      EXPECT_EQ(result.alarm(), night == kAlarmRefusals);
+      ASSERT_FALSE(result.reasons.empty());
+      EXPECT_NE(result.reasons.back().find("is not published"), std::string::npos)
+          << result.reasons.back();
+    }
+    EXPECT_EQ(*Store().PublishedVersion("floor"), VersionNumber(1));
+  }
+  // One that is good ends the row.
+  fresh.push_back(Log(5));
+  const AreaNight good = Night(fresh, mapped);
+  EXPECT_TRUE(good.published) << (good.reasons.empty() ? "" : good.reasons.front());
+  EXPECT_EQ(good.refused_in_a_row, 0);
+}
+
+TEST_F(AreaNightTest, LandmarksThatMovedBlockNothing) {
+  OpenWorldOptions options;
+  options.groups = 12;
+  options.size_m = 20.0;
+  options.duration_s = 60.0;
+  options.runs = 4;
+  options.vehicles = 2;
+  options.mode_change_probability = 0.6;
+  world_ = *SimulateOpen(options);
+  const std::vector<LogHead> mapped = {Log(0), Log(1)};
+  ASSERT_TRUE(Night(mapped).published);
+  const AreaNight night = Night({Log(2), Log(3)}, mapped);
+  EXPECT_TRUE(night.published) << (night.reasons.empty() ? "" : night.reasons.front());
+  ASSERT_TRUE(night.judgement);
+  EXPECT_GT(night.judgement->modes_made, 2);
+  EXPECT_TRUE(night.judgement->suspects.empty());
+}
+
+TEST_F(AreaNightTest, AVersionThatWaitsToBeJudgedIsTakenUpAndNotBuiltAgain) {
+  const std::vector<LogHead> mapped = {Log(0), Log(1)};
+  ASSERT_TRUE(Night(mapped).published);
+  const std::vector<LogHead> fresh = {Log(2)};
+  const VersionNumber waits = CommitMoved(fresh, 0.001);
+  const AreaNight night = Night(fresh, mapped);
+  EXPECT_EQ(night.version, waits);
+  EXPECT_TRUE(night.published);
+}
+
+}  // namespace
+}  // namespace shiftmap
