@@ -14,7 +14,7 @@ packages=(
   libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
-  chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev python3 zsh
+  chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev openssl python3 python3-grpcio zsh
   # Python package
   pybind11-dev python3-dev python3-numpy
 )

@@ -27,6 +27,9 @@ inline constexpr const char* kRefuseAction = "refuse";
 /// Of a log that names no area, and where it was found to be; the subject is the job's own.
 inline constexpr const char* kLocateAction = "locate";
 
+/// Of a run log that came over a network; its subject is the log's hash and who handed it in.
+inline constexpr const char* kUploadAction = "upload";
+
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
 /// @param written  By the clock of this machine.
