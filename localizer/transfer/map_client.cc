@@ -13,7 +13,6 @@ namespace shiftmap::transfer {
 namespace {
 
 constexpr std::size_t kMaxPemBytes = std::size_t{1} << 20;
-constexpr int kPort = 65535;
 
 // Of the connection, below our own tries. [ms]
 constexpr int kFirstReconnectMs = 100;
@@ -21,22 +20,6 @@ constexpr int kLongestReconnectMs = 1000;
 constexpr int kConnectTimeoutMs = 10'000;
 constexpr int kKeepaliveMs = 20'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
-
-bool IsLoopback(const std::string& host) {
-  return host == "localhost" || host == "[::1]" || host.starts_with("127.");
-}
-
-std::pair<std::string, std::string> SplitPort(const std::string& address) {
-  const std::size_t colon = address.rfind(':');
-  if (colon == std::string::npos) return {address, ""};
-  return {address.substr(0, colon), address.substr(colon + 1)};
-}
-
-bool IsPort(const std::string& text) {
-  return !text.empty() && text.size() <= 5 &&
-         text.find_first_not_of("0123456789") == std::string::npos && std::stoi(text) > 0 &&
-         std::stoi(text) <= kPort;
-}
 
 // The codes of gRPC are those of absl. Some of them mean something else to a caller here.
 StatusCode CodeOf(const grpc::Status& status, bool stopped) {
@@ -47,10 +30,6 @@ StatusCode CodeOf(const grpc::Status& status, bool stopped) {
     case grpc::StatusCode::UNKNOWN:
       // No call of this service answers so: the stream broke before its status came.
       return StatusCode::kUnavailable;
-    case grpc::StatusCode::UNAUTHENTICATED:
-    case grpc::StatusCode::PERMISSION_DENIED:
-    case grpc::StatusCode::UNIMPLEMENTED:
-      return StatusCode::kFailedPrecondition;
     default:
       return static_cast<StatusCode>(status.error_code());
   }
@@ -86,23 +65,6 @@ StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(const ServerOpti
 
 }  // namespace
 
-std::string CheckServerOptions(const ServerOptions& options) {
-  const auto [host, port] = SplitPort(options.address);
-  if (host.empty() || !IsPort(port)) {
-    return fmt::format("--server '{}', expected HOST:PORT", options.address);
-  }
-  const bool any = !options.tls_ca.empty() || !options.tls_cert.empty() || !options.tls_key.empty();
-  const bool all = !options.tls_ca.empty() && !options.tls_cert.empty() && !options.tls_key.empty();
-  if (options.development_plain_text) {
-    if (any) return "give either certificates or --development-plain-text";
-    if (IsLoopback(host)) return "";
-    return fmt::format("--development-plain-text with --server '{}', expected an address of "
-                       "this host: 127.0.0.1, [::1] or localhost",
-                       options.address);
-  }
-  return all ? "" : "give --tls-ca, --tls-cert and --tls-key";
-}
-
 struct MapClient::State {
   // The context of one call, which a request to stop cancels.
   class Call {
@@ -122,11 +84,11 @@ struct MapClient::State {
 
   Status About(const grpc::Status& status) const {
     if (status.ok()) return OkStatus();
-    return MakeStatus(CodeOf(status, stop.stop_requested()),
-                      "server '{}': {}",
-                      options.address,
-                      status.error_message().empty() ? "the connection broke"
-                                                     : status.error_message());
+    return MakeStatus(
+        CodeOf(status, stop.stop_requested()),
+        "server '{}': {}",
+        options.address,
+        status.error_message().empty() ? "the connection broke" : status.error_message());
   }
 
   Status About(const Status& status) const {
@@ -155,8 +117,8 @@ StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_to
   auto state = std::make_unique<State>();
   state->options = options;
   state->stop = std::move(stop);
-  state->stub = proto::MapServer::NewStub(
-      grpc::CreateCustomChannel(options.address, credentials, arguments));
+  state->stub =
+      proto::MapServer::NewStub(grpc::CreateCustomChannel(options.address, credentials, arguments));
   return MapClient(std::move(state));
 }
 
@@ -192,9 +154,8 @@ Status MapClient::FetchSnapshot(const SnapshotInfo& snapshot,
   while (failed.ok() && stream->Read(&response)) {
     if (response.has_snapshot()) {
       if (response.snapshot().sha256() != snapshot.sha256) {
-        failed = state_->About(DataLoss("it sends snapshot {}, expected {}",
-                                        response.snapshot().sha256(),
-                                        snapshot.sha256));
+        failed = state_->About(DataLoss(
+            "it sends snapshot {}, expected {}", response.snapshot().sha256(), snapshot.sha256));
       }
       continue;
     }
@@ -218,8 +179,9 @@ StatusOr<SubmitResult> MapClient::SubmitReport(const std::string& report) {
   proto::SubmitReportResponse response;
   SHIFTMAP_RETURN_IF_ERROR(
       state_->About(state_->stub->SubmitReport(call.get(), request, &response)));
-  SubmitResult result{
-      .duplicate = response.duplicate(), .evidence_rows = response.evidence_rows(), .set_aside = {}};
+  SubmitResult result{.duplicate = response.duplicate(),
+                      .evidence_rows = response.evidence_rows(),
+                      .set_aside = {}};
   for (const proto::SetAsideEntry& entry : response.set_aside()) {
     result.set_aside.push_back({entry.reason(), entry.rows()});
   }

@@ -9,30 +9,11 @@
 #include <string_view>
 #include <vector>
 
+#include "localizer/transfer/server_options.h"
 #include "mapstore/core/ids.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::transfer {
-
-/// Where the map server is, and who the caller is.
-struct ServerOptions {
-  std::string address;   ///< HOST:PORT.
-  std::string tls_ca;    ///< PEM file of the authority that the server's certificate is from.
-  std::string tls_cert;  ///< PEM file of this vehicle's certificate.
-  std::string tls_key;   ///< PEM file of its key.
-
-  /// Without TLS, for a server on this host only.
-  bool development_plain_text = false;
-
-  double call_deadline_s = 30.0;  ///< Of a call with one answer. [s]
-
-  /// Of a call that streams a file. What came through stays, and the next call goes on there. [s]
-  double stream_deadline_s = 300.0;
-};
-
-/// The message of a usage error, or nothing: the address, and that either all three files are given
-/// or plain text with an address of this host.
-std::string CheckServerOptions(const ServerOptions& options);
 
 /// A signature of a snapshot (proto/map_server.proto, SnapshotSignature).
 struct SnapshotSignature {
@@ -69,9 +50,9 @@ struct UploadState {
 /// The calls of the map server that a vehicle makes, each once: no try is repeated here.
 ///
 /// Errors, of every call: kUnavailable, kResourceExhausted and kDeadlineExceeded are worth another
-/// try. What the server refuses for good is kInvalidArgument, kNotFound, kOutOfRange, kDataLoss, or
-/// kFailedPrecondition for a certificate that does not allow it. kCancelled after a request to
-/// stop. Messages start with `server '<address>': `.
+/// try. What the server refuses for good is kInvalidArgument, kNotFound, kOutOfRange, kDataLoss,
+/// kPermissionDenied. kCancelled after a request to stop. Messages start with `server '<address>':
+/// `.
 ///
 /// Threads: one at a time, but that a stop is requested from any.
 class MapClient {

@@ -77,15 +77,15 @@ std::optional<SnapshotInfo> ReadDescription(const std::string& path) {
     const Json json = Json::parse(*text);
     SnapshotInfo snapshot{.area = json.at("area").get<std::string>(),
                           .version = VersionNumber(json.at("version").get<std::int64_t>()),
-                        .content_hash = json.at("content_hash").get<std::string>(),
-                        .ledger_sequence = json.at("ledger_sequence").get<std::int64_t>(),
-                        .sha256 = json.at("sha256").get<std::string>(),
-                        .size_bytes = json.at("size_bytes").get<std::int64_t>(),
-                        .signatures = {}};
+                          .content_hash = json.at("content_hash").get<std::string>(),
+                          .ledger_sequence = json.at("ledger_sequence").get<std::int64_t>(),
+                          .sha256 = json.at("sha256").get<std::string>(),
+                          .size_bytes = json.at("size_bytes").get<std::int64_t>(),
+                          .signatures = {}};
     for (const Json& signature : json.at("signatures")) {
       const auto bytes = signature.at("signature").get<std::vector<std::uint8_t>>();
-      snapshot.signatures.push_back({signature.at("key_sha256").get<std::string>(),
-                                     std::string(bytes.begin(), bytes.end())});
+      snapshot.signatures.push_back(
+          {signature.at("key_sha256").get<std::string>(), std::string(bytes.begin(), bytes.end())});
     }
     return snapshot;
   } catch (const Json::exception&) {

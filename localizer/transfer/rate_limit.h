@@ -13,8 +13,7 @@ namespace shiftmap::transfer {
 class RateLimit {
  public:
   /// @param bytes_per_s  0: no limit.
-  explicit RateLimit(double bytes_per_s)
-      : bytes_per_s_(bytes_per_s), free_at_(Clock::now()) {}
+  explicit RateLimit(double bytes_per_s) : bytes_per_s_(bytes_per_s), free_at_(Clock::now()) {}
 
   /// Waits until `bytes` may go. False if `stop` was requested meanwhile.
   bool Take(std::size_t bytes, const std::stop_token& stop);

@@ -95,10 +95,8 @@ class Fetch {
     if (gone_) SHIFTMAP_RETURN_IF_ERROR(part_->Begin(result_.snapshot));
     SHIFTMAP_RETURN_IF_ERROR(status);
     if (part_->size_bytes() == of.size_bytes) return OkStatus();
-    return Unavailable("snapshot '{}': {} of {} bytes came",
-                       options_.output,
-                       part_->size_bytes(),
-                       of.size_bytes);
+    return Unavailable(
+        "snapshot '{}': {} of {} bytes came", options_.output, part_->size_bytes(), of.size_bytes);
   }
 
   Status Finish() {
@@ -108,8 +106,7 @@ class Fetch {
       SHIFTMAP_RETURN_IF_ERROR(part_->Begin(result_.snapshot));
       const std::string message = fmt::format(
           "snapshot '{}': its hash is {}, expected {}", options_.output, sha256, of.sha256);
-      return ++wrong_files_ < kMaxWrongFiles ? Unavailable("{}", message)
-                                             : DataLoss("{}", message);
+      return ++wrong_files_ < kMaxWrongFiles ? Unavailable("{}", message) : DataLoss("{}", message);
     }
     Status checked = options_.keys.Verify(of);
     if (checked.ok()) checked = CheckSnapshotFile(part_->part(), of);

@@ -15,8 +15,8 @@ namespace shiftmap::transfer {
 
 struct FetchOptions {
   std::string area;
-  std::string output;    ///< Where the snapshot goes.
-  SnapshotKeys keys;     ///< By which it must be signed, if there are any.
+  std::string output;  ///< Where the snapshot goes.
+  SnapshotKeys keys;   ///< By which it must be signed, if there are any.
   BackoffOptions backoff;
   double max_bytes_per_s = 0.0;  ///< 0: as fast as it comes. [B/s]
   bool dry_run = false;          ///< Only asks which one is the newest.

@@ -47,8 +47,8 @@ StatusOr<std::string> ReadKey(const std::string& path) {
 bool IsSignature(const std::string& key_bytes,
                  const std::string& text,
                  const std::string& signature) {
-  const std::unique_ptr<EVP_PKEY, FreeOpenSsl> key(EVP_PKEY_new_raw_public_key(
-      EVP_PKEY_ED25519, nullptr, Bytes(key_bytes), key_bytes.size()));
+  const std::unique_ptr<EVP_PKEY, FreeOpenSsl> key(
+      EVP_PKEY_new_raw_public_key(EVP_PKEY_ED25519, nullptr, Bytes(key_bytes), key_bytes.size()));
   const std::unique_ptr<EVP_MD_CTX, FreeOpenSsl> context(EVP_MD_CTX_new());
   return key != nullptr && context != nullptr &&
          EVP_DigestVerifyInit(context.get(), nullptr, nullptr, nullptr, key.get()) == 1 &&
