@@ -52,10 +52,9 @@ std::optional<std::string> Unescaped(std::string_view text) {
 std::string MapVersionName(VersionNumber version,
                            std::string_view content_hash,
                            std::string_view sha256) {
-  return fmt::format("{}-{}-{}",
-                     version.value(),
-                     content_hash.substr(0, kNamedDigits),
-                     sha256.substr(0, kNamedDigits));
+  std::string name = fmt::format("{}-{}", version.value(), content_hash.substr(0, kNamedDigits));
+  if (!sha256.empty()) name.append("-").append(sha256.substr(0, kNamedDigits));
+  return name;
 }
 
 StatusOr<std::string> MapFileName(const FolderMap& map) {
