@@ -63,11 +63,15 @@ StatusOr<FolderMap> MapSupply::Brought(MapFolder* folder, MapClient* client) {
 Status MapSupply::Enable() {
   if (!next_) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapFolder folder, MapFolder::Open(options_.maps));
-  if (options_.socket.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(folder.Enable(next_->map_id, next_->map_version));
-  } else {
-    SHIFTMAP_RETURN_IF_ERROR(EnableBetweenShifts(options_.socket, *next_));
+  Status taken = NotFound("no service");
+  if (!options_.socket.empty()) taken = EnableBetweenShifts(options_.socket, *next_);
+  if (taken.code() == StatusCode::kNotFound) {
+    // Nobody drives. A shift that was interrupted goes on with the map that is enabled.
+    SHIFTMAP_ASSIGN_OR_RETURN(const auto enabled, folder.Enabled(next_->map_id));
+    if (enabled && !options_.socket.empty()) return Unavailable("{}", Message(taken));
+    taken = folder.Enable(next_->map_id, next_->map_version);
   }
+  SHIFTMAP_RETURN_IF_ERROR(taken);
   if (options_.inform) {
     options_.inform(fmt::format("map '{}' {} is enabled", next_->map_id, next_->map_version));
   }

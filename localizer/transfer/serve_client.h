@@ -9,7 +9,7 @@
 namespace shiftmap::transfer {
 
 /// Has `serve` take a map of its folder, if no shift is under way.
-/// Errors: kUnavailable while one is, or if `serve` is not there; as its reply.
+/// Errors: kUnavailable while one is; kNotFound if `serve` is not there; as its reply.
 Status EnableBetweenShifts(const std::string& socket, const FolderMap& map);
 
 }  // namespace shiftmap::transfer
