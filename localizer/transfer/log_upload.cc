@@ -54,7 +54,7 @@ StatusOr<bool> LogUpload::SendPiece(MapClient* client, RateLimit* limit, std::in
         std::clamp<std::int64_t>(end - at, 0, static_cast<std::int64_t>(kMessageBytes)));
     std::string bytes(count, '\0');
     if (count > 0 && !file_.read(bytes.data(), static_cast<std::streamsize>(count))) {
-      return About(path_, DataLoss("it has become shorter"));
+      return About(path_, InvalidArgument("it has become shorter"));
     }
     if (!limit->Take(count, client->stop())) {
       return MakeStatus(StatusCode::kCancelled, "stopped");
@@ -69,8 +69,10 @@ StatusOr<bool> LogUpload::SendPiece(MapClient* client, RateLimit* limit, std::in
     stored_bytes_ = sent->stored_bytes;
     return sent->complete;
   }
-  const bool offset_refused =
-      sent.status().code() == StatusCode::kOutOfRange && ++refused_offsets_ < kMaxRefusedOffsets;
+  if (sent.status().code() == StatusCode::kAlreadyExists) return true;
+  const bool elsewhere = sent.status().code() == StatusCode::kOutOfRange ||
+                         sent.status().code() == StatusCode::kAborted;
+  const bool offset_refused = elsewhere && ++refused_offsets_ < kMaxRefusedOffsets;
   const bool hash_refused =
       sent.status().code() == StatusCode::kDataLoss && ++wrong_hashes_ < kMaxWrongHashes;
   if (offset_refused || hash_refused) return Unavailable("{}", Message(sent.status()));

@@ -25,7 +25,7 @@ class LogUpload {
 
   /// Sends the next piece, from where the server says that it has arrived. True once the server has
   /// the whole file.
-  /// Errors also: kDataLoss if it changed while it was sent.
+  /// Errors also: kInvalidArgument if it became shorter meanwhile.
   StatusOr<bool> SendPiece(MapClient* client, RateLimit* limit, std::int64_t piece_bytes);
 
   const std::string& sha256() const { return sha256_; }

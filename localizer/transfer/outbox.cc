@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -121,12 +122,18 @@ Status Outbox::Load() {
   if (!fs::exists(path, unknown)) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, ReadInputFile("outbox", path, kMaxRecordBytes));
   try {
-    for (const Json& json : Json::parse(text).at("items")) {
+    const Json document = Json::parse(text);
+    for (const Json& json : document.at("items")) {
       OutboxItem item = FromJson(json);
       if (IsShiftFile(item.name)) items_[item.name] = std::move(item);
     }
   } catch (const Json::exception& error) {
-    return DataLoss("outbox '{}': {}", path, error.what());
+    // To hand a file in once more does no harm, and to hand in none does.
+    items_.clear();
+    std::rename(path.c_str(), (path + ".damaged").c_str());
+    if (options_.warn) {
+      options_.warn(fmt::format("outbox '{}' is damaged, and begun anew: {}", path, error.what()));
+    }
   }
   // The process may have ended before it deleted them.
   for (const auto& [name, item] : items_) {

@@ -60,8 +60,8 @@ struct OutboxOptions {
 /// folders. Threads: one.
 class Outbox {
  public:
-  /// Errors also: kUnavailable if another process has the record; kDataLoss if the record is
-  /// damaged.
+  /// A record that is damaged is set aside as `outbox.json.damaged`.
+  /// Errors also: kUnavailable if another process has the record.
   static StatusOr<Outbox> Open(const OutboxOptions& options);
 
   /// Looks for files that came and that went, and applies the bound.

@@ -239,6 +239,11 @@ std::map<std::string, std::string> FakeMapServer::logs() const {
   return whole;
 }
 
+void FakeMapServer::StoreBytes(const std::string& sha256, const std::string& bytes) {
+  const std::lock_guard lock(state_->mutex);
+  state_->uploads[sha256] = bytes;
+}
+
 int FakeMapServer::calls() const {
   const std::lock_guard lock(state_->mutex);
   return state_->calls;

@@ -40,6 +40,9 @@ class FakeMapServer {
   /// Streams end with UNAVAILABLE after so many bytes; 0: never.
   void CutStreamsAfter(std::int64_t bytes);
 
+  /// The begin of a log is here already.
+  void StoreBytes(const std::string& sha256, const std::string& bytes);
+
   /// How often each report came, by UUID; and the logs that are whole, by SHA-256.
   std::map<std::string, int> reports() const;
   std::map<std::string, std::string> logs() const;
