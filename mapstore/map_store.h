@@ -166,9 +166,18 @@ class MapStore {
   StatusOr<std::set<std::string>> RunIdentities(const std::string& area, VersionNumber version);
 
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing.
+  /// @param by  Who handed it in, for the audit log; empty: whoever may write the file.
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if
   /// ValidateShiftReport() refuses it or its content hash is not that version's; as CheckClock.
-  StatusOr<ReturnResult> Return(const ShiftReport& report);
+  StatusOr<ReturnResult> Return(const ShiftReport& report, const std::string& by = "");
+
+  /// The same for several reports, with one transaction for all that are not refused. The results
+  /// are in the order of the reports.
+  std::vector<StatusOr<ReturnResult>> ReturnAll(const std::vector<AttributedReport>& reports);
+
+  /// Notes in the audit log that a run log was handed in.
+  /// @param log  Its hash.
+  Status NoteUpload(const std::string& log, const std::string& by);
 
   /// Whether the clock lets a report in, for what wants to know before it writes.
   /// Errors: kInvalidArgument with both times if the report, or a visit in it, ends later than the
@@ -271,6 +280,15 @@ class MapStore {
   /// own that MapStore opens read-only: what a vehicle carries. Verified, fsynced, then renamed
   /// into place. Returns the SHA-256 of the file.
   StatusOr<std::string> ExportSnapshot(const std::string& area, const std::string& path);
+
+  /// The same, with what tells this snapshot from others.
+  StatusOr<ExportedSnapshot> ExportWithIdentity(const std::string& area, const std::string& path);
+
+  /// A number that changes when anybody else, in this process or in another, has written the store.
+  StatusOr<std::int64_t> DataVersion();
+
+  /// What was written since a position in the audit log, 0 for all of it.
+  StatusOr<StoreChanges> ChangesSince(std::int64_t position);
 
  private:
   struct State;

@@ -2,6 +2,7 @@
 //
 // Snapshots: what a vehicle carries.
 #include <filesystem>
+#include <utility>
 
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
@@ -32,6 +33,12 @@ Status VerifySnapshotFile(const std::string& path, Stamp latest, const MapSnapsh
 }  // namespace
 
 StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const ExportedSnapshot exported, ExportWithIdentity(area, path));
+  return exported.sha256;
+}
+
+StatusOr<ExportedSnapshot> MapStore::ExportWithIdentity(const std::string& area,
+                                                        const std::string& path) {
   Database& database = state_->database;
   std::error_code error;
   if (std::filesystem::equivalent(path, database.path(), error)) {
@@ -49,9 +56,10 @@ StatusOr<std::string> MapStore::ExportSnapshot(const std::string& area, const st
   SHIFTMAP_RETURN_IF_ERROR(WriteSnapshotFile(
       database, area_row.area_id, version, expected.content(), latest, temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), latest, expected));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string sha256, HashFile(temporary.path()));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::string sha256, HashFile(temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
-  return sha256;
+  return ExportedSnapshot{
+      std::move(sha256), version.number, version.content_hash, expected.ledger_position()};
 }
 
 }  // namespace shiftmap

@@ -181,6 +181,38 @@ struct ReturnResult {
   std::vector<SetAsideRows> set_aside;
 };
 
+/// A report that came over a network.
+struct AttributedReport {
+  ShiftReport report;
+  std::string by;  ///< Who handed it in.
+};
+
+/// What was written into a snapshot file.
+struct ExportedSnapshot {
+  std::string sha256;  ///< Of the file, in hex.
+  VersionNumber version;
+  std::string content_hash;
+  LedgerPosition ledger_position;  ///< The reports that were in the store.
+};
+
+/// An area as a server watches it.
+struct AreaState {
+  std::string area;
+  std::optional<VersionNumber> published;
+  Stamp created;  ///< When the published version was made.
+
+  /// Position of the newest write that may change what LoadAt() gives; 0: none since the position
+  /// that was asked for.
+  std::int64_t last_change = 0;
+
+  std::int64_t held_reports = 0;  ///< Reports about runs that are held.
+};
+
+struct StoreChanges {
+  std::int64_t position = 0;     ///< Of the newest write.
+  std::vector<AreaState> areas;  ///< All of them, by name.
+};
+
 /// A shift report in the ledger, and what it means for one map version.
 struct ReportSummary {
   std::string uuid;

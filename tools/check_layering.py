@@ -18,13 +18,17 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 # (what is included, where it may be, what to say)
 CONFINED = [
     (re.compile(r"^sqlite3\.h$"), re.compile(r"^mapstore/sqlite/"), "mapstore/sqlite"),
-    (re.compile(r"^grpcpp/|\.grpc\.pb\.h$"), re.compile(r"^(mapstore/server|localizer/transfer)/"), "the server and its client"),
+    (re.compile(r"^grpc(pp)?/|\.grpc\.pb\.h$"), re.compile(r"^(mapstore/server|localizer/transfer)/"), "the server and its client"),
     (re.compile(r"(?<!\.grpc)\.pb\.h$"), re.compile(r"^proto/|(^|/)codec/"), "proto and codec folders"),
     (re.compile(r"^curl/"), re.compile(r"^localizer/transfer/"), "localizer/transfer"),
     (re.compile(r"^ceres/"), re.compile(r"^mapper/graph/"), "mapper/graph"),
     (re.compile(r"^absl/"), re.compile(r"^proto/core/status\.h$"), "proto/core/status.h"),
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
-    (re.compile(r"^microhttpd\.h$"), re.compile(r"^tools/view/view_server\.cc$"), "tools/view/view_server.cc"),
+    (
+        re.compile(r"^microhttpd\.h$"),
+        re.compile(r"^tools/view/view_server\.cc$|^mapstore/server/metrics_endpoint\.cc$"),
+        "tools/view/view_server.cc and mapstore/server/metrics_endpoint.cc",
+    ),
     (re.compile(r"^cairo\.h$|^librsvg/"), re.compile(r"^tools/plot/png\.cc$"), "tools/plot/png.cc"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (re.compile(r"^pybind11/"), re.compile(r"^tools/python/"), "tools/python"),

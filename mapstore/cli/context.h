@@ -36,6 +36,9 @@ class Context {
   bool json() const { return options_.json; }
   bool quiet() const { return options_.quiet; }
 
+  /// As --log-level has it.
+  const std::string& log_level() const { return options_.log_level; }
+
   /// Check and say what would be done, but write nothing.
   bool dry_run() const { return options_.dry_run; }
 

@@ -20,6 +20,9 @@ inline constexpr const char* kWaitAction = "wait";
 inline constexpr const char* kPublishAction = "publish";
 inline constexpr const char* kRollbackAction = "rollback";
 
+/// Of a run log that came over a network; its subject is the log's hash and who handed it in.
+inline constexpr const char* kUploadAction = "upload";
+
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
 /// @param written  By the clock of this machine.

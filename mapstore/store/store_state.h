@@ -80,6 +80,28 @@ struct MapStore::State {
   /// MapStore::Exclude and Include.
   Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);
 
+  /// What a report is about, as the store has it.
+  struct Reportable {
+    AreaRow area;
+    VersionRow version;
+  };
+
+  /// Errors: kInvalidArgument if ValidateShiftReport() refuses it.
+  Status CheckReport(const ShiftReport& report) const;
+
+  /// Inside a transaction. Errors: as MapStore::Return.
+  StatusOr<Reportable> FindReported(const ShiftReport& report);
+
+  /// Adds the rows of a report that is not there yet, inside a transaction.
+  StatusOr<ReturnResult> AddReport(const ShiftReport& report,
+                                   const Reportable& reported,
+                                   const std::string& by);
+
+  /// Adds the reports whose results are OK, in one transaction. After an error nothing is written,
+  /// and the results tell nothing.
+  Status AddReports(const std::vector<AttributedReport>& reports,
+                    std::vector<StatusOr<ReturnResult>>* results);
+
   /// Makes the checkpoints of a version that was published just now. Without them a reader takes
   /// longer, nothing else.
   void MakeCheckpoints(const std::string& area, std::int64_t area_id, const VersionRow& version);

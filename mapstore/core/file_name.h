@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace shiftmap {
+
+/// A file name for any text, different for different texts, in the letters `A-Z a-z 0-9 . _ - =`:
+/// other bytes become `=` and two hex digits, and so does a dot at the begin. A name that would be
+/// longer than 100 bytes is cut, and ends with the text's SHA-256.
+std::string FileNameOf(std::string_view text);
+
+}  // namespace shiftmap

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The half of MapStore that takes in what shifts report, and that tells a server of changes.
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "mapstore/map/shift_report_check.h"
+#include "mapstore/map_store.h"
+#include "mapstore/store/audit_rows.h"
+#include "mapstore/store/checkpoint_rows.h"
+#include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/report_rows.h"
+#include "mapstore/store/report_summary.h"
+#include "mapstore/store/store_state.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr const char* kReturnAction = "return";
+
+// What an audit entry says of the caller of a server.
+std::string By(const std::string& subject, const std::string& by) {
+  return by.empty() ? subject : fmt::format("{} by {}", subject, by);
+}
+
+}  // namespace
+
+Status MapStore::CheckClock(const ShiftReport& report) const {
+  Stamp end = report.end;
+  for (const VisitEvidence& visit : report.evidence) end = std::max(end, visit.end);
+  return CheckNotInFuture(fmt::format("{}: shift report {}", state_->database.name(), report.uuid),
+                          end,
+                          state_->clock(),
+                          state_->clock_tolerance_s);
+}
+
+Status MapStore::State::CheckReport(const ShiftReport& report) const {
+  if (const Status valid = ValidateShiftReport(report); !valid.ok()) {
+    return InvalidArgument("{}: shift report {}: {}", database.name(), report.uuid, Message(valid));
+  }
+  return OkStatus();
+}
+
+StatusOr<MapStore::State::Reportable> MapStore::State::FindReported(const ShiftReport& report) {
+  SHIFTMAP_ASSIGN_OR_RETURN(AreaRow area_row, GetArea(database, report.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(VersionRow version,
+                            GetVersion(database, report.area, area_row.area_id, report.version));
+  if (report.content_hash != version.content_hash) {
+    return InvalidArgument("{}: shift report {}: content hash {}, expected {}",
+                           VersionName(report.area, report.version),
+                           report.uuid,
+                           report.content_hash,
+                           version.content_hash);
+  }
+  return Reportable{std::move(area_row), std::move(version)};
+}
+
+StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
+                                                  const Reportable& reported,
+                                                  const std::string& by) {
+  const auto& [area_row, version] = reported;
+  std::optional<VersionRow> published;
+  if (area_row.published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(published, PublishedRow(report.area, area_row));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const InsertedReport inserted,
+                            InsertReport(database, area_row.area_id, version, report, clock()));
+  ReturnResult result;
+  result.evidence_rows = static_cast<int>(report.evidence.size());
+  std::string owner = AreaName(report.area);
+  if (published) {
+    owner = VersionName(report.area, published->number);
+    SHIFTMAP_ASSIGN_OR_RETURN(ModeNumbers* const mode_numbers, NumbersOf(*published));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        result.set_aside,
+        CountSetAside(database, *published, version, inserted, report, mode_numbers));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(KeepCheckpoints(database,
+                                           area_row.area_id,
+                                           inserted,
+                                           result.evidence_rows,
+                                           published,
+                                           checkpoint_rows,
+                                           owner));
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertAudit(database, area_row.area_id, kReturnAction, By(report.uuid, by)));
+  return result;
+}
+
+StatusOr<ReturnResult> MapStore::Return(const ShiftReport& report, const std::string& by) {
+  SHIFTMAP_RETURN_IF_ERROR(state_->CheckReport(report));
+  SHIFTMAP_RETURN_IF_ERROR(CheckClock(report));
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  ReturnResult result;
+  SHIFTMAP_ASSIGN_OR_RETURN(result.duplicate, HasReport(state_->database, report.uuid));
+  if (result.duplicate) return result;
+  SHIFTMAP_ASSIGN_OR_RETURN(const State::Reportable reported, state_->FindReported(report));
+  SHIFTMAP_ASSIGN_OR_RETURN(result, state_->AddReport(report, reported, by));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return result;
+}
+
+Status MapStore::State::AddReports(const std::vector<AttributedReport>& reports,
+                                   std::vector<StatusOr<ReturnResult>>* results) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Write());
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    StatusOr<ReturnResult>& result = (*results)[i];
+    if (!result.ok()) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(result->duplicate, HasReport(database, reports[i].report.uuid));
+    if (result->duplicate) continue;
+    const StatusOr<Reportable> reported = FindReported(reports[i].report);
+    if (!reported.ok()) {
+      result = reported.status();
+      continue;
+    }
+    // What fails from here on may have left rows.
+    SHIFTMAP_ASSIGN_OR_RETURN(*result, AddReport(reports[i].report, *reported, reports[i].by));
+  }
+  return transaction.Commit();
+}
+
+std::vector<StatusOr<ReturnResult>> MapStore::ReturnAll(
+    const std::vector<AttributedReport>& reports) {
+  std::vector<StatusOr<ReturnResult>> results;
+  for (const AttributedReport& each : reports) {
+    Status valid = state_->CheckReport(each.report);
+    if (valid.ok()) valid = CheckClock(each.report);
+    results.push_back(valid.ok() ? StatusOr<ReturnResult>(ReturnResult()) : valid);
+  }
+  if (reports.size() > 1 && state_->AddReports(reports, &results).ok()) return results;
+  // One by one, so that one that fails fails alone.
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    results[i] = Return(reports[i].report, reports[i].by);
+  }
+  return results;
+}
+
+Status MapStore::NoteUpload(const std::string& log, const std::string& by) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(state_->database, std::nullopt, kUploadAction, By(log, by)));
+  return transaction.Commit();
+}
+
+StatusOr<std::int64_t> MapStore::DataVersion() {
+  return state_->database.QueryInt64("PRAGMA data_version");
+}
+
+StatusOr<StoreChanges> MapStore::ChangesSince(std::int64_t position) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  StoreChanges changes;
+  SHIFTMAP_ASSIGN_OR_RETURN(changes.position,
+                            database.QueryInt64("SELECT coalesce(max(audit_id), 0) FROM audit"));
+  // A backup that was restored may tell of fewer writes.
+  if (changes.position < position) position = 0;
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare(
+          "SELECT a.name, p.number, p.created_ns, coalesce(u.last, 0), (SELECT count(*) "
+          "FROM shift_report r WHERE EXISTS (SELECT 1 FROM exclusion e WHERE e.area_id = a.area_id "
+          "AND e.held AND e.included_ns IS NULL AND (e.run = r.identity "
+          "OR (e.run = '' AND e.vehicle = r.vehicle AND e.since_ns <= r.begin_ns))) "
+          "AND r.version_id IN (SELECT version_id FROM version v WHERE v.area_id = a.area_id) "
+          "AND EXISTS (SELECT 1 FROM exclusion e WHERE e.held AND e.included_ns IS NULL)) "
+          "FROM area a LEFT JOIN version p ON p.version_id = a.published_version_id "
+          "LEFT JOIN (SELECT area_id, max(audit_id) AS last FROM audit WHERE audit_id > ?1 "
+          "AND action NOT IN ('commit', ?2) GROUP BY area_id) u ON u.area_id = a.area_id "
+          "ORDER BY a.name"));
+  query.Bind(position, kWaitAction);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return changes;
+    AreaState area;
+    area.area = query.Text(0);
+    if (!query.IsNull(1)) area.published = VersionNumber(query.Int64(1));
+    if (!query.IsNull(2)) area.created = StampFromNanoseconds(query.Int64(2));
+    area.last_change = query.Int64(3);
+    area.held_reports = query.Int64(4);
+    changes.areas.push_back(std::move(area));
+  }
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/server/client_certificate.h"
+
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <ctime>
+#include <optional>
+#include <utility>
+
+#include "mapstore/map/shift_report_check.h"
+
+namespace shiftmap::server {
+namespace {
+
+struct FreeBio {
+  void operator()(BIO* bio) const { BIO_free(bio); }
+};
+
+template <typename... Args>
+Status Unauthenticated(fmt::format_string<Args...> format, Args&&... args) {
+  return MakeStatus(StatusCode::kUnauthenticated, format, std::forward<Args>(args)...);
+}
+
+// The entry of a name in UTF-8; nothing if there is none, or several, or it is no text.
+std::optional<std::string> OnlyEntry(X509_NAME* name, int nid) {
+  const int index = X509_NAME_get_index_by_NID(name, nid, -1);
+  if (index < 0 || X509_NAME_get_index_by_NID(name, nid, index) >= 0) return std::nullopt;
+  unsigned char* utf8 = nullptr;
+  const int size =
+      ASN1_STRING_to_UTF8(&utf8, X509_NAME_ENTRY_get_data(X509_NAME_get_entry(name, index)));
+  if (size < 0) return std::nullopt;
+  std::string text(reinterpret_cast<const char*>(utf8), static_cast<std::size_t>(size));
+  OPENSSL_free(utf8);
+  return text;
+}
+
+std::optional<Stamp> StampOf(const ASN1_TIME* time) {
+  std::tm broken_down = {};
+  if (ASN1_TIME_to_tm(time, &broken_down) != 1) return std::nullopt;
+  const std::time_t seconds = timegm(&broken_down);
+  // Certificates that shall never expire end in the year 9999, which is no stamp.
+  constexpr std::time_t kLastSecond = 9'000'000'000;
+  return Stamp(std::chrono::seconds(std::min(seconds, kLastSecond)));
+}
+
+}  // namespace
+
+StatusOr<ClientCertificate> ReadClientCertificate(const std::string& pem) {
+  const std::unique_ptr<BIO, FreeBio> bio(
+      BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+  const std::shared_ptr<X509> x509(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr),
+                                   X509_free);
+  if (!x509) return Unauthenticated("no client certificate");
+  X509_NAME* const subject = X509_get_subject_name(x509.get());
+  const std::optional<std::string> name = OnlyEntry(subject, NID_commonName);
+  if (!name || !CheckReportText("CN", *name).ok()) {
+    return Unauthenticated("client certificate: expected one CN, the client's name");
+  }
+  const std::optional<std::string> unit = OnlyEntry(subject, NID_organizationalUnitName);
+  const std::optional<Role> role = unit ? RoleOf(*unit) : std::nullopt;
+  if (!role) {
+    return Unauthenticated(
+        "client certificate of '{}': OU '{}', expected vehicle, mapper, inspector or operator",
+        *name,
+        unit.value_or(""));
+  }
+  const std::optional<Stamp> begin = StampOf(X509_get0_notBefore(x509.get()));
+  const std::optional<Stamp> end = StampOf(X509_get0_notAfter(x509.get()));
+  if (!begin || !end) return Unauthenticated("client certificate of '{}': no dates", *name);
+  return ClientCertificate{*name, *role, *begin, *end, x509};
+}
+
+}  // namespace shiftmap::server

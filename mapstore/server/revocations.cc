@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/server/revocations.h"
+
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "mapstore/core/input_file.h"
+
+namespace shiftmap::server {
+namespace {
+
+constexpr std::size_t kMaxFileBytes = std::size_t{64} << 20;
+constexpr std::chrono::seconds kLookEvery{1};
+
+struct FreeBio {
+  void operator()(BIO* bio) const { BIO_free(bio); }
+};
+using Bio = std::unique_ptr<BIO, FreeBio>;
+
+Bio BioOf(const std::string& text) {
+  return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+}
+
+std::vector<std::shared_ptr<X509>> ReadAuthorities(const std::string& pem) {
+  std::vector<std::shared_ptr<X509>> authorities;
+  const Bio bio = BioOf(pem);
+  while (X509* const x509 = PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)) {
+    authorities.emplace_back(x509, X509_free);
+  }
+  return authorities;
+}
+
+bool IsSignedByOne(X509_CRL* crl, const std::vector<std::shared_ptr<X509>>& authorities) {
+  return std::any_of(authorities.begin(), authorities.end(), [&](const auto& authority) {
+    return X509_NAME_cmp(X509_CRL_get_issuer(crl), X509_get_subject_name(authority.get())) == 0 &&
+           X509_CRL_verify(crl, X509_get0_pubkey(authority.get())) == 1;
+  });
+}
+
+// Changes whenever somebody writes the file, or puts another one in its place.
+std::string StateOf(const std::string& path) {
+  struct stat info {};
+  if (stat(path.c_str(), &info) != 0) return "none";
+  return fmt::format(
+      "{} {} {}.{}", info.st_ino, info.st_size, info.st_mtim.tv_sec, info.st_mtim.tv_nsec);
+}
+
+}  // namespace
+
+StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_path,
+                                                         const std::string& authority_path,
+                                                         JsonLog* log) {
+  std::unique_ptr<Revocations> revocations(new Revocations(crl_path, authority_path, log));
+  if (crl_path.empty()) return revocations;
+  revocations->state_ = StateOf(crl_path);
+  SHIFTMAP_ASSIGN_OR_RETURN(revocations->lists_, revocations->Load());
+  return revocations;
+}
+
+StatusOr<Revocations::Lists> Revocations::Load() const {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string authority_pem,
+                            ReadInputFile("client CA", authority_path_, kMaxFileBytes));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string pem, ReadInputFile("CRL", crl_path_, kMaxFileBytes));
+  const auto authorities = ReadAuthorities(authority_pem);
+  Lists lists;
+  const Bio bio = BioOf(pem);
+  while (X509_CRL* const crl = PEM_read_bio_X509_CRL(bio.get(), nullptr, nullptr, nullptr)) {
+    lists.emplace_back(crl, X509_CRL_free);
+    if (!IsSignedByOne(crl, authorities)) {
+      return InvalidArgument("CRL '{}': list {}: not signed by an authority of '{}'",
+                             crl_path_,
+                             lists.size(),
+                             authority_path_);
+    }
+    const ASN1_TIME* const next = X509_CRL_get0_nextUpdate(crl);
+    if (next != nullptr && X509_cmp_current_time(next) < 0) {
+      log_->Write(JsonLog::Level::kWarning,
+                  "CRL is out of date",
+                  {{"path", crl_path_}, {"list", lists.size()}});
+    }
+  }
+  if (lists.empty()) return InvalidArgument("CRL '{}': expected a CRL in PEM", crl_path_);
+  return lists;
+}
+
+void Revocations::ReloadIfChanged() {
+  const Clock::time_point now = Clock::now();
+  if (now - looked_ < kLookEvery) return;
+  looked_ = now;
+  const std::string state = StateOf(crl_path_);
+  if (state == state_) return;
+  state_ = state;
+  StatusOr<Lists> lists = Load();
+  if (!lists.ok()) {
+    log_->Write(JsonLog::Level::kError, "CRL unreadable", {{"message", Message(lists.status())}});
+    return;
+  }
+  lists_ = *std::move(lists);
+  log_->Write(JsonLog::Level::kInfo, "CRL read", {{"path", crl_path_}, {"lists", lists_.size()}});
+}
+
+bool Revocations::IsRevoked(const ClientCertificate& certificate) {
+  if (crl_path_.empty()) return false;
+  const std::lock_guard lock(mutex_);
+  ReloadIfChanged();
+  X509* const x509 = certificate.x509.get();
+  return std::any_of(lists_.begin(), lists_.end(), [&](const auto& crl) {
+    X509_REVOKED* entry = nullptr;
+    // An entry by serial number is the issuer's.
+    return X509_NAME_cmp(X509_CRL_get_issuer(crl.get()), X509_get_issuer_name(x509)) == 0 &&
+           X509_CRL_get0_by_cert(crl.get(), &entry, x509) == 1;
+  });
+}
+
+}  // namespace shiftmap::server

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/server/snapshot_signer.h"
+
+#include <openssl/evp.h>
+#include <openssl/pem.h>
+
+#include <array>
+#include <utility>
+
+#include "mapstore/core/input_file.h"
+#include "mapstore/map/sha256.h"
+#include "proto/core/check.h"
+
+namespace shiftmap::server {
+namespace {
+
+constexpr std::size_t kMaxKeyBytes = std::size_t{64} << 10;
+constexpr std::size_t kPublicKeyBytes = 32;
+constexpr std::size_t kSignatureBytes = 64;
+
+struct FreeKey {
+  void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
+};
+struct FreeDigest {
+  void operator()(EVP_MD_CTX* digest) const { EVP_MD_CTX_free(digest); }
+};
+struct FreeBio {
+  void operator()(BIO* bio) const { BIO_free(bio); }
+};
+
+const unsigned char* Bytes(const std::string& text) {
+  return reinterpret_cast<const unsigned char*>(text.data());
+}
+
+}  // namespace
+
+std::string SignedText(const SnapshotInfo& snapshot) {
+  return fmt::format("shiftmap-snapshot\n{}\n{}\n{}\n{}\n{}\n",
+                     snapshot.area,
+                     snapshot.version.value(),
+                     snapshot.content_hash,
+                     snapshot.ledger_sequence.value(),
+                     snapshot.sha256);
+}
+
+struct SnapshotSigner::Key {
+  std::unique_ptr<EVP_PKEY, FreeKey> key;
+  std::string public_sha256;
+};
+
+SnapshotSigner::SnapshotSigner(std::unique_ptr<Key> key) : key_(std::move(key)) {}
+SnapshotSigner::SnapshotSigner(SnapshotSigner&&) noexcept = default;
+SnapshotSigner& SnapshotSigner::operator=(SnapshotSigner&&) noexcept = default;
+SnapshotSigner::~SnapshotSigner() = default;
+
+StatusOr<SnapshotSigner> SnapshotSigner::Read(const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string pem,
+                            ReadInputFile("signing key", path, kMaxKeyBytes));
+  const std::unique_ptr<BIO, FreeBio> bio(
+      BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+  // A key with a password would ask for it on the terminal.
+  const auto no_password = [](char*, int, int, void*) { return 0; };
+  auto key = std::make_unique<Key>();
+  key->key.reset(PEM_read_bio_PrivateKey(bio.get(), nullptr, no_password, nullptr));
+  std::array<unsigned char, kPublicKeyBytes> raw = {};
+  std::size_t size = raw.size();
+  if (!key->key || EVP_PKEY_id(key->key.get()) != EVP_PKEY_ED25519 ||
+      EVP_PKEY_get_raw_public_key(key->key.get(), raw.data(), &size) != 1) {
+    return InvalidArgument("signing key '{}': expected an Ed25519 private key in PEM", path);
+  }
+  Sha256 hash;
+  hash.Update({reinterpret_cast<const char*>(raw.data()), size});
+  key->public_sha256 = hash.HexDigest();
+  return SnapshotSigner(std::move(key));
+}
+
+SnapshotSignature SnapshotSigner::Sign(const SnapshotInfo& snapshot) const {
+  const std::string text = SignedText(snapshot);
+  const std::unique_ptr<EVP_MD_CTX, FreeDigest> digest(EVP_MD_CTX_new());
+  std::string signature(kSignatureBytes, '\0');
+  std::size_t size = signature.size();
+  const bool made =
+      digest && EVP_DigestSignInit(digest.get(), nullptr, nullptr, nullptr, key_->key.get()) == 1 &&
+      EVP_DigestSign(digest.get(),
+                     reinterpret_cast<unsigned char*>(signature.data()),
+                     &size,
+                     Bytes(text),
+                     text.size()) == 1;
+  SHIFTMAP_CHECK(made && size == kSignatureBytes, "a signature of {} bytes", size);
+  return {key_->public_sha256, signature};
+}
+
+}  // namespace shiftmap::server
