@@ -31,7 +31,8 @@ class Outcomes {
   // True if the next file would fare no better.
   bool Failed(Json entry, const std::string& path, const Status& status) {
     entry["error"] = Message(status);
-    Add(std::move(entry), fmt::format("{}: {}\n", InertLine(path), InertLine(Message(status))));
+    // Standard error has the reason of the gravest.
+    Add(std::move(entry), fmt::format("{}: not handed in\n", InertLine(path)));
     const bool temporary = IsTemporary(status);
     if (failure_.ok() || temporary) failure_ = status;
     return temporary || status.code() == StatusCode::kUnauthenticated;
