@@ -112,6 +112,9 @@ class Localizer {
 
   LocalizerState state() const { return state_; }
 
+  /// How many landmarks agree with the pose, by the last sightings of each.
+  PoseSupport Support() const { return health_.Support(); }
+
   /// Changes of the state, oldest first, each with what it rests on; the last thousand.
   const std::deque<StateChange>& state_changes() const { return state_changes_; }
   LocalizerStatistics Statistics() const;

@@ -22,6 +22,9 @@ namespace {
 struct ServeOptions {
   std::optional<std::string> store;
   std::optional<std::string> snapshot;
+  std::optional<std::string> maps;
+  std::int64_t maps_quota_mib = MapFolderOptions().max_bytes >> 20;
+  std::string map_source = "none";
   std::string area;
   std::string socket;
   std::optional<std::string> state_dir;
@@ -41,8 +44,12 @@ struct ServeOptions {
 };
 
 std::string CheckOptions(const ServeOptions& options) {
-  if (options.store.has_value() == options.snapshot.has_value()) {
-    return "give either --store or --snapshot";
+  const int sources = options.store.has_value() + options.snapshot.has_value();
+  if (options.maps ? options.snapshot.has_value() : sources != 1) {
+    return "give one of --store, --snapshot and --maps";
+  }
+  if (options.maps && !options.content_hash.empty()) {
+    return "--content-hash goes with --store or --snapshot";
   }
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
@@ -52,7 +59,14 @@ std::string CheckOptions(const ServeOptions& options) {
 
 live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   live::ServiceOptions service;
-  service.map_path = options.store ? *options.store : *options.snapshot;
+  if (options.maps) {
+    service.map_folder = *options.maps;
+    service.map_folder_options.max_bytes = options.maps_quota_mib << 20;
+    service.has_map_owner = options.map_source == "server";
+  } else {
+    service.map_path = options.store ? *options.store : *options.snapshot;
+  }
+  service.start = options.start;
   service.area = options.area;
   service.content_hash = options.content_hash;
   service.state_dir = options.state_dir.value_or(options.socket + ".state");
@@ -83,7 +97,8 @@ Status Serve(const ServeOptions& options, Context& context) {
   if (options.start && !service.State().running) {
     std::vector<live::Event> events;
     const live::Reply started = service.Handle({.id = 0, .command = live::Start()}, &events);
-    SHIFTMAP_RETURN_IF_ERROR(started.status);
+    // With a folder, it begins once a map is enabled.
+    if (!options.maps) SHIFTMAP_RETURN_IF_ERROR(started.status);
   }
   SHIFTMAP_RETURN_IF_ERROR(server.Run(&service));
   context.Report(ServiceJson(service.State()), ServiceText(service.State()));
@@ -101,6 +116,16 @@ void AddServeCommand(Application* application) {
   AddLimitOptions(&options->limits, &command);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
+      .Option("--maps",
+              &options->maps,
+              "Folder of maps to take the enabled map of the area from; a --store is not used then")
+      .Option("--maps-quota-mib", &options->maps_quota_mib, "The folder of maps may take this much")
+      .InRange(1, 1 << 30)
+      .Option("--map-source",
+              &options->map_source,
+              "Who changes maps of the folder: server: `shiftmap-transfer sync` alone; vda5050, "
+              "none: any client that asks")
+      .OneOf({"none", "server", "vda5050"})
       .Option("--area", &options->area, "Area to localize in")
       .Required()
       .Option("--socket", &options->socket, "Unix socket to listen on")

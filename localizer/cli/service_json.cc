@@ -45,6 +45,14 @@ Json Describe(const Decision& decision) {
           {"log_odds", decision.log_odds}};
 }
 
+Json Describe(const live::DownloadMap& download) {
+  return {{"event", "map_download"},
+          {"action_id", download.action_id},
+          {"map_id", download.map_id},
+          {"map_version", download.map_version},
+          {"link", download.link}};
+}
+
 }  // namespace
 
 Json ServiceJson(const live::ServiceState& state) {

@@ -15,6 +15,7 @@ constexpr std::size_t kReadBytes = std::size_t{16} << 10;
 bool Wanted(const Event& event, const Subscribe& subscription) {
   if (std::holds_alternative<PoseEvent>(event)) return subscription.poses;
   if (std::holds_alternative<StateEvent>(event)) return subscription.states;
+  if (std::holds_alternative<DownloadMap>(event)) return subscription.map_downloads;
   return std::holds_alternative<Decision>(event) && subscription.decisions;
 }
 

@@ -40,6 +40,7 @@ class Connection {
   void Flush();
 
   void set_subscription(const Subscribe& subscription) { subscription_ = subscription; }
+  const Subscribe& subscription() const { return subscription_; }
 
   /// What decides whether the client may stay.
   ClientActivity activity() const {

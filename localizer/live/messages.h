@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/hypothesis_view.h"
+#include "localizer/live/fleet_messages.h"
 #include "localizer/localizer_options.h"
 #include "localizer/localizer_state.h"
 #include "mapstore/core/ids.h"
@@ -54,6 +55,8 @@ struct Subscribe {
   bool poses = false;
   bool states = false;
   bool decisions = false;
+  bool map_downloads = false;  ///< To download maps for the service.
+  bool map_owner = false;      ///< The client decides on maps.
 };
 
 using Command = std::variant<OdometrySample,
@@ -64,7 +67,14 @@ using Command = std::variant<OdometrySample,
                              Stop,
                              SetMap,
                              InitializePose,
-                             Subscribe>;
+                             Subscribe,
+                             DownloadMap,
+                             EnableMap,
+                             DeleteMap,
+                             InitializePosition,
+                             ClearActions,
+                             GetFleetState,
+                             MapDownloadProgress>;
 
 /// True for an item of the run.
 inline bool Feeds(const Command& command) {
@@ -72,9 +82,19 @@ inline bool Feeds(const Command& command) {
          std::holds_alternative<LidarScan>(command);
 }
 
+/// True for what is answered with the fleet's state.
+inline bool AsksForFleetState(const Command& command) {
+  return std::holds_alternative<DownloadMap>(command) ||
+         std::holds_alternative<EnableMap>(command) || std::holds_alternative<DeleteMap>(command) ||
+         std::holds_alternative<InitializePosition>(command) ||
+         std::holds_alternative<ClearActions>(command) ||
+         std::holds_alternative<GetFleetState>(command);
+}
+
 struct Request {
   std::uint64_t id = 0;  ///< 0: no reply wanted.
   Command command;
+  bool from_map_owner = false;  ///< Of a client that subscribed as such; not on the wire.
 };
 
 /// How the stamps of the items lie to the time line of the shift and to this host's clock.
@@ -125,6 +145,7 @@ struct Reply {
   Status status;
   std::optional<ServiceState> state;  ///< After the request; none for items of the run.
   std::optional<HypothesisView> hypotheses = std::nullopt;  ///< If asked for and there is a pose.
+  std::optional<FleetState> fleet_state = std::nullopt;     ///< After an action, and if asked for.
 };
 
 /// The pose after an item of the run.
@@ -140,7 +161,7 @@ struct StateEvent {
   LocalizerState state = LocalizerState::kInitializing;
 };
 
-using Event = std::variant<Reply, PoseEvent, StateEvent, Decision>;
+using Event = std::variant<Reply, PoseEvent, StateEvent, Decision, DownloadMap>;
 
 /// What a shift was begun with; the first record of its journal.
 struct ShiftHeader {
@@ -156,6 +177,7 @@ struct ShiftHeader {
   std::optional<double> odometer_m;  ///< What the vehicle's odometer showed. [m]
   LimitOptions limits;               ///< As LocalizerOptions::limits.
   FieldOfViewModel field_of_view = FieldOfViewModel::kSector;
+  std::string map_sha256;  ///< Of the snapshot file, if it is one of a folder of maps.
 };
 
 /// Everything that a shift's result depends on, in order: the header, then the inputs as they came.

@@ -1,43 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/saved_pose.h"
 
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
-#include <iterator>
+#include <string_view>
 
+#include "localizer/live/checked_file.h"
 #include "localizer/live/codec/journal_codec.h"
-#include "mapstore/core/atomic_file.h"
-#include "proto/mcap/crc32.h"
 
 namespace shiftmap::live {
 namespace {
 
-// The checksum's line, then the message.
-std::string Head(std::string_view message) {
-  return fmt::format("shiftmap pose {:08x}\n", mcap::Crc32::Of(message));
-}
+constexpr std::string_view kKind = "pose";
 
 }  // namespace
 
 Status WriteSavedPose(const SavedPose& saved, const std::string& path) {
-  const std::string message = EncodeSavedPose(saved);
-  return WriteFileAtomically(path, Head(message) + message);
+  return WriteCheckedFile(kKind, EncodeSavedPose(saved), path);
 }
 
 StatusOr<SavedPose> ReadSavedPose(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    return NotFound("saved pose '{}': cannot open: {}", path, std::strerror(errno));
+  const auto message = ReadCheckedFile(kKind, path);
+  if (!message.ok()) {
+    return MakeStatus(
+        message.status().code(), "saved pose '{}': {}", path, Message(message.status()));
   }
-  const std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  const std::size_t head = Head("").size();
-  const std::string message = bytes.size() < head ? "" : bytes.substr(head);
-  if (bytes.size() < head || bytes.substr(0, head) != Head(message)) {
-    return DataLoss("saved pose '{}': checksum mismatch", path);
-  }
-  auto saved = DecodeSavedPose(message);
+  auto saved = DecodeSavedPose(*message);
   if (!saved.ok()) return DataLoss("saved pose '{}': {}", path, Message(saved.status()));
   return saved;
 }

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstring>
 #include <iterator>
+#include <utility>
 
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/unix_socket.h"
@@ -72,6 +73,7 @@ Status Server::Run(Service* service) {
   for (bool stop = false; !stop;) {
     SHIFTMAP_RETURN_IF_ERROR(Wait(&stop));
     LocalizeHeld();
+    GoOn();
     service_->WriteJournal();
     FlushAll();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_sync_) {
@@ -128,6 +130,12 @@ void Server::LocalizeHeld() {
   SendNews();
 }
 
+void Server::GoOn() {
+  events_.clear();
+  service_->GoOn(&events_);
+  SendNews();
+}
+
 bool Server::MakePlace() {
   if (clients_.size() < client_options_.max_kept + client_options_.guests) return true;
   std::vector<ClientActivity> activities;
@@ -173,19 +181,49 @@ void Server::Serve(Connection* client) {
 
 void Server::Answer(Connection* client, const std::string& message) {
   std::uint64_t id = 0;
-  const auto request = DecodeRequest(message, &id);
+  auto request = DecodeRequest(message, &id);
   if (!request.ok()) {
     service_->CountDropped("bad_request");
     if (id != 0) client->SendReply(FramedEvent(Reply{id, request.status(), std::nullopt}));
     return;
   }
   const auto* subscribe = std::get_if<Subscribe>(&request->command);
-  if (subscribe != nullptr) client->set_subscription(*subscribe);
+  if (subscribe != nullptr) {
+    if (const Status status = TakeSubscription(*subscribe, client); !status.ok()) {
+      if (id != 0) client->SendReply(FramedEvent(Reply{id, status, std::nullopt}));
+      return;
+    }
+  }
+  request->from_map_owner = client->subscription().map_owner;
   if ((Feeds(request->command) || subscribe != nullptr) && !client->activity().kept) Keep(client);
+  NoteDownloader();
   events_.clear();
   const Reply reply = service_->Handle(*request, &events_);
   if (id != 0) client->SendReply(FramedEvent(reply));
   SendNews();
+}
+
+Status Server::TakeSubscription(const Subscribe& subscription, Connection* client) {
+  if (subscription.map_owner && !service_->has_map_owner()) {
+    return FailedPrecondition(
+        "requests change maps here (map_source = vda5050), expected no owner of maps");
+  }
+  const bool taken = std::any_of(clients_.begin(), clients_.end(), [&](const Connection& other) {
+    return &other != client && other.subscription().map_downloads;
+  });
+  if (subscription.map_downloads && taken) {
+    return FailedPrecondition("another client downloads maps already");
+  }
+  client->set_subscription(subscription);
+  return OkStatus();
+}
+
+// Downloads that wait for a client that is gone have failed.
+void Server::NoteDownloader() {
+  const bool present = std::any_of(clients_.begin(), clients_.end(), [](const Connection& client) {
+    return client.subscription().map_downloads;
+  });
+  if (present != std::exchange(downloader_, present)) service_->SetDownloader(present);
 }
 
 void Server::SendNews() {
@@ -209,6 +247,7 @@ void Server::FlushAll() {
       ++client;
     }
   }
+  NoteDownloader();
 }
 
 }  // namespace shiftmap::live

@@ -59,6 +59,9 @@ class Server {
   void Answer(Connection* client, const std::string& message);
   std::chrono::milliseconds LongestWait() const;
   void LocalizeHeld();
+  void GoOn();
+  Status TakeSubscription(const Subscribe& subscription, Connection* client);
+  void NoteDownloader();
   void SendNews();
   void FlushAll();
 
@@ -68,7 +71,8 @@ class Server {
   Service* service_ = nullptr;
   ServiceNotifier* notifier_;
   ClientOptions client_options_;
-  bool full_ = false;  // A client waits for a place.
+  bool full_ = false;        // A client waits for a place.
+  bool downloader_ = false;  // One that downloads maps is connected.
   std::list<Connection> clients_;
   std::vector<Event> events_;
   std::chrono::steady_clock::time_point next_sync_;

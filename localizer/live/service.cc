@@ -75,14 +75,29 @@ StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,
 }
 
 StatusOr<Service> Service::Open(ServiceOptions options) {
-  Service service(std::move(options));
+  SHIFTMAP_RETURN_IF_ERROR(CheckReportText("vehicle", options.vehicle));
+  SHIFTMAP_RETURN_IF_ERROR(options.localizer.Validate());
+  SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(options.state_dir));
+  SHIFTMAP_ASSIGN_OR_RETURN(OwnedFd lock, Lock(options.state_dir));
+  ActionLog log(options.state_dir + "/actions");
+  if (const Status status = log.Read(); !status.ok()) options.warn(Message(status));
+  std::optional<MapFolder> folder;
+  if (!options.map_folder.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(folder,
+                              MapFolder::Open(options.map_folder, options.map_folder_options));
+  }
+  Service service(std::move(options), FleetActions(std::move(log), std::move(folder)));
   const ServiceOptions& set = service.options_;
-  SHIFTMAP_RETURN_IF_ERROR(CheckReportText("vehicle", set.vehicle));
-  SHIFTMAP_RETURN_IF_ERROR(set.localizer.Validate());
-  SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(set.state_dir));
-  SHIFTMAP_ASSIGN_OR_RETURN(service.lock_, Lock(set.state_dir));
-  SHIFTMAP_ASSIGN_OR_RETURN(service.map_, LoadLiveMap(set.map_path, set.area));
-  SHIFTMAP_RETURN_IF_ERROR(CheckHash(*service.map_, set.content_hash));
+  service.lock_ = std::move(lock);
+  if (service.fleet_.has_folder()) {
+    // Without a map it can still be told to get one.
+    const Status status = service.TakeUpEnabledMap();
+    if (!status.ok()) set.warn(Message(status));
+  } else {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, LoadLiveMap(set.map_path, set.area));
+    SHIFTMAP_RETURN_IF_ERROR(CheckHash(map, set.content_hash));
+    service.TakeUp({std::move(map)});
+  }
   service.given_start_ = set.localizer.initial_pose;
   service.TakeUpJournal();
   return service;
@@ -92,12 +107,19 @@ Reply Service::Handle(const Request& request, std::vector<Event>* events) {
   Reply reply;
   reply.id = request.id;
   const std::size_t first = events->size();
-  reply.status =
-      std::visit([&](const auto& command) { return Do(command, events); }, request.command);
+  reply.status = CheckOwner(request);
+  if (reply.status.ok()) {
+    reply.status =
+        std::visit([&](const auto& command) { return Do(command, events); }, request.command);
+  }
   Inform(*events, first);
   // Nobody gets what no id asks for.
   if (request.id == 0) return reply;
-  if (!Feeds(request.command)) reply.state = State();
+  if (AsksForFleetState(request.command)) {
+    reply.fleet_state = Fleet();
+  } else if (!Feeds(request.command)) {
+    reply.state = State();
+  }
   const auto* get = std::get_if<GetState>(&request.command);
   if (get != nullptr && get->hypotheses) reply.hypotheses = Hypotheses();
   return reply;
@@ -215,10 +237,13 @@ Status Service::Do(const InitializePose& start, std::vector<Event>*) {
 
 Status Service::Do(const SetMap& map, std::vector<Event>*) {
   if (shift_) return FailedPrecondition("a map is set between shifts, expected a stop first");
+  if (fleet_.has_folder()) {
+    return FailedPrecondition("maps of a folder are enabled, expected enable-map");
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot loaded,
                             LoadLiveMap(options_.map_path, map.area, map.version));
   SHIFTMAP_RETURN_IF_ERROR(CheckHash(loaded, map.content_hash));
-  map_ = std::move(loaded);
+  TakeUp({std::move(loaded)});
   return OkStatus();
 }
 
@@ -237,6 +262,7 @@ Status Service::Shutdown() {
     status = Do(Stop{.save_pose = true}, &ignored);
   }
   CheckLogs(logs_.Finish());
+  if (const Status kept = fleet_.log().Finish(); !kept.ok()) options_.warn(Message(kept));
   return status;
 }
 
@@ -259,14 +285,17 @@ void Service::WriteJournal() {
 void Service::SyncJournal() {
   if (journal_) CheckJournal(journal_->StartSync());
   CheckLogs(logs_.GoOn());
+  if (const Status status = fleet_.log().StartWrite(); !status.ok()) options_.warn(Message(status));
 }
 
 ServiceState Service::State() const {
   ServiceState state;
   state.running = shift_.has_value();
-  state.area = map_->area();
-  state.version = map_->version();
-  state.content_hash = map_->content_hash();
+  state.area = area_;
+  if (map_) {
+    state.version = map_->map.version();
+    state.content_hash = map_->map.content_hash();
+  }
   state.report_uuid = last_uuid_;
   state.report_path = last_report_;
   state.resumed = resumed_;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "localizer/live/drop_counts.h"
+#include "localizer/live/fleet_actions.h"
 #include "localizer/live/journal_file.h"
 #include "localizer/live/messages.h"
 #include "localizer/live/resume_mark.h"
@@ -26,6 +27,18 @@ namespace shiftmap::live {
 struct ServiceOptions {
   std::string map_path;  ///< Map store or snapshot.
   std::string area;
+
+  /// If not empty, the map is the enabled one of the area in this folder, which actions change, and
+  /// `map_path` is of no meaning.
+  std::string map_folder;
+  MapFolderOptions map_folder_options;
+
+  /// Only a client that subscribed as the maps' owner may change them.
+  bool has_map_owner = false;
+
+  /// Begins a shift as soon as there is a map, if none is under way.
+  bool start = false;
+
   std::string content_hash;  ///< If not empty, what the map's must be.
   std::string state_dir;  ///< Folder for journal, saved pose and reports; made if it is not there.
   std::string vehicle;    ///< Name in the fleet, if a start gives none.
@@ -61,12 +74,13 @@ struct ServiceOptions {
 };
 
 /// What stands behind the socket: one map, at most one shift, and the files that let a shift
-/// survive a crash. Knows nothing of connections.
+/// survive a crash. Knows nothing of connections. With a folder of maps, there may be no map yet:
+/// then no shift begins.
 ///
 /// One process per state folder: it is locked. A step computes only; WriteJournal() and
 /// SyncJournal() are called between steps. Files in the state folder: `shift.journal` while a shift
-/// is under way, `shift.resuming` while one is taken up, `pose`, and of each shift that has ended
-/// `<uuid>.report` and its run log (ShiftLogs).
+/// is under way, `shift.resuming` while one is taken up, `pose`, `actions` (ActionLog), and of each
+/// shift that has ended `<uuid>.report` and its run log (ShiftLogs).
 class Service {
  public:
   /// Loads the map and takes up a shift that was interrupted. A journal that does not fit the map
@@ -89,6 +103,12 @@ class Service {
   /// When LocalizeHeld() has something to do if no item comes; nothing if nothing waits.
   std::optional<std::chrono::steady_clock::time_point> held_until() const { return held_until_; }
 
+  /// Does what waits for the vehicle to stand, or for landmarks to agree with a pose.
+  void GoOn(std::vector<Event>* events);
+
+  /// As FleetActions::SetDownloader().
+  void SetDownloader(bool present) { fleet_.SetDownloader(present); }
+
   /// Counts what a connection dropped.
   void CountDropped(const std::string& reason, std::int64_t count = 1) {
     dropped_.Add(reason, count);
@@ -106,16 +126,35 @@ class Service {
 
   ServiceState State() const;
 
+  /// Maps are changed by the client that owns them.
+  bool has_map_owner() const { return options_.has_map_owner; }
+
  private:
   static constexpr const char* kJournal = "shift.journal";
   static constexpr const char* kResumeMark = "shift.resuming";
 
+  // A map with what keeps its file.
+  struct LoadedMap {
+    MapSnapshot map;
+    std::optional<FolderMap> file{};  // Of the folder, if there is one.
+    std::optional<MapUse> use{};
+  };
+
+  // A pose that landmarks have to agree with.
+  struct PoseCheck {
+    std::string action_id;
+    Stamp begin;
+    std::int64_t scans = 0;  // Localized before it.
+  };
+
   std::optional<HypothesisView> Hypotheses() const;
 
-  explicit Service(ServiceOptions options)
+  Service(ServiceOptions options, FleetActions fleet)
       : options_(std::move(options)),
         logs_(options_.state_dir, options_.max_log_bytes),
-        time_line_(FromSeconds(options_.max_refused_s)) {}
+        time_line_(FromSeconds(options_.max_refused_s)),
+        fleet_(std::move(fleet)),
+        area_(options_.area) {}
 
   Status Do(const OdometrySample& sample, std::vector<Event>* events);
   Status Do(const Scan& scan, std::vector<Event>* events);
@@ -126,6 +165,35 @@ class Service {
   Status Do(const Stop& stop, std::vector<Event>* events);
   Status Do(const SetMap& map, std::vector<Event>* events);
   Status Do(const InitializePose& start, std::vector<Event>* events);
+
+  // Actions of the fleet's control.
+  Status Do(const DownloadMap& action, std::vector<Event>* events) {
+    return fleet_.Do(action, events);
+  }
+  Status Do(const EnableMap& action, std::vector<Event>* events);
+  Status Do(const DeleteMap& action, std::vector<Event>*) { return fleet_.Do(action); }
+  Status Do(const InitializePosition& action, std::vector<Event>* events);
+  Status Do(const ClearActions&, std::vector<Event>*);
+  Status Do(const GetFleetState&, std::vector<Event>*) { return OkStatus(); }
+  Status Do(const MapDownloadProgress& progress, std::vector<Event>* events) {
+    return fleet_.Do(progress, events);
+  }
+  Status CheckOwner(const Request& request);
+  bool MustWait(const FolderMap& file) const;
+  bool Stands() const;
+  Status Enable(const FolderMap& file, std::vector<Event>* events);
+  Status Position(const InitializePosition& action, std::vector<Event>* events);
+  void CheckPose();
+  FleetState Fleet() const;
+
+  // The map of the folder that is enabled, and its place in this service.
+  StatusOr<LoadedMap> Loaded(const FolderMap& file);
+  Status TakeUpEnabledMap();
+  void TakeUp(LoadedMap map);
+
+  // The map that a shift was begun on.
+  bool IsMapOf(const ShiftHeader& header) const;
+  StatusOr<LoadedMap> LoadedOf(const ShiftHeader& header);
 
   Status Feed(const RunEvent& item, std::vector<Event>* events);
   Status Step(const RunEvent& item, bool* late, std::vector<Event>* events);
@@ -143,7 +211,14 @@ class Service {
   bool BeginAnotherTimeLine(Stamp begin, std::vector<Event>* events);
 
   // A shift from its first record to its report.
+  ShiftHeader NewHeader(const std::string& vehicle) const;
   Status BeginShift(const ShiftHeader& header);
+
+  // Ends the shift with its report; another one begins at a pose, or finds it. Nothing has changed
+  // if the disk does not take the report.
+  // @param map  Nothing: the same.
+  Status BeginNextShift(std::optional<LoadedMap> map,
+                        const std::optional<PoseWithCovariance>& start);
   Status WriteReport();
   void SavePose();
   void EndShift();
@@ -162,7 +237,7 @@ class Service {
 
   ServiceOptions options_;
   OwnedFd lock_;
-  std::optional<MapSnapshot> map_;
+  std::optional<LoadedMap> map_;
   std::optional<Shift> shift_;
   std::optional<JournalFile> journal_;
   ShiftLogs logs_;
@@ -179,6 +254,11 @@ class Service {
   std::int64_t overruns_ = 0;
   std::string last_uuid_;
   std::string last_report_;
+  FleetActions fleet_;
+  std::string area_;
+  std::optional<EnableMap> waiting_;  // For the vehicle to stand.
+  std::optional<PoseCheck> pose_check_;
+  std::optional<Se2> last_pose_;  // Of the last shift.
 };
 
 /// The version of an area with the probabilities of a time; nothing: the published one, now.

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <functional>
 #include <utility>
 
 #include "localizer/live/codec/journal_codec.h"
@@ -17,14 +18,16 @@ constexpr std::uint64_t kRecordsPerSign = 1000;
 constexpr std::uint64_t kRecordsPerMark = 10'000;  // Some seconds of replay.
 constexpr int kMaxFailures = 2;
 
+using MapOfShift = std::function<StatusOr<const MapSnapshot*>(const ShiftHeader&)>;
+
 // Applies the records of a journal, in order, to the shift that the first of them begins.
 class Replay {
  public:
   Replay(const ServiceOptions& options,
          const ResumeMark& mark,
-         std::optional<MapSnapshot>* map,
+         MapOfShift map_of,
          std::optional<Shift>* shift)
-      : options_(options), mark_(mark), map_(map), shift_(shift) {}
+      : options_(options), mark_(mark), map_of_(std::move(map_of)), shift_(shift) {}
 
   Status Take(std::string_view bytes) {
     if (count_ % kRecordsPerMark == 0) Reach(count_);
@@ -59,23 +62,15 @@ class Replay {
   // The journal counts on the very map that the shift was begun on, not on today's.
   Status Apply(const ShiftHeader& header) {
     SHIFTMAP_RETURN_IF_ERROR(Shift::OptionsOf(header).Validate());
-    const MapSnapshot& now = **map_;
-    const bool same = now.area() == header.area && now.content_hash() == header.content_hash &&
-                      now.stamp() == header.map_stamp;
-    if (!same) {
-      SHIFTMAP_ASSIGN_OR_RETURN(
-          MapSnapshot then,
-          LoadLiveMap(options_.map_path, header.area, header.version, header.map_stamp));
-      if (then.content_hash() != header.content_hash) {
-        return FailedPrecondition("area '{}' version {}: content hash {}, expected {}",
-                                  header.area,
-                                  header.version.value(),
-                                  then.content_hash(),
-                                  header.content_hash);
-      }
-      *map_ = std::move(then);
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot* map, map_of_(header));
+    if (map->content_hash() != header.content_hash) {
+      return FailedPrecondition("area '{}' version {}: content hash {}, expected {}",
+                                header.area,
+                                header.version.value(),
+                                map->content_hash(),
+                                header.content_hash);
     }
-    shift_->emplace(**map_, header);
+    shift_->emplace(*map, header);
     return OkStatus();
   }
 
@@ -93,7 +88,7 @@ class Replay {
 
   const ServiceOptions& options_;
   const ResumeMark& mark_;
-  std::optional<MapSnapshot>* map_;
+  MapOfShift map_of_;
   std::optional<Shift>* shift_;
   std::vector<Event> events_;
   std::uint64_t count_ = 0;
@@ -101,6 +96,34 @@ class Replay {
 };
 
 }  // namespace
+
+bool Service::IsMapOf(const ShiftHeader& header) const {
+  if (!map_ || (map_->file && map_->file->sha256 != header.map_sha256)) return false;
+  const MapSnapshot& map = map_->map;
+  return map.area() == header.area && map.content_hash() == header.content_hash &&
+         map.stamp() == header.map_stamp;
+}
+
+StatusOr<Service::LoadedMap> Service::LoadedOf(const ShiftHeader& header) {
+  if (!fleet_.has_folder()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        MapSnapshot map,
+        LoadLiveMap(options_.map_path, header.area, header.version, header.map_stamp));
+    return LoadedMap{std::move(map)};
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder * folder, fleet_.Folder());
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<FolderMap> files, folder->List());
+  for (const FolderMap& file : files) {
+    if (file.sha256 != header.map_sha256) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(MapUse use, folder->Use(file));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        MapSnapshot map, LoadLiveMap(file.path, header.area, header.version, header.map_stamp));
+    return LoadedMap{std::move(map), file, std::move(use)};
+  }
+  return NotFound("map folder '{}': no file with hash '{}', on which the shift began",
+                  folder->path(),
+                  header.map_sha256);
+}
 
 // An attempt has succeeded once the replay and the rehearsal are through. A process that ends
 // later, for whatever reason, resumes again.
@@ -117,9 +140,14 @@ void Service::TakeUpJournal() {
 
 Status Service::Resume(const ResumeMark& mark) {
   const std::string path = File(kJournal);
-  std::optional<MapSnapshot> map = map_;
+  std::optional<LoadedMap> other;  // If it is not today's.
+  const auto map_of = [&](const ShiftHeader& header) -> StatusOr<const MapSnapshot*> {
+    if (IsMapOf(header)) return &map_->map;
+    SHIFTMAP_ASSIGN_OR_RETURN(other, LoadedOf(header));
+    return &other->map;
+  };
   std::optional<Shift> shift;
-  Replay replay(options_, mark, &map, &shift);
+  Replay replay(options_, mark, map_of, &shift);
   SHIFTMAP_ASSIGN_OR_RETURN(const JournalEnd end, ReadJournal(path, [&](std::string_view bytes) {
                               return replay.Take(bytes);
                             }));
@@ -134,7 +162,7 @@ Status Service::Resume(const ResumeMark& mark) {
   }
   replay.Rehearse();
   SHIFTMAP_ASSIGN_OR_RETURN(journal_, JournalFile::Resume(path, end.whole_bytes));
-  map_ = std::move(map);
+  if (other) TakeUp(*std::move(other));
   shift_ = std::move(shift);
   start_chosen_ = replay.has_start();
   resumed_ = true;

@@ -24,27 +24,35 @@ Status Service::Do(const Start& start, std::vector<Event>*) {
     return FailedPrecondition("shift {} is under way, expected a stop first",
                               shift_->header().uuid);
   }
+  if (fleet_.has_folder()) SHIFTMAP_RETURN_IF_ERROR(TakeUpEnabledMap());
+  ShiftHeader header = NewHeader(start.vehicle.empty() ? options_.vehicle : start.vehicle);
+  header.odometer_m = start.odometer_m;
+  return BeginShift(header);
+}
+
+ShiftHeader Service::NewHeader(const std::string& vehicle) const {
+  const MapSnapshot& map = map_->map;
   ShiftHeader header;
   header.uuid = RandomUuid();
-  header.vehicle = start.vehicle.empty() ? options_.vehicle : start.vehicle;
-  header.area = map_->area();
-  header.version = map_->version();
-  header.content_hash = map_->content_hash();
-  header.map_stamp = map_->stamp();
+  header.vehicle = vehicle;
+  header.area = map.area();
+  header.version = map.version();
+  header.content_hash = map.content_hash();
+  header.map_stamp = map.stamp();
   header.alpha = options_.localizer.hypotheses.alpha;
   header.max_leaves = options_.localizer.hypotheses.max_leaves;
   header.max_delay_s = options_.localizer.max_delay_s;
-  header.odometer_m = start.odometer_m;
   header.limits = options_.localizer.limits;
   header.field_of_view = options_.localizer.hypotheses.field_of_view.model;
-  return BeginShift(header);
+  if (map_->file) header.map_sha256 = map_->file->sha256;
+  return header;
 }
 
 Status Service::BeginShift(const ShiftHeader& header) {
   SHIFTMAP_ASSIGN_OR_RETURN(journal_, JournalFile::Create(File(kJournal)));
   ResumeMark(File(kResumeMark)).Clear();
   journal_->Append(EncodeJournalRecord(header));
-  shift_.emplace(*map_, header);
+  shift_.emplace(map_->map, header);
   time_line_ = TimeLineWatch(FromSeconds(options_.max_refused_s));
   start_chosen_ = false;
   resumed_ = false;
@@ -74,7 +82,7 @@ void Service::ChooseStart(Stamp now) {
   }
   if (given_start_) return;
   const auto start =
-      UsableStart(*saved, *map_, now, shift_->header().odometer_m, options_.saved_pose);
+      UsableStart(*saved, map_->map, now, shift_->header().odometer_m, options_.saved_pose);
   if (start.ok()) {
     InitializeShift(*start);
   } else {
@@ -120,6 +128,7 @@ void Service::SavePose() {
 // is taken up again and reports under the same UUID.
 void Service::EndShift() {
   options_.inform(fmt::format("shift {} ends, report '{}'", last_uuid_, last_report_));
+  if (const auto pose = shift_->Pose()) last_pose_ = pose->pose.T_map_vehicle;
   WriteJournal();
   journal_.reset();
   CheckLogs(logs_.Take(File(kJournal), last_uuid_));
@@ -149,25 +158,28 @@ void Service::Accepted(std::vector<Event>* events) {
   options_.warn("items fit the time line again");
 }
 
+Status Service::BeginNextShift(std::optional<LoadedMap> map,
+                               const std::optional<PoseWithCovariance>& start) {
+  const std::string vehicle = shift_->header().vehicle;
+  SHIFTMAP_RETURN_IF_ERROR(WriteReport());
+  EndShift();
+  if (map) TakeUp(*std::move(map));
+  given_start_ = start;
+  const Status status = BeginShift(NewHeader(vehicle));
+  given_start_.reset();
+  start_chosen_ = true;
+  return status;
+}
+
 // A report's stamps ascend, and its journal gives the same bits again: both hold for each shift by
 // itself. A localizer whose time goes back could keep neither.
 bool Service::BeginAnotherTimeLine(Stamp begin, std::vector<Event>* events) {
   const auto now = options_.steady_clock();
   if (now < next_time_line_) return false;
   next_time_line_ = now + kRetryAfter;
-  ShiftHeader header = shift_->header();
-  header.uuid = RandomUuid();
-  header.odometer_m.reset();
-  const auto start = shift_->PoseAfter(ToSeconds(time_line_.SinceAccepted(now)));
-  Status status = WriteReport();
-  if (status.ok()) {
-    EndShift();
-    ++clock_jumps_;
-    given_start_ = start;
-    status = BeginShift(header);
-    given_start_.reset();
-    start_chosen_ = true;
-  }
+  const Status status =
+      BeginNextShift(std::nullopt, shift_->PoseAfter(ToSeconds(time_line_.SinceAccepted(now))));
+  clock_jumps_ += status.ok();
   if (!status.ok()) {
     options_.warn(Message(status));
     return false;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/shift.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
+#include "localizer/hypothesis/position_region.h"
 #include "localizer/initialization/start_pose.h"
 #include "mapstore/map/shift_report_check.h"
 
@@ -19,6 +21,14 @@ constexpr double kUnseenSdM = 0.1;
 constexpr double kUnseenSdRad = 0.05;
 constexpr double kMaxUnseenSdM = 3.0;
 constexpr double kMaxUnseenSdRad = 0.5;
+
+// Of a vehicle that stands, for so long.
+constexpr double kStandingMps = 0.01;
+constexpr double kStandingRadps = 0.01;
+constexpr double kStandingS = 0.5;
+
+// Hypotheses lighter than this share of all move no region.
+constexpr double kLeastWeight = 1e-6;
 
 bool IsFinite(const PoseWithCovariance& pose) {
   const Se2& T = pose.T_map_vehicle;
@@ -73,10 +83,15 @@ void Shift::UpdatePose() {
 }
 
 void Shift::TellOdometer(const OdometrySample& sample) {
+  const bool stands =
+      std::abs(sample.v_mps) < kStandingMps && std::abs(sample.omega_radps) < kStandingRadps;
   if (last_sample_) {
     const double elapsed_s = ToSeconds(sample.stamp - last_sample_->stamp);
     if (elapsed_s < kMaxSampleGapS) driven_m_ += std::abs(last_sample_->v_mps) * elapsed_s;
+    if (elapsed_s >= kMaxSampleGapS) standing_since_.reset();
   }
+  if (!stands) standing_since_.reset();
+  if (stands && !standing_since_) standing_since_ = sample.stamp;
   last_sample_ = sample;
 }
 
@@ -92,6 +107,38 @@ void Shift::TellNews(std::vector<Event>* events) {
   for (; told_decisions_ < decisions.size(); ++told_decisions_) {
     events->emplace_back(decisions[told_decisions_]);
   }
+}
+
+bool Shift::Stands() const {
+  return standing_since_ && ToSeconds(last_sample_->stamp - *standing_since_) >= kStandingS &&
+         ToSeconds(now_ - last_sample_->stamp) < kMaxSampleGapS;
+}
+
+double Shift::Score() const {
+  const PoseSupport support = localizer_.Support();
+  return support.Doubts() ? 0.0 : localizer_.Estimate()->quality;
+}
+
+double Shift::RadiusHolding(double probability) const {
+  const auto estimate = localizer_.Estimate();
+  const PoseWithCovariance& now = pose_->pose;
+  const PoseWithCovariance& then = estimate->pose;
+  const Se2 moved = then.T_map_vehicle.Inverse() * now.T_map_vehicle;
+  const Eigen::Matrix3d adjoint = moved.InverseAdjoint();
+  const Eigen::Matrix3d noise =
+      now.cov_T_map_vehicle - adjoint * then.cov_T_map_vehicle * adjoint.transpose();
+  std::vector<WeightedPosition> mixture;
+  const auto& leaves = localizer_.hypotheses()->leaves();
+  for (const Leaf* leaf : leaves.all()) {
+    const double weight = std::exp(leaf->log_weight - leaves.front().log_weight);
+    if (weight < kLeastWeight) continue;
+    const PoseWithCovariance pose = leaf->filter.Pose();
+    const Se2 T = pose.T_map_vehicle * moved;
+    const Eigen::Matrix3d cov = adjoint * pose.cov_T_map_vehicle * adjoint.transpose() + noise;
+    const Eigen::Matrix2d R = Eigen::Rotation2Dd(T.yaw()).toRotationMatrix();
+    mixture.push_back({weight, T.translation(), R * cov.topLeftCorner<2, 2>() * R.transpose()});
+  }
+  return shiftmap::RadiusHolding(probability, mixture, now.T_map_vehicle.translation());
 }
 
 ShiftReport Shift::Report(DropCounts dropped) const {

@@ -53,6 +53,17 @@ class Shift {
   /// The pose after the last item, of finite numbers.
   const std::optional<PoseEstimate>& Pose() const { return pose_; }
 
+  /// The probability with which the model itself would fit the last observations as badly, uniform
+  /// in [0, 1] if it holds; 0 where landmarks contradict the pose. Precondition: there is a pose.
+  double Score() const;
+
+  /// The radius about Pose() that holds the position with a probability, over all hypotheses; they
+  /// moved as Pose() did since the last scan. Precondition: there is a pose. [m]
+  double RadiusHolding(double probability) const;
+
+  /// Odometry has said for half a second that the vehicle stands.
+  bool Stands() const;
+
   const ShiftHeader& header() const { return header_; }
   const Localizer& localizer() const { return localizer_; }
   Stamp now() const { return now_; }
@@ -69,6 +80,7 @@ class Shift {
   Stamp now_;  // Of the last item.
   std::optional<OdometrySample> last_sample_;
   double driven_m_ = 0.0;
+  std::optional<Stamp> standing_since_;
   std::int64_t corrected_scans_ = 0;  // Localized, as of the last item.
   LocalizerState told_state_ = LocalizerState::kInitializing;
   std::size_t told_decisions_ = 0;

@@ -30,17 +30,9 @@ std::string FolderOf(const std::string& path) {
 }
 
 // A rename is durable only once the folder is.
-Status SyncFolder(const std::string& path) {
-  const int fd = open(FolderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return ErrnoStatus("open its folder");
-  const Status status = fsync(fd) == 0 ? OkStatus() : ErrnoStatus("sync its folder");
-  close(fd);
-  return status;
-}
-
 Status RenameAndSyncFolder(const std::string& temporary, const std::string& path) {
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return ErrnoStatus("rename to it");
-  return SyncFolder(path);
+  return SyncFolderOf(path);
 }
 
 // Whether the open file is still the one at the path.
@@ -149,6 +141,14 @@ Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
   const Status status = write();
   if (status.ok()) return status;
   return MakeStatus(status.code(), "file '{}': {}", path, Message(status));
+}
+
+Status SyncFolderOf(const std::string& path) {
+  const int fd = open(FolderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return ErrnoStatus("open its folder");
+  const Status status = fsync(fd) == 0 ? OkStatus() : ErrnoStatus("sync its folder");
+  close(fd);
+  return status;
 }
 
 Status SyncAndRename(const std::string& temporary, const std::string& path) {

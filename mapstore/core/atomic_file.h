@@ -53,4 +53,7 @@ Status WriteFileAtomically(const std::string& path, std::string_view bytes);
 /// folder. Errors: kNotFound, kUnavailable, as AtomicFile.
 Status SyncAndRename(const std::string& temporary, const std::string& path);
 
+/// Makes durable that a file came to `path` or was removed from there. Errors: as AtomicFile.
+Status SyncFolderOf(const std::string& path);
+
 }  // namespace shiftmap

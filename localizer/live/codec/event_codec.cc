@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/codec/fleet_codec.h"
 #include "localizer/live/codec/hypothesis_codec.h"
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/codec/proto_values.h"
@@ -69,6 +70,11 @@ void Fill(const Reply& reply, proto::Event* event) {
   out->set_message(Message(reply.status));
   if (reply.state) FillState(*reply.state, out->mutable_state());
   if (reply.hypotheses) ToProto(*reply.hypotheses, out->mutable_hypotheses());
+  if (reply.fleet_state) ToProto(*reply.fleet_state, out->mutable_fleet_state());
+}
+
+void Fill(const DownloadMap& download, proto::Event* event) {
+  ToProto(download, event->mutable_map_download());
 }
 
 void Fill(const PoseEvent& pose, proto::Event* event) {
@@ -101,6 +107,9 @@ StatusOr<Event> ReplyFromProto(const proto::Reply& in) {
   }
   if (in.has_hypotheses()) {
     SHIFTMAP_ASSIGN_OR_RETURN(reply.hypotheses, HypothesesFromProto(in.hypotheses()));
+  }
+  if (in.has_fleet_state()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(reply.fleet_state, FleetStateFromProto(in.fleet_state()));
   }
   return Event(std::move(reply));
 }
@@ -139,6 +148,10 @@ StatusOr<Event> DecodeEvent(std::string_view bytes) {
                             .mode = ModeNumber(message.decision().mode()),
                             .stamp = StampFromNanoseconds(message.decision().stamp_ns()),
                             .log_odds = message.decision().log_odds()});
+    case proto::Event::kMapDownload: {
+      SHIFTMAP_ASSIGN_OR_RETURN(DownloadMap download, FromProto(message.map_download()));
+      return Event(std::move(download));
+    }
     case proto::Event::EVENT_NOT_SET:
       break;
   }

@@ -22,6 +22,7 @@ void Fill(const ShiftHeader& header, proto::JournalRecord* record) {
   if (limits.max_range_m) out->set_max_range_m(*limits.max_range_m);
   if (limits.max_speed_mps) out->set_max_speed_mps(*limits.max_speed_mps);
   out->set_field_of_view(static_cast<proto::FieldOfView>(header.field_of_view));
+  out->set_map_sha256(header.map_sha256);
   if (limits.max_yaw_rate_radps) out->set_max_yaw_rate_radps(*limits.max_yaw_rate_radps);
 }
 
@@ -61,6 +62,7 @@ StatusOr<JournalRecord> HeaderFromProto(const proto::ShiftHeader& in) {
                            static_cast<int>(in.field_of_view()));
   }
   header.field_of_view = static_cast<FieldOfViewModel>(in.field_of_view());
+  header.map_sha256 = in.map_sha256();
   return JournalRecord(std::move(header));
 }
 

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "localizer/live/messages.h"
 #include "proto/core/status.h"
@@ -16,5 +17,8 @@ StatusOr<JournalRecord> DecodeJournalRecord(std::string_view bytes);
 
 std::string EncodeSavedPose(const SavedPose& saved);
 StatusOr<SavedPose> DecodeSavedPose(std::string_view bytes);
+
+std::string EncodeActionStates(const std::vector<ActionState>& actions);
+StatusOr<std::vector<ActionState>> DecodeActionStates(std::string_view bytes);
 
 }  // namespace shiftmap::live

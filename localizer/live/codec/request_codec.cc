@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "localizer/live/codec/fleet_codec.h"
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/codec/proto_values.h"
 #include "mapstore/map/shift_report_check.h"
@@ -41,6 +42,32 @@ void Fill(const Subscribe& subscribe, proto::Request* out) {
   out->mutable_subscribe()->set_poses(subscribe.poses);
   out->mutable_subscribe()->set_states(subscribe.states);
   out->mutable_subscribe()->set_decisions(subscribe.decisions);
+  out->mutable_subscribe()->set_map_downloads(subscribe.map_downloads);
+  out->mutable_subscribe()->set_map_owner(subscribe.map_owner);
+}
+
+void Fill(const DownloadMap& action, proto::Request* out) {
+  ToProto(action, out->mutable_download_map());
+}
+
+void Fill(const EnableMap& action, proto::Request* out) {
+  ToProto(action, out->mutable_enable_map());
+}
+
+void Fill(const DeleteMap& action, proto::Request* out) {
+  ToProto(action, out->mutable_delete_map());
+}
+
+void Fill(const InitializePosition& action, proto::Request* out) {
+  ToProto(action, out->mutable_initialize_position());
+}
+
+void Fill(const ClearActions&, proto::Request* out) { out->mutable_clear_actions(); }
+
+void Fill(const GetFleetState&, proto::Request* out) { out->mutable_get_fleet_state(); }
+
+void Fill(const MapDownloadProgress& progress, proto::Request* out) {
+  ToProto(progress, out->mutable_map_download_progress());
 }
 
 Status CheckText(const char* field, const std::string& text) {
@@ -65,6 +92,12 @@ StatusOr<Command> SetMapFromProto(const proto::SetMap& in) {
   if (in.version() > 0) map.version = VersionNumber(in.version());
   map.content_hash = in.content_hash();
   return Command(std::move(map));
+}
+
+template <typename Proto>
+StatusOr<Command> ActionFromProto(const Proto& in) {
+  SHIFTMAP_ASSIGN_OR_RETURN(auto action, FromProto(in));
+  return Command(std::move(action));
 }
 
 StatusOr<Command> CommandFromProto(const proto::Request& in) {
@@ -97,7 +130,23 @@ StatusOr<Command> CommandFromProto(const proto::Request& in) {
     case proto::Request::kSubscribe:
       return Command(Subscribe{.poses = in.subscribe().poses(),
                                .states = in.subscribe().states(),
-                               .decisions = in.subscribe().decisions()});
+                               .decisions = in.subscribe().decisions(),
+                               .map_downloads = in.subscribe().map_downloads(),
+                               .map_owner = in.subscribe().map_owner()});
+    case proto::Request::kDownloadMap:
+      return ActionFromProto(in.download_map());
+    case proto::Request::kEnableMap:
+      return ActionFromProto(in.enable_map());
+    case proto::Request::kDeleteMap:
+      return ActionFromProto(in.delete_map());
+    case proto::Request::kInitializePosition:
+      return ActionFromProto(in.initialize_position());
+    case proto::Request::kClearActions:
+      return Command(ClearActions());
+    case proto::Request::kGetFleetState:
+      return Command(GetFleetState());
+    case proto::Request::kMapDownloadProgress:
+      return ActionFromProto(in.map_download_progress());
     case proto::Request::COMMAND_NOT_SET:
       break;
   }

@@ -57,6 +57,7 @@ struct Application::State {
   std::vector<CompletedCommand> Completed() const;
 
   std::string program;
+  bool checks_site_file = true;
   CommonOptions common;
   CLI::App parser;
   std::vector<std::unique_ptr<Command>> commands;
