@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "localizer/cli/commands.h"
-#include "mapstore/cli/input_options.h"
+#include "localizer/cli/return_to_store.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/inert_text.h"
@@ -15,12 +13,6 @@
 
 namespace shiftmap {
 namespace {
-
-struct ReturnOptions {
-  std::string store;
-  std::vector<std::string> reports;
-  double clock_tolerance_s = kDefaultClockToleranceS;
-};
 
 Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
   Json list = Json::array();
@@ -30,7 +22,9 @@ Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
   return list;
 }
 
-Status ReturnReports(const ReturnOptions& options, Context& context) {
+}  // namespace
+
+Status ReturnToStore(const ReturnArguments& options, Context& context) {
   // All are read before the first is returned: a bad file changes nothing.
   std::vector<ShiftReport> reports;
   for (const std::string& path : options.reports) {
@@ -72,20 +66,6 @@ Status ReturnReports(const ReturnOptions& options, Context& context) {
         StatusCode::kAlreadyExists, "map store '{}': every report is known already", options.store);
   }
   return OkStatus();
-}
-
-}  // namespace
-
-void AddReturnCommand(Application* application) {
-  auto options = std::make_shared<ReturnOptions>();
-  Command& command = application->AddCommand(
-      "return", "Hand shift reports back to the map store", [options](Context& context) {
-        return ReturnReports(*options, context);
-      });
-  command.Option("--store", &options->store, "Map store to return to").Required();
-  command.Option("REPORT", &options->reports, "Shift reports").Required();
-  AddClockToleranceOption(&options->clock_tolerance_s, &command);
-  command.Writes();
 }
 
 }  // namespace shiftmap

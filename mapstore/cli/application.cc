@@ -7,6 +7,7 @@
 #include <iostream>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -108,7 +109,7 @@ StatusOr<SiteConfig> Application::State::ReadSiteConfig(
   std::string source;
   SHIFTMAP_ASSIGN_OR_RETURN(SiteConfig config,
                             SiteConfig::Read(SiteConfig::FindFile(ConfigPath(arguments), &source)));
-  SHIFTMAP_RETURN_IF_ERROR(config.Check(Reader()));
+  if (checks_site_file) SHIFTMAP_RETURN_IF_ERROR(config.Check(Reader()));
   return config;
 }
 
@@ -121,6 +122,11 @@ std::vector<std::string> Application::State::ConfigArguments(
     const std::string name = "--" + setting.key;
     const CLI::Option* const option = command.state_->parser->get_option_no_throw(name);
     if (option == nullptr || IsGiven(*option, arguments)) continue;
+    const std::set<CLI::Option*> others = option->get_excludes();
+    const bool excluded = std::any_of(others.begin(), others.end(), [&](const CLI::Option* other) {
+      return IsGiven(*other, arguments);
+    });
+    if (excluded) continue;
     for (const std::string& value : setting.values) added.push_back(name + "=" + value);
   }
   return added;
@@ -267,6 +273,8 @@ Command& Application::AddCommand(const std::string& name,
   state_->commands.push_back(std::unique_ptr<Command>(new Command(std::move(command_state))));
   return *state_->commands.back();
 }
+
+void Application::LeaveSiteFileUnchecked() { state_->checks_site_file = false; }
 
 ExitCode Application::Run(const std::vector<std::string>& arguments,
                           std::ostream* out,

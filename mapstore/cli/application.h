@@ -34,6 +34,9 @@ class Application {
   /// Adds `config`, which prints what holds for each option of each command, and why.
   void AddConfigCommand();
 
+  /// For a binary that runs some commands of a program whose own binary has checked the site file.
+  void LeaveSiteFileUnchecked();
+
   /// Runs what the arguments (without the program's name) ask for; call once.
   ExitCode Run(const std::vector<std::string>& arguments, std::ostream* out, std::ostream* err);
 

@@ -167,6 +167,12 @@ Command& Command::InRange(double min, double max) {
   return *this;
 }
 
+Command& Command::Excludes(const std::string& other) {
+  SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
+  state_->last->excludes(state_->parser->get_option(other));
+  return *this;
+}
+
 Command& Command::Check(std::function<std::string()> check) {
   state_->checks.push_back(std::move(check));
   return *this;

@@ -58,6 +58,10 @@ class Command {
   Command& OneOf(const std::vector<std::string>& allowed);
   Command& InRange(double min, double max);
 
+  /// Not together with `other`, an option added before. Given on the command line, it also takes
+  /// the place of the other one in the site file or the environment.
+  Command& Excludes(const std::string& other);
+
   /// A check of the options as a whole, once they are read: the message of a usage error, or
   /// nothing.
   Command& Check(std::function<std::string()> check);

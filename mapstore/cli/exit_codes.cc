@@ -11,6 +11,9 @@ ExitCode ExitCodeFor(const Status& status) {
     case StatusCode::kDataLoss:
     case StatusCode::kFailedPrecondition:
     case StatusCode::kOutOfRange:
+    case StatusCode::kPermissionDenied:
+    case StatusCode::kUnauthenticated:
+    case StatusCode::kUnimplemented:
       return ExitCode::kBadInput;
     case StatusCode::kAborted:
       return ExitCode::kConflict;

@@ -9,7 +9,7 @@ namespace shiftmap {
 const std::vector<ProgramCommands>& AllPrograms() {
   static const auto* const kPrograms = new std::vector<ProgramCommands>{
       {"mapper", {"build", "import", "nightly"}},
-      {"localizer", {"ctl", "fetch", "return", "run", "serve", "upload"}},
+      {"localizer", {"ctl", "fetch", "return", "run", "serve", "sync", "upload"}},
       {"server", {}},
       {"inspect",
        {"areas",   "audit",   "backup",    "compact",  "config",  "diff",     "edit",    "export",

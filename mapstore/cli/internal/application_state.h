@@ -53,6 +53,7 @@ struct Application::State {
                       Context& context) const;
 
   std::string program;
+  bool checks_site_file = true;
   CommonOptions common;
   CLI::App parser;
   std::vector<std::unique_ptr<Command>> commands;

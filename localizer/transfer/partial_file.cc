@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/transfer/partial_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "mapstore/core/atomic_file.h"
+#include "mapstore/core/input_file.h"
+
+namespace shiftmap::transfer {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMaxDescriptionBytes = std::size_t{64} << 10;
+
+Status ErrnoStatus(const char* action) {
+  const StatusCode code = errno == ENOENT || errno == ENOTDIR ? StatusCode::kNotFound
+                          : errno == EISDIR                   ? StatusCode::kInvalidArgument
+                                                              : StatusCode::kUnavailable;
+  return MakeStatus(code, "cannot {}: {}", action, std::strerror(errno));
+}
+
+// Whether the open file is still the one at the path.
+bool IsAt(int fd, const std::string& path) {
+  struct stat open_file {};
+  struct stat at_path {};
+  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &at_path) == 0 &&
+         open_file.st_dev == at_path.st_dev && open_file.st_ino == at_path.st_ino;
+}
+
+// Opens and locks the file. Whoever had it before may have renamed it meanwhile.
+StatusOr<OwnedFd> OpenLocked(const std::string& path) {
+  for (;;) {
+    OwnedFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666));
+    struct stat info {};
+    if (fd.get() < 0 || fstat(fd.get(), &info) != 0) return ErrnoStatus("open its partial file");
+    if (!S_ISREG(info.st_mode)) return InvalidArgument("its partial file is not a regular file");
+    if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
+      return errno == EWOULDBLOCK ? Unavailable("another process fetches it")
+                                  : ErrnoStatus("lock its partial file");
+    }
+    if (IsAt(fd.get(), path)) return fd;
+  }
+}
+
+std::string Description(const SnapshotInfo& snapshot) {
+  Json signatures = Json::array();
+  for (const SnapshotSignature& signature : snapshot.signatures) {
+    // Bytes, as numbers.
+    const std::vector<std::uint8_t> bytes(signature.signature.begin(), signature.signature.end());
+    signatures.push_back({{"key_sha256", signature.key_sha256}, {"signature", bytes}});
+  }
+  return Json{{"area", snapshot.area},
+              {"version", snapshot.version.value()},
+              {"content_hash", snapshot.content_hash},
+              {"ledger_sequence", snapshot.ledger_sequence},
+              {"sha256", snapshot.sha256},
+              {"size_bytes", snapshot.size_bytes},
+              {"signatures", signatures}}
+             .dump(2, ' ', false, Json::error_handler_t::replace) +
+         "\n";
+}
+
+// Nothing if it is no description: whoever has the bytes begins anew then.
+std::optional<SnapshotInfo> ReadDescription(const std::string& path) {
+  const StatusOr<std::string> text = ReadInputFile("description", path, kMaxDescriptionBytes);
+  if (!text.ok()) return std::nullopt;
+  try {
+    const Json json = Json::parse(*text);
+    SnapshotInfo snapshot{.area = json.at("area").get<std::string>(),
+                          .version = VersionNumber(json.at("version").get<std::int64_t>()),
+                          .content_hash = json.at("content_hash").get<std::string>(),
+                          .ledger_sequence = json.at("ledger_sequence").get<std::int64_t>(),
+                          .sha256 = json.at("sha256").get<std::string>(),
+                          .size_bytes = json.at("size_bytes").get<std::int64_t>(),
+                          .signatures = {}};
+    for (const Json& signature : json.at("signatures")) {
+      const auto bytes = signature.at("signature").get<std::vector<std::uint8_t>>();
+      snapshot.signatures.push_back(
+          {signature.at("key_sha256").get<std::string>(), std::string(bytes.begin(), bytes.end())});
+    }
+    return snapshot;
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+Status PartialFile::About(const Status& status) const {
+  if (status.ok()) return status;
+  return MakeStatus(status.code(), "snapshot '{}': {}", path_, Message(status));
+}
+
+StatusOr<PartialFile> PartialFile::Open(const std::string& path) {
+  PartialFile file(path, OwnedFd());
+  struct stat info {};
+  if (stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
+    return file.About(InvalidArgument("not a regular file"));
+  }
+  StatusOr<OwnedFd> fd = OpenLocked(file.part());
+  if (!fd.ok()) return file.About(fd.status());
+  file.fd_ = *std::move(fd);
+  if (fstat(file.fd_.get(), &info) != 0) return file.About(ErrnoStatus("look at it"));
+  file.of_ = ReadDescription(file.part() + ".json");
+  file.size_bytes_ = info.st_size;
+  if (!file.of_ || file.size_bytes_ > file.of_->size_bytes) {
+    file.of_.reset();
+    SHIFTMAP_RETURN_IF_ERROR(file.About(file.Truncate()));
+  }
+  return file;
+}
+
+Status PartialFile::Truncate() {
+  if (ftruncate(fd_.get(), 0) != 0) return ErrnoStatus("truncate its partial file");
+  size_bytes_ = 0;
+  return OkStatus();
+}
+
+Status PartialFile::Begin(const SnapshotInfo& snapshot) {
+  of_.reset();
+  // In this order: the bytes are never of another snapshot than the description says.
+  SHIFTMAP_RETURN_IF_ERROR(About(Truncate()));
+  SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(part() + ".json", Description(snapshot)));
+  of_ = snapshot;
+  return OkStatus();
+}
+
+Status PartialFile::Append(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = pwrite(fd_.get(), bytes.data(), bytes.size(), size_bytes_);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return About(ErrnoStatus("write"));
+    size_bytes_ += written;
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return OkStatus();
+}
+
+Status PartialFile::Place() {
+  SHIFTMAP_RETURN_IF_ERROR(About(SyncAndRename(part(), path_)));
+  unlink((part() + ".json").c_str());
+  return OkStatus();
+}
+
+void PartialFile::Remove() {
+  unlink((part() + ".json").c_str());
+  unlink(part().c_str());
+}
+
+}  // namespace shiftmap::transfer
