@@ -41,12 +41,16 @@ class Incoming {
 };
 
 // With retries, until all bytes are there.
+// @param pieced  Set where bytes of an earlier try were gone on from.
 Status Download(const DownloadWorkerOptions& options,
                 const std::string& link,
                 const Incoming& incoming,
-                const std::stop_token& stop) {
+                const std::stop_token& stop,
+                bool* pieced) {
   Backoff backoff(options.backoff, RandomSeed());
-  for (std::int64_t before = incoming.bytes();; before = incoming.bytes()) {
+  for (;;) {
+    const std::int64_t before = incoming.bytes();
+    *pieced = *pieced || before > 0;
     const Status status = DownloadMapFile(link, incoming.path(), options.download, stop);
     if (status.ok() || stop.stop_requested()) return status;
     if (incoming.bytes() > before) backoff.Progress();
@@ -54,21 +58,22 @@ Status Download(const DownloadWorkerOptions& options,
   }
 }
 
-// What an earlier try left may be whole, or of another file: then from the first byte on.
+// Pieces may be of another file, or of a server that cannot go on: then once more, from the first
+// byte on. A server also cannot go on from the end of a file that is whole.
 Status Bring(const DownloadWorkerOptions& options,
              const std::string& link,
              const ExpectedMap& expected,
              MapFolder* folder,
              Incoming* incoming,
              const std::stop_token& stop) {
-  for (bool went_on = incoming->bytes() > 0;; went_on = false) {
-    Status status = Download(options, link, *incoming, stop);
-    const bool may_be_whole = went_on && status.code() == StatusCode::kOutOfRange;
-    if (status.ok() || may_be_whole) status = folder->Add(incoming->path(), expected).status();
-    const bool is_another = status.code() == StatusCode::kDataLoss ||
-                            status.code() == StatusCode::kInvalidArgument ||
-                            status.code() == StatusCode::kFailedPrecondition;
-    if (!went_on || !is_another || !incoming->Clear()) return status;
+  for (bool last = false;; last = true) {
+    bool pieced = false;
+    Status status = Download(options, link, *incoming, stop, &pieced);
+    if (!status.ok() && status.code() != StatusCode::kOutOfRange) return status;
+    status = folder->Add(incoming->path(), expected).status();
+    const bool final = status.ok() || IsTemporary(status) ||
+                       status.code() == StatusCode::kAlreadyExists || !pieced || last;
+    if (final || !incoming->Clear()) return status;
   }
 }
 

@@ -55,9 +55,8 @@ class Localizer:
         kind = action["actionType"]
         if kind == "downloadMap":
             link = str(p.get("mapDownloadLink", ""))
-            return self.call(
-                "download-map", link, **name, map_version=p.get("mapVersion"), sha256=p.get("mapHash")
-            )[1]
+            name |= {"map_version": p.get("mapVersion"), "sha256": p.get("mapHash")}
+            return self.call("download-map", link, **name)[1]
         if kind in ("enableMap", "deleteMap"):
             verb = kind.replace("Map", "-map")
             return self.call(verb, **name, map_version=p.get("mapVersion"))[1]
@@ -90,7 +89,8 @@ class Client:
         self.vehicle = dict(VEHICLE)
         host, port = arguments.broker.rsplit(":", 1)
         self.mqtt = mqtt.Client(client_id=f"{arguments.manufacturer}-{arguments.serial}")
-        self.mqtt.on_connect = lambda client, *_: client.subscribe(self.topic + "/instantActions", 1)
+        actions = self.topic + "/instantActions"
+        self.mqtt.on_connect = lambda client, *_: client.subscribe(actions, 1)
         self.mqtt.on_message = lambda _client, _data, message: self.messages.put(message.payload)
         self.mqtt.connect(host, int(port))
 
@@ -126,7 +126,11 @@ class Client:
             fragment = {
                 "maps": [],
                 "errors": [
-                    {"errorType": "LOCALIZATION_ERROR", "errorLevel": "FATAL", "errorDescription": why}
+                    {
+                        "errorType": "LOCALIZATION_ERROR",
+                        "errorLevel": "FATAL",
+                        "errorDescription": why,
+                    }
                 ],
                 "instantActionStates": [],
             }
@@ -146,7 +150,8 @@ class Client:
         self.header_id += 1
         now = datetime.datetime.now(datetime.timezone.utc)
         stamp = now.isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        return {"headerId": self.header_id, "timestamp": stamp, **self.head, **self.vehicle, **fragment}
+        head = {"headerId": self.header_id, "timestamp": stamp, **self.head}
+        return {**head, **self.vehicle, **fragment}
 
     def run(self):
         self.mqtt.loop_start()
