@@ -14,8 +14,10 @@ packages=(
   libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
-  chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev mosquitto openssl
-  python3 python3-grpcio python3-jsonschema python3-paho-mqtt zsh
+  chromium clang-format curl libbenchmark-dev libgmock-dev libgtest-dev mosquitto munge nginx-light openssl
+  python3 python3-grpcio python3-jsonschema python3-paho-mqtt slurm-wlm zsh
+  # Packages
+  debhelper dh-python fakeroot help2man lintian mmdebstrap
   # Python package
   pybind11-dev python3-dev python3-numpy
 )

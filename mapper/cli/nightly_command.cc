@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -24,13 +25,11 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kNoIndex = -1;
-
 struct NightlyArguments {
   std::string phase = "all";
   std::optional<std::string> output;
   std::optional<std::string> plan;
-  int index = kNoIndex;
+  std::optional<std::int64_t> index;
   std::optional<std::string> scratch;
   NightOptions night;
 };
@@ -42,7 +41,7 @@ std::string CheckArguments(const NightlyArguments& arguments) {
   if (needs_fleet && arguments.night.logs.empty()) return "--logs is required";
   if (arguments.phase == "plan" && !arguments.output) return "plan: --output is required";
   if (!needs_fleet && !arguments.plan) return arguments.phase + ": --plan is required";
-  if (arguments.phase == "run" && arguments.index == kNoIndex) return "run: --index is required";
+  if (arguments.phase == "run" && !arguments.index) return "run: --index is required";
   return "";
 }
 
@@ -128,7 +127,7 @@ Status RunOne(const NightlyArguments& arguments, Context& context) {
       arguments.scratch.value_or(std::filesystem::temp_directory_path(error).string());
   SHIFTMAP_ASSIGN_OR_RETURN(
       const AreaNight night,
-      RunPlanned(arguments.night, *arguments.plan, arguments.index, scratch, context));
+      RunPlanned(arguments.night, *arguments.plan, *arguments.index, scratch, context));
   NightResult result;
   result.areas.push_back(night);
   context.Report(AreaNightJson(night), NightText(result));

@@ -288,6 +288,7 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
     Say(fmt::format("{}; to ignore it: shiftmap-inspect runs exclude {}", line, hash));
   }
   for (const std::string& line : candidate.outcome.waiting) Say(line);
+  night_.runs_waiting = std::max(night_.runs_waiting, candidate.outcome.waiting.size());
   return !out.empty();
 }
 

@@ -319,7 +319,6 @@ StatusOr<Judgement> Judge(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store->LoadProvenance(area, version));
   const BuildOutcome outcome = ReadOutcome(provenance.configuration);
   judgement.cost_after = outcome.cost;
-  judgement.runs_waiting = static_cast<int>(outcome.waiting.size());
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, store->LoadVersion(area, version));
   std::optional<MapSnapshot> before;
   if (judgement.before) {

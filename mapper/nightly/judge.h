@@ -60,7 +60,6 @@ struct Judgement {
   int modes_merged = 0;
   int landmarks_made = 0;
   int landmarks_removed = 0;
-  int runs_waiting = 0;             ///< Runs of the build whose place is ambiguous.
   std::vector<std::string> moved;   ///< Landmarks with a mode moved beyond its covariance.
   std::vector<JudgedShift> shifts;  ///< Of the build first, then by begin.
 

@@ -64,7 +64,6 @@ Json JudgementJson(const Judgement& judgement) {
           {"modes_made", judgement.modes_made},
           {"modes_removed", judgement.modes_removed},
           {"modes_merged", judgement.modes_merged},
-          {"runs_waiting", judgement.runs_waiting},
           {"moved", judgement.moved},
           {"tests", tests},
           {"worse", judgement.worse},
@@ -82,6 +81,7 @@ Json AreaNightJson(const AreaNight& night) {
           {"reasons", night.reasons},
           {"content_hash", night.content_hash},
           {"held_out", night.held_out},
+          {"runs_waiting", night.runs_waiting},
           {"refused_in_a_row", night.refused_in_a_row},
           {"alarm", night.alarm()},
           {"judgement", night.judgement ? JudgementJson(*night.judgement) : Json(nullptr)}};

@@ -140,10 +140,17 @@ std::string Cells(const Json& before, const Json& after) {
   return html;
 }
 
+// What a measure is, for people.
+std::string Words(const std::string& measure) {
+  if (measure == "nis") return "ln of NIS per degree of freedom, where above 1";
+  if (measure == "doubt") return "share of time INITIALIZING, LOST or UNKNOWN_CHANGE";
+  return "share of landmarks not decided for the mode that the mapper found";
+}
+
 std::string JudgementHtml(const Json& judgement) {
   std::string html = fmt::format(
       "<p>Judged against {}. Cost per observation {} (before {}). {} landmarks and {} modes made, "
-      "{} modes merged, {} removed; {} runs wait.</p>\n",
+      "{} modes merged, {} removed.</p>\n",
       judgement["against"].is_null() ? "nothing: it is the first version"
                                      : "version " + Text(judgement["against"]),
       Number(judgement["cost_per_observation"]["after"], 2),
@@ -151,8 +158,7 @@ std::string JudgementHtml(const Json& judgement) {
       judgement["landmarks_made"].get<int>(),
       judgement["modes_made"].get<int>(),
       judgement["modes_merged"].get<int>(),
-      judgement["modes_removed"].get<int>(),
-      judgement["runs_waiting"].get<int>());
+      judgement["modes_removed"].get<int>());
   if (!judgement["moved"].empty()) {
     html += "<p>Moved beyond their covariance, which blocks nothing: ";
     for (const Json& name : judgement["moved"]) html += Html(Text(name)) + " ";
@@ -165,7 +171,7 @@ std::string JudgementHtml(const Json& judgement) {
   for (const Json& test : judgement["tests"]) {
     html +=
         fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                    Html(Text(test["measure"])),
+                    Words(Text(test["measure"])),
                     test["shifts"].get<int>(),
                     Number(test["mean"], 3),
                     Number(test["upper_95"], 3),
@@ -306,7 +312,11 @@ Status WriteNightReport(const Json& document,
                         const std::string& store,
                         const std::string& folder) {
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(folder));
-  const std::string stem = folder + "/" + title;
+  std::string stem = folder + "/" + title;
+  std::error_code error;
+  for (int i = 2; std::filesystem::exists(stem + ".html", error); ++i) {
+    stem = fmt::format("{}/{}-{}", folder, title, i);
+  }
   SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(stem + ".json", JsonText(document)));
   return WriteFileAtomically(stem + ".html",
                              NightPage(document, title, DrawNight(document, store)));

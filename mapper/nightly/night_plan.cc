@@ -278,7 +278,7 @@ StatusOr<NightPlan> ReadPlan(const std::string& path) {
 
 StatusOr<AreaNight> RunPlanned(NightOptions options,
                                const std::string& path,
-                               int index,
+                               std::int64_t index,
                                const std::string& scratch,
                                Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const NightPlan plan, ReadPlan(path));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -56,7 +57,7 @@ StatusOr<NightPlan> ReadPlan(const std::string& path);
 /// Errors: kNotFound if the plan has no such area; as RunArea.
 StatusOr<AreaNight> RunPlanned(NightOptions options,
                                const std::string& path,
-                               int index,
+                               std::int64_t index,
                                const std::string& scratch,
                                Context& context);
 
