@@ -4,6 +4,7 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <memory>
 #include <optional>
 #include <string>
@@ -31,6 +32,9 @@ class ServerProcess {
   /// Waits until the log has a text; false if it does not come.
   bool Logs(const std::string& text) const;
 
+  void Signal(int signal) const { kill(command_.pid(), signal); }
+
+  /// As BackgroundCommand::End.
   int End(int signal) { return command_.End(signal); }
 
  private:

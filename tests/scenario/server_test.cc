@@ -342,9 +342,10 @@ TEST_F(ServerTest, ItTellsHealthAndMetricsAndStopsWithinItsGrace) {
   const auto watch = client->WatchSnapshots(&watch_context, request);
   proto::Snapshot snapshot;
   ASSERT_TRUE(watch->Read(&snapshot));
-  EXPECT_EQ(server.End(SIGTERM), 0);
+  server.Signal(SIGTERM);
   EXPECT_FALSE(watch->Read(&snapshot));
   EXPECT_EQ(watch->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(server.End(0), 0);
 }
 
 TEST_F(ServerTest, ACallerIsHeldToItsRateAndItsStreams) {
