@@ -340,6 +340,38 @@ TEST_F(ServerTest, NothingAcknowledgedIsLostWhenTheServerIsKilled) {
   EXPECT_GE(acknowledged.size(), 60u);
 }
 
+TEST_F(ServerTest, AFullDiskRefusesAndLosesNothing) {
+  const ServerProcess server(PlainText());
+  const auto client = PlainClient(server);
+  const proto::SubmitReportRequest first = AnotherReport();
+  const proto::SubmitReportRequest second = AnotherReport();
+  ASSERT_TRUE(Submit(*client, first).ok());
+  const std::string log = LogBytes();
+  proto::UploadState state;
+  // No file grows beyond this.
+  server.LimitFiles(1000);
+  const auto refused = [](const grpc::Status& status) {
+    return status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED ||
+           status.error_code() == grpc::StatusCode::UNAVAILABLE;
+  };
+  EXPECT_TRUE(refused(Submit(*client, second)));
+  EXPECT_TRUE(refused(Upload(*client, log, 0, log.size(), &state)));
+  server.LimitFiles(RLIM_INFINITY);
+  ASSERT_TRUE(Submit(*client, second).ok());
+  EXPECT_EQ(StoredReports(store_),
+            (std::set<std::string>{first.report().uuid(), second.report().uuid()}));
+  grpc::ClientContext context;
+  proto::GetUploadRequest request;
+  request.set_sha256(Sha256Of(log));
+  ASSERT_TRUE(client->GetUpload(&context, request, &state).ok());
+  EXPECT_GT(state.stored_bytes(), 0);
+  ASSERT_TRUE(
+      Upload(*client, log, static_cast<std::size_t>(state.stored_bytes()), log.size(), &state)
+          .ok());
+  EXPECT_TRUE(state.complete());
+  RunForJson("shiftmap-inspect", {"verify", "--store", store_});
+}
+
 TEST_F(ServerTest, ItTellsHealthAndMetricsAndDescribesItself) {
   Arguments arguments = PlainText();
   arguments.insert(arguments.end(), {"--metrics-listen", "0"});
