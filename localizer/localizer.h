@@ -112,8 +112,8 @@ class Localizer {
 
   LocalizerState state() const { return state_; }
 
-  /// How many landmarks agree with the pose, by the last sightings of each.
-  PoseSupport Support() const { return health_.Support(); }
+  /// How many landmarks agree with the pose, by the last sighting of each, from `since` on.
+  PoseSupport Support(Stamp since = Stamp::min()) const { return health_.Support(since, -1); }
 
   /// Changes of the state, oldest first, each with what it rests on; the last thousand.
   const std::deque<StateChange>& state_changes() const { return state_changes_; }

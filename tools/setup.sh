@@ -14,7 +14,8 @@ packages=(
   libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
-  chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev python3
+  chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev mosquitto
+  openssl python3 python3-jsonschema python3-paho-mqtt
   # Python package
   pybind11-dev python3-dev python3-numpy
 )

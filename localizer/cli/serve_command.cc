@@ -23,7 +23,6 @@ struct ServeOptions {
   std::optional<std::string> store;
   std::optional<std::string> snapshot;
   std::optional<std::string> maps;
-  std::int64_t maps_quota_mib = MapFolderOptions().max_bytes >> 20;
   std::string map_source = "none";
   std::string area;
   std::string socket;
@@ -61,7 +60,6 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   live::ServiceOptions service;
   if (options.maps) {
     service.map_folder = *options.maps;
-    service.map_folder_options.max_bytes = options.maps_quota_mib << 20;
     service.has_map_owner = options.map_source == "server";
   } else {
     service.map_path = options.store ? *options.store : *options.snapshot;
@@ -119,8 +117,6 @@ void AddServeCommand(Application* application) {
       .Option("--maps",
               &options->maps,
               "Folder of maps to take the enabled map of the area from; a --store is not used then")
-      .Option("--maps-quota-mib", &options->maps_quota_mib, "The folder of maps may take this much")
-      .InRange(1, 1 << 30)
       .Option("--map-source",
               &options->map_source,
               "Who changes maps of the folder: server: `shiftmap-transfer sync` alone; vda5050, "

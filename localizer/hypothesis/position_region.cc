@@ -12,9 +12,10 @@ namespace shiftmap {
 namespace {
 
 constexpr double kTailSds = 7.0;  // Beyond them is less than 1e-11.
+constexpr int kPanels = 4;  // Where the range's edge cuts a long ellipse, the density has a step.
 constexpr double kMinSdM = 1e-9;
-constexpr double kToleranceM = 1e-4;
-constexpr double kTolerance = 1e-3;
+constexpr double kToleranceM = 1e-6;
+constexpr double kTolerance = 1e-5;
 
 double NormalTail(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
 
@@ -30,13 +31,14 @@ double Within(const Eigen::Vector2d& m, const Eigen::Vector2d& s, double radius)
     const double inside = NormalTail((-h - m.y()) / s.y()) - NormalTail((h - m.y()) / s.y());
     return std::exp(-0.5 * z * z) / (s.x() * std::sqrt(2.0 * std::numbers::pi)) * inside * h;
   };
-  // In two halves: nodes lie where the density is.
-  const double begin = std::asin(low);
-  const double end = std::asin(high);
-  const double middle = std::clamp(std::asin(std::clamp(m.x() / radius, -1.0, 1.0)), begin, end);
   using Quadrature = boost::math::quadrature::gauss<double, 30>;
-  return Quadrature::integrate(density, begin, middle) +
-         Quadrature::integrate(density, middle, end);
+  const double begin = std::asin(low);
+  const double step = (std::asin(high) - begin) / kPanels;
+  double sum = 0.0;
+  for (int i = 0; i < kPanels; ++i) {
+    sum += Quadrature::integrate(density, begin + i * step, begin + (i + 1) * step);
+  }
+  return sum;
 }
 
 // In the axes of its covariance: the shorter one first, in which the density is integrated.

@@ -24,8 +24,8 @@ double ProbabilityWithin(std::span<const WeightedPosition> mixture,
                          const Eigen::Vector2d& center,
                          double radius_m);
 
-/// The radius about `center` that holds the position with a probability in (0, 1), to 0.1 mm or a
-/// thousandth of itself. [m]
+/// The radius about `center` that holds the position with a probability in (0, 1), to 1e-5 of
+/// itself. [m]
 double RadiusHolding(double probability,
                      std::span<const WeightedPosition> mixture,
                      const Eigen::Vector2d& center);

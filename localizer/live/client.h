@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "localizer/live/framing.h"
@@ -23,12 +24,17 @@ class Client {
   /// The next event. Errors also: kInvalidArgument for what is none.
   StatusOr<Event> Receive();
 
+  /// The same, or nothing if none came within a time. [s]
+  StatusOr<std::optional<Event>> ReceiveWithin(double seconds);
+
   /// Sends a command and waits for its reply; news that come before it are skipped. The reply's own
   /// error is returned as one.
   StatusOr<Reply> Call(const Command& command);
 
  private:
   explicit Client(OwnedFd fd) : fd_(std::move(fd)) {}
+
+  Status Read();
 
   OwnedFd fd_;
   FrameReader reader_;

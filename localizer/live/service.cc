@@ -83,8 +83,7 @@ StatusOr<Service> Service::Open(ServiceOptions options) {
   if (const Status status = log.Read(); !status.ok()) options.warn(Message(status));
   std::optional<MapFolder> folder;
   if (!options.map_folder.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(folder,
-                              MapFolder::Open(options.map_folder, options.map_folder_options));
+    SHIFTMAP_ASSIGN_OR_RETURN(folder, MapFolder::Open(options.map_folder));
   }
   Service service(std::move(options), FleetActions(std::move(log), std::move(folder)));
   const ServiceOptions& set = service.options_;

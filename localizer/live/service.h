@@ -31,7 +31,6 @@ struct ServiceOptions {
   /// If not empty, the map is the enabled one of the area in this folder, which actions change, and
   /// `map_path` is of no meaning.
   std::string map_folder;
-  MapFolderOptions map_folder_options;
 
   /// Only a client that subscribed as the maps' owner may change them.
   bool has_map_owner = false;

@@ -22,20 +22,23 @@ Status Unknown(const std::string& map_id) {
   return NotFound("no map of '{}' is enabled here", map_id);
 }
 
-const MapAction* MapActionOf(const Command& command) {
-  if (const auto* download = std::get_if<DownloadMap>(&command)) return download;
-  if (const auto* enable = std::get_if<EnableMap>(&command)) return enable;
-  return std::get_if<DeleteMap>(&command);
+// An action on maps and its type in the standard; null for any other command.
+std::pair<const MapAction*, const char*> MapActionOf(const Command& command) {
+  if (const auto* download = std::get_if<DownloadMap>(&command)) return {download, "downloadMap"};
+  if (const auto* enable = std::get_if<EnableMap>(&command)) return {enable, "enableMap"};
+  return {std::get_if<DeleteMap>(&command), "deleteMap"};
 }
 
 }  // namespace
 
 Status Service::CheckOwner(const Request& request) {
-  const MapAction* const action = MapActionOf(request.command);
+  const auto [action, type] = MapActionOf(request.command);
   if (action == nullptr || !options_.has_map_owner || request.from_map_owner) return OkStatus();
-  return FailedPrecondition(
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto id, fleet_.Begin(action->action_id, type));
+  const Status refused = FailedPrecondition(
       "map '{}': the daemon of the map server changes maps (map_source = server), nobody else",
       action->map_id);
+  return id ? fleet_.End(*id, refused) : refused;
 }
 
 StatusOr<Service::LoadedMap> Service::Loaded(const FolderMap& file) {

@@ -27,6 +27,9 @@ constexpr double kStandingMps = 0.01;
 constexpr double kStandingRadps = 0.01;
 constexpr double kStandingS = 0.5;
 
+// Landmarks seen within it tell of the pose now.
+constexpr double kPresentS = 1.0;
+
 // Hypotheses lighter than this share of all move no region.
 constexpr double kLeastWeight = 1e-6;
 
@@ -115,8 +118,12 @@ bool Shift::Stands() const {
 }
 
 double Shift::Score() const {
-  const PoseSupport support = localizer_.Support();
-  return support.Doubts() ? 0.0 : localizer_.Estimate()->quality;
+  const PoseSupport ever = localizer_.Support();
+  if (ever.agreeing + ever.failing == 0) return 0.0;
+  // A pose that is wrong shows there at once; innovations are of landmarks that agree.
+  const auto estimate = localizer_.Estimate();
+  const PoseSupport now = localizer_.Support(estimate->stamp - FromSeconds(kPresentS));
+  return std::min(estimate->quality, FailureTail(now));
 }
 
 double Shift::RadiusHolding(double probability) const {

@@ -54,7 +54,8 @@ class Shift {
   const std::optional<PoseEstimate>& Pose() const { return pose_; }
 
   /// The probability with which the model itself would fit the last observations as badly, uniform
-  /// in [0, 1] if it holds; 0 where landmarks contradict the pose. Precondition: there is a pose.
+  /// in [0, 1] if it holds; less where most landmarks of the last second fail, 0 before the first
+  /// is seen. Precondition: there is a pose.
   double Score() const;
 
   /// The radius about Pose() that holds the position with a probability, over all hypotheses; they

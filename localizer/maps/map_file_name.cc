@@ -49,14 +49,6 @@ std::optional<std::string> Unescaped(std::string_view text) {
 
 }  // namespace
 
-std::string MapVersionName(VersionNumber version,
-                           std::string_view content_hash,
-                           std::string_view sha256) {
-  std::string name = fmt::format("{}-{}", version.value(), content_hash.substr(0, kNamedDigits));
-  if (!sha256.empty()) name.append("-").append(sha256.substr(0, kNamedDigits));
-  return name;
-}
-
 StatusOr<std::string> MapFileName(const FolderMap& map) {
   std::string name =
       fmt::format("{}@{}@{}{}", Escaped(map.map_id), Escaped(map.map_version), map.sha256, kEnding);

@@ -2,6 +2,7 @@
 #include "localizer/monitor/health_monitor.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "localizer/monitor/innovation_quality.h"
 
@@ -21,6 +22,9 @@ constexpr double kMinPairShare = 0.6;
 
 constexpr int kMinAgreeing = 3;
 
+// Share of the landmarks in view that may have moved.
+constexpr double kMovedShare = 1.0 / 3.0;
+
 // A landmark that agreed so long before it fails turned.
 constexpr double kTurnS = 10.0;
 
@@ -38,6 +42,17 @@ bool PoseSupport::Agrees() const {
 }
 
 bool PoseSupport::Doubts() const { return failing >= kMinFailing && 3 * agreeing <= failing; }
+
+double FailureTail(const PoseSupport& support) {
+  const int seen = support.agreeing + support.failing;
+  double term = std::pow(1.0 - kMovedShare, seen);
+  double tail = 1.0;
+  for (int failing = 0; failing < support.failing; ++failing) {
+    tail -= term;
+    term *= kMovedShare / (1.0 - kMovedShare) * (seen - failing) / (failing + 1);
+  }
+  return std::max(tail, 0.0);
+}
 
 void HealthMonitor::Add(Stamp stamp, int group, bool explained, std::optional<double> nis) {
   LastSeen& last = last_[static_cast<std::size_t>(group)];

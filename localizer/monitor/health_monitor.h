@@ -32,6 +32,10 @@ struct PoseSupport {
   bool Doubts() const;
 };
 
+/// The probability with which as many landmarks fail, or more, if each has moved with probability
+/// 1/3: about the most that ever moved at once.
+double FailureTail(const PoseSupport& support);
+
 /// Keeps which of the landmarks seen last agree with the pose, and tells a lost vehicle from an old
 /// map where nothing else does.
 ///

@@ -24,8 +24,9 @@ double InnovationTail(double nis_sum, int count) {
 void InnovationQuality::Add(double nis) { window_.push_back(nis); }
 
 double InnovationQuality::p_value() const {
-  if (window_.size() < kWindow) return 1.0;
-  return InnovationTail(std::accumulate(window_.begin(), window_.end(), 0.0), kWindow);
+  if (window_.empty()) return 1.0;
+  return InnovationTail(std::accumulate(window_.begin(), window_.end(), 0.0),
+                        static_cast<int>(window_.size()));
 }
 
 }  // namespace shiftmap

@@ -25,7 +25,7 @@ class InnovationQuality {
   /// @param nis  Of an observation that corrected the pose.
   void Add(double nis);
 
-  /// InnovationTail() of the window, uniform in [0, 1] if the model holds; 1 before it is full.
+  /// InnovationTail() of the window, uniform in [0, 1] if the model holds; 1 while it is empty.
   double p_value() const;
 
   void Reset() { window_.clear(); }

@@ -51,6 +51,8 @@ const std::vector<std::string>& SharedKeys() {
                                                                 "client-ca",
                                                                 "clock-tolerance-s",
                                                                 "log-level",
+                                                                "map-source",
+                                                                "maps",
                                                                 "quiet",
                                                                 "server",
                                                                 "store",

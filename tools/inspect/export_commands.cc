@@ -9,6 +9,7 @@
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/map/map_version_name.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
@@ -100,13 +101,16 @@ Status ExportTrajectories(const ExportArguments& arguments, MapStore* store, Con
 Status ExportSnapshot(const ExportArguments& arguments, MapStore* store, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, store));
   std::string sha256;
+  std::string name;
   if (!context.dry_run()) {
     SHIFTMAP_ASSIGN_OR_RETURN(sha256, store->ExportSnapshot(map.area(), arguments.output));
+    name = MapVersionName(map.version(), map.content_hash(), sha256);
   }
   context.Report({{"area", map.area()},
                   {"version", map.version().value()},
                   {"output", arguments.output},
-                  {"sha256", sha256}},
+                  {"sha256", sha256},
+                  {"map_version", name}},
                  InertLine(arguments.output) + "\n");
   return OkStatus();
 }

@@ -8,6 +8,7 @@
 
 #include "localizer/live/service_notifier.h"
 #include "localizer/transfer/cli/transfer_bodies.h"
+#include "localizer/transfer/download_worker.h"
 #include "localizer/transfer/sync_service.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/inert_text.h"
@@ -52,6 +53,21 @@ MapSupplyOptions MapSupplyOptionsOf(const SyncArguments& arguments, const Contex
   options.socket = arguments.socket;
   options.keys = arguments.snapshot_keys;
   options.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
+  options.inform = [&context](const std::string& line) { context.Inform(line); };
+  return options;
+}
+
+DownloadWorkerOptions DownloadWorkerOptionsOf(const SyncArguments& arguments,
+                                              const Context& context) {
+  DownloadWorkerOptions options;
+  options.socket = arguments.socket;
+  options.maps = arguments.maps;
+  options.folder.max_bytes = arguments.maps_quota_mib << 20;
+  options.download.ca = arguments.map_ca;
+  options.download.max_bytes = options.folder.max_bytes;
+  options.download.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
+  options.backoff.give_up_s = arguments.server.give_up_s;
+  options.warn = [&context](const std::string& line) { context.Warn(line); };
   options.inform = [&context](const std::string& line) { context.Inform(line); };
   return options;
 }
@@ -129,7 +145,10 @@ Status RunSync(const SyncArguments& arguments, Context& context) {
 
   const sigset_t stopping = BlockStopSignals();
   Workers workers;
-  workers.Start(HandInWorker(&outbox, options));
+  if (!arguments.server.server.empty()) workers.Start(HandInWorker(&outbox, options));
+  if (arguments.map_source == "vda5050") {
+    workers.Start(DownloadWorker(DownloadWorkerOptionsOf(arguments, context)));
+  }
   if (arguments.map_source == "server") {
     workers.Start(MapWorker(MapSupplyOptionsOf(arguments, context), options));
   }

@@ -17,7 +17,12 @@ std::string CheckReturn(const ReturnArguments& arguments) {
 }
 
 std::string CheckSync(const SyncArguments& arguments) {
-  if (std::string message = CheckServerArguments(arguments.server); !message.empty()) {
+  const bool vda5050 = arguments.map_source == "vda5050";
+  if (vda5050 && arguments.socket.empty()) return "--map-source vda5050 needs --socket";
+  // Maps come by link: without a server, nothing is handed in.
+  const bool only_maps = vda5050 && arguments.server.server.empty() && !arguments.once;
+  if (std::string message = CheckServerArguments(arguments.server);
+      !only_maps && !message.empty()) {
     return message;
   }
   return arguments.map_source == "server" && arguments.area.empty()
@@ -118,6 +123,13 @@ void AddSyncCommand(Application* application, TransferBody<SyncArguments> body) 
       .OneOf({"none", "server", "vda5050"})
       .Option("--area", &arguments->area, "Area whose maps are brought")
       .Option("--maps", &arguments->maps, "Folder of maps of `serve`")
+      .Option(
+          "--maps-quota-mib", &arguments->maps_quota_mib, "The folder of maps may take this much")
+      .InRange(1, 1 << 30)
+      .Option(
+          "--map-ca",
+          &arguments->map_ca,
+          "Authority of the servers that fleet control's links name, PEM; default: the system's")
       .Option("--socket", &arguments->socket, "Unix socket of `serve`")
       .Option("--snapshot-key",
               &arguments->snapshot_keys,

@@ -54,6 +54,8 @@ struct SyncArguments {
   std::string map_source = "none";
   std::string area;
   std::string maps = "/var/lib/shiftmap-maps";
+  std::int64_t maps_quota_mib = 2048;
+  std::string map_ca;
   std::string socket;
   std::vector<std::string> snapshot_keys;
   double poll_s = 10.0;
