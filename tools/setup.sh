@@ -15,7 +15,7 @@ packages=(
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
   chromium clang-format libbenchmark-dev libgmock-dev libgtest-dev mosquitto
-  openssl python3 python3-jsonschema python3-paho-mqtt
+  openssl python3 python3-grpcio python3-jsonschema python3-paho-mqtt
   # Python package
   pybind11-dev python3-dev python3-numpy
 )

@@ -84,7 +84,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
 }
 
 Status Serve(const ServeOptions& options, Context& context) {
-  live::ServiceNotifier notifier;
+  ServiceNotifier notifier;
   live::ServiceOptions service_options = ServiceOptionsOf(options);
   service_options.warn = [&context](const std::string& message) { context.Warn(message); };
   service_options.inform = [&context](const std::string& message) { context.Inform(message); };

@@ -9,8 +9,8 @@
 #include "localizer/live/client_places.h"
 #include "localizer/live/connection.h"
 #include "localizer/live/service.h"
-#include "localizer/live/service_notifier.h"
 #include "mapstore/core/owned_fd.h"
+#include "mapstore/core/service_notifier.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::live {

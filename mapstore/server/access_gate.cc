@@ -5,7 +5,7 @@
 
 namespace shiftmap::server {
 
-StatusOr<Caller> AccessGate::Identify(const Peer& peer) {
+StatusOr<Caller> AccessGate::Identify(const Peer& peer) const {
   if (!revocations_) return Caller{"development", Role::kOperator, peer.address, peer.address};
   SHIFTMAP_ASSIGN_OR_RETURN(const ClientCertificate certificate,
                             ReadClientCertificate(peer.certificate));
@@ -25,19 +25,14 @@ StatusOr<Caller> AccessGate::Identify(const Peer& peer) {
   return Caller{certificate.name, certificate.role, peer.address, certificate.name};
 }
 
-StatusOr<Caller> AccessGate::Admit(const Peer& peer, Call call) {
-  SHIFTMAP_ASSIGN_OR_RETURN(Caller caller, Identify(peer));
+Status AccessGate::Admit(const Caller& caller, Call call) {
   SHIFTMAP_RETURN_IF_ERROR(rate_.Take(caller.limit_key));
-  if (!MayCall(caller.role, call)) {
-    return MakeStatus(
-        StatusCode::kPermissionDenied,
-        "'{}' is {} {}, which may not call {}",
-        caller.name,
-        caller.role == Role::kInspector || caller.role == Role::kOperator ? "an" : "a",
-        NameOf(caller.role),
-        NameOf(call));
-  }
-  return caller;
+  if (MayCall(caller.role, call)) return OkStatus();
+  return MakeStatus(StatusCode::kPermissionDenied,
+                    "'{}' has the role {}, which may not call {}",
+                    caller.name,
+                    NameOf(caller.role),
+                    NameOf(call));
 }
 
 }  // namespace shiftmap::server

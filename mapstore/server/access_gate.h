@@ -25,14 +25,14 @@ class AccessGate {
   AccessGate(std::unique_ptr<Revocations> revocations, double calls_per_s)
       : revocations_(std::move(revocations)), rate_(calls_per_s) {}
 
-  /// Errors: kUnauthenticated if the certificate says nothing, is over or revoked;
-  /// kPermissionDenied if the role may not make the call; kResourceExhausted if the client calls
-  /// too often.
-  StatusOr<Caller> Admit(const Peer& peer, Call call);
+  /// Errors: kUnauthenticated if the certificate says nothing, is over or revoked.
+  StatusOr<Caller> Identify(const Peer& peer) const;
+
+  /// Errors: kPermissionDenied if the caller's role may not make the call; kResourceExhausted if he
+  /// calls too often.
+  Status Admit(const Caller& caller, Call call);
 
  private:
-  StatusOr<Caller> Identify(const Peer& peer);
-
   const std::unique_ptr<Revocations> revocations_;
   RateLimit rate_;
 };

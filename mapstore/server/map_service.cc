@@ -96,8 +96,9 @@ void MapService::Note(const grpc::ServerContextBase& context,
   parts_.log->Write(level, "call", fields);
 }
 
-StatusOr<Caller> MapService::AdmitPeer(const grpc::ServerContextBase& context, Call call) {
-  return parts_.gate->Admit(PeerOf(context), call);
+Status MapService::Admit(const grpc::ServerContextBase& context, Call call, Caller* caller) {
+  SHIFTMAP_ASSIGN_OR_RETURN(*caller, parts_.gate->Identify(PeerOf(context)));
+  return parts_.gate->Admit(*caller, call);
 }
 
 grpc::Status MapService::Serve(const grpc::ServerContextBase& context,
@@ -105,21 +106,21 @@ grpc::Status MapService::Serve(const grpc::ServerContextBase& context,
                                const Body& body) {
   const Clock::time_point begin = Clock::now();
   Status status;
-  std::string client;
+  Caller caller;
   // No exception may leave: it would end the server.
   try {
-    const StatusOr<Caller> caller = AdmitPeer(context, call);
-    status = caller.status();
-    if (caller.ok()) {
-      client = caller->name;
-      status = body(*caller);
-    }
+    status = Admit(context, call, &caller);
+    if (status.ok()) status = body(caller);
   } catch (const std::bad_alloc&) {
     status = MakeStatus(StatusCode::kResourceExhausted, "out of memory");
   } catch (const std::exception& error) {
     status = Internal("{}", error.what());
   }
-  Note(context, call, client, status, std::chrono::duration<double>(Clock::now() - begin).count());
+  Note(context,
+       call,
+       caller.name,
+       status,
+       std::chrono::duration<double>(Clock::now() - begin).count());
   return ToGrpc(status);
 }
 

@@ -77,7 +77,8 @@ class MapService final
   class Watch;
   using Body = std::function<Status(const Caller&)>;
 
-  StatusOr<Caller> AdmitPeer(const grpc::ServerContextBase& context, Call call);
+  /// @param caller  Gets who it is, if that is known, also when he may not.
+  Status Admit(const grpc::ServerContextBase& context, Call call, Caller* caller);
 
   /// Runs a call: who it is, whether he may, and afterwards counts and logs it.
   grpc::Status Serve(const grpc::ServerContextBase& context, Call call, const Body& body);

@@ -3,6 +3,7 @@
 
 #include <grpc/support/log.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -16,6 +17,7 @@
 #include <utility>
 
 #include "mapstore/cli/input_options.h"
+#include "mapstore/core/service_notifier.h"
 #include "mapstore/server/map_server.h"
 
 namespace shiftmap {
@@ -160,7 +162,14 @@ Status RunServer(const ServerArguments& arguments, Context& context) {
                             {"tls", options.tls.has_value()}};
   if (const auto metrics = map_server->metrics_address()) listening["metrics"] = metrics->Text();
   log.Write(JsonLog::Level::kInfo, "listening", listening);
-  while (!signals.WaitFor(std::chrono::milliseconds(500))) map_server->Tend();
+  ServiceNotifier notifier;
+  notifier.Ready();
+  constexpr std::chrono::milliseconds kStep(500);
+  while (!signals.WaitFor(std::min(kStep, notifier.interval().value_or(kStep)))) {
+    if (map_server->IsAlive()) notifier.Alive();
+    map_server->Tend();
+  }
+  notifier.Stopping();
   log.Write(JsonLog::Level::kInfo, "stopping", {});
   map_server->Stop(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * arguments.grace_s)));
   const std::int64_t calls = map_server->calls();

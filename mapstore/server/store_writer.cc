@@ -9,7 +9,7 @@ namespace shiftmap::server {
 namespace {
 
 // Reports that share a transaction: more would let the first ones wait for the last.
-constexpr std::size_t kMostTogether = 32;
+constexpr std::size_t kMostTogether = 64;
 
 }  // namespace
 

@@ -67,9 +67,10 @@ class MapService::Watch final : public grpc::ServerWriteReactor<proto::Snapshot>
   using Clock = std::chrono::steady_clock;
 
   Status Admit(const std::string& area) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const Caller caller,
-                              service_->AdmitPeer(*context_, Call::kWatchSnapshots));
+    Caller caller;
+    const Status admitted = service_->Admit(*context_, Call::kWatchSnapshots, &caller);
     client_ = caller.name;
+    SHIFTMAP_RETURN_IF_ERROR(admitted);
     SHIFTMAP_ASSIGN_OR_RETURN(slot_, service_->parts_.watches->Take(caller.limit_key));
     if (area.empty()) return InvalidArgument("area: expected a name");
     return OkStatus();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "localizer/live/service_notifier.h"
+#include "mapstore/core/service_notifier.h"
 
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -13,7 +13,7 @@
 
 #include "tests/support/temp_dir.h"
 
-namespace shiftmap::live {
+namespace shiftmap {
 namespace {
 
 class ServiceNotifierTest : public ::testing::Test {
@@ -89,4 +89,4 @@ TEST_F(ServiceNotifierTest, NobodyListensIsNoError) {
 }
 
 }  // namespace
-}  // namespace shiftmap::live
+}  // namespace shiftmap

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "localizer/live/service_notifier.h"
+#include "mapstore/core/service_notifier.h"
 
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace shiftmap::live {
+namespace shiftmap {
 namespace {
 
 constexpr std::chrono::milliseconds kStartingSignEvery(1000);
@@ -72,4 +72,4 @@ void ServiceNotifier::StillStarting() {
   Send("EXTEND_TIMEOUT_USEC=10000000\nSTATUS=taking up an interrupted shift");
 }
 
-}  // namespace shiftmap::live
+}  // namespace shiftmap

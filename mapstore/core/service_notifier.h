@@ -8,7 +8,7 @@
 
 #include "mapstore/core/owned_fd.h"
 
-namespace shiftmap::live {
+namespace shiftmap {
 
 /// Tells the service manager what this process is doing, by the protocol of sd_notify(3): lines in
 /// a datagram to the Unix socket that $NOTIFY_SOCKET names. Without that variable it does nothing.
@@ -42,4 +42,4 @@ class ServiceNotifier {
   std::optional<Clock::time_point> last_sign_;
 };
 
-}  // namespace shiftmap::live
+}  // namespace shiftmap
