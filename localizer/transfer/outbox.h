@@ -42,7 +42,7 @@ struct OutboxOptions {
   std::string record;  ///< The folder of the record.
 
   /// Bound of the files. Beyond it the oldest go: refused ones, then logs, then reports. [byte]
-  std::int64_t max_bytes = std::int64_t{4} << 30;
+  std::int64_t max_bytes = std::int64_t{3} << 30;
 
   /// Bound of the record: those that need no more attention go first.
   std::size_t max_items = 2000;

@@ -50,6 +50,7 @@ void DecodeAll(std::string_view bytes) {
   CheckRoundTrip(bytes, live::DecodeEvent, live::EncodeEvent);
   CheckRoundTrip(bytes, live::DecodeJournalRecord, live::EncodeJournalRecord);
   CheckRoundTrip(bytes, live::DecodeSavedPose, live::EncodeSavedPose);
+  CheckRoundTrip(bytes, live::DecodeActionStates, live::EncodeActionStates);
 }
 
 PoseWithCovariance Pose(double number) {
@@ -68,7 +69,27 @@ std::vector<live::Request> Requests(double number) {
           {4, live::Stop{.save_pose = true}},
           {5, live::SetMap{"area", VersionNumber(INT64_MAX), "hash"}},
           {6, live::InitializePose{Pose(number)}},
-          {7, live::Subscribe{true, true, true}}};
+          {7, live::Subscribe{true, true, true, true, true}},
+          {9, live::DownloadMap{{"a", "area", "1-0-0"}, "https://maps/1.db", "hash"}},
+          {10, live::EnableMap{{"a", "area", "1-0-0"}}},
+          {11, live::DeleteMap{{"", "area", "1-0-0"}}},
+          {12, live::InitializePosition{"a", "area", Pose(number), true}},
+          {13, live::ClearActions()},
+          {14, live::GetFleetState()},
+          {15, live::MapDownloadProgress{"a", true, NotFound("no such file")}}};
+}
+
+live::FleetState Fleet(double number) {
+  live::FleetState state;
+  state.maps = {{"area", "1-0-0", true}};
+  state.map_id = "area";
+  state.T_map_vehicle = Se2(number, -number, 1.0);
+  state.localized = true;
+  state.localization_score = 0.5;
+  state.deviation_range_m = number;
+  state.errors = {{"DUPLICATE_MAP", "WARNING", "text", {{"mapId", "area"}}}};
+  state.actions = {{"a", "downloadMap", live::ActionStatus::kFailed, "text"}};
+  return state;
 }
 
 }  // namespace
@@ -98,6 +119,10 @@ std::vector<std::string> FuzzSeeds() {
     state.pose = Pose(number);
     seeds.push_back(live::EncodeEvent(live::Reply{1, OkStatus(), state}));
     seeds.push_back(live::EncodeEvent(live::PoseEvent{stamp, Pose(number)}));
+    live::Reply reply;
+    reply.fleet_state = Fleet(number);
+    seeds.push_back(live::EncodeEvent(reply));
+    seeds.push_back(live::EncodeActionStates(reply.fleet_state->actions));
     seeds.push_back(live::EncodeEvent(Decision{Signature("17"), kAbsent, stamp, number}));
   }
   return seeds;

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 #include <utility>
@@ -115,7 +116,7 @@ double RestartedServer::CpuS() const {
 
 FleetWorld::FleetWorld()
     : world_({"--shifts", "3", "--seed", "11", "--groups", "14", "--size-m", "25"}) {
-  RunForJson("shiftmap-mapper", world_.BuildOf(world_.File("maps.db"), {0, 1}));
+  RunForJson("shiftmap-mapper", world_.BuildOf("maps.db", {0, 1}));
   RunForJson("shiftmap-localizer",
              {"run",
               "--store",

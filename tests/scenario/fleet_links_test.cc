@@ -180,7 +180,7 @@ TEST_F(FleetLinksTest, OverCutLinksAndThroughKillsEveryReportCountsOnceAndEveryF
   const int kills = LongForm() ? 10 : 2;
   RestartedServer server(folder_.File("maps.db"), folder_.File("logs"));
   server.WaitUntilItServes();
-  CuttingProxy link(server.port(), {.probability = 0.3, .longest_bytes = 400'000, .seed = 5});
+  CuttingProxy link(server.port(), {.probability = 0.6, .longest_bytes = 60'000, .seed = 5});
   const auto shifts = Shifts(vehicles, LongForm() ? 60.0 : 20.0);
   std::atomic<int> acknowledged{0};
   double peak_mib = 0.0;
@@ -208,9 +208,11 @@ TEST_F(FleetLinksTest, OverCutLinksAndThroughKillsEveryReportCountsOnceAndEveryF
     tries += vehicle.tries;
   }
   // The links were bad, and answers were lost after the server had committed.
-  EXPECT_GT(link.cuts(), link.connections() / 5);
+  EXPECT_GT(10 * link.cuts(), 3 * link.connections());
   EXPECT_GT(tries, vehicles);
-  if (LongForm()) EXPECT_GT(lost_answers, 0);
+  if (LongForm()) {
+    EXPECT_GT(lost_answers, 0);
+  }
   figures_["cut_links"] = {{"vehicles", vehicles},
                            {"kills", kills},
                            {"connections", link.connections()},
@@ -239,7 +241,8 @@ TEST_F(FleetLinksTest, SubmitsOfAMinute) {
   server.WaitUntilItServes();
   const auto shifts = Shifts(kVehicles, 60.0);
   std::mt19937_64 random(3);
-  std::vector<double> latency_s(kVehicles);
+  std::vector<double> latency_s(kVehicles);  // Until it is acknowledged.
+  std::atomic<int> tries_again{0};
   std::atomic<int> acknowledged{0};
   std::vector<std::jthread> vehicles;
   for (int i = 0; i < kVehicles; ++i) {
@@ -251,7 +254,13 @@ TEST_F(FleetLinksTest, SubmitsOfAMinute) {
       auto client = transfer::MapClient::Create(server.ToServer(server.address()));
       (void)client->GetSnapshot("floor");
       const Clock::time_point begin = Clock::now();
-      EXPECT_THAT(client->SubmitReport(report), IsOk());
+      transfer::Backoff backoff({.first_s = 0.1, .longest_s = 2.0}, transfer::RandomSeed());
+      Status status = client->SubmitReport(report).status();
+      while (!status.ok() && backoff.Again(status, {})) {
+        ++tries_again;
+        status = client->SubmitReport(report).status();
+      }
+      EXPECT_THAT(status, IsOk());
       latency_s[static_cast<std::size_t>(i)] = SecondsSince(begin);
       EndShift(server.ToServer(server.address()), shift, Output(i), &acknowledged);
     });
@@ -272,6 +281,7 @@ TEST_F(FleetLinksTest, SubmitsOfAMinute) {
   figures_["submit"] = {{"vehicles_in_a_minute", kVehicles},
                         {"evidence_rows", world_->Report(0).evidence.size()},
                         {"submit_ms", Quantiles(latency_s)},
+                        {"tries_again", tries_again.load()},
                         {"raw_insert_ms", Quantiles(raw_s)},
                         {"server_peak_mib", peak_mib}};
 }

@@ -109,7 +109,6 @@ void CuttingProxy::Accept(const std::stop_token& stop) {
     if (client < 0) continue;
     const int on = 1;
     setsockopt(client, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    ++connections_;
     const Plan plan = Draw();
     const std::lock_guard lock(mutex_);
     carriers_.emplace_back([this, client, plan](const std::stop_token& carrier_stop) {
@@ -122,6 +121,7 @@ void CuttingProxy::Carry(const std::stop_token& stop, int client, const Plan& pl
   const OwnedFd up(client);
   const OwnedFd down = ConnectTo(target_port_);
   if (down.get() < 0) return;
+  ++connections_;
   std::int64_t came_up = 0;
   std::int64_t came_down = 0;
   std::optional<Clock::time_point> cut_at;

@@ -38,6 +38,7 @@ class CuttingProxy {
   int port() const { return port_; }
   std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
 
+  /// Those that reached the target, and those that were cut: a plan may lie behind the end.
   std::int64_t connections() const { return connections_; }
   std::int64_t cuts() const { return cuts_; }
 

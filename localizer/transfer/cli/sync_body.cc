@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "mapstore/core/service_notifier.h"
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/download_worker.h"
 #include "localizer/transfer/sync_service.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/service_notifier.h"
 
 namespace shiftmap::transfer {
 namespace {
@@ -129,7 +129,7 @@ Status Once(const SyncArguments& arguments,
 }  // namespace
 
 Status RunSync(const SyncArguments& arguments, Context& context) {
-  live::ServiceNotifier notifier;
+  ServiceNotifier notifier;
   if (context.dry_run()) return CheckFolder(arguments.outbox);
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(arguments.outbox));
   const SyncOptions options = SyncOptionsOf(arguments, context);

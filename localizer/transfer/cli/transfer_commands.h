@@ -50,7 +50,7 @@ struct SyncArguments {
   ServerArguments server;
   std::string state_dir = "/var/lib/shiftmap-localizer";
   std::string outbox = "/var/lib/shiftmap-transfer";
-  std::int64_t outbox_quota_mib = 4096;
+  std::int64_t outbox_quota_mib = 3072;
   std::string map_source = "none";
   std::string area;
   std::string maps = "/var/lib/shiftmap-maps";
