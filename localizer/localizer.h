@@ -66,7 +66,7 @@ struct LocalizerStatistics {
 };
 
 /// Localizes one vehicle on one map version, decides which mode of each landmark holds, and keeps
-/// the evidence for the fleet. Method: T-IV III-VIII on a known map; localizer/README.md.
+/// the evidence for the fleet. Method: T-IV III-VIII on a known map; localizer/METHOD.md.
 ///
 /// Threads: none. Determinism: the same events give the same bits; with max_delay_s, whatever the
 /// order in which they come within it. No I/O. Memory is bounded but for the evidence and decisions

@@ -28,7 +28,7 @@ struct ModeRef {
 /// (Schmidt-Kalman), uncertain but not estimated: the errors of the modes, with the map's joint
 /// covariance, and a constant bias of the sensor. A filter that took the map as exact would count
 /// the error of a mode anew with each observation of it, and one without a bias would average away
-/// what a camera that is mounted askew gets wrong. Equations: localizer/README.md.
+/// what a camera that is mounted askew gets wrong. Equations: localizer/METHOD.md.
 ///
 /// Numbers: a state that is not finite, has a covariance that is not positive definite, or is
 /// vaguer than kMaxPositionSd and kMaxYawSd is given up, and the filter starts anew, knowing

@@ -57,7 +57,7 @@ struct BankEvents {
 ///
 /// A leaf forks only when an observation tells modes apart (Rao-Blackwellized: unresolved groups
 /// share the leaf's filter). Cost per scan: leaves × groups near the vehicle, whatever the size of
-/// the map. Equations and the life of a visit: localizer/README.md.
+/// the map. Equations and the life of a visit: localizer/METHOD.md.
 ///
 /// Memory: leaves, visits and what a scan leads to reuse what they had; after the first scans only
 /// the records of visits and decisions allocate, and a visit of a group with more states than

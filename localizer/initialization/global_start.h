@@ -35,7 +35,7 @@ struct GlobalStart {
 /// seen, give a pose. Those that explain most signatures are refined by weighted least squares over
 /// what they explain. The likelihood of a pose is that of all signatures: each was seen at a mode
 /// of its landmark, or anywhere. Modes hold as probable as the map says, or, after a change of
-/// layout, all alike. Derivation: localizer/README.md, Start.
+/// layout, all alike. Derivation: localizer/METHOD.md, Start.
 ///
 /// The start is as far back in the window as dead reckoning is still good for, 0.2 m and 0.1 rad,
 /// from where the landmarks were seen. A vaguer pose would follow the first landmark that moved.
