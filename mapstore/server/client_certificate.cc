@@ -45,6 +45,7 @@ std::optional<Stamp> StampOf(const ASN1_TIME* time) {
 }  // namespace
 
 StatusOr<ClientCertificate> ReadClientCertificate(const std::string& pem) {
+  const ForgottenErrors forgotten;
   const std::vector<std::shared_ptr<X509>> certificates = CertificatesOfPem(pem);
   if (certificates.empty()) return Unauthenticated("no client certificate");
   const std::shared_ptr<X509>& x509 = certificates.front();

@@ -9,6 +9,16 @@
 
 namespace shiftmap::server {
 
+/// Forgets at its end what OpenSSL noted of failures in this thread: gRPC would take them for those
+/// of a connection that it serves next.
+class ForgottenErrors {
+ public:
+  ForgottenErrors() = default;
+  ~ForgottenErrors();
+  ForgottenErrors(const ForgottenErrors&) = delete;
+  ForgottenErrors& operator=(const ForgottenErrors&) = delete;
+};
+
 /// What a text in PEM has of a kind, in order; what follows something that does not read is left
 /// out.
 std::vector<std::shared_ptr<X509>> CertificatesOfPem(const std::string& pem);

@@ -45,6 +45,7 @@ StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_
 }
 
 StatusOr<Revocations::Lists> Revocations::Load() const {
+  const ForgottenErrors forgotten;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string authority_pem,
                             ReadInputFile("client CA", authority_path_, kMaxFileBytes));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string pem, ReadInputFile("CRL", crl_path_, kMaxFileBytes));
