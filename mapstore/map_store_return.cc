@@ -43,7 +43,7 @@ Status MapStore::State::CheckReport(const ShiftReport& report) const {
 }
 
 StatusOr<MapStore::State::Reportable> MapStore::State::FindReported(const ShiftReport& report) {
-  SHIFTMAP_ASSIGN_OR_RETURN(AreaRow area_row, GetArea(database, report.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, report.area));
   SHIFTMAP_ASSIGN_OR_RETURN(VersionRow version,
                             GetVersion(database, report.area, area_row.area_id, report.version));
   if (report.content_hash != version.content_hash) {
@@ -53,7 +53,7 @@ StatusOr<MapStore::State::Reportable> MapStore::State::FindReported(const ShiftR
                            report.content_hash,
                            version.content_hash);
   }
-  return Reportable{std::move(area_row), std::move(version)};
+  return Reportable{area_row, std::move(version)};
 }
 
 StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,

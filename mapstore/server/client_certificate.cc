@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/server/client_certificate.h"
 
-#include <openssl/pem.h>
 #include <openssl/x509.h>
 
+#include <algorithm>
 #include <ctime>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "mapstore/map/shift_report_check.h"
+#include "mapstore/server/pem.h"
 
 namespace shiftmap::server {
 namespace {
-
-struct FreeBio {
-  void operator()(BIO* bio) const { BIO_free(bio); }
-};
 
 template <typename... Args>
 Status Unauthenticated(fmt::format_string<Args...> format, Args&&... args) {
@@ -47,11 +45,10 @@ std::optional<Stamp> StampOf(const ASN1_TIME* time) {
 }  // namespace
 
 StatusOr<ClientCertificate> ReadClientCertificate(const std::string& pem) {
-  const std::unique_ptr<BIO, FreeBio> bio(
-      BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
-  const std::shared_ptr<X509> x509(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr),
-                                   X509_free);
-  if (!x509) return Unauthenticated("no client certificate");
+  const ForgottenErrors forgotten;
+  const std::vector<std::shared_ptr<X509>> certificates = CertificatesOfPem(pem);
+  if (certificates.empty()) return Unauthenticated("no client certificate");
+  const std::shared_ptr<X509>& x509 = certificates.front();
   X509_NAME* const subject = X509_get_subject_name(x509.get());
   const std::optional<std::string> name = OnlyEntry(subject, NID_commonName);
   if (!name || !CheckReportText("CN", *name).ok()) {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <openssl/types.h>
+
 #include <memory>
 #include <string>
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/server/calls.h"
 #include "proto/core/status.h"
-
-struct x509_st;
 
 namespace shiftmap::server {
 
@@ -18,7 +18,7 @@ struct ClientCertificate {
   Role role = Role::kVehicle;  ///< OU.
   Stamp begin;                 ///< First and last time at which it holds.
   Stamp end;
-  std::shared_ptr<x509_st> x509;
+  std::shared_ptr<X509> x509;
 };
 
 /// @param pem  The first certificate in it counts.

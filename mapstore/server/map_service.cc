@@ -25,14 +25,6 @@ constexpr std::size_t kPieceBytes = std::size_t{64} << 10;
 
 constexpr std::size_t kMaxMessageTextBytes = 1024;
 
-Peer PeerOf(const grpc::ServerContextBase& context) {
-  Peer peer{context.peer(), ""};
-  for (const auto& pem : context.auth_context()->FindPropertyValues("x509_pem_cert")) {
-    peer.certificate.assign(pem.data(), pem.size());
-  }
-  return peer;
-}
-
 // What a peer did wrong is worth a look, what it wrote a line, and what it read none.
 JsonLog::Level LevelOf(Call call, StatusCode code) {
   switch (code) {
@@ -71,6 +63,14 @@ Status CheckVehicle(const Caller& caller, const char* what, const std::string& v
 }
 
 }  // namespace
+
+Peer PeerOf(const grpc::ServerContextBase& context) {
+  Peer peer{context.peer(), ""};
+  for (const auto& pem : context.auth_context()->FindPropertyValues("x509_pem_cert")) {
+    peer.certificate.assign(pem.data(), pem.size());
+  }
+  return peer;
+}
 
 grpc::Status ToGrpc(const Status& status) {
   if (status.ok()) return grpc::Status::OK;

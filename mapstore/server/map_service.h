@@ -104,6 +104,9 @@ class MapService final
   std::set<Watch*> watches_;
 };
 
+/// The other end of a call.
+Peer PeerOf(const grpc::ServerContextBase& context);
+
 /// As gRPC has it, with one line of text.
 grpc::Status ToGrpc(const Status& status);
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/server/revocations.h"
 
-#include <openssl/pem.h>
 #include <openssl/x509.h>
 #include <sys/stat.h>
 
@@ -10,30 +9,13 @@
 #include <utility>
 
 #include "mapstore/core/input_file.h"
+#include "mapstore/server/pem.h"
 
 namespace shiftmap::server {
 namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{64} << 20;
 constexpr std::chrono::seconds kLookEvery{1};
-
-struct FreeBio {
-  void operator()(BIO* bio) const { BIO_free(bio); }
-};
-using Bio = std::unique_ptr<BIO, FreeBio>;
-
-Bio BioOf(const std::string& text) {
-  return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
-}
-
-std::vector<std::shared_ptr<X509>> ReadAuthorities(const std::string& pem) {
-  std::vector<std::shared_ptr<X509>> authorities;
-  const Bio bio = BioOf(pem);
-  while (X509* const x509 = PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)) {
-    authorities.emplace_back(x509, X509_free);
-  }
-  return authorities;
-}
 
 bool IsSignedByOne(X509_CRL* crl, const std::vector<std::shared_ptr<X509>>& authorities) {
   return std::any_of(authorities.begin(), authorities.end(), [&](const auto& authority) {
@@ -63,25 +45,23 @@ StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_
 }
 
 StatusOr<Revocations::Lists> Revocations::Load() const {
+  const ForgottenErrors forgotten;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string authority_pem,
                             ReadInputFile("client CA", authority_path_, kMaxFileBytes));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string pem, ReadInputFile("CRL", crl_path_, kMaxFileBytes));
-  const auto authorities = ReadAuthorities(authority_pem);
-  Lists lists;
-  const Bio bio = BioOf(pem);
-  while (X509_CRL* const crl = PEM_read_bio_X509_CRL(bio.get(), nullptr, nullptr, nullptr)) {
-    lists.emplace_back(crl, X509_CRL_free);
-    if (!IsSignedByOne(crl, authorities)) {
+  const auto authorities = CertificatesOfPem(authority_pem);
+  Lists lists = CrlsOfPem(pem);
+  for (std::size_t i = 0; i < lists.size(); ++i) {
+    if (!IsSignedByOne(lists[i].get(), authorities)) {
       return InvalidArgument("CRL '{}': list {}: not signed by an authority of '{}'",
                              crl_path_,
-                             lists.size(),
+                             i + 1,
                              authority_path_);
     }
-    const ASN1_TIME* const next = X509_CRL_get0_nextUpdate(crl);
+    const ASN1_TIME* const next = X509_CRL_get0_nextUpdate(lists[i].get());
     if (next != nullptr && X509_cmp_current_time(next) < 0) {
-      log_->Write(JsonLog::Level::kWarning,
-                  "CRL is out of date",
-                  {{"path", crl_path_}, {"list", lists.size()}});
+      log_->Write(
+          JsonLog::Level::kWarning, "CRL is out of date", {{"path", crl_path_}, {"list", i + 1}});
     }
   }
   if (lists.empty()) return InvalidArgument("CRL '{}': expected a CRL in PEM", crl_path_);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <openssl/types.h>
+
 #include <chrono>
 #include <memory>
 #include <mutex>
@@ -10,8 +12,6 @@
 #include "mapstore/server/client_certificate.h"
 #include "mapstore/server/json_log.h"
 #include "proto/core/status.h"
-
-struct X509_crl_st;
 
 namespace shiftmap::server {
 
@@ -33,7 +33,7 @@ class Revocations {
 
  private:
   using Clock = std::chrono::steady_clock;
-  using Lists = std::vector<std::shared_ptr<X509_crl_st>>;
+  using Lists = std::vector<std::shared_ptr<X509_CRL>>;
 
   Revocations(std::string crl_path, std::string authority_path, JsonLog* log)
       : crl_path_(std::move(crl_path)), authority_path_(std::move(authority_path)), log_(log) {}

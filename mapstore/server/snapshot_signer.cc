@@ -2,13 +2,13 @@
 #include "mapstore/server/snapshot_signer.h"
 
 #include <openssl/evp.h>
-#include <openssl/pem.h>
 
 #include <array>
 #include <utility>
 
 #include "mapstore/core/input_file.h"
 #include "mapstore/map/sha256.h"
+#include "mapstore/server/pem.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::server {
@@ -18,14 +18,8 @@ constexpr std::size_t kMaxKeyBytes = std::size_t{64} << 10;
 constexpr std::size_t kPublicKeyBytes = 32;
 constexpr std::size_t kSignatureBytes = 64;
 
-struct FreeKey {
-  void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
-};
 struct FreeDigest {
   void operator()(EVP_MD_CTX* digest) const { EVP_MD_CTX_free(digest); }
-};
-struct FreeBio {
-  void operator()(BIO* bio) const { BIO_free(bio); }
 };
 
 const unsigned char* Bytes(const std::string& text) {
@@ -44,7 +38,7 @@ std::string SignedText(const SnapshotInfo& snapshot) {
 }
 
 struct SnapshotSigner::Key {
-  std::unique_ptr<EVP_PKEY, FreeKey> key;
+  std::shared_ptr<EVP_PKEY> key;
   std::string public_sha256;
 };
 
@@ -56,12 +50,8 @@ SnapshotSigner::~SnapshotSigner() = default;
 StatusOr<SnapshotSigner> SnapshotSigner::Read(const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string pem,
                             ReadInputFile("signing key", path, kMaxKeyBytes));
-  const std::unique_ptr<BIO, FreeBio> bio(
-      BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
-  // A key with a password would ask for it on the terminal.
-  const auto no_password = [](char*, int, int, void*) { return 0; };
   auto key = std::make_unique<Key>();
-  key->key.reset(PEM_read_bio_PrivateKey(bio.get(), nullptr, no_password, nullptr));
+  key->key = PrivateKeyOfPem(pem);
   std::array<unsigned char, kPublicKeyBytes> raw = {};
   std::size_t size = raw.size();
   if (!key->key || EVP_PKEY_id(key->key.get()) != EVP_PKEY_ED25519 ||

@@ -77,6 +77,12 @@ class MapService::Watch final : public grpc::ServerWriteReactor<proto::Snapshot>
   }
 
   void Offer(const SnapshotInfo& snapshot) {
+    // The certificate may have been revoked since the call began.
+    if (const Status known = service_->parts_.gate->Identify(PeerOf(*context_)).status();
+        !known.ok()) {
+      End(known);
+      return;
+    }
     const std::lock_guard lock(mutex_);
     if (last_sha256_ == snapshot.sha256) return;
     next_ = snapshot;

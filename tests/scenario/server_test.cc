@@ -220,6 +220,12 @@ TEST_F(ServerTest, ACertificateIsRevokedWhileTheServerRuns) {
   const ServerProcess server(Tls());
   const auto client = Client(server, "stolen");
   ASSERT_TRUE(Fetch(*client, "floor").status.ok());
+  grpc::ClientContext context;
+  proto::WatchSnapshotsRequest request;
+  request.set_area("floor");
+  const auto watch = client->WatchSnapshots(&context, request);
+  proto::Snapshot snapshot;
+  ASSERT_TRUE(watch->Read(&snapshot));
   MakeCertificate({"revoke", ca, "stolen"});
   grpc::StatusCode code = grpc::StatusCode::OK;
   for (int tries = 0; tries < 100 * kSlowdown && code == grpc::StatusCode::OK; ++tries) {
@@ -227,6 +233,9 @@ TEST_F(ServerTest, ACertificateIsRevokedWhileTheServerRuns) {
     code = Fetch(*client, "floor").status.error_code();
   }
   EXPECT_EQ(code, grpc::StatusCode::UNAUTHENTICATED);
+  RunForJson("shiftmap-mapper", {"build", "--store", store_, "--area", "floor", LogPath()});
+  EXPECT_FALSE(watch->Read(&snapshot));
+  EXPECT_EQ(watch->Finish().error_code(), grpc::StatusCode::UNAUTHENTICATED);
 }
 
 TEST_F(ServerTest, AVersionThatAnotherProcessPublishesIsPushed) {
