@@ -53,6 +53,7 @@ void JsonLog::Write(Level level, std::string_view event, const Json& fields) {
   const std::string text =
       InertText(line.dump(-1, ' ', false, Json::error_handler_t::replace)) + '\n';
   const std::lock_guard lock(mutex_);
+  out_->clear();  // The disk of the log may have been full.
   *out_ << text << std::flush;
 }
 

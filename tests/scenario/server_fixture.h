@@ -3,6 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <csignal>
 #include <memory>
@@ -33,6 +34,12 @@ class ServerProcess {
   bool Logs(const std::string& text) const;
 
   void Signal(int signal) const { kill(command_.pid(), signal); }
+
+  /// Bounds the size of the files that it writes, as a full disk does. [byte]
+  void LimitFiles(rlim_t size) const {
+    const rlimit limit = {size, RLIM_INFINITY};
+    prlimit(command_.pid(), RLIMIT_FSIZE, &limit, nullptr);
+  }
 
   /// As BackgroundCommand::End.
   int End(int signal) { return command_.End(signal); }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The map server through its binary.
+#include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 
 #include <array>
@@ -21,6 +22,8 @@
 
 namespace shiftmap::testing {
 namespace {
+
+using ::testing::HasSubstr;
 
 std::string Sha256Of(const std::string& bytes) {
   Sha256 hash;
@@ -45,6 +48,38 @@ std::string RunShell(const std::string& line) {
   }
   pclose(pipe);
   return text;
+}
+
+// A call by its name and the bytes of its message; the bytes of the answer.
+std::string CallRaw(const ServerProcess& server,
+                    const std::string& name,
+                    const std::string& bytes) {
+  grpc::GenericStub generic(
+      grpc::CreateChannel(server.address(), grpc::InsecureChannelCredentials()));
+  grpc::CompletionQueue queue;
+  const auto next = [&] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  grpc::ClientContext context;
+  const auto stream = generic.PrepareCall(&context, name, &queue);
+  stream->StartCall(nullptr);
+  const grpc::Slice slice(bytes);
+  std::string answer;
+  if (!next()) return "not connected";
+  stream->WriteLast(grpc::ByteBuffer(&slice, 1), grpc::WriteOptions(), nullptr);
+  grpc::ByteBuffer buffer;
+  if (next()) stream->Read(&buffer, nullptr);
+  if (next()) {
+    grpc::Slice whole;
+    if (buffer.DumpToSingleSlice(&whole).ok()) answer.assign(whole.begin(), whole.end());
+  }
+  context.TryCancel();
+  grpc::Status status;
+  stream->Finish(&status, nullptr);
+  next();
+  return answer.empty() ? status.error_message() : answer;
 }
 
 std::set<std::string> StoredReports(const std::string& path) {
@@ -305,47 +340,90 @@ TEST_F(ServerTest, NothingAcknowledgedIsLostWhenTheServerIsKilled) {
   EXPECT_GE(acknowledged.size(), 60u);
 }
 
-TEST_F(ServerTest, ItTellsHealthAndMetricsAndStopsWithinItsGrace) {
+TEST_F(ServerTest, AFullDiskRefusesAndLosesNothing) {
+  const ServerProcess server(PlainText());
+  const auto client = PlainClient(server);
+  const proto::SubmitReportRequest first = AnotherReport();
+  const proto::SubmitReportRequest second = AnotherReport();
+  ASSERT_TRUE(Submit(*client, first).ok());
+  const std::string log = LogBytes();
+  proto::UploadState state;
+  // No file grows beyond this.
+  server.LimitFiles(1000);
+  const auto refused = [](const grpc::Status& status) {
+    return status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED ||
+           status.error_code() == grpc::StatusCode::UNAVAILABLE;
+  };
+  EXPECT_TRUE(refused(Submit(*client, second)));
+  EXPECT_TRUE(refused(Upload(*client, log, 0, log.size(), &state)));
+  server.LimitFiles(RLIM_INFINITY);
+  ASSERT_TRUE(Submit(*client, second).ok());
+  EXPECT_EQ(StoredReports(store_),
+            (std::set<std::string>{first.report().uuid(), second.report().uuid()}));
+  grpc::ClientContext context;
+  proto::GetUploadRequest request;
+  request.set_sha256(Sha256Of(log));
+  ASSERT_TRUE(client->GetUpload(&context, request, &state).ok());
+  EXPECT_GT(state.stored_bytes(), 0);
+  ASSERT_TRUE(
+      Upload(*client, log, static_cast<std::size_t>(state.stored_bytes()), log.size(), &state)
+          .ok());
+  EXPECT_TRUE(state.complete());
+  RunForJson("shiftmap-inspect", {"verify", "--store", store_});
+}
+
+TEST_F(ServerTest, ItTellsHealthAndMetricsAndDescribesItself) {
   Arguments arguments = PlainText();
   arguments.insert(arguments.end(), {"--metrics-listen", "0"});
-  ServerProcess server(arguments);
-  const auto channel = grpc::CreateChannel(server.address(), grpc::InsecureChannelCredentials());
-  grpc::GenericStub generic(channel);
-  grpc::CompletionQueue queue;
-  grpc::ClientContext context;
-  const grpc::Slice nothing;
-  const grpc::ByteBuffer empty(&nothing, 1);
-  grpc::ByteBuffer answer;
-  grpc::Status status;
-  const auto call =
-      generic.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", empty, &queue);
-  call->StartCall();
-  call->Finish(&answer, &status, nullptr);
-  void* tag = nullptr;
-  bool done = false;
-  ASSERT_TRUE(queue.Next(&tag, &done));
-  ASSERT_TRUE(status.ok()) << status.error_message();
-  grpc::Slice slice;
-  ASSERT_TRUE(answer.DumpToSingleSlice(&slice).ok());
-  EXPECT_EQ(std::string(slice.begin(), slice.end()), "\x08\x01");  // SERVING
-
-  const auto client = PlainClient(server);
-  ASSERT_TRUE(Submit(*client, AnotherReport()).ok());
+  const ServerProcess server(arguments);
+  EXPECT_EQ(CallRaw(server, "/grpc.health.v1.Health/Check", ""), "\x08\x01");  // SERVING
+  // list_services
+  EXPECT_THAT(CallRaw(server,
+                      "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                      std::string("\x3a\x01*")),
+              HasSubstr("shiftmap.proto.MapServer"));
+  ASSERT_TRUE(Submit(*PlainClient(server), AnotherReport()).ok());
   const std::string metrics =
       RunShell("curl -s --max-time 10 http://" + server.metrics_address() + "/metrics");
-  EXPECT_NE(metrics.find("shiftmap_reports_total{outcome=\"accepted\"} 1"), std::string::npos);
-  EXPECT_NE(metrics.find("shiftmap_published_version{area=\"floor\"} 1"), std::string::npos);
+  EXPECT_THAT(metrics, HasSubstr("shiftmap_reports_total{outcome=\"accepted\"} 1"));
+  EXPECT_THAT(metrics, HasSubstr("shiftmap_published_version{area=\"floor\"} 1"));
+}
 
-  grpc::ClientContext watch_context;
-  proto::WatchSnapshotsRequest request;
-  request.set_area("floor");
-  const auto watch = client->WatchSnapshots(&watch_context, request);
-  proto::Snapshot snapshot;
-  ASSERT_TRUE(watch->Read(&snapshot));
-  server.Signal(SIGTERM);
-  EXPECT_FALSE(watch->Read(&snapshot));
-  EXPECT_EQ(watch->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+TEST_F(ServerTest, WatchesEndWithTheServer) {
+  ServerProcess server(PlainText());
+  auto client = PlainClient(server);
+  {
+    grpc::ClientContext context;
+    proto::WatchSnapshotsRequest request;
+    request.set_area("floor");
+    const auto watch = client->WatchSnapshots(&context, request);
+    proto::Snapshot snapshot;
+    ASSERT_TRUE(watch->Read(&snapshot));
+    server.Signal(SIGTERM);
+    EXPECT_FALSE(watch->Read(&snapshot));
+    EXPECT_EQ(watch->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  }
+  // A connection that nobody looks at would take the whole grace.
+  client.reset();
   EXPECT_EQ(server.End(0), 0);
+}
+
+TEST_F(ServerTest, ARenewedCertificateIsTakenWhileTheServerRuns) {
+  const ServerProcess server(Tls());
+  const auto serial = [&] {
+    return RunShell("openssl s_client -connect " + server.address() +
+                    " </dev/null 2>/dev/null | openssl x509 -noout -serial");
+  };
+  const std::string before = serial();
+  EXPECT_THAT(before, HasSubstr("serial="));
+  MakeCertificate({"renew", certificates_->File("ca"), "localhost"});
+  std::string after = before;
+  for (int tries = 0; tries < 100 * kSlowdown && after == before; ++tries) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    after = serial();
+  }
+  EXPECT_NE(after, before);
+  EXPECT_TRUE(Fetch(*Client(server, Vehicle()), "floor").status.ok());
 }
 
 TEST_F(ServerTest, ACallerIsHeldToItsRateAndItsStreams) {
