@@ -67,6 +67,11 @@ class LiveTest : public ::testing::Test {
                                             const std::vector<std::string>& environment = {}) {
     Arguments words = Serve();
     words.insert(words.end(), more.begin(), more.end());
+    return Answering(words, environment);
+  }
+
+  std::unique_ptr<BackgroundCommand> Answering(const Arguments& words,
+                                               const std::vector<std::string>& environment = {}) {
     auto service = std::make_unique<BackgroundCommand>("shiftmap-localizer", words, environment);
     const auto deadline = Clock::now() + std::chrono::seconds(20);
     while (Clock::now() < deadline) {

@@ -101,6 +101,35 @@ TEST_F(LiveTest, TermSavesPoseAndReportWithinASecond) {
   EXPECT_FALSE(std::filesystem::exists(socket_ + ".state/pose"));
 }
 
+TEST_F(LiveTest, OneClientDownloadsMapsAndNobodyOwnsThemUnlessTheServiceSaysSo) {
+  const std::string maps = folder_.File("maps");
+  Arguments words = {"serve", "--socket", socket_, "--maps", maps, "--area", "floor"};
+  const auto refused = [](live::Client* client, const live::Subscribe& subscribe) {
+    return client->Call(subscribe).status().code() == StatusCode::kFailedPrecondition;
+  };
+  const live::Subscribe downloads{.map_downloads = true};
+  const live::Subscribe owner{.map_owner = true};
+  const live::EnableMap unknown{{"a", "floor", "1-0-0"}};
+  {
+    const auto service = Answering(words);
+    live::Client first = Connected();
+    Call(&first, downloads);
+    live::Client second = Connected();
+    EXPECT_TRUE(refused(&second, downloads));
+    EXPECT_TRUE(refused(&second, owner));
+    EXPECT_EQ(second.Call(unknown).status().code(), StatusCode::kNotFound);
+    Call(&first, live::Subscribe());
+    Call(&second, downloads);
+  }
+  words.insert(words.end(), {"--map-source", "server"});
+  const auto service = Answering(words);
+  live::Client client = Connected();
+  EXPECT_EQ(client.Call(unknown).status().code(), StatusCode::kFailedPrecondition);
+  Call(&client, owner);
+  const live::EnableMap again{{"b", "floor", "1-0-0"}};
+  EXPECT_EQ(client.Call(again).status().code(), StatusCode::kNotFound);
+}
+
 TEST_F(LiveTest, SubscriberGetsAPoseForEveryItem) {
   const auto service = Served({"--start"});
   live::Client listener = Connected();

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <random>
 #include <string>
@@ -204,6 +205,47 @@ TEST_F(MapFolderTest, ProcessesThatChangeItAtOnceLoseNothing) {
     EXPECT_EQ(status, 0);
   }
   EXPECT_EQ(EnabledVersions(Opened()).size(), static_cast<std::size_t>(kProcesses));
+}
+
+TEST_F(MapFolderTest, KilledAtAnyMomentItHoldsWholeMapsAndAtMostOneEnabled) {
+  const std::vector<std::string> files = {Snapshot("a", 1), Snapshot("a", 2), Snapshot("a", 3)};
+  std::mt19937_64 random(testing::TestSeed(17));
+  std::size_t listed = 0;
+  for (int life = 0; life < 40; ++life) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      auto folder = MapFolder::Open(dir_.File("maps"));
+      for (std::size_t i = 0;; ++i) {
+        const auto map = folder->Add(files[i % files.size()]);
+        if (map.ok()) folder->Enable(map->map_id, map->map_version).IgnoreError();
+        const auto maps = folder->List();
+        for (const FolderMap& old : *maps) {
+          if (!old.enabled) folder->Remove(old.map_id, old.map_version).IgnoreError();
+        }
+      }
+    }
+    usleep(std::uniform_int_distribution<useconds_t>(500, 30'000)(random));
+    kill(child, SIGKILL);
+    ASSERT_EQ(waitpid(child, nullptr, 0), child);
+    const MapFolder folder = Opened();
+    const auto maps = folder.List();
+    ASSERT_THAT(maps, testing::IsOk());
+    for (const FolderMap& map : *maps) {
+      EXPECT_EQ(*HashFile(map.path), map.sha256);
+      EXPECT_THAT(LoadSnapshotFile(map.path), testing::IsOk());
+    }
+    EXPECT_LE(EnabledVersions(folder).size(), 1u);
+    listed += maps->size();
+  }
+  EXPECT_GT(listed, 20u);
+  // What the killed ones left does not stand in the way.
+  MapFolder folder = Opened();
+  for (const std::string& file : files) {
+    const auto added = folder.Add(file);
+    EXPECT_TRUE(added.ok() || added.status().code() == StatusCode::kAlreadyExists);
+  }
+  EXPECT_EQ(folder.List()->size(), files.size());
 }
 
 TEST_F(MapFolderTest, FileNamesAreReadBackAndOthersAreNone) {
