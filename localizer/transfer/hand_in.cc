@@ -11,6 +11,9 @@
 namespace shiftmap::transfer {
 namespace {
 
+// A piece on a link whose bound we set takes no longer.
+constexpr double kLongestPieceS = 60.0;
+
 constexpr std::size_t kMaxReportBytes = std::size_t{256} << 20;
 
 // The file itself is refused, and will be again.
@@ -35,6 +38,13 @@ bool IsOfTheLink(const Status& status) {
 }
 
 }  // namespace
+
+HandIn::HandIn(Outbox* outbox, HandInOptions options)
+    : outbox_(*outbox), options_(std::move(options)), limit_(options_.max_bytes_per_s) {
+  if (options_.max_bytes_per_s <= 0.0) return;
+  const auto in_time = static_cast<std::int64_t>(kLongestPieceS * options_.max_bytes_per_s);
+  options_.piece_bytes = std::clamp<std::int64_t>(in_time, 1, options_.piece_bytes);
+}
 
 Status HandIn::Pass(const std::stop_token& stop) {
   passed_over_.clear();
@@ -85,9 +95,11 @@ Status HandIn::SendLog(const OutboxItem& item, MapClient* client) {
     SHIFTMAP_ASSIGN_OR_RETURN(log_, LogUpload::Open(outbox_.PathOf(item.name)));
     log_name_ = item.name;
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool whole,
-                            log_->SendPiece(client, &limit_, options_.piece_bytes));
-  if (!whole) return OkStatus();
+  const std::int64_t before = log_->stored_bytes();
+  const StatusOr<bool> whole = log_->SendPiece(client, &limit_, options_.piece_bytes);
+  counts_.log_bytes += std::max<std::int64_t>(0, log_->stored_bytes() - before);
+  SHIFTMAP_RETURN_IF_ERROR(whole.status());
+  if (!*whole) return OkStatus();
   SHIFTMAP_RETURN_IF_ERROR(outbox_.Acknowledge(item.name));
   ++counts_.logs;
   if (options_.inform) {

@@ -33,14 +33,14 @@ struct HandInCounts {
   std::int64_t reports = 0;  ///< Acknowledged.
   std::int64_t logs = 0;     ///< Acknowledged.
   std::int64_t refused = 0;
+  std::int64_t log_bytes = 0;  ///< That arrived.
 };
 
 /// Hands in what waits in an outbox: reports first, also those that come while a log is on its way.
 /// Threads: one.
 class HandIn {
  public:
-  HandIn(Outbox* outbox, HandInOptions options)
-      : outbox_(*outbox), options_(std::move(options)), limit_(options_.max_bytes_per_s) {}
+  HandIn(Outbox* outbox, HandInOptions options);
 
   /// Tries each file that waits, until the first that the link lets down. One that the server has
   /// no room for, or fails at, is passed over.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/transfer/map_client.h"
 
+#include <grpc/support/log.h>
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
@@ -50,6 +51,11 @@ SnapshotInfo FromProto(const proto::Snapshot& in) {
 }
 
 UploadState FromProto(const proto::UploadState& in) { return {in.stored_bytes(), in.complete()}; }
+
+// Errors are returned, and a command says each in one line: gRPC's own lines would be beside it.
+void SilenceGrpc() {
+  gpr_set_log_function([](gpr_log_func_args*) {});
+}
 
 StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(const ServerOptions& options) {
   if (options.development_plain_text) return grpc::InsecureChannelCredentials();
@@ -103,6 +109,7 @@ struct MapClient::State {
 StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_token stop) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
                             Credentials(options));
+  SilenceGrpc();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);

@@ -90,9 +90,10 @@ Workers::Worker HandInWorker(Outbox* outbox, SyncOptions options) {
     Changes trouble(options.hand_in.warn);
     while (!stop.stop_requested()) {
       pulse.Beat();
-      const std::int64_t before = hand_in.counts().reports + hand_in.counts().logs;
+      const HandInCounts before = hand_in.counts();
       const Status status = hand_in.Pass(stop);
-      if (hand_in.counts().reports + hand_in.counts().logs > before) backoff.Progress();
+      const HandInCounts& now = hand_in.counts();
+      if (now.reports > before.reports || now.log_bytes > before.log_bytes) backoff.Progress();
       if (status.ok()) {
         trouble.Clear();
         SleepFor(options.poll_s, stop);
