@@ -307,6 +307,7 @@ class Vda5050Test(unittest.TestCase):
             self.assertEqual(action["actionStatus"], "FAILED", link)
             self.assertIn(text, action["actionResult"], link)
             self.assertEqual(state["maps"], [], link)
+            self.assertIn(("INSTANT_ACTION_FAILED", "WARNING"), errors_of(state))
         _, action = site.download("first.db", site.link + "/first.db", mapHash="0" * 64)
         self.assertEqual(action["actionStatus"], "FAILED")
         self.assertIn("hash", action["actionResult"])
