@@ -379,8 +379,8 @@ class Vda5050Test(unittest.TestCase):
             self.assertEqual(action["actionStatus"], "FAILED", kind)
             self.assertIn(("INVALID_INSTANT_ACTION", "WARNING"), errors_of(state))
 
-        # Actions are remembered over a restart, until somebody clears them. A download fails without
-        # a downloader, and with another authority.
+        # Actions are remembered over a restart, until somebody clears them. A download fails
+        # without a downloader, and with another authority.
         time.sleep(1.5)  # Within a second they are on disk.
         site.stop("serve", signal.SIGKILL)
         site.start_serve()
