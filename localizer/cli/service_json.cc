@@ -81,9 +81,13 @@ Json ServiceJson(const live::ServiceState& state) {
 }
 
 std::string ServiceText(const live::ServiceState& state) {
-  std::string text = fmt::format("area '{}' version {}: {}{}\n",
+  // A folder of maps may have none yet.
+  const std::string map = state.content_hash.empty()
+                              ? std::string("no map")
+                              : fmt::format("version {}", state.version.value());
+  std::string text = fmt::format("area '{}' {}: {}{}\n",
                                  InertLine(state.area),
-                                 state.version.value(),
+                                 map,
                                  state.running ? "running" : "stopped",
                                  state.resumed ? ", resumed" : "");
   if (state.running) {

@@ -56,8 +56,10 @@ Status FleetActions::Do(const DownloadMap& action, std::vector<Event>* events) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto id, Begin(action.action_id, "downloadMap"));
   if (!id) return OkStatus();
   const auto folder = Folder();
-  if (!folder.ok()) return End(*id, folder.status());
-  if (const Status status = CheckNames(action); !status.ok()) return End(*id, status);
+  if (!folder.ok()) return End(*id, folder.status(), kInvalidInstantAction);
+  if (const Status status = CheckNames(action); !status.ok()) {
+    return End(*id, status, kInvalidInstantAction);
+  }
   const auto is_it = [&](const DownloadMap& other) {
     return other.map_id == action.map_id && other.map_version == action.map_version;
   };
@@ -101,7 +103,7 @@ Status FleetActions::Do(const MapDownloadProgress& progress, std::vector<Event>*
     log_.Set(progress.action_id, ActionStatus::kFinished, "");
   } else {
     const bool known = progress.status.code() == StatusCode::kAlreadyExists;
-    End(progress.action_id, progress.status, known ? kDuplicateMap : kInvalidInstantAction)
+    End(progress.action_id, progress.status, known ? kDuplicateMap : kInstantActionFailed)
         .IgnoreError();
   }
   downloads_.pop_front();
@@ -123,7 +125,7 @@ Status FleetActions::Do(const DeleteMap& action) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto id, Begin(action.action_id, "deleteMap"));
   if (!id) return OkStatus();
   const auto folder = Folder();
-  if (!folder.ok()) return End(*id, folder.status());
+  if (!folder.ok()) return End(*id, folder.status(), kInvalidInstantAction);
   return End(*id, (*folder)->Remove(action.map_id, action.map_version));
 }
 

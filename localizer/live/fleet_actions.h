@@ -14,10 +14,11 @@
 
 namespace shiftmap::live {
 
-/// Types of errors in the standard's words.
+/// Types of errors in the standard's words, and one that it lacks: an action that it knows failed.
 inline constexpr const char* kDuplicateMap = "DUPLICATE_MAP";
 inline constexpr const char* kUnknownMapId = "UNKNOWN_MAP_ID";
 inline constexpr const char* kInvalidInstantAction = "INVALID_INSTANT_ACTION";
+inline constexpr const char* kInstantActionFailed = "INSTANT_ACTION_FAILED";
 
 /// What a fleet's control tells a vehicle about maps, and what became of it: VDA 5050 3.0, 6.2 and
 /// 6.3. Actions that touch no shift are done here; Service does the others and says how they ended.
@@ -44,7 +45,7 @@ class FleetActions {
   /// @param error_type  E.g. kUnknownMapId.
   Status End(const std::string& action_id,
              const Status& status,
-             const char* error_type = kInvalidInstantAction);
+             const char* error_type = kInstantActionFailed);
 
   /// Queues a download; news for the downloader are appended to `events`.
   Status Do(const DownloadMap& action, std::vector<Event>* events);

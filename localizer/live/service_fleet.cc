@@ -38,7 +38,7 @@ Status Service::CheckOwner(const Request& request) {
   const Status refused = FailedPrecondition(
       "map '{}': the daemon of the map server changes maps (map_source = server), nobody else",
       action->map_id);
-  return id ? fleet_.End(*id, refused) : refused;
+  return id ? fleet_.End(*id, refused, kInvalidInstantAction) : refused;
 }
 
 StatusOr<Service::LoadedMap> Service::Loaded(const FolderMap& file) {
@@ -81,7 +81,7 @@ Status Service::Do(const EnableMap& action, std::vector<Event>* events) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto id, fleet_.Begin(action.action_id, "enableMap"));
   if (!id) return OkStatus();
   const auto folder = fleet_.Folder();
-  if (!folder.ok()) return fleet_.End(*id, folder.status());
+  if (!folder.ok()) return fleet_.End(*id, folder.status(), kInvalidInstantAction);
   const auto file = (*folder)->Find(action.map_id, action.map_version);
   if (!file.ok()) return fleet_.End(*id, file.status(), kUnknownMapId);
   if (action.map_id == area_ && waiting_) {
@@ -129,7 +129,7 @@ Status Service::Do(const InitializePosition& action, std::vector<Event>* events)
   const Status status = Position(action, events);
   if (!status.ok() || !action.check) {
     const bool unknown = status.code() == StatusCode::kNotFound;
-    return fleet_.End(*id, status, unknown ? kUnknownMapId : kInvalidInstantAction);
+    return fleet_.End(*id, status, unknown ? kUnknownMapId : kInstantActionFailed);
   }
   if (pose_check_) {
     const Status other = MakeStatus(StatusCode::kAborted, "another pose was set: '{}'", *id);

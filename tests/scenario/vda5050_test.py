@@ -145,21 +145,25 @@ class Site:
             with open(self.file(name), "rb") as file:
                 self.hashes[name] = hashlib.sha256(file.read()).hexdigest()
 
-    def serve_maps(self):
+    def certify(self, name):
         subprocess.run(
             [
                 "openssl", "req", "-x509", "-nodes", "-days", "2",
                 "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256",
-                "-keyout", self.file("key.pem"), "-out", self.file("ca.pem"),
+                "-keyout", self.file(name + ".key"), "-out", self.file(name + ".pem"),
                 "-subj", "/CN=maps", "-addext", "subjectAltName=IP:127.0.0.1",
             ],
             check=True,
             capture_output=True,
         )
+
+    def serve_maps(self):
+        self.certify("ca")
+        self.certify("others")
         Maps.folder = self.work
         server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Maps)
         tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        tls.load_cert_chain(self.file("ca.pem"), self.file("key.pem"))
+        tls.load_cert_chain(self.file("ca.pem"), self.file("ca.key"))
         server.socket = tls.wrap_socket(server.socket, server_side=True)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         self.link = f"https://127.0.0.1:{server.server_address[1]}"
@@ -307,6 +311,7 @@ class Vda5050Test(unittest.TestCase):
             self.assertEqual(action["actionStatus"], "FAILED", link)
             self.assertIn(text, action["actionResult"], link)
             self.assertEqual(state["maps"], [], link)
+            self.assertIn(("INSTANT_ACTION_FAILED", "WARNING"), errors_of(state))
         _, action = site.download("first.db", site.link + "/first.db", mapHash="0" * 64)
         self.assertEqual(action["actionStatus"], "FAILED")
         self.assertIn("hash", action["actionResult"])
@@ -374,8 +379,8 @@ class Vda5050Test(unittest.TestCase):
             self.assertEqual(action["actionStatus"], "FAILED", kind)
             self.assertIn(("INVALID_INSTANT_ACTION", "WARNING"), errors_of(state))
 
-        # Actions are remembered over a restart, until somebody clears them. A download fails without
-        # a downloader, and with another authority.
+        # Actions are remembered over a restart, until somebody clears them. A download fails
+        # without a downloader, and with another authority.
         time.sleep(1.5)  # Within a second they are on disk.
         site.stop("serve", signal.SIGKILL)
         site.start_serve()
@@ -383,7 +388,6 @@ class Vda5050Test(unittest.TestCase):
         site.stop("sync")
         _, action = site.download("first.db", site.link + "/first.db")
         self.assertIn("downloader", action["actionResult"])
-        shutil.copy("/etc/ssl/certs/ca-certificates.crt", site.file("others.pem"))
         site.start_sync("others.pem")
         _, action = site.download("first.db", site.link + "/first.db")
         self.assertEqual(action["actionStatus"], "FAILED")
