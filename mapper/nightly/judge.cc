@@ -122,7 +122,9 @@ void Test(const JudgeOptions& options, Judgement* judgement) {
   }
 }
 
-double Median(std::vector<double> values) { return values.empty() ? 0.0 : Quantile(values, 0.5); }
+double Median(const std::vector<double>& values) {
+  return values.empty() ? 0.0 : Quantile(values, 0.5);
+}
 
 // The better of both maps: a layout that changed is no fault of the run.
 double Least(const JudgedShift& shift, const std::function<double(const ShiftScore&)>& of) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 #include <set>
 
 #include "mapper/nightly/replay.h"
@@ -57,9 +58,9 @@ std::string LocatedSubject(const std::string& run, const LogAreas& areas) {
 std::optional<LogAreas> KnownAreas(const std::string& run,
                                    int published_areas,
                                    const std::vector<AuditEntry>& audit) {
-  for (auto entry = audit.rbegin(); entry != audit.rend(); ++entry) {
-    if (entry->action != "locate" || !entry->subject.starts_with(run + " ")) continue;
-    const std::string rest = entry->subject.substr(run.size() + 1);
+  for (const AuditEntry& entry : audit | std::views::reverse) {
+    if (entry.action != "locate" || !entry.subject.starts_with(run + " ")) continue;
+    const std::string rest = entry.subject.substr(run.size() + 1);
     const std::size_t blank = rest.find(' ');
     if (blank == std::string::npos) continue;
     const std::string verdict = rest.substr(blank + 1);

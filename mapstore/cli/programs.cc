@@ -21,6 +21,7 @@ const std::vector<ProgramCommands>& AllPrograms() {
       {"experiment",
        {"alignments",
         "engines",
+        "fleet-nights",
         "groupings",
         "ijrr-selectors",
         "ijrr-utias",
