@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The whole loop on simulated shifts: vehicles drive, the mapper builds a map at night, a vehicle
-# localizes on it the next day and returns what it learned, and a picture shows the result.
+# localizes on it the next day and returns what it learned, over a map server too, and a picture
+# shows the result.
 # Usage: tools/demo.sh [OUTPUT_DIR]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -42,6 +43,18 @@ echo
 echo "== How far that is from the truth: the trajectory, and where the landmarks stood on that shift"
 "$bin/shiftmap-eval" trajectory "$out/run_004.tum" "$out/world/run_004.truth.tum" --align
 "$bin/shiftmap-eval" map --store "$out/maps.db" --area floor "$out/world/run_004.places.csv" | tail -n 1
+
+echo
+echo "== Over a network: the vehicle hands in its log, a night maps it, and the vehicle gets the new map"
+"$bin/shiftmap-server" --store "$out/maps.db" --logs "$out/logs" --listen 127.0.0.1:0 --development-plain-text --poll-s 0.1 \
+  2>"$out/server.log" >/dev/null &
+trap 'kill %1' EXIT
+until address=$(grep -o '127.0.0.1:[0-9]*' "$out/server.log"); do kill -0 %1 && sleep 0.1; done
+server=(--server "$address" --development-plain-text)
+"$bin/shiftmap-localizer" fetch "${server[@]}" --area floor --output "$out/vehicle.db"
+"$bin/shiftmap-localizer" upload "${server[@]}" "$out/world/run_004.mcap"
+"$bin/shiftmap-mapper" nightly --store "$out/maps.db" --logs "$out/logs" --area floor --min-age-s 0 --report "$out/nights"
+until "$bin/shiftmap-localizer" fetch "${server[@]}" --area floor --output "$out/vehicle.db"; do sleep 0.2; done
 
 echo
 echo "== The picture"
