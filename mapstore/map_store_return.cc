@@ -8,7 +8,6 @@
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
-#include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"

@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_rows.h"
@@ -16,7 +15,6 @@
 #include "mapstore/store/mapped_rows.h"
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
-#include "mapstore/store/report_summary.h"
 #include "mapstore/store/store_state.h"
 
 namespace shiftmap {

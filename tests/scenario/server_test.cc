@@ -393,7 +393,8 @@ TEST_F(ServerTest, ItTellsHealthAndMetricsAndDescribesItself) {
               HasSubstr("shiftmap.proto.MapServer"));
   ASSERT_TRUE(Submit(*PlainClient(server), AnotherReport()).ok());
   const std::string metrics =
-      RunShell("curl -s --max-time 10 http://" + server.metrics_address() + "/metrics");
+      RunShell("python3 -c \"import urllib.request as u; print(u.urlopen('http://" +
+               server.metrics_address() + "/metrics', timeout=10).read().decode())\"");
   EXPECT_THAT(metrics, HasSubstr("shiftmap_reports_total{outcome=\"accepted\"} 1"));
   EXPECT_THAT(metrics, HasSubstr("shiftmap_published_version{area=\"floor\"} 1"));
 }
