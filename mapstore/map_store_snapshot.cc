@@ -45,8 +45,11 @@ StatusOr<ExportedSnapshot> MapStore::ExportWithIdentity(const std::string& area,
     return InvalidArgument("{}: snapshot would replace the store itself", database.name());
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryDatabase temporary, TemporaryDatabase::Create(path));
-  // Keeps writers out until all rows are copied and compared.
-  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  // Keeps writers out until all rows are copied and compared. A writer that waits for a reader lets
+  // no second one in, and the copy is read by a connection of its own: so writers are kept from
+  // beginning, where this may write.
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction,
+                            database.writable() ? state_->Write() : state_->Read());
   // One time for all that follows.
   const Stamp latest = state_->LatestStamp();
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot expected,

@@ -101,7 +101,10 @@ Status MapServer::State::OpenParts() {
   SHIFTMAP_ASSIGN_OR_RETURN(
       snapshots,
       SnapshotFolder::Open(options.snapshots, std::move(signers), options.keep_snapshots_s));
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore watched, OpenStore(options, MapStore::Access::kReadOnly, log));
+  // For exports: MapStore::ExportSnapshot of a store that may be written never meets a writer half
+  // way.
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore watched,
+                            OpenStore(options, MapStore::Access::kReadWrite, log));
   keeper = std::make_unique<SnapshotKeeper>(
       std::move(watched), options.keeper, snapshots.get(), &feed, log);
   if (!options.logs.empty()) {

@@ -288,7 +288,7 @@ TEST_F(FleetLinksTest, SubmitsOfAMinute) {
 
 TEST_F(FleetLinksTest, Saturation) {
   if (!LongForm()) GTEST_SKIP() << "a measurement: SHIFTMAP_LONG_TESTS";
-  constexpr int kShifts = 300;
+  constexpr int kShifts = 150;
   Json list = Json::array();
   for (const int at_a_time : {1, 4, 16, 64}) {
     const TempDir folder;

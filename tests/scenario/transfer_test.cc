@@ -168,7 +168,7 @@ TEST_F(TransferTest, SyncHandsInWhatServeLeavesAndBringsMapsBetweenShifts) {
   const std::string state = dir_.File("state");
   const std::string maps = dir_.File("maps");
   fs::create_directory(state);
-  const BackgroundCommand sync("shiftmap-localizer",
+  BackgroundCommand sync("shiftmap-localizer",
                                As(Vehicle(),
                                   {"sync",
                                    "--state-dir",
@@ -256,6 +256,7 @@ TEST_F(TransferTest, SyncHandsInWhatServeLeavesAndBringsMapsBetweenShifts) {
   const StatusOr<live::Reply> next = client->Call(live::GetState());
   ASSERT_THAT(next, IsOk());
   EXPECT_EQ(next->state->version, VersionNumber(2));
+  EXPECT_EQ(sync.End(SIGTERM), 0);
 }
 
 TEST_F(TransferTest, SyncOnceSaysWhatIsLeft) {

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
+#include <thread>
+
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -255,6 +259,27 @@ TEST_F(MapStoreTest, ExportedSnapshotGivesWhatTheStoreGives) {
   EXPECT_NE(ContentHash(store_.LoadAt("level 1")->content()), published.content_hash);
   EXPECT_THAT(snapshot->Return(on_published),
               StatusIs(StatusCode::kFailedPrecondition, "read-only"));
+}
+
+// The copy reads by a connection of its own, which a writer that waits for the first one keeps out.
+TEST_F(MapStoreTest, SnapshotsAndReportsAtOneTimeDoNotBlockEachOther) {
+  const CommitResult version = MustCommit(RandomContent(random_));
+  std::atomic<bool> done{false};
+  std::atomic<int> returned{0};
+  std::jthread vehicles([&] {
+    MapStore::OpenOptions options;
+    options.access = MapStore::Access::kReadWrite;
+    options.lock_timeout = std::chrono::seconds(2);
+    MapStore store = *MapStore::Open(path_, options);
+    for (int i = 0; i < 2000 && !done; ++i, ++returned) {
+      EXPECT_THAT(store.Return(EmptyReport(version, "level 1", i)), IsOk());
+    }
+  });
+  while (returned == 0) std::this_thread::yield();
+  for (int i = 0; i < 15; ++i) {
+    EXPECT_THAT(store_.ExportSnapshot("level 1", dir_.File("s.db")), IsOk());
+  }
+  done = true;
 }
 
 // A snapshot of a long ledger takes the newest checkpoint instead of the rows before it.
