@@ -137,12 +137,7 @@ MapSnapshot WithCalibrationOf(const MapSnapshot& map, const MapSnapshot& other) 
   MapContent content = map.content();
   content.calibration.odometry = other.content().calibration.odometry;
   content.vehicles = other.content().vehicles;
-  return {map.area(),
-          map.version(),
-          map.content_hash(),
-          std::move(content),
-          map.ledger_position(),
-          map.aliases()};
+  return WithContent(map, std::move(content));
 }
 
 void FindSuspects(const JudgeOptions& options, Judgement* judgement) {

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ranges>
 #include <set>
 
 #include "mapper/nightly/replay.h"
@@ -58,22 +57,23 @@ std::string LocatedSubject(const std::string& run, const LogAreas& areas) {
 std::optional<LogAreas> KnownAreas(const std::string& run,
                                    int published_areas,
                                    const std::vector<AuditEntry>& audit) {
-  for (const AuditEntry& entry : audit | std::views::reverse) {
-    if (entry.action != "locate" || !entry.subject.starts_with(run + " ")) continue;
-    const std::string rest = entry.subject.substr(run.size() + 1);
-    const std::size_t blank = rest.find(' ');
-    if (blank == std::string::npos) continue;
-    const std::string verdict = rest.substr(blank + 1);
-    LogAreas areas{published_areas, {}, true};
-    if (verdict.starts_with("one ")) {
-      areas.fit = {verdict.substr(4)};
-      return areas;
-    }
-    if (rest.substr(0, blank) != std::to_string(published_areas)) return std::nullopt;
-    if (verdict == "several") areas.fit = {"", ""};
+  // The newest.
+  const auto entry = std::find_if(audit.rbegin(), audit.rend(), [&](const AuditEntry& of) {
+    return of.action == "locate" && of.subject.starts_with(run + " ");
+  });
+  if (entry == audit.rend()) return std::nullopt;
+  const std::string rest = entry->subject.substr(run.size() + 1);
+  const std::size_t blank = rest.find(' ');
+  if (blank == std::string::npos) return std::nullopt;
+  const std::string verdict = rest.substr(blank + 1);
+  LogAreas areas{published_areas, {}, true};
+  if (verdict.starts_with("one ")) {
+    areas.fit = {verdict.substr(4)};
     return areas;
   }
-  return std::nullopt;
+  if (rest.substr(0, blank) != std::to_string(published_areas)) return std::nullopt;
+  if (verdict == "several") areas.fit = {"", ""};
+  return areas;
 }
 
 }  // namespace shiftmap

@@ -63,6 +63,15 @@ double ShiftScore::doubt_share() const {
   return lost_share() + ShareOf(LocalizerState::kUnknownChange);
 }
 
+MapSnapshot WithContent(const MapSnapshot& map, MapContent content) {
+  return {map.area(),
+          map.version(),
+          map.content_hash(),
+          std::move(content),
+          map.ledger_position(),
+          map.aliases()};
+}
+
 MapSnapshot KnownBefore(const MapSnapshot& map, const std::vector<EvidenceRow>& rows, Stamp begin) {
   std::map<int, std::vector<EvidenceRow>> by_group;
   for (const EvidenceRow& row : rows) {
@@ -78,12 +87,7 @@ MapSnapshot KnownBefore(const MapSnapshot& map, const std::vector<EvidenceRow>& 
     group.probabilities = ProbabilitiesAt(group, state, begin);
   }
   content.stamp = begin;
-  return {map.area(),
-          map.version(),
-          map.content_hash(),
-          std::move(content),
-          map.ledger_position(),
-          map.aliases()};
+  return WithContent(map, std::move(content));
 }
 
 FoundModes FindModes(const std::vector<EvidenceRow>& rows, const std::string& run) {

@@ -47,6 +47,9 @@ struct ShiftScore {
   double doubt_share() const;
 };
 
+/// The same version with another content.
+MapSnapshot WithContent(const MapSnapshot& map, MapContent content);
+
 /// A map as it was known when a shift began: the modes' probabilities come from the rows that begin
 /// before, the chains' stationary distributions where there is none. Two maps that are given the
 /// same rows differ by what their versions say, and by nothing that only one of them has learned.

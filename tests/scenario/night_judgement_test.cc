@@ -103,8 +103,8 @@ Change Slipping() {
   };
 }
 
-// The vehicle's clock is a day behind: it seems to have been in yesterday's run then.
-Change DayBehind() {
+// The clock is half a day behind: the vehicle seems to have been in another run then.
+Change HalfADayBehind() {
   return [](shiftmap::Run* run) {
     constexpr std::chrono::hours kBehind(12);
     for (OdometrySample& sample : run->odometry) sample.stamp -= kBehind;
@@ -157,7 +157,7 @@ INSTANTIATE_TEST_SUITE_P(All,
                          PoisonedNightTest,
                          ::testing::Values(Poison{"Frozen", Frozen},
                                            Poison{"Slipping", Slipping},
-                                           Poison{"DayBehind", DayBehind},
+                                           Poison{"HalfADayBehind", HalfADayBehind},
                                            Poison{"NeverSet", NeverSet}),
                          [](const auto& test) { return std::string(test.param.name); });
 

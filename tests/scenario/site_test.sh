@@ -78,7 +78,7 @@ shift_of() {
   local vehicle=$1
   ctl "$vehicle" start >/dev/null
   ctl "$vehicle" feed "world/run_$2.mcap" >/dev/null || fail "the shift of $vehicle"
-  expect "the state of $vehicle" "$(ctl "$vehicle" state --json | json 'd["localizer_state"] in ("TRACKING", "MODE_CHANGED", "UNKNOWN_CHANGE")')" True
+  expect "the state of $vehicle" "$(ctl "$vehicle" state --json | json 'd["state"] in ("TRACKING", "MODE_CHANGED", "UNKNOWN_CHANGE")')" True
   ctl "$vehicle" stop >/dev/null
   # The log is written after the report, by a thread.
   for _ in $(seq 100); do compgen -G "$vehicle/state/*.mcap" >/dev/null && break; sleep 0.1; done
@@ -125,6 +125,6 @@ expect "the map of truck-1 after the rollback" "$(version_of truck-1)" 2
 expect "reports in the end" "$(shiftmap-inspect reports --json | json 'len({r["uuid"] for r in d["reports"]}), len(d["reports"])')" "3 3"
 expect "logs in the end" "$(find logs -name '*.mcap' | wc -l)" 5
 code=0
-shiftmap-mapper nightly --quiet >/dev/null 2>again.log || code=$?
+shiftmap-mapper nightly --json 2>again.log | tee /tmp/me/again.json >/dev/null || code=$?; cat again.log; shiftmap-inspect versions; shiftmap-inspect audit | tail -5
 shiftmap-inspect verify --quiet >/dev/null || fail "the store does not verify"
 echo "site: three shifts, two nights and a rollback went through (a night after it ends with $code)"

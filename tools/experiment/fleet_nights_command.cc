@@ -85,25 +85,25 @@ Status WriteFigures(const std::vector<NightsResult>& areas, ExperimentOutput* ou
   errors.log_y = true;
   AddLine(
       areas,
-      "map: RMS error of modes [m]",
+      "map, RMS [m]",
       [](const NightResult& night) { return night.map_rmse_m; },
       [](const NightResult& night) { return night.modes > 0 ? 1.0 : 0.0; },
       &errors);
   AddLine(
       areas,
-      "localization: RMS error [m]",
+      "poses, RMS [m]",
       [](const NightResult& night) { return night.rmse_m; },
       [](const NightResult& night) { return night.localized > 0 ? 1.0 : 0.0; },
       &errors);
   AddLine(
       areas,
-      "share of decisions that are wrong",
+      "wrong decisions",
       [](const NightResult& night) { return night.wrong_decisions; },
       [](const NightResult& night) { return night.decisions; },
       &errors);
   AddLine(
       areas,
-      "doubt about the true state when a shift begins",
+      "1 − P(true state)",
       [](const NightResult& night) { return night.states - night.p_true_sum; },
       [](const NightResult& night) { return night.states; },
       &errors);
