@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "mapper/cli/area_build.h"
+#include "mapper/nightly/rolled_back.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -21,6 +23,9 @@ struct KnownRuns {
   std::set<std::string> mapped;
   std::set<std::string> kept;     // Of these, what is in the version that a build goes on from.
   std::set<std::string> waiting;  // Hashes.
+
+  // What versions mapped that somebody rolled back, and the version.
+  std::map<std::string, VersionNumber> rolled_back;
   std::vector<Exclusion> exclusions;
 };
 
@@ -37,6 +42,12 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
   for (const UnplacedRun& run : runs) known.waiting.insert(run.sha256);
   if (!*published) return known;
   SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, **published));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit, store->AuditLog(area));
+  for (const VersionNumber version : RolledBackVersions(versions, audit)) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const auto identities, store->RunIdentities(area, version));
+    for (const std::string& run : identities) known.rolled_back.emplace(run, version);
+  }
   // The build says what is wrong with it.
   const StatusOr<VersionNumber> prior = FindPriorVersion(area, **published, store, nullptr);
   SHIFTMAP_ASSIGN_OR_RETURN(known.kept,
@@ -86,6 +97,16 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
     }
     if (by_hash && TakeOut(known, log.sha256, log, &sorted)) continue;
     const bool again = known.mapped.contains(log.identity());
+    const auto back = known.rolled_back.find(log.identity());
+    if (!again && back != known.rolled_back.end()) {
+      sorted.held.push_back(
+          fmt::format("'{0}' was mapped by version {1}, which somebody rolled back; to decide: "
+                      "shiftmap-inspect runs exclude {2}, publish {1}, or build with it by hand",
+                      log.path,
+                      back->second.value(),
+                      log.identity()));
+      continue;
+    }
     std::vector<LogHead>& kind = again                                ? sorted.again
                                  : known.waiting.contains(log.sha256) ? sorted.waiting
                                                                       : sorted.fresh;
