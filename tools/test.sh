@@ -105,4 +105,5 @@ run_tests asan --label-regex reader
 check "headers compile alone" cmake --build --preset dev --target all_verify_interface_header_sets
 check "format" formatted
 check "install and find_package" consumer
+check "packages in a clean Debian" tools/packaging/test_packages.sh build/dev
 finish
