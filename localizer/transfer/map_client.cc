@@ -40,7 +40,8 @@ SnapshotInfo FromProto(const proto::Snapshot& in) {
   SnapshotInfo snapshot{.area = in.area(),
                         .version = VersionNumber(in.version()),
                         .content_hash = in.content_hash(),
-                        .ledger_sequence = in.ledger_sequence(),
+                        .ledger_sequence = LedgerPosition(in.ledger_sequence()),
+                        .created = StampFromNanoseconds(in.created_ns()),
                         .sha256 = in.sha256(),
                         .size_bytes = in.size_bytes(),
                         .signatures = {}};

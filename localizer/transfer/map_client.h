@@ -10,27 +10,10 @@
 #include <vector>
 
 #include "localizer/transfer/server_options.h"
-#include "mapstore/core/ids.h"
+#include "mapstore/map/snapshot_info.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::transfer {
-
-/// A signature of a snapshot (proto/map_server.proto, SnapshotSignature).
-struct SnapshotSignature {
-  std::string key_sha256;  ///< Hex.
-  std::string signature;   ///< 64 bytes.
-};
-
-/// A snapshot on the server (proto/map_server.proto, Snapshot).
-struct SnapshotInfo {
-  std::string area;
-  VersionNumber version;
-  std::string content_hash;
-  std::int64_t ledger_sequence = 0;
-  std::string sha256;
-  std::int64_t size_bytes = 0;
-  std::vector<SnapshotSignature> signatures;
-};
 
 struct SubmitResult {
   struct SetAside {

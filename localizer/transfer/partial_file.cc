@@ -61,7 +61,7 @@ std::string Description(const SnapshotInfo& snapshot) {
   return Json{{"area", snapshot.area},
               {"version", snapshot.version.value()},
               {"content_hash", snapshot.content_hash},
-              {"ledger_sequence", snapshot.ledger_sequence},
+              {"ledger_sequence", snapshot.ledger_sequence.value()},
               {"sha256", snapshot.sha256},
               {"size_bytes", snapshot.size_bytes},
               {"signatures", signatures}}
@@ -75,13 +75,15 @@ std::optional<SnapshotInfo> ReadDescription(const std::string& path) {
   if (!text.ok()) return std::nullopt;
   try {
     const Json json = Json::parse(*text);
-    SnapshotInfo snapshot{.area = json.at("area").get<std::string>(),
-                          .version = VersionNumber(json.at("version").get<std::int64_t>()),
-                          .content_hash = json.at("content_hash").get<std::string>(),
-                          .ledger_sequence = json.at("ledger_sequence").get<std::int64_t>(),
-                          .sha256 = json.at("sha256").get<std::string>(),
-                          .size_bytes = json.at("size_bytes").get<std::int64_t>(),
-                          .signatures = {}};
+    SnapshotInfo snapshot{
+        .area = json.at("area").get<std::string>(),
+        .version = VersionNumber(json.at("version").get<std::int64_t>()),
+        .content_hash = json.at("content_hash").get<std::string>(),
+        .ledger_sequence = LedgerPosition(json.at("ledger_sequence").get<std::int64_t>()),
+        .created = {},
+        .sha256 = json.at("sha256").get<std::string>(),
+        .size_bytes = json.at("size_bytes").get<std::int64_t>(),
+        .signatures = {}};
     for (const Json& signature : json.at("signatures")) {
       const auto bytes = signature.at("signature").get<std::vector<std::uint8_t>>();
       snapshot.signatures.push_back(

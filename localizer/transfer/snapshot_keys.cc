@@ -58,15 +58,6 @@ bool IsSignature(const std::string& key_bytes,
 
 }  // namespace
 
-std::string SignedText(const SnapshotInfo& snapshot) {
-  return fmt::format("shiftmap-snapshot\n{}\n{}\n{}\n{}\n{}\n",
-                     snapshot.area,
-                     snapshot.version.value(),
-                     snapshot.content_hash,
-                     snapshot.ledger_sequence,
-                     snapshot.sha256);
-}
-
 StatusOr<SnapshotKeys> SnapshotKeys::Read(const std::vector<std::string>& paths) {
   SnapshotKeys keys;
   for (const std::string& path : paths) {

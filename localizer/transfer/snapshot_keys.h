@@ -5,13 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "localizer/transfer/map_client.h"
+#include "mapstore/map/snapshot_info.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::transfer {
-
-/// What a signature of a snapshot is over (proto/map_server.proto, SnapshotSignature).
-std::string SignedText(const SnapshotInfo& snapshot);
 
 /// The public keys by which a vehicle believes a snapshot. While a site changes its key, there are
 /// two.

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "mapstore/server/snapshot_info.h"
+#include "mapstore/map/snapshot_info.h"
 
 namespace shiftmap::server {
 

@@ -12,7 +12,7 @@
 
 #include "mapstore/core/owned_fd.h"
 #include "mapstore/map_store.h"
-#include "mapstore/server/snapshot_info.h"
+#include "mapstore/map/snapshot_info.h"
 #include "mapstore/server/snapshot_signer.h"
 #include "proto/core/status.h"
 

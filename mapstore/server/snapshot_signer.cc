@@ -28,15 +28,6 @@ const unsigned char* Bytes(const std::string& text) {
 
 }  // namespace
 
-std::string SignedText(const SnapshotInfo& snapshot) {
-  return fmt::format("shiftmap-snapshot\n{}\n{}\n{}\n{}\n{}\n",
-                     snapshot.area,
-                     snapshot.version.value(),
-                     snapshot.content_hash,
-                     snapshot.ledger_sequence.value(),
-                     snapshot.sha256);
-}
-
 struct SnapshotSigner::Key {
   std::shared_ptr<EVP_PKEY> key;
   std::string public_sha256;

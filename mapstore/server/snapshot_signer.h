@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "mapstore/server/snapshot_info.h"
+#include "mapstore/map/snapshot_info.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::server {

@@ -34,11 +34,11 @@ Status RunFetch(const FetchArguments& arguments, Context& context) {
   const std::string what = fmt::format("area '{}' version {}, ledger up to report {}",
                                        snapshot.area,
                                        snapshot.version.value(),
-                                       snapshot.ledger_sequence);
+                                       snapshot.ledger_sequence.value());
   context.Report({{"area", snapshot.area},
                   {"version", snapshot.version.value()},
                   {"content_hash", snapshot.content_hash},
-                  {"ledger_sequence", snapshot.ledger_sequence},
+                  {"ledger_sequence", snapshot.ledger_sequence.value()},
                   {"sha256", snapshot.sha256},
                   {"size_bytes", snapshot.size_bytes},
                   {"output", arguments.output},

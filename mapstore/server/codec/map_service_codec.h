@@ -8,7 +8,7 @@
 
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
-#include "mapstore/server/snapshot_info.h"
+#include "mapstore/map/snapshot_info.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
 #include "proto/map_server.pb.h"

@@ -23,7 +23,7 @@ class PartialFileTest : public ::testing::Test {
     snapshot_.area = "floor";
     snapshot_.version = VersionNumber(3);
     snapshot_.content_hash = "c0";
-    snapshot_.ledger_sequence = 17;
+    snapshot_.ledger_sequence = LedgerPosition(17);
     snapshot_.sha256 = "ab";
     snapshot_.size_bytes = 10;
     snapshot_.signatures = {{"key", std::string("\0\xff signature", 12)}};
@@ -53,7 +53,7 @@ TEST_F(PartialFileTest, AnotherProcessGoesOnWithWhatCame) {
   EXPECT_EQ(file.of()->area, "floor");
   EXPECT_EQ(file.of()->version, VersionNumber(3));
   EXPECT_EQ(file.of()->content_hash, "c0");
-  EXPECT_EQ(file.of()->ledger_sequence, 17);
+  EXPECT_EQ(file.of()->ledger_sequence.value(), 17);
   EXPECT_EQ(file.of()->sha256, "ab");
   EXPECT_EQ(file.of()->size_bytes, 10);
   ASSERT_EQ(file.of()->signatures.size(), 1u);

@@ -103,7 +103,7 @@ TEST_F(SnapshotFetchTest, ABegunSnapshotOfTheSameMapIsFinishedAndOneOfAnotherMap
   server_.Publish(more_rows);
   const StatusOr<FetchResult> finished = Fetch();
   ASSERT_THAT(finished, IsOk());
-  EXPECT_EQ(finished->snapshot.ledger_sequence, 0);
+  EXPECT_EQ(finished->snapshot.ledger_sequence.value(), 0);
   EXPECT_TRUE(ReadFile(options_.output) == old.bytes);
 
   const auto other = Made(2);

@@ -62,7 +62,7 @@ class SnapshotKeysTest : public ::testing::Test {
     snapshot_.area = "floor";
     snapshot_.version = VersionNumber(3);
     snapshot_.content_hash = "c0";
-    snapshot_.ledger_sequence = 17;
+    snapshot_.ledger_sequence = LedgerPosition(17);
     snapshot_.sha256 = "ab";
     old_key_.WritePublic(folder_.File("old.pem"));
     new_key_.WritePublic(folder_.File("new.pem"));
@@ -114,7 +114,7 @@ TEST_F(SnapshotKeysTest, AnythingElseThanWhatWasSignedIsRefused) {
   changed.content_hash = "c1";
   expect_refused(changed);
   changed = snapshot_;
-  changed.ledger_sequence = 18;
+  changed.ledger_sequence = LedgerPosition(18);
   expect_refused(changed);
   changed = snapshot_;
   changed.sha256 = "ac";

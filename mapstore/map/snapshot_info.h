@@ -8,7 +8,7 @@
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 
-namespace shiftmap::server {
+namespace shiftmap {
 
 /// By one of the keys with which a site signs.
 struct SnapshotSignature {
@@ -16,7 +16,7 @@ struct SnapshotSignature {
   std::string signature;   ///< 64 bytes.
 };
 
-/// A snapshot file, as proto/map_server.proto describes it.
+/// A snapshot file that a map server hands out (proto/map_server.proto, Snapshot).
 struct SnapshotInfo {
   std::string area;
   VersionNumber version;
@@ -28,7 +28,7 @@ struct SnapshotInfo {
   std::vector<SnapshotSignature> signatures;
 };
 
-/// The text that is signed.
+/// The text that is signed (proto/map_server.proto, SnapshotSignature).
 std::string SignedText(const SnapshotInfo& snapshot);
 
-}  // namespace shiftmap::server
+}  // namespace shiftmap
