@@ -17,24 +17,11 @@ namespace shiftmap {
 namespace {
 
 ResultTable FleetTable(const std::vector<NightsResult>& areas) {
-  ResultTable table({"area",
-                     "night",
-                     "shifts",
-                     "localized",
-                     "rmse_m",
-                     "decisions",
-                     "wrong_decisions",
-                     "states",
-                     "p_true_mean",
-                     "modes",
-                     "wrong_modes",
-                     "map_rmse_m",
-                     "unmapped",
-                     "waiting",
-                     "held",
-                     "published",
-                     "night_s",
-                     "store_mib"});
+  ResultTable table({"area",          "night",          "shifts",          "localized",
+                     "rmse_m",        "decisions",      "wrong_decisions", "states",
+                     "p_true_mean",   "modes",          "wrong_modes",     "map_rmse_m",
+                     "frame_shift_m", "frame_turn_rad", "unmapped",        "waiting",
+                     "held",          "published",      "night_s",         "store_mib"});
   for (std::size_t area = 0; area < areas.size(); ++area) {
     for (const NightResult& night : areas[area].nights) {
       table.AddRow({static_cast<double>(area),
@@ -49,6 +36,8 @@ ResultTable FleetTable(const std::vector<NightsResult>& areas) {
                     static_cast<double>(night.modes),
                     static_cast<double>(night.wrong_modes),
                     night.map_rmse_m,
+                    night.frame_shift_m,
+                    night.frame_turn_rad,
                     static_cast<double>(night.unmapped),
                     static_cast<double>(night.waiting),
                     static_cast<double>(night.held),

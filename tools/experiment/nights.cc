@@ -120,6 +120,7 @@ class Site {
                     NightResult* result);
   Status CountRecovery(int index, const ShiftReport& report, NightResult* result);
   void CountModes(const TruthMap& map, NightResult* result) const;
+  void CountFrame(const Se2& T_truth_map, NightResult* result);
   std::size_t TruthIndex(const Signature& signature) const;
   int TrueState(const TruthMap& map, std::size_t group, const LandmarkGroup& known, int run) const;
 
@@ -128,6 +129,7 @@ class Site {
   std::string folder_;
   std::string area_;
   std::map<std::string, int> waiting_since_;  // Night, by hash.
+  std::optional<Se2> first_frame_;            // T_truth_map of the first map.
   std::map<std::size_t, int> absent_since_;   // Run, by group that was removed.
   std::map<Signature, Recovery> recoveries_;  // Of what the vehicle with the fault visited.
   double square_error_ = 0.0;                 // Of the day's poses. [m²]
@@ -362,6 +364,23 @@ void Site::CountModes(const TruthMap& map, NightResult* result) const {
   result->map_rmse_m = std::sqrt(squares / std::max(1, result->modes - result->wrong_modes));
 }
 
+// How far the frame has moved since the first map, as the fit to the truth has it.
+void Site::CountFrame(const Se2& T_truth_map, NightResult* result) {
+  if (!first_frame_) first_frame_ = T_truth_map;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  double places = 0.0;
+  for (const SimulatedGroup& group : world_.world.groups) {
+    for (const Eigen::Vector2d& place : group.modes) {
+      centre += place;
+      places += 1.0;
+    }
+  }
+  centre /= std::max(1.0, places);
+  const Se2 moved = T_truth_map * first_frame_->Inverse();
+  result->frame_shift_m = (moved * centre - centre).norm();
+  result->frame_turn_rad = moved.yaw();
+}
+
 Status Site::CountNight(int night, NightResult* result) {
   const int last = night * options_.vehicles - 1;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
@@ -373,6 +392,7 @@ Status Site::CountNight(int night, NightResult* result) {
   result->unmapped = last + 1;
   if (map) {
     CountModes(*map, result);
+    CountFrame(map->T_truth_map, result);
     SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> mapped,
                               maps.RunIdentities(area_, map->map.version()));
     result->unmapped -= static_cast<int>(mapped.size());

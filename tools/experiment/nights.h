@@ -50,12 +50,15 @@ struct NightResult {
   int modes = 0;
   int wrong_modes = 0;      ///< 0.3 m or more from every place of their landmark.
   double map_rmse_m = 0.0;  ///< Of the other modes.
-  int unmapped = 0;         ///< Runs up to now that the map does not have,
-  int waiting = 0;          ///< and those of them that wait.
-  int waited_nights = 0;    ///< The longest of them.
-  bool published = false;   ///< What the night built.
-  int held = 0;             ///< Runs that are held or excluded.
-  double night_s = 0.0;     ///< On the wall, of all areas.
+  double frame_shift_m =
+      0.0;  ///< Of the map's frame since the first night, at the landmarks' centre,
+  double frame_turn_rad = 0.0;  ///< and its turn.
+  int unmapped = 0;             ///< Runs up to now that the map does not have,
+  int waiting = 0;              ///< and those of them that wait.
+  int waited_nights = 0;        ///< The longest of them.
+  bool published = false;       ///< What the night built.
+  int held = 0;                 ///< Runs that are held or excluded.
+  double night_s = 0.0;         ///< On the wall, of all areas.
   double store_mib = 0.0;
 };
 
