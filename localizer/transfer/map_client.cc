@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/transfer/map_client.h"
 
+#include <google/protobuf/stubs/logging.h>
 #include <grpc/support/log.h>
 #include <grpcpp/grpcpp.h>
 
@@ -53,8 +54,9 @@ SnapshotInfo FromProto(const proto::Snapshot& in) {
 
 UploadState FromProto(const proto::UploadState& in) { return {in.stored_bytes(), in.complete()}; }
 
-// Errors are returned, and a command says each in one line: gRPC's own lines would be beside it.
-void SilenceGrpc() {
+// Errors are returned, and a command says each in one line: the libraries' own would be beside it.
+void SilenceLibraries() {
+  google::protobuf::SetLogHandler(nullptr);
   gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
@@ -110,7 +112,7 @@ struct MapClient::State {
 StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_token stop) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
                             Credentials(options));
-  SilenceGrpc();
+  SilenceLibraries();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);

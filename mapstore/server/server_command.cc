@@ -18,6 +18,7 @@
 
 #include "mapstore/cli/input_options.h"
 #include "mapstore/core/service_notifier.h"
+#include "mapstore/server/codec/map_service_codec.h"
 #include "mapstore/server/map_server.h"
 
 namespace shiftmap {
@@ -140,6 +141,7 @@ void LogGrpc(gpr_log_func_args* entry) {
 class GrpcLogging {
  public:
   explicit GrpcLogging(JsonLog* log) {
+    server::SilenceProtobuf();
     grpc_log = log;
     gpr_set_log_function(&LogGrpc);
     gpr_set_log_verbosity(log->Writes(JsonLog::Level::kDebug) ? GPR_LOG_SEVERITY_INFO

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "mapstore/core/owned_fd.h"
-#include "mapstore/map_store.h"
 #include "mapstore/map/snapshot_info.h"
+#include "mapstore/map_store.h"
 #include "mapstore/server/snapshot_signer.h"
 #include "proto/core/status.h"
 

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 #include <thread>
 
 #include "mapstore/map/sha256.h"
@@ -486,6 +487,23 @@ TEST_F(ServerTest, ThePythonExampleFetchesAMapAndSubmitsAReport) {
   EXPECT_NE(out.find("duplicate: False"), std::string::npos) << out;
   RunForJson("shiftmap-inspect", {"show", "--store", dir_.File("map.db"), "--area", "floor"});
   EXPECT_EQ(StoredReports(store_), std::set<std::string>{report_->uuid});
+}
+
+TEST_F(ServerTest, LogsNothingButJsonWhateverComes) {
+  ServerProcess server(PlainText());
+  // A string field that is no UTF-8, a length beyond the end, and no message at all.
+  for (const std::string bytes : {"\x0a\x02\xff\xfe", "\x0a\x7f\x41", "\xff\xff\xff"}) {
+    for (const std::string name : {"GetSnapshot", "GetUpload", "SubmitReport"}) {
+      CallRaw(server, "/shiftmap.proto.MapServer/" + name, bytes);
+    }
+  }
+  EXPECT_EQ(server.End(SIGTERM), 0);
+  std::istringstream lines(server.Log());
+  int count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    EXPECT_TRUE(nlohmann::json::accept(line)) << line;
+  }
+  EXPECT_GT(count, 0);
 }
 
 }  // namespace

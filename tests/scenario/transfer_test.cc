@@ -169,22 +169,22 @@ TEST_F(TransferTest, SyncHandsInWhatServeLeavesAndBringsMapsBetweenShifts) {
   const std::string maps = dir_.File("maps");
   fs::create_directory(state);
   BackgroundCommand sync("shiftmap-localizer",
-                               As(Vehicle(),
-                                  {"sync",
-                                   "--state-dir",
-                                   state,
-                                   "--outbox",
-                                   dir_.File("outbox"),
-                                   "--map-source",
-                                   "server",
-                                   "--area",
-                                   "floor",
-                                   "--maps",
-                                   maps,
-                                   "--socket",
-                                   socket,
-                                   "--poll-s",
-                                   "0.1"}));
+                         As(Vehicle(),
+                            {"sync",
+                             "--state-dir",
+                             state,
+                             "--outbox",
+                             dir_.File("outbox"),
+                             "--map-source",
+                             "server",
+                             "--area",
+                             "floor",
+                             "--maps",
+                             maps,
+                             "--socket",
+                             socket,
+                             "--poll-s",
+                             "0.1"}));
   const auto enabled_version = [&]() -> std::string {
     StatusOr<MapFolder> folder = MapFolder::Open(maps);
     if (!folder.ok()) return "";

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/server/codec/map_service_codec.h"
 
+#include <google/protobuf/stubs/logging.h>
+
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map/shift_report_check.h"
 
@@ -113,5 +115,7 @@ StatusOr<UploadRequest> FromProto(const proto::UploadHeader& in) {
   }
   return UploadRequest{in.sha256(), in.size_bytes(), in.offset_bytes()};
 }
+
+void SilenceProtobuf() { google::protobuf::SetLogHandler(nullptr); }
 
 }  // namespace shiftmap::server

@@ -44,4 +44,7 @@ struct UploadRequest {
 /// Errors: kInvalidArgument if the hash is none, or the numbers do not fit each other.
 StatusOr<UploadRequest> FromProto(const proto::UploadHeader& in);
 
+/// Keeps Protobuf's own lines, about bytes that are no message, off this process' standard error.
+void SilenceProtobuf();
+
 }  // namespace shiftmap::server
