@@ -18,6 +18,7 @@ namespace shiftmap {
 ///   kInvalidArgument     the input is wrong and will stay wrong: bad file, bad value        (3)
 ///   kDataLoss            the input is damaged: truncated, checksum mismatch                  (3)
 ///   kFailedPrecondition  the input is of another kind or a newer schema than this build reads (3)
+///   kPermissionDenied, kUnauthenticated, kUnimplemented  a map server refuses it          (3)
 ///   kAborted             the published version moved in between: plan again                  (4)
 ///   kAlreadyExists       nothing to do                                                       (5)
 ///   kNotFound            no such file, area, version                                         (6)
