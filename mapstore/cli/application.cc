@@ -39,20 +39,15 @@ std::string ErrorJson(const std::string& message, ExitCode code) {
 
 constexpr const char* kCompletion = "--completion";
 
-const std::vector<std::string>& LogLevels() {
-  static const auto* const kLevels =
-      new std::vector<std::string>{"trace", "debug", "info", "warning", "error", "off"};
-  return *kLevels;
-}
-
-void AddCommonOptions(CLI::App* parser, CommonOptions* common) {
+void AddCommonOptions(CLI::App* parser, CommonOptions* common, AllowedValues* allowed) {
   parser->set_help_flag("-h,--help", "Print this help and exit");
   parser->set_version_flag("--version", parser->get_name() + " " + SoftwareVersion());
   parser->add_flag("--json", common->json, "Print one JSON document on standard output");
   parser->add_flag("--quiet", common->quiet, "No progress, and only errors on standard error");
-  parser->add_option("--log-level", common->log_level, "Least level that is logged")
-      ->capture_default_str()
-      ->check(OneOfThese(LogLevels()));
+  CLI::Option* const log_level =
+      parser->add_option("--log-level", common->log_level, "Least level that is logged")
+          ->capture_default_str();
+  Allow({"trace", "debug", "info", "warning", "error", "off"}, log_level, allowed);
   parser->add_option("--config", common->config, "Read options from this TOML file");
 }
 
@@ -76,9 +71,10 @@ std::string ConfigPath(std::span<const std::string> arguments) {
 
 Application::State::State(std::string program_name, std::string description)
     : program(std::move(program_name)), parser(std::move(description), program) {
-  AddCommonOptions(&parser, &common);
-  parser.add_option(kCompletion, "Print a script by which a shell completes words, and exit")
-      ->check(OneOfThese({"bash", "zsh"}));
+  AddCommonOptions(&parser, &common, &allowed);
+  Allow({"bash", "zsh"},
+        parser.add_option(kCompletion, "Print a script by which a shell completes words, and exit"),
+        &allowed);
 }
 
 Command* Application::State::Select(std::span<const std::string> arguments) const {
@@ -144,27 +140,23 @@ std::vector<std::string> Application::State::ConfigArguments(
 }
 
 std::vector<CompletedCommand> Application::State::Completed() const {
-  const auto completed = [](const CLI::App& section, const Command* command) {
+  const auto completed = [this](const CLI::App& section) {
     CompletedCommand result;
     result.help = section.get_description();
     for (const CLI::Option* option : section.get_options()) {
       CompletedCommand::Argument argument = {"", option->get_description(), true, {}};
       if (!option->get_lnames().empty()) argument.name = "--" + option->get_lnames().front();
       argument.takes_value = option->get_items_expected_max() > 0;
-      if (argument.name == kCompletion) argument.values = {"bash", "zsh"};
-      if (argument.name == "--log-level") argument.values = LogLevels();
-      if (command != nullptr) {
-        const auto allowed = command->state_->allowed.find(option);
-        if (allowed != command->state_->allowed.end()) argument.values = allowed->second;
-      }
+      const auto values = allowed.find(option);
+      if (values != allowed.end()) argument.values = values->second;
       result.arguments.push_back(std::move(argument));
     }
     return result;
   };
-  std::vector<CompletedCommand> all = {completed(parser, Select({}))};
+  std::vector<CompletedCommand> all = {completed(parser)};
   for (const auto& command : commands) {
     if (command->state_->parser == &parser) continue;
-    all.push_back(completed(*command->state_->parser, command.get()));
+    all.push_back(completed(*command->state_->parser));
     all.back().name = command->state_->parser->get_name();
   }
   return all;
@@ -303,10 +295,11 @@ Command& Application::AddCommand(const std::string& name,
   command_state->parser = &state_->parser;
   if (!name.empty()) {
     command_state->parser = state_->parser.add_subcommand(name, description);
-    AddCommonOptions(command_state->parser, &state_->common);
+    AddCommonOptions(command_state->parser, &state_->common, &state_->allowed);
     state_->parser.require_subcommand(1);
   }
   command_state->common = &state_->common;
+  command_state->allowed = &state_->allowed;
   command_state->body = std::move(body);
   state_->commands.push_back(std::unique_ptr<Command>(new Command(std::move(command_state))));
   return *state_->commands.back();

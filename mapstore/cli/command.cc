@@ -53,13 +53,14 @@ constexpr double kMostWatchS = 86'400.0;
 
 }  // namespace
 
-CLI::Validator OneOfThese(const std::vector<std::string>& allowed) {
-  const auto check = [allowed](const std::string& text) {
-    if (std::find(allowed.begin(), allowed.end(), text) != allowed.end()) return std::string();
+void Allow(const std::vector<std::string>& values, CLI::Option* option, AllowedValues* allowed) {
+  const auto check = [values](const std::string& text) {
+    if (std::find(values.begin(), values.end(), text) != values.end()) return std::string();
     return fmt::format(
-        "'{}' is none of {}{}", text, fmt::join(allowed, ", "), DidYouMean(text, allowed));
+        "'{}' is none of {}{}", text, fmt::join(values, ", "), DidYouMean(text, values));
   };
-  return CLI::Validator(check, fmt::format("{{{}}}", fmt::join(allowed, ",")), "");
+  option->check(CLI::Validator(check, fmt::format("{{{}}}", fmt::join(values, ",")), ""));
+  (*allowed)[option] = values;
 }
 
 Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -157,8 +158,7 @@ Command& Command::Required() {
 
 Command& Command::OneOf(const std::vector<std::string>& allowed) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
-  state_->last->check(OneOfThese(allowed));
-  state_->allowed[state_->last] = allowed;
+  Allow(allowed, state_->last, state_->allowed);
   return *this;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mapstore/cli/application.h"
+#include "mapstore/cli/internal/command_state.h"
 #include "mapstore/cli/internal/completion.h"
 #include "mapstore/cli/internal/site_config.h"
 #include "mapstore/cli/text_style.h"
@@ -60,6 +61,7 @@ struct Application::State {
   bool checks_site_file = true;
   CommonOptions common;
   CLI::App parser;
+  AllowedValues allowed;
   std::vector<std::unique_ptr<Command>> commands;
   std::vector<std::string> run_arguments;  ///< Of the run.
 };

@@ -13,16 +13,19 @@
 
 namespace shiftmap {
 
-/// Of an option that takes one of these values; refuses another with the nearest of them.
-CLI::Validator OneOfThese(const std::vector<std::string>& allowed);
+/// Of the options of a program that have a list, the values they take.
+using AllowedValues = std::map<const CLI::Option*, std::vector<std::string>>;
+
+/// Lets an option take one of these values only; another is refused with the nearest of them.
+void Allow(const std::vector<std::string>& values, CLI::Option* option, AllowedValues* allowed);
 
 struct Command::State {
   CLI::App* parser = nullptr;
   CLI::Option* last = nullptr;
   CommonOptions* common = nullptr;
   bool writes = false;
-  std::map<const CLI::Option*, std::vector<std::string>> allowed;  // Of options that have a list.
-  std::vector<CLI::Option*> lists;  // Options that are given several times.
+  AllowedValues* allowed = nullptr;  // Of the program.
+  std::vector<CLI::Option*> lists;   // Options that are given several times.
   Body body;
   std::vector<std::function<void()>> refresh;  // Reads relative times anew.
   std::vector<std::function<std::string()>> checks;
