@@ -177,13 +177,12 @@ Status Outbox::Scan() {
     if (!found) continue;
     const auto known = items_.find(name);
     // One that was written again is another one.
-    const bool same = known != items_.end() && known->second.bytes == found->bytes &&
-                      known->second.written_ns == found->written_ns && HasFile(known->second);
-    const bool handed_in = known != items_.end() && known->second.bytes == found->bytes &&
-                           known->second.written_ns == found->written_ns &&
-                           known->second.state == OutboxState::kAcknowledged;
-    if (handed_in) unlink(PathOf(name).c_str());
-    if (same || handed_in) continue;
+    if (known != items_.end() && known->second.bytes == found->bytes &&
+        known->second.written_ns == found->written_ns &&
+        known->second.state != OutboxState::kLost) {
+      if (known->second.state == OutboxState::kAcknowledged) unlink(PathOf(name).c_str());
+      continue;
+    }
     items_[name] = *std::move(found);
     changed = true;
   }
@@ -194,14 +193,12 @@ Status Outbox::Scan() {
                       options_.files,
                       error.message());
   }
-  for (auto& [name, item] : items_) {
+  for (const auto& [name, item] : items_) {
     if (!HasFile(item) || Look(options_.files, name)) continue;
     if (item.state == OutboxState::kWaiting && options_.warn) {
       options_.warn(fmt::format("'{}' is gone before it was handed in", PathOf(name)));
     }
-    item.state = OutboxState::kLost;
-    item.reason = "the file was deleted by somebody else";
-    item.since_ns = ToNanoseconds(SystemNow());
+    Mark(name, OutboxState::kLost, "the file was deleted by somebody else");
     changed = true;
   }
   if (changed) SHIFTMAP_RETURN_IF_ERROR(Save());
@@ -222,12 +219,17 @@ Status Outbox::ApplyBound() {
   std::sort(files.begin(), files.end(), [&](const OutboxItem& a, const OutboxItem& b) {
     return rank(a) != rank(b) ? rank(a) < rank(b) : OlderFirst(a, b);
   });
+  const std::string reason = fmt::format("the folder may take {} MiB", options_.max_bytes >> 20);
+  std::size_t excess = 0;
+  for (; excess < files.size() && total > options_.max_bytes; ++excess) {
+    Mark(files[excess].name, OutboxState::kLost, reason);
+    total -= files[excess].bytes;
+  }
+  if (excess == 0) return OkStatus();
+  SHIFTMAP_RETURN_IF_ERROR(Save());
+  files.resize(excess);
   for (const OutboxItem& item : files) {
-    if (total <= options_.max_bytes) break;
-    const std::string reason = fmt::format("the folder may take {} MiB", options_.max_bytes >> 20);
-    SHIFTMAP_RETURN_IF_ERROR(Change(item.name, OutboxState::kLost, reason));
     unlink(PathOf(item.name).c_str());
-    total -= item.bytes;
     if (options_.warn) {
       options_.warn(fmt::format(
           "'{}', {}, is deleted: {}",
@@ -250,12 +252,16 @@ std::vector<OutboxItem> Outbox::Waiting() const {
   return waiting;
 }
 
-Status Outbox::Change(const std::string& name, OutboxState state, const std::string& reason) {
+void Outbox::Mark(const std::string& name, OutboxState state, const std::string& reason) {
   OutboxItem& item = items_[name];
   item.name = name;
   item.state = state;
   item.reason = reason;
   item.since_ns = ToNanoseconds(SystemNow());
+}
+
+Status Outbox::Change(const std::string& name, OutboxState state, const std::string& reason) {
+  Mark(name, state, reason);
   return Save();
 }
 

@@ -89,6 +89,7 @@ class Outbox {
 
   Status Load();
   Status Save();
+  void Mark(const std::string& name, OutboxState state, const std::string& reason);
   Status Change(const std::string& name, OutboxState state, const std::string& reason);
   Status ApplyBound();
   void ForgetOldest();
