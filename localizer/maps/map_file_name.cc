@@ -3,6 +3,7 @@
 
 #include <climits>
 
+#include "mapstore/core/file_name.h"
 #include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
@@ -12,15 +13,10 @@ constexpr std::string_view kEnding = ".db";
 constexpr std::size_t kNamedDigits = 8;  // Of a hash in a version's name.
 constexpr std::string_view kDigits = "0123456789abcdef";
 
-bool IsPlain(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
-         c == '_' || c == '-';
-}
-
 std::string Escaped(std::string_view text) {
   std::string escaped;
   for (const char c : text) {
-    if (IsPlain(c) && !(escaped.empty() && c == '.')) {
+    if (IsFileNameCharacter(c, escaped.empty())) {
       escaped += c;
     } else {
       const auto byte = static_cast<unsigned char>(c);

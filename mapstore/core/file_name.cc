@@ -13,17 +13,17 @@ namespace {
 constexpr std::size_t kMaxBytes = 100;
 constexpr std::size_t kKeptBytes = 32;
 
-bool IsPlain(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
-         c == '_' || c == '-';
-}
-
 }  // namespace
+
+bool IsFileNameCharacter(char c, bool first) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+         (c == '.' && !first) || c == '_' || c == '-';
+}
 
 std::string FileNameOf(std::string_view text) {
   std::string name;
   for (const char c : text) {
-    if (IsPlain(c) && !(c == '.' && name.empty())) {
+    if (IsFileNameCharacter(c, name.empty())) {
       name += c;
     } else {
       name += fmt::format("={:02X}", static_cast<unsigned char>(c));
