@@ -35,7 +35,7 @@ namespace shiftmap {
 /// Errors, of every function: kFailedPrecondition if the file is not a map store, or of a newer
 /// schema, or if a write meets kReadOnly; kDataLoss if it is damaged; kUnavailable if it is locked
 /// for too long, or the disk does not take it; kNotFound for an area or version that does not
-/// exist. Messages start with `map store '<path>': `.
+/// exist. Messages start with `map store 'PATH': `.
 class MapStore {
  public:
   enum class Access {

@@ -14,7 +14,7 @@ packages=(
   libtomlplusplus-dev libyaml-cpp-dev libzstd-dev
   nlohmann-json3-dev uuid-dev zlib1g-dev
   # Tests and checks
-  chromium clang-format curl libbenchmark-dev libgmock-dev libgtest-dev mosquitto munge nginx-light openssl
+  chromium clang-format curl doxygen libbenchmark-dev libgmock-dev libgtest-dev mosquitto munge nginx-light openssl
   python3 python3-grpcio python3-jsonschema python3-paho-mqtt slurm-wlm zsh
   # Packages
   debhelper dh-python fakeroot help2man lintian mmdebstrap

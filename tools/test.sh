@@ -103,6 +103,7 @@ check "build the fuzz targets of readers under sanitizers" sanitized_readers
 run_tests asan --label-regex reader
 
 check "headers compile alone" cmake --build --preset dev --target all_verify_interface_header_sets
+check "API documentation without warnings" cmake --build --preset dev --target api_docs
 check "format" formatted
 check "install and find_package" consumer
 check "packages in a clean Debian" tools/packaging/test_packages.sh build/dev

@@ -21,7 +21,7 @@ namespace shiftmap::live {
 /// survives the end of this process; Sync() makes it survive a power failure. StartSync() leaves
 /// the waiting for the disk to a thread of its own.
 ///
-/// Errors: kUnavailable if the disk does not take it. Messages start with `journal '<path>': `.
+/// Errors: kUnavailable if the disk does not take it. Messages start with `journal 'PATH': `.
 class JournalFile {
  public:
   /// Makes an empty journal, durable under its name. Errors also: kAlreadyExists.

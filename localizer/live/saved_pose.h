@@ -20,7 +20,7 @@ struct SavedPoseOptions {
 /// Writes the pose, whole or not at all, with a checksum. Errors: as WriteFileAtomically.
 Status WriteSavedPose(const SavedPose& saved, const std::string& path);
 
-/// Errors: kNotFound; kDataLoss if a byte is wrong. Messages start with `saved pose '<path>': `.
+/// Errors: kNotFound; kDataLoss if a byte is wrong. Messages start with `saved pose 'PATH': `.
 StatusOr<SavedPose> ReadSavedPose(const std::string& path);
 
 /// The pose to start at, wider by what parking may do, or why there is none: kFailedPrecondition

@@ -12,7 +12,7 @@ namespace shiftmap::live {
 /// a dead process left is replaced.
 /// Errors: kInvalidArgument if the path is too long or something other than a socket is there;
 /// kNotFound if its folder is not there; kUnavailable if another process listens there, or the
-/// system refuses. Messages start with `socket '<path>': `.
+/// system refuses. Messages start with `socket 'PATH': `.
 StatusOr<OwnedFd> ListenAt(const std::string& path);
 
 /// Connects to it. Errors: kInvalidArgument as above; kNotFound if nobody listens there.

@@ -54,7 +54,7 @@ class MapUse {
 ///
 /// Several processes may use one folder: changes wait for each other, and readers for nobody.
 /// Errors, of every function: kUnavailable if the disk does not do it. Messages start with
-/// `map folder '<path>': `.
+/// `map folder 'PATH': `.
 class MapFolder {
  public:
   /// Makes the folder if it is not there. Errors also: kInvalidArgument if something else is there.

@@ -22,7 +22,7 @@ struct ShiftRecorderOptions {
 ///
 /// The file grows with the scans of the log, not with the size of the map. It appears at its path
 /// whole or not at all.
-/// Errors: as AtomicFile; messages start with `recording '<path>': `.
+/// Errors: as AtomicFile; messages start with `recording 'PATH': `.
 class ShiftRecorder {
  public:
   /// Writes what comes once.

@@ -92,7 +92,7 @@ struct ShiftRecording {
 /// Reads a recording whole. Topics that are not of the table are skipped.
 /// Errors: kNotFound; kInvalidArgument if it is no recording, a message does not hold what its
 /// schema says, or it takes more than a quarter of MemoryBound(); kDataLoss if a checksum is wrong.
-/// Messages start with `recording '<path>': `.
+/// Messages start with `recording 'PATH': `.
 StatusOr<ShiftRecording> ReadShiftRecording(const std::string& path);
 
 }  // namespace shiftmap

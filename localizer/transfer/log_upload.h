@@ -17,7 +17,7 @@ namespace shiftmap::transfer {
 /// A run log on its way to the server, in pieces between which other things can be handed in.
 ///
 /// Errors, of every function: as MapClient; kNotFound if the file is gone; kUnavailable if it
-/// cannot be read. Those about the file start with `run log '<path>': `.
+/// cannot be read. Those about the file start with `run log 'PATH': `.
 class LogUpload {
  public:
   /// Reads the file once, for its hash.

@@ -34,7 +34,7 @@ struct UploadState {
 ///
 /// Errors, of every call: kUnavailable, kResourceExhausted and kDeadlineExceeded are worth another
 /// try. What the server refuses for good is kInvalidArgument, kNotFound, kOutOfRange, kDataLoss,
-/// kPermissionDenied. kCancelled after a request to stop. Messages start with `server '<address>':
+/// kPermissionDenied. kCancelled after a request to stop. Messages start with `server 'ADDRESS':
 /// `.
 ///
 /// Threads: one at a time, but that a stop is requested from any.

@@ -29,7 +29,7 @@ struct MapDownloadOptions {
 /// requested; kOutOfRange if the server cannot go on from the bytes at `path`; kNotFound for 404
 /// and 410; kPermissionDenied for 401, 403 and a certificate that nobody vouches for;
 /// kInvalidArgument for another scheme, a file above the limit, and other answers. Messages start
-/// with `link '<link>': `.
+/// with `link 'LINK': `.
 Status DownloadMapFile(const std::string& link,
                        const std::string& path,
                        const MapDownloadOptions& options,

@@ -13,14 +13,14 @@
 
 namespace shiftmap::transfer {
 
-/// The part of a snapshot that came so far, for another process to go on with: `<path>.part`, and
-/// `<path>.part.json`, which says of which snapshot. The file is at `path` whole or not at all.
+/// The part of a snapshot that came so far, for another process to go on with: `PATH.part`, and
+/// `PATH.part.json`, which says of which snapshot. The file is at `path` whole or not at all.
 ///
 /// Bytes that a power failure took are found by the hash of the whole.
 ///
 /// Errors: kNotFound if the folder does not exist; kInvalidArgument if something else than a file
 /// is in the place; kUnavailable if the disk does not take it. Messages start with `snapshot
-/// '<path>': `.
+/// 'PATH': `.
 class PartialFile {
  public:
   /// Errors also: kUnavailable if another process has it open.

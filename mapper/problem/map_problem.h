@@ -129,8 +129,8 @@ void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors);
 void MoveProblem(const Se2& T_map_old, MapProblem* problem);
 
 /// The problem before any run is in it: without modes, or with those of a prior map.
-/// @param signatures  Of the groups, ascending; the prior's are among them.
 MapProblem StartProblem(std::size_t groups, const SensorCalibration& sensor);
+/// @param signatures  Of the groups, ascending; the prior's are among them.
 MapProblem StartProblem(const std::vector<Signature>& signatures,
                         const MapContent& prior,
                         const SensorCalibration& sensor);

@@ -35,7 +35,7 @@ struct RunLogReaderOptions {
 /// ValidateRun. Messages on other topics are skipped.
 /// Errors: kNotFound; kInvalidArgument if it is not an MCAP file, has no odometry, goes backwards
 /// in time, or takes more memory than the options allow; kDataLoss if a checksum is wrong. Every
-/// message starts with `run log '<path>': `.
+/// message starts with `run log 'PATH': `.
 StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& options = {});
 
 struct RunLogWriterOptions {

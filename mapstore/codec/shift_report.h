@@ -17,7 +17,7 @@ StatusOr<ShiftReport> DecodeShiftReport(const std::string& bytes);
 
 /// The same from and to a file; written to a temporary file, fsync, rename.
 /// Errors: as DecodeShiftReport, and kNotFound, kUnavailable. Messages start with `shift report
-/// '<path>': `.
+/// 'PATH': `.
 StatusOr<ShiftReport> ReadShiftReport(const std::string& path);
 Status WriteShiftReport(const ShiftReport& report, const std::string& path);
 

@@ -46,7 +46,7 @@ class AtomicFile {
   int fd_ = -1;
 };
 
-/// Writes a whole file this way. Errors: as AtomicFile; messages start with `file '<path>': `.
+/// Writes a whole file this way. Errors: as AtomicFile; messages start with `file 'PATH': `.
 Status WriteFileAtomically(const std::string& path, std::string_view bytes);
 
 /// Makes `temporary`, a file that somebody else wrote, durable and renames it to `path` in the same

@@ -13,7 +13,7 @@ namespace shiftmap {
 ///
 /// Errors: kInvalidArgument if something else than a folder is at the path or at one above it;
 /// kUnavailable if the disk does not take it or nothing may be written in the folder. Messages
-/// start with `folder '<path>': `.
+/// start with `folder 'PATH': `.
 Status MakeFolder(const std::string& path);
 
 /// Whether MakeFolder() would make the folder and let write in it, as far as permissions tell, for

@@ -20,7 +20,7 @@ inline constexpr std::size_t kMaxTextBytes = std::size_t{256} << 20;
 StatusOr<std::ifstream> OpenInputFile(const std::string& path);
 
 /// Reads a regular file as a whole.
-/// @param kind  For messages, which start with `<kind> '<path>': `.
+/// @param kind  For messages, which start with `KIND 'PATH': `.
 /// Errors: as OpenInputFile; kInvalidArgument above `max_bytes`; kUnavailable if reading fails.
 StatusOr<std::string> ReadInputFile(std::string_view kind,
                                     const std::string& path,

@@ -15,7 +15,7 @@ namespace shiftmap {
 std::optional<std::string> NearestName(std::string_view text,
                                        const std::vector<std::string>& names);
 
-/// `; did you mean '<name>'?` of NearestName(), or nothing: for the end of a message.
+/// `; did you mean 'NAME'?` of NearestName(), or nothing: for the end of a message.
 std::string DidYouMean(std::string_view text, const std::vector<std::string>& names);
 
 }  // namespace shiftmap

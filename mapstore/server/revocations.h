@@ -23,7 +23,7 @@ class Revocations {
   /// @param crl_path        The CRLs; empty: nothing is revoked.
   /// @param authority_path  The authorities' certificates in PEM; one of them signed each CRL.
   /// @param log             Must outlive this.
-  /// Errors: kNotFound, kInvalidArgument. Messages start with `CRL '<path>': `.
+  /// Errors: kNotFound, kInvalidArgument. Messages start with `CRL 'PATH': `.
   static StatusOr<std::unique_ptr<Revocations>> Read(const std::string& crl_path,
                                                      const std::string& authority_path,
                                                      JsonLog* log);

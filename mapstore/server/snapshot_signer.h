@@ -14,7 +14,7 @@ class SnapshotSigner {
  public:
   /// @param path  The private key in PEM, as `openssl genpkey -algorithm ed25519` writes it.
   /// Errors: kNotFound; kInvalidArgument if it is no such key. Messages start with `signing key
-  /// '<path>': `.
+  /// 'PATH': `.
   static StatusOr<SnapshotSigner> Read(const std::string& path);
 
   SnapshotSigner(SnapshotSigner&&) noexcept;

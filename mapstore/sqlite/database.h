@@ -39,7 +39,7 @@ class Database {
     /// Of kReadOnly: nobody writes the file meanwhile. It is read without locks, and nothing is
     /// made beside it; a write-ahead log that is there is not read.
     bool immutable = false;
-    /// Starts messages, once the file is open, instead of "map store '<path>'".
+    /// Starts messages, once the file is open, instead of "map store 'PATH'".
     std::string name = {};
   };
 
@@ -77,7 +77,7 @@ class Database {
 
   bool writable() const;
   const std::string& path() const;
-  /// "map store '<path>'", or as the options say.
+  /// "map store 'PATH'", or as the options say.
   const std::string& name() const;
   /// For another connection that only reads.
   const std::string& read_uri() const;

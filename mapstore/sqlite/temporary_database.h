@@ -16,7 +16,7 @@ namespace shiftmap {
 /// AtomicFile may be the same on a shared disk.
 class TemporaryDatabase {
  public:
-  /// Errors: as AtomicFile; messages start with `file '<destination>': `.
+  /// Errors: as AtomicFile; messages start with `file 'DESTINATION': `.
   static StatusOr<TemporaryDatabase> Create(const std::string& destination);
 
   TemporaryDatabase(TemporaryDatabase&&) noexcept = default;

@@ -31,7 +31,7 @@ function(shiftmap_proto_library name)
     target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE})
     target_link_options(${target} PUBLIC -fsanitize=${SHIFTMAP_SANITIZE})
   endif()
-  install(TARGETS ${target} EXPORT shiftmapTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(TARGETS ${target} EXPORT shiftmap_${SHIFTMAP_COMPONENT} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endfunction()
 
 # shiftmap_grpc_library(<name> FILES <path from the project root>.proto ... [DEPS ...])

@@ -31,6 +31,7 @@ endfunction()
 
 # shiftmap_library(<name> HDRS ... SRCS ... [DEPS ...] [PRIVATE_DEPS ...])
 # Makes shiftmap_<name> with the alias shiftmap::<name>; headers are included from the project root.
+# It is installed in the component of find_package(shiftmap) that SHIFTMAP_COMPONENT names.
 function(shiftmap_library name)
   cmake_parse_arguments(ARG "" "" "HDRS;SRCS;DEPS;PRIVATE_DEPS" ${ARGN})
   set(target shiftmap_${name})
@@ -44,7 +45,7 @@ function(shiftmap_library name)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC ${ARG_DEPS} PRIVATE ${ARG_PRIVATE_DEPS})
   shiftmap_private_options(${target})
-  install(TARGETS ${target} EXPORT shiftmapTargets
+  install(TARGETS ${target} EXPORT shiftmap_${SHIFTMAP_COMPONENT}
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/shiftmap)
 endfunction()
@@ -95,7 +96,7 @@ function(shiftmap_bench name)
   set_tests_properties(${name} PROPERTIES LABELS bench TIMEOUT 300)
 endfunction()
 
-# Installs the package files, so that find_package(shiftmap) works.
+# Installs the package files, so that find_package(shiftmap COMPONENTS ...) works.
 function(shiftmap_install_package)
   include(CMakePackageConfigHelpers)
   set(dir "${CMAKE_INSTALL_LIBDIR}/cmake/shiftmap")
@@ -106,5 +107,8 @@ function(shiftmap_install_package)
     "${PROJECT_BINARY_DIR}/shiftmapConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
   install(FILES "${PROJECT_BINARY_DIR}/shiftmapConfig.cmake"
     "${PROJECT_BINARY_DIR}/shiftmapConfigVersion.cmake" DESTINATION ${dir})
-  install(EXPORT shiftmapTargets NAMESPACE shiftmap:: DESTINATION ${dir})
+  foreach(component proto mapstore server localizer transfer mapper tools)
+    install(EXPORT shiftmap_${component} FILE shiftmap-${component}.cmake NAMESPACE shiftmap::
+      DESTINATION ${dir})
+  endforeach()
 endfunction()

@@ -22,7 +22,7 @@ struct BagFile {
 /// The files of a bag: of a folder those that its metadata.yaml lists, or all of it in the order of
 /// their numbers where the recorder was killed before it wrote one; or a single file.
 /// Errors: kNotFound if there is none; kInvalidArgument for files of another kind, or metadata that
-/// is not a bag's. Messages start with `bag '<path>': `.
+/// is not a bag's. Messages start with `bag 'PATH': `.
 StatusOr<std::vector<BagFile>> FindBagFiles(const std::string& path);
 
 /// A copy of a file in a folder of its own, both removed at the end.

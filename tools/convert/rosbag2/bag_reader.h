@@ -37,7 +37,7 @@ struct BagMessage {
 ///
 /// Errors, of every function: kNotFound if a file is missing; kInvalidArgument, kDataLoss,
 /// kFailedPrecondition for a file that is not of a bag; kUnavailable if it cannot be read. Messages
-/// start with `bag '<file>': `.
+/// start with `bag 'FILE': `.
 class Bag {
  public:
   /// Reads each file once to list its topics.

@@ -23,7 +23,7 @@ struct FrameTransform {
 /// Errors: kInvalidArgument for numbers that are not finite or a rotation that is not of length 1.
 StatusOr<std::vector<FrameTransform>> ReadTransforms(const MessageValue& message);
 
-/// A position and a rotation of a message, fields `<path>.<position>.x` ... `<path>.<rotation>.w`.
+/// A position and a rotation of a message, fields `PATH.POSITION.x` ... `PATH.ROTATION.w`.
 /// Errors: as ReadTransforms().
 StatusOr<Eigen::Isometry3d> ReadIsometry(const MessageValue& message,
                                          const std::string& position_path,
