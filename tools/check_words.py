@@ -24,7 +24,7 @@ STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 OPTION = re.compile(r"--([a-z][a-z0-9-]+)")
 KEY = re.compile(r"^[A-Za-z][A-Za-z0-9_.]*$")
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-SPAN = re.compile(r"`[^`]*`|\]\([^)]*\)|<https?:[^>]*>")
+SPAN = re.compile(r"`[^`]*`|\[[^\]]*\]\([^)]*\.(?:h|cc)\)|\]\([^)]*\)|<https?:[^>]*>")
 
 
 @functools.lru_cache(maxsize=None)
