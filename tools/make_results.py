@@ -26,10 +26,10 @@ BENCH = "--benchmark_out=OUT/{0}.json --benchmark_out_format=json"
 
 # Name: (what it shows, command; OUT is the folder, WORK a scratch folder, DATA recorded data).
 EXPERIMENTS = {
-    "alignments": ("how often a transform between maps with moved landmarks is right, four methods", "shiftmap-experiment alignments --pairs 2000 --output OUT"),
+    "alignments": ("how often a transform between maps with moved landmarks is right, four methods", "shiftmap-experiment alignments --pairs 1600 --output OUT"),
     "chain": ("time to learn the chains of a map", "shiftmap_chain_bench " + BENCH.format("chain_bench")),
     "displaced": ("recorded runs on a map with four displaced landmarks, IJRR 8.2: build, oracle, static map, Cauchy loss", "shiftmap-experiment ijrr-utias --data DATA/utias --methods ours oracle static static-cauchy --output OUT"),
-    "engines": ("maps of the graph and of the tree engine on the same sites", "shiftmap-experiment engines --sites 5 --output OUT"),
+    "engines": ("maps of the graph and of the tree engine on the same sites", "shiftmap-experiment engines --sites 2 --output OUT"),
     "fleet-links": ("200 vehicles over links that are cut", "SHIFTMAP_LONG_TESTS=1 SHIFTMAP_RESULTS=OUT shiftmap_fleet_links_test"),
     "fleet-nights": ("thirty nights of ten areas", "shiftmap-experiment fleet-nights --output OUT --work WORK --nights 30 --worlds 10 --groups 16 --size-m 22 --duration-s 60"),
     "fleet-nights-one-area": ("300 nights of one area: its frame stays", "shiftmap-experiment fleet-nights --output OUT --work WORK --worlds 1 --nights 300 --vehicles 2"),
@@ -47,7 +47,7 @@ EXPERIMENTS = {
     "recurring-chains": ("learned chains on a real door and a person's rooms, held out", "shiftmap-experiment recurring-chains --data DATA/recurring --output OUT"),
     "run-maps": ("error of runs mapped alone against their covariance", "shiftmap-experiment run-maps --data DATA/utias --output OUT"),
     "run-maps-340s": ("the same, recorded runs in parts of 340 s", "shiftmap-experiment run-maps --data DATA/utias --stretch-s 340 --worlds 0 --output OUT"),
-    "scale": ("time, memory and error of builds over the size of a site", "shiftmap-experiment scale --max-key-frames 100000 --threads 2 --output OUT"),
+    "scale": ("time, memory and error of builds over the size of a site", "shiftmap-experiment scale --max-key-frames 30000 --output OUT"),
     "scale-misread": ("a site with 0.3 misread signatures a scan", "shiftmap-experiment scale --min-key-frames 10000 --misread 0.3 --output OUT"),
     "scale-odometry": ("a site with five times the noise of odometry", "shiftmap-experiment scale --min-key-frames 10000 --odometry-noise 5 --output OUT"),
     "selectors": ("time of a selection by each selector", "shiftmap_selector_bench " + BENCH.format("selector_bench")),
