@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of check_words.py and check_links.py on trees of their own.
+"""Tests of check_words.py and check_links.py on trees of their own, and of make_results.py.
 
 Usage: checks_test.py ROOT
 """
@@ -75,6 +75,13 @@ class CheckTest(unittest.TestCase):
         self.assertFalse(self.broken("# Clean"))
         self.write("mapper/a.h", "// See graph/README.md.\n")
         self.assertTrue(self.broken("# Clean"))
+
+    def test_an_unknown_result_is_a_mistake(self):
+        def run(*arguments):
+            return subprocess.run([sys.executable, TOOLS / "make_results.py", *arguments], capture_output=True, text=True, check=False)
+
+        self.assertEqual(run("no-such-result").returncode, 2)
+        self.assertIn("shiftmap-experiment engines", run("--list").stdout)
 
 
 if __name__ == "__main__":
