@@ -47,7 +47,7 @@ void AddSize(const BuildSize& runs, BuildSize* size);
 std::int64_t ExpectedModes(const BuildSize& size);
 
 /// Memory that a build of this size takes at its peak, the logs and the program included. [bytes]
-/// Between 1 and 2.5 times what was measured (README, "Memory").
+/// Between 1 and 2.5 times what builds took (BuildLimits tests).
 std::int64_t EstimateBuildMemory(const BuildSize& size);
 
 /// Errors: kInvalidArgument with both figures if a build of this size takes more than

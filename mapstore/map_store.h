@@ -27,7 +27,7 @@ namespace shiftmap {
 ///
 /// Versions are immutable; *published* is a pointer to one of them, per area. Mode probabilities
 /// are derived: the ledger's rows, of mapped runs and of shifts, are filtered forward in the order
-/// of time, whatever order they arrived in (model and formats: mapstore/README.md).
+/// of time, whatever order they arrived in (mapstore/METHOD.md; the file: FORMATS.md).
 ///
 /// Every write is one durable transaction: after OK it survives a power failure, after an error the
 /// store is as before. Threads: one thread per object; several processes may use one file.
@@ -137,7 +137,7 @@ class MapStore {
   StatusOr<MapSnapshot> LoadVersion(const std::string& area, VersionNumber version);
 
   /// A version with the probabilities that the ledger implies at a time; which rows count, and how:
-  /// mapstore/README.md.
+  /// mapstore/METHOD.md.
   /// @param version  Nothing: the published one.
   /// @param at       Nothing: the newest end of the evidence that counts, or the version's stamp if
   ///                 that is later; visits that begin after the clock's time with the tolerance do

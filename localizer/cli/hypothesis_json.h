@@ -8,7 +8,8 @@
 
 namespace shiftmap {
 
-/// What a vehicle believes and why, as `run --json` and `ctl hypotheses --json` say it; README.md.
+/// What a vehicle believes and why, as `run --json` and `ctl hypotheses --json` say it;
+/// localizer/live/README.md.
 Json HypothesisJson(const HypothesisView& view);
 
 /// The same for people: a line per node, indented by its level, and a line per visit.

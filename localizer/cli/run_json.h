@@ -24,7 +24,7 @@ struct RunSummary {
   std::size_t known_signatures = 0;          ///< Of these, the map has as many.
 };
 
-/// The document of `run --json`; its keys are fixed, see README.md.
+/// The document of `run --json`; its keys are fixed.
 Json RunJson(const Localizer& localizer, const RunSummary& summary);
 
 /// The same for people.

@@ -45,7 +45,7 @@ struct SetScore {
 };
 
 /// Scores which landmarks stayed between two maps, by the marginal likelihood of the other map's
-/// positions (README.md: Explanations).
+/// positions (mapper/METHOD.md, 6).
 ///
 /// Threads: const-safe. `reference`, `other` and `prior` must outlive it.
 class AlignmentEvidence {

@@ -34,9 +34,9 @@ struct Explanations {
 };
 
 /// Explains the difference of two maps of one place, where landmarks may have moved in between:
-/// which frames the other map may have in the reference, each with its probability (README.md:
-/// Explanations). Both covariances must be honest: with one four times too small, two in a hundred
-/// of what has a probability of 0.99 are wrong.
+/// which frames the other map may have in the reference, each with its probability
+/// (mapper/METHOD.md, 6). Both covariances must be honest: with one four times too small, two in a
+/// hundred of what has a probability of 0.99 are wrong.
 ///
 /// Nothing is returned for more than kMaxMatches pairs of modes of one group, or fewer than two
 /// landmarks in common. Deterministic; probabilities depend on the frames of the maps and on the

@@ -29,7 +29,7 @@ struct Hypothesis {
   double probability = 0.0;
 };
 
-/// Searches the sets of matches that explain two maps, best first (README.md: Explanations):
+/// Searches the sets of matches that explain two maps, best first (mapper/METHOD.md, 6):
 /// from each pair of matches whose distances agree by single changes to a maximum of the score,
 /// then from the maxima outward through all sets within the window. Deterministic.
 ///

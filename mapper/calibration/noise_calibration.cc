@@ -26,7 +26,7 @@ constexpr double kMinOdometry = 1e-4;
 constexpr double kMinPosition = 1e-3;
 constexpr double kMinBearing = 1e-4;
 
-// The factor by which to change a standard deviation (calibration/README.md: Noise). What residuals
+// The factor by which to change a standard deviation (mapper/METHOD.md, 5). What residuals
 // say, s / r, is a share of r / n of the way where all n have as much to say, and all of it where r
 // of them say all.
 double Factor(const ResidualStatistics& statistics, ResidualStatistics::Kind kind) {

@@ -33,7 +33,7 @@ Graph SolveRoughly(const MapperOptions& options,
 
 /// Finds the noise of the sensor and of each vehicle's odometry from the residuals of solved
 /// graphs: each variance is multiplied by what its residuals have too much or too little (variance
-/// components, calibration/README.md: Noise), and the problem is solved again, until they stay.
+/// components, mapper/METHOD.md, 5), and the problem is solved again, until they stay.
 /// After the last change it is not. Precondition: the problem is solved, if roughly.
 /// @param solver  What it keeps goes on from and to other solves of this problem.
 void CalibrateNoise(const MapperOptions& options,

@@ -12,7 +12,7 @@ namespace shiftmap {
 /// Takes what a map's scale is uncertain by out of its covariance: P' = P + sd² q qᵀ with the
 /// largest sd that leaves a covariance P, sd² = 1 / qᵀP'⁻¹q. So the map is in its own units, of
 /// which runs that are built on it tell nothing; with that uncertainty left in, the last of them
-/// would set the scale of the whole map (graph/README.md: Scale). Of a large map each tile by
+/// would set the scale of the whole map (mapper/METHOD.md, 3 and 9). Of a large map each tile by
 /// itself, the same sd for all.
 ///
 /// A map that knows its scale better than its sensors do, as a survey does, stays as it is.

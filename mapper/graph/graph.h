@@ -158,7 +158,7 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 
 /// The statistics of each run at the graph's present values. The redundancy of each kind of
 /// residual, n - tr(J_kind Σ J_kindᵀ), is estimated by what the fit leaves of `samples` > 0 draws
-/// of noise on the residuals (seeded; calibration/README.md: Noise). Precondition: every mode is
+/// of noise on the residuals (seeded; mapper/METHOD.md, 5). Precondition: every mode is
 /// observed or in the prior.
 /// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
 ///                do. May be null.

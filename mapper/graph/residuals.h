@@ -15,7 +15,7 @@ namespace shiftmap {
 /// r = Σ^(-1/2) diag(e^s, e^s, 1) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
 ///
 /// The noise of odometry is known in the units of length of the run's own sensor, whose ranges are
-/// e^s as long; so a smaller world has no smaller residuals (graph/README.md: Scale). The root is
+/// e^s as long; so a smaller world has no smaller residuals (mapper/METHOD.md, 3). The root is
 /// upper triangular: the third row is yaw alone, the others are what of x and y it does not
 /// explain.
 class MotionResidual {

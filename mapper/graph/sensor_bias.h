@@ -20,7 +20,7 @@ namespace shiftmap {
 /// observations have the scale alone, e^s q.
 ///
 /// What the scale is, a run by itself cannot tell; two runs tell theirs apart, and a prior map
-/// tells it in the map's own units (graph/README.md: Scale).
+/// tells it in the map's own units (mapper/METHOD.md, 3).
 using SensorBias = Eigen::Vector3d;
 enum SensorBiasIndex { kLogRangeScale, kBearingOffset, kRangeCurvature };
 

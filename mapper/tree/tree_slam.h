@@ -31,7 +31,7 @@ struct TreeEvents {
 /// A leaf forks when an observation gates with one of the modes that it holds possible; what cannot
 /// be told apart shares its filter, T-IV VI-A. What gates with no mode of its group is clutter, or
 /// stands at a place that becomes a mode of the group. Method and what differs from the print:
-/// mapper/tree/README.md.
+/// mapper/METHOD.md, 13.
 ///
 /// Frame: that of the prior map, or that of the first start pose.
 /// Cost of a scan: leaves × (landmarks around the vehicle)². Threads: none. Determinism: the same

@@ -31,7 +31,7 @@ struct RunLogReaderOptions {
   bool lidar_scans = true;
 };
 
-/// Reads a run log (MCAP with shiftmap messages; see proto/README.md) whole and checks it with
+/// Reads a run log (MCAP with shiftmap messages; see proto/FORMATS.md) whole and checks it with
 /// ValidateRun. Messages on other topics are skipped.
 /// Errors: kNotFound; kInvalidArgument if it is not an MCAP file, has no odometry, goes backwards
 /// in time, or takes more memory than the options allow; kDataLoss if a checksum is wrong. Every

@@ -2,7 +2,7 @@
 //
 // The canonical rows of a map. Every value is written with its length or as 8 fixed bytes,
 // big-endian, so that no two contents share a row stream. The layout is part of the store's format:
-// see mapstore/README.md.
+// see mapstore/FORMATS.md.
 #include <bit>
 #include <cstdint>
 

@@ -14,7 +14,7 @@
 
 namespace shiftmap::testing {
 
-/// What one area of a map store should say, by the rules of mapstore/README.md and without any of
+/// What one area of a map store should say, by the rules of mapstore/METHOD.md and without any of
 /// the store's code: every version and every report in memory, every question answered from
 /// scratch.
 class StoreModel {

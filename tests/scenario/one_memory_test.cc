@@ -146,7 +146,7 @@ TEST_P(OneMemoryTest, RunsInOneBuildOrNightByNightSayTheSame) {
   for (const int night : all) Build("nightly.db", {night});
   ExpectSame("nightly", batch, Groups("nightly.db"));
 
-  // Every run is returned before it is mapped: the README's order of commands.
+  // Every run is returned before it is mapped: the order of a shift and its night.
   Build("returned.db", {0});
   for (int night = 1; night < kNights; ++night) {
     RunAndReturn("returned.db", night);

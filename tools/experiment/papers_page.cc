@@ -21,8 +21,8 @@ constexpr std::string_view kHead =
     "\n"
     "    shiftmap-experiment papers --results DIR tests/results --output tests/results/papers.md\n"
     "\n"
-    "with the [runs](#runs) in DIR; what is not there comes from beside this page. The command\n"
-    "fails where a file, symbol or test that the catalogue names is not there.\n";
+    "with the [runs](#runs) in DIR; runs that are not there come from the folder of this page.\n"
+    "The command fails where a file, symbol or test that the catalogue names is not there.\n";
 
 // A cell must not end the cell or the row.
 std::string Cell(const std::string& text) {

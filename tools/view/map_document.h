@@ -31,8 +31,8 @@ struct MapDocumentOptions {
   std::int64_t max_poses = 60'000;   ///< Of all trajectories, which are thinned.
 };
 
-/// The data document of the page; its layout is in README.md, with page/data.ts as its reader.
-/// Names are text as InertLine() leaves them.
+/// The data document of the page; its layout is in tools/view/README.md, with page/data.ts as its
+/// reader. Names are text as InertLine() leaves them.
 ///
 /// Errors: those of MapStore; kNotFound if the area has no published version and none is named.
 StatusOr<Json> MapDocument(const std::string& area,

@@ -37,7 +37,7 @@ StatusOr<Checked> CheckLog(const std::string& path, LogCheck* check) {
                 "unreadable",
                 "log",
                 Message(event.status()),
-                "write the log as proto/README.md says; a number must be finite"};
+                "write the log as proto/FORMATS.md says; a number must be finite"};
       break;
     }
     if (!event->has_value()) break;
