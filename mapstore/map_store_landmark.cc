@@ -57,10 +57,8 @@ StatusOr<std::optional<LandmarkStatement>> ReadLandmarkStatement(Database& datab
     return std::optional(
         LandmarkStatement{statement->number, statement->stamp, group.probabilities});
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string name,
-                            view->NameIn(statement->version_id, group.signature.text()));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
-                            ReadStatement(database, statement->version_id, {group}, {name}));
+                            ReadStatementFor(database, statement->version_id, {group}, view));
   if (!stated.front()) return std::optional<LandmarkStatement>();
   return std::optional(LandmarkStatement{statement->number, statement->stamp, *stated.front()});
 }
@@ -90,7 +88,11 @@ StatusOr<std::vector<LandmarkVisit>> JudgeVisits(std::vector<LandmarkVisitRow> r
                                                  LedgerView* view) {
   std::vector<LandmarkVisit> visits;
   for (LandmarkVisitRow& row : rows) {
-    const VisitEvidence& evidence = row.visit.evidence;
+    VisitEvidence& evidence = row.visit.evidence;
+    if (group) {
+      SHIFTMAP_RETURN_IF_ERROR(
+          view->Split(group->signature.text(), row.report_id, row.run_id, &evidence.modes));
+    }
     const auto taken =
         after.find({evidence.begin, evidence.end, row.report_id, row.run_id, row.version_id});
     if (taken != after.end()) {

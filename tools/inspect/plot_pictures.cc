@@ -37,19 +37,24 @@ const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionN
   return at == versions.end() ? nullptr : &*at;
 }
 
-// The runs that the ancestors of a version were built from.
+// The runs that the ancestors of a version were built from, in the frame of that version.
 StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
                                              VersionNumber version,
                                              MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
   std::vector<RunRecord> runs;
   const VersionSummary* at = Find(versions, version);
+  Se2 T_version_at;
   for (std::size_t i = 0; i < kMostVersions && at != nullptr && at->parent; ++i) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_at_parent, store->FrameStep(area, at->version));
+    T_version_at = T_version_at * T_at_parent;
     at = Find(versions, *at->parent);
     if (at == nullptr) break;
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store->LoadProvenance(area, at->version));
-    runs.insert(runs.end(), provenance.runs.begin(), provenance.runs.end());
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, at->version));
+    for (RunRecord& run : provenance.runs) {
+      MoveTrajectory(T_version_at, &run.trajectory);
+      runs.push_back(std::move(run));
+    }
   }
   return runs;
 }
@@ -72,8 +77,7 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
     return MakeStatus(
         error.status().code(), "truth '{}': {}", arguments.truth, Message(error.status()));
   }
-  const Se2 T_map_truth = error->T_truth_estimate.Inverse();
-  for (StampedPose& pose : truth) pose.T_map_vehicle = T_map_truth * pose.T_map_vehicle;
+  MoveTrajectory(error->T_truth_estimate.Inverse(), &truth);
   return truth;
 }
 
@@ -129,8 +133,8 @@ StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& con
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber to, ParseVersion(arguments.subjects[1]));
   const std::string& area = arguments.store.area;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot before, LoadAsBuilt(area, from, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, LoadAsBuilt(area, to, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const EarlierMap before, LoadEarlier(from, after, &store));
   return Picture{PlotDiff(before, after),
                  {{"area", area}, {"from", from.value()}, {"to", to.value()}}};
 }
@@ -193,7 +197,7 @@ StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& co
                             ParentOf(area, version, &store));
   Night night;
   if (parent) {
-    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadAsBuilt(area, *parent, &store));
+    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadEarlier(*parent, map, &store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store.LoadProvenance(area, version));
   night.mapped = std::move(provenance.runs);

@@ -131,6 +131,19 @@ struct EditChanges {
   std::vector<MapEdit> taken_back;
 };
 
+// What is no change of a landmark: names, and the frame.
+void AddCarried(const EarlierMap& from, Json* document) {
+  Json renamed = Json::array();
+  for (const auto& [before, after] : from.renamed) {
+    renamed.push_back({{"from", before.text()}, {"to", after.text()}});
+  }
+  (*document)["renamed"] = std::move(renamed);
+  (*document)["frame_moved"] = nullptr;
+  if (!from.moved) return;
+  (*document)["frame_moved"] = {
+      {"x_m", from.moved->x()}, {"y_m", from.moved->y()}, {"yaw_rad", from.moved->yaw()}};
+}
+
 StatusOr<EditChanges> EditChangesOf(const DiffArguments& arguments, MapStore* store) {
   const std::string& area = arguments.store.area;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> from,
@@ -165,11 +178,11 @@ std::string EditsText(const EditChanges& edits) {
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   const std::string& area = arguments.store.area;
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            LoadAsBuilt(area, VersionNumber(arguments.from), &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
                             LoadAsBuilt(area, VersionNumber(arguments.to), &store));
-  MapDiff diff = DiffMaps(from.content(), to.content());
+  SHIFTMAP_ASSIGN_OR_RETURN(const EarlierMap from,
+                            LoadEarlier(VersionNumber(arguments.from), to, &store));
+  MapDiff diff = DiffMaps(from.map.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {
       return std::sqrt(mode.squared_mahalanobis) < arguments.min_move_sigma;
@@ -179,6 +192,7 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const EditChanges edits, EditChangesOf(arguments, &store));
   if (context.json()) {
     Json document = DiffJson(arguments, diff);
+    AddCarried(from, &document);
     document["edits_made"] = EditsJson(edits.made);
     document["edits_taken_back"] = EditsJson(edits.taken_back);
     context.Report(document, "");

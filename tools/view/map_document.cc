@@ -259,16 +259,18 @@ Status DocumentWriter::AddTracks(Json* document) {
   return OkStatus();
 }
 
-// Those that the version and its ancestors were built from.
+// Those that the version and its ancestors were built from, in the version's frame.
 StatusOr<Json> DocumentWriter::RunsJson() {
   std::vector<std::pair<VersionNumber, RunRecord>> runs;
   std::size_t poses = 0;
   std::set<std::string> known;
   std::optional<VersionNumber> version = shown_;
+  Se2 T_shown_version;
   while (version) {
     SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store_->LoadProvenance(area_, *version));
     for (RunRecord& run : provenance.runs) {
       if (!known.insert(run.identity()).second) continue;
+      MoveTrajectory(T_shown_version, &run.trajectory);
       poses += run.trajectory.size();
       runs.emplace_back(*version, std::move(run));
     }
@@ -277,6 +279,8 @@ StatusOr<Json> DocumentWriter::RunsJson() {
     });
     const std::optional<VersionNumber> parent =
         found == versions_.end() ? std::nullopt : found->parent;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_version_parent, store_->FrameStep(area_, *version));
+    T_shown_version = T_shown_version * T_version_parent;
     // Of a damaged store: parents are older.
     version = parent && *parent < *version ? parent : std::nullopt;
   }

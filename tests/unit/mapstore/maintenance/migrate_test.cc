@@ -126,7 +126,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 8 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 9 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
