@@ -5,8 +5,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "localizer/monitor/scan_consistency.h"
-#include "mapper/chain/group_chains.h"
+#include "localizer/recording/shift_recording.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/parse_whole.h"
 #include "tools/eval/trajectory_error.h"
@@ -114,11 +113,11 @@ StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& 
   if (of.version) options.version = VersionNumber(*of.version);
   if (of.at_s) options.at = StampFromSeconds(*of.at_s);
   if (of.known_s) options.known = StampFromSeconds(*of.known_s);
-  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory visits,
-                            LoadLandmarkHistory(&store, of.area, signature, options));
-  // Without visits, what is stated fades until now.
-  const Stamp end = visits.visits.empty() ? std::max(SystemNow(), visits.stamp) : visits.stamp;
-  options.track = HistoryTimes(visits, options.at.value_or(end));
+  options.choose_track = [&](const std::vector<VisitSpan>& visits, Stamp version) {
+    // Without visits, what is stated fades until now.
+    const Stamp end = visits.empty() ? SystemNow() : version;
+    return HistoryTimes(visits, version, options.at.value_or(end));
+  };
   SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
                             LoadLandmarkHistory(&store, of.area, signature, options));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(of.area));
@@ -158,12 +157,20 @@ StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Cont
 }
 
 StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Context&) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScanConsistency> scans,
-                            ReadScanConsistency(arguments.subjects[0]));
+  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftRecording recording,
+                            ReadShiftRecording(arguments.subjects[0]));
+  if (recording.poses.empty()) {
+    return InvalidArgument("recording '{}': the shift has no pose", arguments.subjects[0]);
+  }
   std::optional<std::vector<StampedPose>> truth;
   if (!arguments.truth.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, TrajectoryOf(scans)));
+    std::vector<StampedPose> estimate;
+    for (const live::PoseEvent& pose : recording.poses) {
+      estimate.push_back({pose.stamp, pose.pose.T_map_vehicle});
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, estimate));
   }
+  const std::vector<ScanConsistency> scans = ScansOf(recording);
   return Picture{PlotConsistency(StemOf(arguments.subjects[0]), scans, truth),
                  {{"scans", scans.size()}}};
 }
@@ -173,19 +180,7 @@ StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& co
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> evidence,
                             store.Evidence(map.area(), map.version()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
-                            LearnGroupChains(map.groups(), evidence, {}));
-  std::vector<LeaveRate> rates;
-  for (std::size_t i = 0; i < chains.size(); ++i) {
-    const LearnedChain& chain = chains[i].chain;
-    rates.push_back({map.groups()[i].signature,
-                     map.groups()[i].chain.leave_rate_per_s(),
-                     chain.leave.rate_per_s,
-                     chain.leave.low_per_s,
-                     chain.leave.high_per_s,
-                     chain.visits});
-  }
-  return Picture{PlotRates(map, std::move(rates)), AboutMap(map)};
+  return Picture{PlotRates(map, EstimateLeaveRates(map, evidence)), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& context) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -101,28 +100,15 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
           {"calibration", calibration}};
 }
 
-// Of the groups whose rates changed, from the visits that tell of the second map.
+// Of the second map, from the visits that tell of it; only if a rate changed.
 StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
-  LeaveRates rates;
   const bool changed = std::any_of(diff.groups.begin(), diff.groups.end(), [](const auto& group) {
     return group.rates_changed;
   });
-  if (!changed) return rates;
+  if (!changed) return LeaveRates();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
                             store->Evidence(to.area(), to.version()));
-  std::map<Signature, std::vector<Stamp>> visits;
-  for (const EvidenceRow& row : rows) {
-    if (row.evidence.begin > to.stamp()) continue;
-    visits[row.evidence.signature].push_back(row.evidence.begin);
-  }
-  for (const GroupDiff& group : diff.groups) {
-    if (!group.rates_changed) continue;
-    const int index = to.GroupIndex(group.signature);
-    const int states = to.groups()[static_cast<std::size_t>(index)].chain.states();
-    rates.emplace(group.signature,
-                  EstimateLeaveRate(group.to_leave_rate_per_s, states, visits[group.signature]));
-  }
-  return rates;
+  return EstimateLeaveRates(to, rows);
 }
 
 // Edits that the second version is made with and the first is not, and the other way.
