@@ -36,12 +36,16 @@ const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionN
   return at == versions.end() ? nullptr : &*at;
 }
 
-// The runs that the ancestors of a version were built from, in the frame of that version.
-StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
-                                             VersionNumber version,
-                                             MapStore* store) {
+// The runs that a version was built from, and those of its ancestors, in the frame of that version.
+struct LineRuns {
+  std::vector<RunRecord> own;  // Of a version of edits: those of the build that it rests on.
+  std::vector<RunRecord> earlier;
+};
+
+StatusOr<LineRuns> RunsOfLine(const std::string& area, VersionNumber version, MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
-  std::vector<RunRecord> runs;
+  SHIFTMAP_ASSIGN_OR_RETURN(Provenance own, store->LoadProvenance(area, version));
+  LineRuns runs{std::move(own.runs), {}};
   const VersionSummary* at = Find(versions, version);
   Se2 T_version_at;
   for (std::size_t i = 0; i < kMostVersions && at != nullptr && at->parent; ++i) {
@@ -50,9 +54,10 @@ StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
     at = Find(versions, *at->parent);
     if (at == nullptr) break;
     SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, at->version));
+    std::vector<RunRecord>& to = runs.own.empty() ? runs.own : runs.earlier;
     for (RunRecord& run : provenance.runs) {
       MoveTrajectory(T_version_at, &run.trajectory);
-      runs.push_back(std::move(run));
+      to.push_back(std::move(run));
     }
   }
   return runs;
@@ -85,11 +90,8 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
 StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            store.LoadProvenance(map.area(), map.version()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> earlier,
-                            EarlierRuns(map.area(), map.version(), &store));
-  return Picture{PlotMap(map, provenance.runs, earlier), AboutMap(map)};
+  SHIFTMAP_ASSIGN_OR_RETURN(const LineRuns runs, RunsOfLine(map.area(), map.version(), &store));
+  return Picture{PlotMap(map, runs.own, runs.earlier), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context) {
