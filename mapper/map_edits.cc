@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "mapstore/map/edited_map.h"
+#include "mapstore/map/frame_change.h"
 
 namespace shiftmap {
 

@@ -2,17 +2,15 @@
 #include "mapstore/map/frame_change.h"
 
 #include <algorithm>
+#include <span>
 
-#include "mapstore/core/quantile.h"
 #include "mapstore/geometry/covariance.h"
-#include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr int kIterations = 30;
-constexpr double kLeastResidual = 1e-9;  // Of a weight 1 / residual. [m]
-constexpr double kSamePlace = 1e-6;      // [m]
+constexpr int kSteps = 20;
+constexpr double kSamePlace = 1e-6;  // [m]
 
 struct ModePair {
   Mode* from = nullptr;
@@ -35,29 +33,32 @@ std::vector<ModePair> CommonModes(MapContent* from, const MapContent& to) {
   return pairs;
 }
 
-// Least sum of distances, by weights that are one over the distance; then least squares over the
-// modes that it explains.
+void SortByDistance(const Se2& T_a_b, std::vector<PointPair>* pairs) {
+  std::stable_sort(pairs->begin(), pairs->end(), [&](const PointPair& one, const PointPair& other) {
+    return (T_a_b * one.p_b - one.p_a).squaredNorm() <
+           (T_a_b * other.p_b - other.p_a).squaredNorm();
+  });
+}
+
 Se2 Fit(const std::vector<ModePair>& pairs) {
   std::vector<PointPair> points;
   for (const ModePair& pair : pairs) {
     points.push_back({pair.to->p_map_landmark, pair.from->p_map_landmark});
   }
-  Se2 T_to_from;
-  std::vector<double> distances(points.size());
-  for (int i = 0; i < kIterations; ++i) {
-    const StatusOr<Se2> fit = AlignRigid2d(points);
-    if (!fit.ok()) return {};
-    T_to_from = *fit;
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      distances[k] = (T_to_from * points[k].p_b - points[k].p_a).norm();
-      points[k].weight = 1.0 / std::max(distances[k], kLeastResidual);
-    }
+  // Each step takes the half that the last fit explains best, whose squares sum up to less.
+  StatusOr<Se2> fit = AlignRigid2d(points);
+  const std::size_t half = points.size() / 2 + 1;
+  for (int i = 0; i < kSteps && fit.ok(); ++i) {
+    SortByDistance(*fit, &points);
+    fit = AlignRigid2d(std::span(points).first(std::min(half, points.size())));
   }
-  const double bound = 3.0 * Quantile(distances, 0.5) + kSamePlace;
-  for (std::size_t k = 0; k < points.size(); ++k) {
-    points[k].weight = distances[k] <= bound ? 1.0 : 0.0;
-  }
-  return AlignRigid2d(points).value_or(T_to_from);
+  if (!fit.ok()) return {};
+  SortByDistance(*fit, &points);
+  const PointPair& middle = points[points.size() / 2];
+  const double bound = 3.0 * (*fit * middle.p_b - middle.p_a).norm() + kSamePlace;
+  std::erase_if(points,
+                [&](const PointPair& pair) { return (*fit * pair.p_b - pair.p_a).norm() > bound; });
+  return AlignRigid2d(points).value_or(*fit);
 }
 
 std::size_t CountBeyond(const std::vector<ModePair>& pairs) {
@@ -116,6 +117,10 @@ void MoveContent(const Se2& T_new_old, MapContent* content) {
   std::vector<JointCovariance::CrossBlock> cross = content->covariance.cross_blocks();
   for (JointCovariance::CrossBlock& block : cross) block.value = R * block.value * R.transpose();
   content->covariance = JointCovariance(std::move(diagonal), std::move(cross));
+}
+
+void MoveTrajectory(const Se2& T_new_old, std::vector<StampedPose>* trajectory) {
+  for (StampedPose& pose : *trajectory) pose.T_map_vehicle = T_new_old * pose.T_map_vehicle;
 }
 
 Se2 FitFrame(const MapContent& from, const MapContent& to) {

@@ -8,11 +8,15 @@
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_edit.h"
 #include "mapstore/map/map_snapshot.h"
+#include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
 
 /// Moves a map as a whole: positions and covariances.
 void MoveContent(const Se2& T_new_old, MapContent* content);
+
+/// Moves a trajectory to another map frame.
+void MoveTrajectory(const Se2& T_new_old, std::vector<StampedPose>* trajectory);
 
 /// A map without covariances between modes, and with the names of a later one.
 /// @param from_names, to_names  Of the edits that each map is made with.
@@ -20,8 +24,8 @@ MapContent WithNames(MapContent from,
                      const LandmarkNames& from_names,
                      const LandmarkNames& to_names);
 
-/// The rigid motion that most modes of two maps share: least squares over the modes that both maps
-/// have, in which modes that went another way lose their weight. Fewer than two common modes give
+/// The rigid motion that most modes of two maps share: least trimmed squares over the modes that
+/// both maps have, then least squares over those that it explains. Fewer than two common modes give
 /// the identity.
 /// @return T_to_from. Determinism: a function of the maps.
 Se2 FitFrame(const MapContent& from, const MapContent& to);

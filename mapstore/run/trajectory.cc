@@ -131,33 +131,27 @@ std::optional<Se2> Interpolate(std::span<const StampedPose> trajectory,
   return before.T_map_vehicle * Se2::Exp(share * T_before_after.Log());
 }
 
-void MoveTrajectory(const Se2& T_new_old, std::vector<StampedPose>* trajectory) {
-  for (StampedPose& pose : *trajectory) pose.T_map_vehicle = T_new_old * pose.T_map_vehicle;
-}
-
 StatusOr<Se2> AlignRigid2d(std::span<const PointPair> pairs) {
   if (pairs.size() < 2) {
     return InvalidArgument("alignment: {} pairs of points, expected at least 2", pairs.size());
   }
   Eigen::Vector2d mean_a = Eigen::Vector2d::Zero();
   Eigen::Vector2d mean_b = Eigen::Vector2d::Zero();
-  double total = 0.0;
   for (const PointPair& pair : pairs) {
-    mean_a += pair.weight * pair.p_a;
-    mean_b += pair.weight * pair.p_b;
-    total += pair.weight;
+    mean_a += pair.p_a;
+    mean_b += pair.p_b;
   }
-  mean_a /= total;
-  mean_b /= total;
+  mean_a /= static_cast<double>(pairs.size());
+  mean_b /= static_cast<double>(pairs.size());
   double dot = 0.0;
   double cross = 0.0;
   double spread = 0.0;
   for (const PointPair& pair : pairs) {
     const Eigen::Vector2d a = pair.p_a - mean_a;
     const Eigen::Vector2d b = pair.p_b - mean_b;
-    dot += pair.weight * b.dot(a);
-    cross += pair.weight * (b.x() * a.y() - b.y() * a.x());
-    spread += pair.weight * pair.weight * a.squaredNorm() * b.squaredNorm();
+    dot += b.dot(a);
+    cross += b.x() * a.y() - b.y() * a.x();
+    spread += a.squaredNorm() * b.squaredNorm();
   }
   if (!(std::hypot(dot, cross) > 1e-12 * std::sqrt(spread)) || spread == 0.0) {
     return InvalidArgument("alignment: points coincide, the rotation is undefined");

@@ -38,17 +38,13 @@ std::optional<Se2> Interpolate(std::span<const StampedPose> trajectory,
                                Stamp stamp,
                                Duration max_gap);
 
-/// Moves a trajectory to another map frame.
-void MoveTrajectory(const Se2& T_new_old, std::vector<StampedPose>* trajectory);
-
 /// The same point in two frames. [m]
 struct PointPair {
   Eigen::Vector2d p_a = Eigen::Vector2d::Zero();
   Eigen::Vector2d p_b = Eigen::Vector2d::Zero();
-  double weight = 1.0;  ///< Positive, or 0.
 };
 
-/// The rigid transform T_a_b that minimizes Σ w |p_a - T_a_b p_b|², in closed form (Umeyama, PAMI
+/// The rigid transform T_a_b that minimizes Σ |p_a - T_a_b p_b|², in closed form (Umeyama, PAMI
 /// 1991, in the plane and without scale): rotation from the summed dot and cross products of the
 /// centred points.
 /// Errors: kInvalidArgument for fewer than two pairs, or if the points of one frame coincide: the

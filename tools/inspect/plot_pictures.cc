@@ -8,6 +8,7 @@
 #include "localizer/recording/shift_recording.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/parse_whole.h"
+#include "mapstore/map/frame_change.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/plot/change_plot.h"

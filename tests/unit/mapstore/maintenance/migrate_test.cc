@@ -251,7 +251,7 @@ TEST(MigrateDerivedTest, AnUneditedStoreTakesEdits) {
 TEST(MigrateDerivedTest, AnEditedStoreKeepsItsEdits) {
   const TempDir dir;
   const std::string path = dir.File("a.db");
-  std::filesystem::copy_file(Frozen("schema_8.db"), path);
+  std::filesystem::copy_file(Frozen("schema_8_edited.db"), path);
   ASSERT_THAT(MigrateStore(path, ""), IsOk());
   EXPECT_TRUE(VerifyStore(path)->clean());
   MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
