@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "mapstore/map/edited_map.h"
+#include "mapstore/map/frame_change.h"
 
 namespace shiftmap {
 
@@ -52,7 +53,7 @@ void HoldControlPoints(const BuildEdits& edits, MapperResult* result) {
   const Se2 T_new_old = HoldControlPoints(edits.control_points, false, &result->content);
   for (MappedRun& run : result->runs) {
     run.T_map_start = T_new_old * run.T_map_start;
-    for (StampedPose& pose : run.trajectory) pose.T_map_vehicle = T_new_old * pose.T_map_vehicle;
+    MoveTrajectory(T_new_old, &run.trajectory);
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,12 @@
 
 namespace shiftmap {
 
+/// When a visit was.
+struct VisitSpan {
+  Stamp begin;
+  Stamp end;
+};
+
 /// Of which map version, and as of when, MapStore::LoadLandmark tells.
 struct LandmarkQuery {
   /// Nothing: the published one, at `known` if given.
@@ -27,6 +34,10 @@ struct LandmarkQuery {
 
   /// Times for LandmarkRecords::track, in any order.
   std::vector<Stamp> track = {};
+
+  /// More such times, chosen from the visits up to `at` and the version's stamp; may be empty.
+  std::function<std::vector<Stamp>(const std::vector<VisitSpan>& visits, Stamp version)>
+      choose_track = {};
 };
 
 /// A row of the ledger about the landmark.
@@ -84,7 +95,9 @@ struct LandmarkRecords {
   std::optional<LandmarkStatement> statement;  ///< The one that holds for the version.
   std::vector<LandmarkInVersion> versions;     ///< Those whose content is stored, oldest first.
 
-  /// By LandmarkQuery::track: the probabilities then, filtered from the visits that count and begin
+  std::vector<Stamp> track_times;  ///< LandmarkQuery::track, then what choose_track added.
+
+  /// By `track_times`: the probabilities then, filtered from the visits that count and begin
   /// up to then; other than for LoadAt also before the version was made. Empty where the file is a
   /// snapshot that begins later, or there is no `group`.
   std::vector<Eigen::VectorXd> track;
@@ -92,8 +105,11 @@ struct LandmarkRecords {
 
 /// Of which map version MapStore::LoadTracks tells, and how much.
 struct TracksQuery {
-  std::optional<VersionNumber> version = std::nullopt;  ///< Nothing: the published one.
+  /// Nothing: the published one, at `known` if given.
+  std::optional<VersionNumber> version = std::nullopt;
+
   std::int64_t max_visits = 1'000'000;  ///< The newest rows of the ledger that are read; >= 1.
+  std::optional<Stamp> known = std::nullopt;  ///< As for LoadKnown; nothing: now.
 };
 
 /// The probabilities of a landmark from a time on.

@@ -13,6 +13,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/geometry/se2.h"
 #include "mapstore/landmark_records.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/map_snapshot.h"
@@ -266,6 +267,12 @@ class MapStore {
 
   /// All edits of an area, by id, those taken back included (MapEdit::undone).
   StatusOr<std::vector<MapEdit>> Edits(const std::string& area);
+
+  /// How a version's frame lies to its parent's: where the version takes in or leaves a control
+  /// point, the motion of the map (FitFrame); else, and where content was compacted away, the
+  /// identity, because a build stays in the frame of the map it is built on.
+  /// @return T_version_parent.
+  StatusOr<Se2> FrameStep(const std::string& area, VersionNumber version);
 
   /// The edits that a version is made with, by id. One that was taken back since is among them if
   /// the version rests on it.

@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "mapstore/core/inert_text.h"
+#include "mapstore/map/frame_change.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/edit_rows.h"
 #include "mapstore/store/edited_content.h"
 #include "mapstore/store/evidence_rows.h"
+#include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/store_state.h"
 
 namespace shiftmap {
@@ -57,6 +59,16 @@ StatusOr<double> EvidenceSeconds(Database& database,
     last = std::max(last, row.evidence.end);
   }
   return first ? ToSecondsSinceEpoch(last) - ToSecondsSinceEpoch(*first) : 0.0;
+}
+
+// The identities of runs that a person names, each once.
+Status FindRuns(Database& database, std::vector<std::string>* runs) {
+  for (std::string& run : *runs) {
+    SHIFTMAP_ASSIGN_OR_RETURN(run, FindRun(database, run));
+  }
+  std::sort(runs->begin(), runs->end());
+  runs->erase(std::unique(runs->begin(), runs->end()), runs->end());
+  return OkStatus();
 }
 
 // A name is one landmark's for ever: rows go by it.
@@ -151,6 +163,11 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
     SHIFTMAP_ASSIGN_OR_RETURN(
         edit.evidence_s,
         EvidenceSeconds(database, area_id, published, map.names().Name(edit.landmark)));
+  }
+  if (edit.kind == EditKind::kSplit) {
+    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, &edit.first_runs));
+    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, &edit.second_runs));
+    if (const Status valid = ValidateEdit(edit); !valid.ok()) return refuse(valid);
   }
   if (edit.kind == EditKind::kCalibration) {
     SHIFTMAP_ASSIGN_OR_RETURN(edit.kept,
@@ -256,6 +273,31 @@ StatusOr<std::vector<MapEdit>> MapStore::EditsOf(const std::string& area, Versio
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
                             GetVersion(state_->database, area, area_row.area_id, version));
   return ReadHeldEdits(state_->database, area_row.area_id, row.version_id);
+}
+
+StatusOr<Se2> MapStore::FrameStep(const std::string& area, VersionNumber version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(database, area, area_row.area_id, version));
+  if (!row.parent_version_id) return Se2();
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool moves, ChangesControlPoints(database, row.version_id));
+  if (!moves) return Se2();
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
+                            GetVersionById(database, *row.parent_version_id));
+  if (!row.content_stored || !parent.content_stored) return Se2();
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> from_edits,
+                            ReadHeldEdits(database, area_row.area_id, parent.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> to_edits,
+                            ReadHeldEdits(database, area_row.area_id, row.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const MapContent from,
+      ReadContent(database, parent, state_->VersionName(area, parent.number)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent to,
+                            ReadContent(database, row, state_->VersionName(area, row.number)));
+  const LandmarkNames to_names(to_edits);
+  return FitFrame(WithNames(from, LandmarkNames(from_edits), to_names), to);
 }
 
 StatusOr<VersionNumber> MapStore::WithEditsInForce(const std::string& area, VersionNumber version) {

@@ -57,10 +57,8 @@ StatusOr<std::optional<LandmarkStatement>> ReadLandmarkStatement(Database& datab
     return std::optional(
         LandmarkStatement{statement->number, statement->stamp, group.probabilities});
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string name,
-                            view->NameIn(statement->version_id, group.signature.text()));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto stated,
-                            ReadStatement(database, statement->version_id, {group}, {name}));
+                            ReadStatementFor(database, statement->version_id, {group}, view));
   if (!stated.front()) return std::optional<LandmarkStatement>();
   return std::optional(LandmarkStatement{statement->number, statement->stamp, *stated.front()});
 }
@@ -90,7 +88,11 @@ StatusOr<std::vector<LandmarkVisit>> JudgeVisits(std::vector<LandmarkVisitRow> r
                                                  LedgerView* view) {
   std::vector<LandmarkVisit> visits;
   for (LandmarkVisitRow& row : rows) {
-    const VisitEvidence& evidence = row.visit.evidence;
+    VisitEvidence& evidence = row.visit.evidence;
+    if (group) {
+      SHIFTMAP_RETURN_IF_ERROR(
+          view->Split(group->signature.text(), row.report_id, row.run_id, &evidence.modes));
+    }
     const auto taken =
         after.find({evidence.begin, evidence.end, row.report_id, row.run_id, row.version_id});
     if (taken != after.end()) {
@@ -103,6 +105,15 @@ StatusOr<std::vector<LandmarkVisit>> JudgeVisits(std::vector<LandmarkVisitRow> r
     visits.push_back(std::move(row.visit));
   }
   return visits;
+}
+
+std::vector<VisitSpan> SpansOf(const std::vector<LandmarkVisitRow>& rows, Stamp last) {
+  std::vector<VisitSpan> spans;
+  for (const LandmarkVisitRow& row : rows) {
+    const VisitEvidence& evidence = row.visit.evidence;
+    if (evidence.begin <= last) spans.push_back({evidence.begin, evidence.end});
+  }
+  return spans;
 }
 
 // Begins as LoadAt does where the ledger is not whole, else before all rows.
@@ -119,14 +130,13 @@ Status FilterLandmark(Database& database,
                       const LandmarkGroup& group,
                       std::size_t index,
                       const LedgerQuery& query,
-                      const std::vector<Stamp>& track,
                       LedgerFilter* filter,
                       LandmarkRecords* records) {
   records->group = group;
   SHIFTMAP_ASSIGN_OR_RETURN(records->statement,
                             ReadLandmarkStatement(database, version, group, &filter->view()));
-  SHIFTMAP_ASSIGN_OR_RETURN(records->track,
-                            Track(track, index, query.at.value_or(query.latest), filter));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      records->track, Track(records->track_times, index, query.at.value_or(query.latest), filter));
   SHIFTMAP_ASSIGN_OR_RETURN(records->stamp, filter->Finish(query));
   records->group->probabilities = filter->ProbabilitiesOf(index, records->stamp);
   return OkStatus();
@@ -174,11 +184,14 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
         return group.signature == signature;
       });
   const auto index = static_cast<std::size_t>(found - content.groups.begin());
-  const LedgerQuery ledger{.at = query.at,
-                           .latest = query.known
-                                         ? *query.known + FromSeconds(state_->clock_tolerance_s)
-                                         : state_->LatestStamp(),
-                           .known = query.known};
+  const LedgerQuery ledger{
+      .at = query.at, .latest = state_->LatestStamp(query.known), .known = query.known};
+  records.track_times = query.track;
+  if (query.choose_track) {
+    const std::vector<Stamp> chosen =
+        query.choose_track(SpansOf(rows, query.at.value_or(Stamp::max())), version.stamp);
+    records.track_times.insert(records.track_times.end(), chosen.begin(), chosen.end());
+  }
   VisitProbabilities after;
   if (found != content.groups.end()) {
     filter.Watch([&](const FilteredVisit& visit) {
@@ -188,9 +201,9 @@ StatusOr<LandmarkRecords> MapStore::LoadLandmark(const std::string& area,
     });
     SHIFTMAP_RETURN_IF_ERROR(StartFilter(snapshot, ledger, &filter));
     SHIFTMAP_RETURN_IF_ERROR(
-        FilterLandmark(database, version, *found, index, ledger, query.track, &filter, &records));
+        FilterLandmark(database, version, *found, index, ledger, &filter, &records));
   } else {
-    records.track.resize(query.track.size());
+    records.track.resize(records.track_times.size());
     records.stamp = std::max(version.stamp, query.at.value_or(version.stamp));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -203,8 +216,11 @@ StatusOr<LandmarkTracks> MapStore::LoadTracks(const std::string& area, const Tra
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  if (query.known) {
+    SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("does not hold what was known before"));
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version,
-                            state_->SelectRow(area, area_row, query.version, std::nullopt));
+                            state_->SelectRow(area, area_row, query.version, query.known));
   SHIFTMAP_ASSIGN_OR_RETURN(
       const MapContent content,
       ReadContent(database, version, state_->VersionName(area, version.number)));
@@ -215,8 +231,8 @@ StatusOr<LandmarkTracks> MapStore::LoadTracks(const std::string& area, const Tra
   if (static_cast<std::int64_t>(rows.size()) >= query.max_visits) {
     tracks.since = rows.front().visit.evidence.begin;
   }
-  const LedgerQuery ledger{.latest = state_->LatestStamp()};
-  LedgerFilter filter(database, area_row.area_id, version, content);
+  const LedgerQuery ledger{.latest = state_->LatestStamp(query.known), .known = query.known};
+  LedgerFilter filter(database, area_row.area_id, version, content, query.known);
   std::vector<VisitProbabilities> after(content.groups.size());
   TrackRecorder recorder(content, tracks.since, rows.size(), filter);
   filter.Watch([&](const FilteredVisit& visit) {

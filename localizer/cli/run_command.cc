@@ -17,7 +17,6 @@
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
-#include "localizer/monitor/scan_consistency.h"
 #include "localizer/recording/shift_recorder.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/store_access.h"
@@ -41,7 +40,6 @@ struct RunOptions {
   std::string initial_pose = "auto";
   std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
-  std::optional<std::string> nis;
   std::optional<std::string> report;
   std::optional<std::string> recording;
   bool return_report = false;
@@ -157,7 +155,7 @@ class Shift {
 
   const Localizer& localizer() const { return *localizer_; }
   const RunSummary& summary() const { return summary_; }
-  const std::vector<ScanConsistency>& consistency() const { return consistency_; }
+  const std::vector<StampedPose>& trajectory() const { return trajectory_; }
 
  private:
   bool UsesLidar() const {
@@ -212,17 +210,9 @@ class Shift {
 
   void RecordPoses() {
     for (const PoseEstimate& estimate : localizer_->new_estimates()) {
-      consistency_.push_back({estimate.stamp, estimate.pose});
+      trajectory_.push_back({estimate.stamp, estimate.pose.T_map_vehicle});
     }
     if (recorder_ && recorded_.ok()) recorded_ = recorder_->Record(*localizer_);
-    // Of several poses at once, the last one has the innovations of all.
-    const LocalizerStatistics now = localizer_->Statistics();
-    if (!consistency_.empty()) {
-      consistency_.back().nis += now.nis_sum - nis_sum_;
-      consistency_.back().dof += 2 * (now.updates - updates_);
-    }
-    nis_sum_ = now.nis_sum;
-    updates_ = now.updates;
   }
 
   MapAt map_at_;
@@ -233,9 +223,7 @@ class Shift {
   std::optional<ShiftRecorder> recorder_;  // If there is something to record to.
   Status recorded_;
   RunSummary summary_;
-  std::vector<ScanConsistency> consistency_;
-  double nis_sum_ = 0.0;  // Of the innovations so far.
-  std::int64_t updates_ = 0;
+  std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
   std::string run_hash_;
   std::string run_uuid_;
@@ -294,12 +282,9 @@ Status WriteResults(const RunOptions& options,
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
   }
   if (options.trajectory) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTum(TrajectoryOf(shift->consistency()), *options.trajectory));
+    SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift->trajectory(), *options.trajectory));
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
-  if (options.nis) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteScanConsistency(shift->consistency(), *options.nis));
-  }
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
   return store ? store->Return(report).status() : OkStatus();
 }
@@ -378,11 +363,10 @@ void AddRunCommand(Application* application) {
               &options->vehicle,
               "Name of the vehicle, for its own calibration; default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
-      .Option("--nis",
-              &options->nis,
-              "Write pose, covariance and NIS after each scan here, CSV for plot consistency")
       .Option("--report", &options->report, "Write the shift report here")
-      .Option("--recording", &options->recording, "Record the shift here, MCAP that Foxglove opens")
+      .Option("--recording",
+              &options->recording,
+              "Record the shift here: MCAP for Foxglove, `plot consistency` and `view --replay`")
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
       .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
       .InRange(1e-12, 0.49)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <atomic>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -11,6 +13,7 @@
 #include "localizer/cli/initial_pose.h"
 #include "localizer/cli/service_json.h"
 #include "localizer/live/server.h"
+#include "localizer/recording/journal_recording.h"
 #include "mapstore/cli/input_options.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
@@ -38,9 +41,25 @@ struct ServeOptions {
   double max_delay_s = 0.2;
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
   std::int64_t log_quota_mib = live::ServiceOptions().max_log_bytes >> 20;
+  std::optional<std::string> recording;
+  std::int64_t recording_quota_mib = 1024;
   LimitOptions limits;
   std::string field_of_view = FieldOfViewNames().front();
 };
+
+std::string StateFolderOf(const ServeOptions& options) {
+  return options.state_dir.value_or(options.socket + ".state");
+}
+
+// Logs and recordings have the same names.
+bool RecordsIntoStateFolder(const ServeOptions& options) {
+  const auto absolute = [](const std::string& path) {
+    std::error_code error;
+    const std::filesystem::path whole = std::filesystem::weakly_canonical(path + "/", error);
+    return error ? std::filesystem::path(path) : whole;
+  };
+  return options.recording && absolute(*options.recording) == absolute(StateFolderOf(options));
+}
 
 std::string CheckOptions(const ServeOptions& options) {
   const int sources = options.store.has_value() + options.snapshot.has_value();
@@ -52,6 +71,10 @@ std::string CheckOptions(const ServeOptions& options) {
   }
   if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
     return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
+  }
+  if (RecordsIntoStateFolder(options)) {
+    return fmt::format("--recording '{}': is the state folder, expected another one",
+                       *options.recording);
   }
   return Message(CheckReportText("--vehicle", options.vehicle));
 }
@@ -67,7 +90,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.start = options.start;
   service.area = options.area;
   service.content_hash = options.content_hash;
-  service.state_dir = options.state_dir.value_or(options.socket + ".state");
+  service.state_dir = StateFolderOf(options);
   service.vehicle = options.vehicle;
   service.software = "shiftmap-localizer " + SoftwareVersion();
   service.localizer.hypotheses.alpha = options.alpha;
@@ -79,6 +102,17 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.max_log_bytes = options.log_quota_mib << 20;
+  if (options.recording) {
+    service.recordings = {*options.recording, options.recording_quota_mib << 20, {}};
+    service.recordings.make = [service](const std::string& journal,
+                                        const std::string& path,
+                                        const std::atomic<bool>& stop) {
+      const auto map_of = [&](const live::ShiftHeader& header) {
+        return live::LoadMapOfShift(service, header);
+      };
+      return RecordJournal(journal, map_of, service.software, path, stop);
+    };
+  }
   service.clock = SystemNow;
   return service;
 }
@@ -152,6 +186,14 @@ void AddServeCommand(Application* application) {
               &options->log_quota_mib,
               "Run logs of shifts are kept in the state folder up to this; 0: none")
       .InRange(0, 1 << 30)
+      .Option("--recording",
+              &options->recording,
+              "Folder to record each shift in for Foxglove and `view --replay`, after its end, as "
+              "<uuid>.mcap; not the state folder")
+      .Option("--recording-quota-mib",
+              &options->recording_quota_mib,
+              "The oldest recordings in that folder are deleted beyond this")
+      .InRange(1, 1 << 30)
       .Option("--step-budget-ms", &options->step_budget_ms, "A longer step counts as an overrun")
       .InRange(1e-3, 1e6)
       .Check([options] { return CheckOptions(*options); });

@@ -22,31 +22,32 @@ namespace {
 constexpr std::size_t kLongestFileName = 128;  // In the state folder.
 
 // What another attempt does not mend is told apart from a disk that is full or not yet mounted.
-Status FolderError(const std::string& path, const char* action) {
+Status FolderError(const char* folder, const std::string& path, const char* action) {
   StatusCode code = StatusCode::kUnavailable;
   if (errno == ENOENT) code = StatusCode::kNotFound;
   if (errno == ENOTDIR || errno == ENAMETOOLONG || errno == ELOOP || errno == EINVAL) {
     code = StatusCode::kInvalidArgument;
   }
-  return MakeStatus(code, "state folder '{}': cannot {}: {}", path, action, std::strerror(errno));
+  return MakeStatus(
+      code, "{} folder '{}': cannot {}: {}", folder, path, action, std::strerror(errno));
 }
 
-Status MakeStateFolder(const std::string& path) {
+Status MakeFolder(const char* folder, const std::string& path) {
   constexpr mode_t kAccess = 0750;
   constexpr std::size_t kLongestPath = PATH_MAX - kLongestFileName;
   if (path.size() > kLongestPath) {
     return InvalidArgument(
-        "state folder: path of {} bytes, expected at most {}", path.size(), kLongestPath);
+        "{} folder: path of {} bytes, expected at most {}", folder, path.size(), kLongestPath);
   }
   if (mkdir(path.c_str(), kAccess) == 0 || errno == EEXIST) return OkStatus();
-  return FolderError(path, "make it");
+  return FolderError(folder, path, "make it");
 }
 
 // Held as long as the descriptor is open, so that it ends with the process.
 StatusOr<OwnedFd> Lock(const std::string& folder) {
   constexpr mode_t kFileAccess = 0640;
   OwnedFd fd(open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess));
-  if (fd.get() < 0) return FolderError(folder, "write");
+  if (fd.get() < 0) return FolderError("state", folder, "write");
   if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
     return Unavailable("state folder '{}': in use by another process", folder);
   }
@@ -77,7 +78,10 @@ StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,
 StatusOr<Service> Service::Open(ServiceOptions options) {
   SHIFTMAP_RETURN_IF_ERROR(CheckReportText("vehicle", options.vehicle));
   SHIFTMAP_RETURN_IF_ERROR(options.localizer.Validate());
-  SHIFTMAP_RETURN_IF_ERROR(MakeStateFolder(options.state_dir));
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder("state", options.state_dir));
+  if (!options.recordings.folder.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(MakeFolder("recording", options.recordings.folder));
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(OwnedFd lock, Lock(options.state_dir));
   ActionLog log(options.state_dir + "/actions");
   if (const Status status = log.Read(); !status.ok()) options.warn(Message(status));
@@ -268,7 +272,7 @@ Status Service::Shutdown() {
 // A missing log loses no evidence: the report holds it.
 void Service::CheckLogs(const Status& status) {
   if (status.ok()) return;
-  options_.warn(Message(status) + ", the shift has no run log");
+  options_.warn(Message(status));
 }
 
 void Service::CheckJournal(const Status& status) {

@@ -48,6 +48,9 @@ struct ServiceOptions {
   /// What the run logs of all shifts may take in the state folder; 0: none are kept. [byte]
   std::int64_t max_log_bytes = std::int64_t{4} << 30;
 
+  /// Recordings of the shifts, in another folder than `state_dir`.
+  ShiftRecordings recordings;
+
   /// A step that takes longer counts as an overrun, > 0. [ms]
   double step_budget_ms = 20.0;
 
@@ -150,7 +153,7 @@ class Service {
 
   Service(ServiceOptions options, FleetActions fleet)
       : options_(std::move(options)),
-        logs_(options_.state_dir, options_.max_log_bytes),
+        logs_(options_.state_dir, options_.max_log_bytes, options_.recordings),
         time_line_(FromSeconds(options_.max_refused_s)),
         fleet_(std::move(fleet)),
         area_(options_.area) {}
@@ -259,6 +262,10 @@ class Service {
   std::optional<PoseCheck> pose_check_;
   std::optional<Se2> last_pose_;  // Of the last shift.
 };
+
+/// The map that a shift was begun on, from the file or the folder of maps of a service's options.
+/// Errors: kNotFound if it is not there any more.
+StatusOr<MapSnapshot> LoadMapOfShift(const ServiceOptions& options, const ShiftHeader& header);
 
 /// The version of an area with the probabilities of a time; nothing: the published one, now.
 StatusOr<MapSnapshot> LoadLiveMap(const std::string& path,

@@ -95,6 +95,17 @@ class Replay {
   bool has_start_ = false;
 };
 
+// The file of a folder on which a shift began.
+StatusOr<FolderMap> FileOf(const MapFolder& folder, const ShiftHeader& header) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<FolderMap> files, folder.List());
+  for (const FolderMap& file : files) {
+    if (file.sha256 == header.map_sha256) return file;
+  }
+  return NotFound("map folder '{}': no file with hash '{}', on which the shift began",
+                  folder.path(),
+                  header.map_sha256);
+}
+
 }  // namespace
 
 bool Service::IsMapOf(const ShiftHeader& header) const {
@@ -106,23 +117,25 @@ bool Service::IsMapOf(const ShiftHeader& header) const {
 
 StatusOr<Service::LoadedMap> Service::LoadedOf(const ShiftHeader& header) {
   if (!fleet_.has_folder()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        MapSnapshot map,
-        LoadLiveMap(options_.map_path, header.area, header.version, header.map_stamp));
+    SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, LoadMapOfShift(options_, header));
     return LoadedMap{std::move(map)};
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder * folder, fleet_.Folder());
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<FolderMap> files, folder->List());
-  for (const FolderMap& file : files) {
-    if (file.sha256 != header.map_sha256) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(MapUse use, folder->Use(file));
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        MapSnapshot map, LoadLiveMap(file.path, header.area, header.version, header.map_stamp));
-    return LoadedMap{std::move(map), file, std::move(use)};
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapFolder* folder, fleet_.Folder());
+  SHIFTMAP_ASSIGN_OR_RETURN(const FolderMap file, FileOf(*folder, header));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapUse use, folder->Use(file));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map,
+                            LoadLiveMap(file.path, header.area, header.version, header.map_stamp));
+  return LoadedMap{std::move(map), file, std::move(use)};
+}
+
+StatusOr<MapSnapshot> LoadMapOfShift(const ServiceOptions& options, const ShiftHeader& header) {
+  if (options.map_folder.empty()) {
+    return LoadLiveMap(options.map_path, header.area, header.version, header.map_stamp);
   }
-  return NotFound("map folder '{}': no file with hash '{}', on which the shift began",
-                  folder->path(),
-                  header.map_sha256);
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapFolder folder, MapFolder::Open(options.map_folder));
+  SHIFTMAP_ASSIGN_OR_RETURN(const FolderMap file, FileOf(folder, header));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapUse use, folder.Use(file));
+  return LoadLiveMap(file.path, header.area, header.version, header.map_stamp);
 }
 
 // An attempt has succeeded once the replay and the rehearsal are through. A process that ends

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/shift_logs.h"
 
+#include <sys/resource.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -27,8 +29,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kLog = ".mcap";
-constexpr std::string_view kWaiting = ".journal";
+constexpr const char* kWaiting = ".journal";
+constexpr const char* kUnrecorded = ".unrecorded";
 constexpr std::size_t kUuidLength = 36;
+constexpr int kLowestPriority = 19;
 
 // Writes the items of a journal as a run log.
 class LogMaker {
@@ -122,14 +126,47 @@ void DeleteOldest(const std::string& folder, std::int64_t max_bytes) {
   }
 }
 
-Status MakeLog(const std::string& folder, const fs::path& journal, std::int64_t max_bytes) {
+// What a shift lacks because of an error.
+Status Lacks(const Status& status, const char* what) {
+  if (status.ok()) return status;
+  return MakeStatus(status.code(), "{}, the shift has no {}", Message(status), what);
+}
+
+// A journal is done with, unless a recording is to be made of it.
+void LeaveJournal(const fs::path& journal, bool records) {
+  fs::path unrecorded = journal;
+  unrecorded.replace_extension(kUnrecorded);
+  if (records && std::rename(journal.c_str(), unrecorded.c_str()) == 0) return;
+  unlink(journal.c_str());
+}
+
+Status MakeLog(const std::string& folder,
+               const fs::path& journal,
+               std::int64_t max_bytes,
+               bool records) {
   DeleteOldest(folder, max_bytes);
   fs::path log = journal;
   log.replace_extension(kLog);
-  SHIFTMAP_RETURN_IF_ERROR(WriteShiftLog(journal.string(), log.string()));
-  unlink(journal.c_str());
+  SHIFTMAP_RETURN_IF_ERROR(Lacks(WriteShiftLog(journal.string(), log.string()), "run log"));
+  LeaveJournal(journal, records);
   DeleteOldest(folder, max_bytes);
   return OkStatus();
+}
+
+// The evidence is in the report and the items are in the log: a journal that makes no recording is
+// not kept for that.
+Status MakeRecording(const ShiftRecordings& recordings,
+                     const fs::path& journal,
+                     const std::atomic<bool>& stop) {
+  // The step comes first. If that cannot be had, the thread has the priority of the others.
+  (void)setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kLowestPriority);
+  DeleteOldest(recordings.folder, recordings.max_bytes);
+  const fs::path path = fs::path(recordings.folder) / (journal.stem().string() + std::string(kLog));
+  const Status status = recordings.make(journal.string(), path.string(), stop);
+  if (status.code() == StatusCode::kAborted) return OkStatus();
+  unlink(journal.c_str());
+  DeleteOldest(recordings.folder, recordings.max_bytes);
+  return Lacks(status, "recording");
 }
 
 }  // namespace
@@ -142,11 +179,11 @@ Status WriteShiftLog(const std::string& journal, const std::string& log) {
 }
 
 Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {
-  if (max_bytes_ == 0) {
+  if (max_bytes_ == 0 && !records()) {
     unlink(journal.c_str());
     return OkStatus();
   }
-  const std::string waiting = folder_ + "/" + uuid + std::string(kWaiting);
+  const std::string waiting = folder_ + "/" + uuid + (max_bytes_ > 0 ? kWaiting : kUnrecorded);
   if (std::rename(journal.c_str(), waiting.c_str()) == 0) {
     waiting_ = true;
     return GoOn();
@@ -155,10 +192,17 @@ Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {
   const Status status =
       Unavailable("journal '{}': cannot rename: {}", journal, std::strerror(errno));
   unlink(journal.c_str());
-  return status;
+  return Lacks(status, "run log");
 }
 
-Status ShiftLogs::GoOn() {
+std::string ShiftLogs::NextJournal(const char* ending) {
+  for (const ShiftFile& journal : FilesOf(folder_, ending)) {
+    if (tried_.insert(journal.path.string()).second) return journal.path.string();
+  }
+  return "";
+}
+
+Status ShiftLogs::Begin(bool ending) {
   Status before = OkStatus();
   if (making_.valid()) {
     if (making_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return before;
@@ -166,27 +210,38 @@ Status ShiftLogs::GoOn() {
   }
   if (!waiting_) return before;
   waiting_ = false;
-  for (const ShiftFile& journal : FilesOf(folder_, kWaiting)) {
-    if (!tried_.insert(journal.path.string()).second) continue;
-    const auto make = [folder = folder_, path = journal.path, max_bytes = max_bytes_] {
-      return MakeLog(folder, path, max_bytes);
+  std::function<Status()> make;
+  std::string journal = max_bytes_ > 0 ? NextJournal(kWaiting) : "";
+  if (!journal.empty()) {
+    make = [folder = folder_, journal, max_bytes = max_bytes_, records = records()] {
+      return MakeLog(folder, journal, max_bytes, records);
     };
-    waiting_ = true;
-    try {
-      making_ = std::async(std::launch::async, make);
-    } catch (const std::system_error&) {  // The process may have no more threads.
-      tried_.erase(journal.path.string());
-    }
-    break;
+  } else if (records() && !ending) {
+    journal = NextJournal(kUnrecorded);
+    make = [recordings = recordings_, journal, stop = stop_] {
+      return MakeRecording(recordings, journal, *stop);
+    };
+  }
+  if (journal.empty()) return before;
+  waiting_ = true;
+  try {
+    making_ = std::async(std::launch::async, make);
+  } catch (const std::system_error&) {  // The process may have no more threads.
+    tried_.erase(journal);
   }
   return before;
 }
 
+ShiftLogs::~ShiftLogs() {
+  if (stop_) *stop_ = true;
+}
+
 Status ShiftLogs::Finish() {
+  *stop_ = true;
   Status first = OkStatus();
   do {
     if (making_.valid()) making_.wait();
-    const Status status = GoOn();
+    const Status status = Begin(true);
     if (first.ok()) first = status;
   } while (making_.valid());
   return first;

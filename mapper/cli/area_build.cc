@@ -47,7 +47,7 @@ StatusOr<std::string> UndoneEditOf(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held, store->EditsOf(area, version));
   for (const MapEdit& edit : held) {
     const bool geometry = edit.kind == EditKind::kPosition || edit.kind == EditKind::kNewMode ||
-                          edit.kind == EditKind::kControl;
+                          edit.kind == EditKind::kControl || edit.kind == EditKind::kSplit;
     if (edit.undone && geometry) return fmt::format("edit {}", edit.id.value());
   }
   return std::string();

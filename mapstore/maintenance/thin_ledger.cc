@@ -153,6 +153,7 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
                         row->signature,
                         ToSecondsSinceEpoch(row->begin));
       }
+      SHIFTMAP_RETURN_IF_ERROR(view.Split(name, row->report_id, row->run_id, &modes));
       if (!StateLogLikelihoods(*group->second.group, modes, &log_likelihoods)) continue;
       SHIFTMAP_ASSIGN_OR_RETURN(const LedgerVehicle* const vehicle,
                                 view.VehicleOf(row->report_id, row->run_id));

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "mapstore/map/frame_change.h"
+
 namespace shiftmap {
 namespace {
 
@@ -71,31 +73,6 @@ FirstGuess AlignRigidly(const std::vector<HeldMode>& held) {
   const Se2 rotation(0.0, 0.0, yaw);
   guess.T_new_old = Se2(to - rotation * from, yaw);
   return guess;
-}
-
-void MoveContent(const Se2& T_new_old, MapContent* content) {
-  const Eigen::Matrix2d R = T_new_old.Rotation();
-  const auto turn = [&](const Eigen::Matrix2d& cov) -> Eigen::Matrix2d {
-    const Eigen::Matrix2d turned = R * cov * R.transpose();
-    return 0.5 * (turned + turned.transpose());
-  };
-  const bool turns = T_new_old.yaw() != 0.0;
-  std::vector<Eigen::Matrix2d> diagonal;
-  for (LandmarkGroup& group : content->groups) {
-    for (Mode& mode : group.modes) {
-      mode.p_map_landmark = T_new_old * mode.p_map_landmark;
-      if (turns) mode.cov_p_map_landmark = turn(mode.cov_p_map_landmark);
-      diagonal.push_back(mode.cov_p_map_landmark);
-    }
-  }
-  for (Mode& mode : content->anonymous_landmarks) {
-    mode.p_map_landmark = T_new_old * mode.p_map_landmark;
-    if (turns) mode.cov_p_map_landmark = turn(mode.cov_p_map_landmark);
-  }
-  if (!turns) return;
-  std::vector<JointCovariance::CrossBlock> cross = content->covariance.cross_blocks();
-  for (JointCovariance::CrossBlock& block : cross) block.value = R * block.value * R.transpose();
-  content->covariance = JointCovariance(std::move(diagonal), std::move(cross));
 }
 
 std::vector<Mode*> ModesOf(MapContent* content) {

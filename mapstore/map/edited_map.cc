@@ -7,6 +7,7 @@
 
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/map/mode_split.h"
 
 namespace shiftmap {
 namespace {
@@ -84,13 +85,17 @@ void ResetChain(LandmarkGroup* group) {
       ModeChain::Uniform(static_cast<int>(group->modes.size()), group->chain.leave_rate_per_s());
 }
 
+std::vector<StatedMode> StatedOf(const LandmarkGroup& group) {
+  std::vector<StatedMode> stated;
+  for (int state = 0; state < group.chain.states(); ++state) {
+    stated.push_back({group.NumberOf(state), group.probabilities(state)});
+  }
+  return stated;
+}
+
 // Probabilities of a group that has other modes now.
 void CarryProbabilities(const LandmarkGroup& before, LandmarkGroup* group) {
-  std::vector<StatedMode> stated;
-  for (int state = 0; state < before.chain.states(); ++state) {
-    stated.push_back({before.NumberOf(state), before.probabilities(state)});
-  }
-  group->probabilities = CarriedProbabilities(*group, stated);
+  group->probabilities = CarriedProbabilities(*group, StatedOf(before));
   const double sum = group->probabilities.sum();
   if (sum > 0.0) {
     group->probabilities /= sum;
@@ -187,6 +192,25 @@ Status ApplyNewMode(const MapEdit& edit, std::size_t g, MapContent* content) {
   mode.p_map_landmark = edit.p_map_landmark;
   mode.cov_p_map_landmark = edit.sd_m * edit.sd_m * Eigen::Matrix2d::Identity();
   AddMode(g, mode, content);
+  return OkStatus();
+}
+
+// Each place has half of the mode's probability.
+Status ApplySplit(const MapEdit& edit, std::size_t g, MapContent* content) {
+  SHIFTMAP_RETURN_IF_ERROR(ApplyPosition(edit, g, content));
+  LandmarkGroup& group = content->groups[g];
+  if (group.CarriedStateOf(edit.into) >= 0) {
+    return InvalidArgument(
+        "landmark '{}': has had a mode {}", InertLine(group.signature.text()), edit.into.value());
+  }
+  const LandmarkGroup before = group;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t i, FindMode(before, edit.mode));
+  Mode second = before.modes[i];
+  second.number = edit.into;
+  second.p_map_landmark = edit.p_map_second;
+  AddMode(g, second, content);
+  group.probabilities = CarriedProbabilities(
+      group, SplitStatement(before, {edit.mode, edit.into, {}, {}}, StatedOf(before)));
   return OkStatus();
 }
 
@@ -380,6 +404,7 @@ Status EditedMap::Complete(MapEdit* edit) const {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t g, FindGroup(names_.Name(edit->landmark), content_));
   const LandmarkGroup& group = content_.groups[g];
   if (edit->kind == EditKind::kNewMode) edit->mode = group.NextNumber();
+  if (edit->kind == EditKind::kSplit) edit->into = group.NextNumber();
   if (edit->kind != EditKind::kControl || edit->mode != kAbsent) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(edit->mode, NearestMode(group, edit->p_map_landmark));
   return OkStatus();
@@ -409,6 +434,8 @@ Status EditedMap::ApplyTo(const MapEdit& edit, const std::optional<VehicleCalibr
       return Rename(g, edit.new_name, &content_);
     case EditKind::kMerge:
       return ApplyMerge(edit, g, &content_);
+    case EditKind::kSplit:
+      return ApplySplit(edit, g, &content_);
     case EditKind::kRate:
       return ApplyRate(edit, &content_.groups[g]);
     case EditKind::kCalibration:
@@ -417,10 +444,15 @@ Status EditedMap::ApplyTo(const MapEdit& edit, const std::optional<VehicleCalibr
   return OkStatus();
 }
 
-void EditedMap::Reserve(const MapEdit& new_mode) {
-  const StatusOr<std::size_t> g = FindGroup(names_.Name(new_mode.landmark), content_);
-  if (!g.ok() || content_.groups[*g].CarriedStateOf(new_mode.mode) >= 0) return;
-  Retire(new_mode.mode, kAbsent, &content_.groups[*g]);
+void EditedMap::Reserve(const MapEdit& taken_back) {
+  const StatusOr<std::size_t> g = FindGroup(names_.Name(taken_back.landmark), content_);
+  if (!g.ok()) return;
+  LandmarkGroup& group = content_.groups[*g];
+  const bool split = taken_back.kind == EditKind::kSplit;
+  const ModeNumber added = split ? taken_back.into : taken_back.mode;
+  if (group.CarriedStateOf(added) >= 0) return;
+  const int state = split ? group.CarriedStateOf(taken_back.mode) : 0;
+  Retire(added, state >= 0 ? group.NumberOf(state) : kAbsent, &group);
 }
 
 bool EditedMap::IsReversible(const MapEdit& edit) const {
@@ -438,6 +470,7 @@ bool EditedMap::IsReversible(const MapEdit& edit) const {
     }
     case EditKind::kPosition:
     case EditKind::kControl:
+    case EditKind::kSplit:
     case EditKind::kRate:
       return false;
   }

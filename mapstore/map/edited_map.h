@@ -29,7 +29,7 @@ class EditedMap {
   /// The landmark of an edit, or null.
   const LandmarkGroup* GroupOf(const MapEdit& edit) const;
 
-  /// Sets what an edit leaves open: the number of a new mode, the mode of a control point.
+  /// Sets what an edit leaves open: the number of a mode that it adds, the mode of a control point.
   /// Errors: kNotFound without the landmark; kInvalidArgument if two modes are about as near to the
   /// control point.
   Status Complete(MapEdit* edit) const;
@@ -39,9 +39,9 @@ class EditedMap {
   /// @param kept  Of kCalibration: what holds instead; nothing: the fleet's calibration.
   Status Apply(const MapEdit& edit, const std::optional<VehicleCalibration>& kept = std::nullopt);
 
-  /// Keeps the number of a new mode that is taken back: no other gets it, and to be there is to be
-  /// at no known position.
-  void Reserve(const MapEdit& new_mode);
+  /// Keeps the number of a mode that an edit had added and that is taken back: no other gets it. To
+  /// be at a new mode is to be at no known position, to be at a mode's second place is to be at it.
+  void Reserve(const MapEdit& taken_back);
 
   /// Whether an edit can be taken out of the map, although runs were added since. Positions and
   /// rates that runs were mapped with cannot.

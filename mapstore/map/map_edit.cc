@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/map/map_edit.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -12,13 +13,14 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::array<std::pair<EditKind, const char*>, 8> kKinds = {{
+constexpr std::array<std::pair<EditKind, const char*>, 9> kKinds = {{
     {EditKind::kPosition, "position"},
     {EditKind::kNewMode, "new_mode"},
     {EditKind::kControl, "control"},
     {EditKind::kRetire, "retire"},
     {EditKind::kRename, "rename"},
     {EditKind::kMerge, "merge"},
+    {EditKind::kSplit, "split"},
     {EditKind::kRate, "rate"},
     {EditKind::kCalibration, "calibration"},
 }};
@@ -46,15 +48,26 @@ Status CheckText(const char* what, const std::string& text) {
 }
 
 Status CheckPosition(const MapEdit& edit) {
-  if (!edit.p_map_landmark.allFinite() ||
-      edit.p_map_landmark.cwiseAbs().maxCoeff() > kMaxMagnitude) {
-    return InvalidArgument("position ({}, {}), expected finite numbers up to {}",
-                           edit.p_map_landmark.x(),
-                           edit.p_map_landmark.y(),
-                           kMaxMagnitude);
+  for (const Eigen::Vector2d& p : {edit.p_map_landmark, edit.p_map_second}) {
+    if (p.allFinite() && p.cwiseAbs().maxCoeff() <= kMaxMagnitude) continue;
+    return InvalidArgument(
+        "position ({}, {}), expected finite numbers up to {}", p.x(), p.y(), kMaxMagnitude);
   }
   if (!(edit.sd_m >= kMinSd && edit.sd_m <= kMaxMagnitude)) {
     return InvalidArgument("standard deviation {} m, expected at least {}", edit.sd_m, kMinSd);
+  }
+  return OkStatus();
+}
+
+Status CheckSplit(const MapEdit& edit) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckPosition(edit));
+  if (edit.p_map_landmark == edit.p_map_second) {
+    return InvalidArgument("positions: both are the same, expected two places");
+  }
+  for (const std::string& run : edit.first_runs) {
+    const std::vector<std::string>& second = edit.second_runs;
+    if (std::find(second.begin(), second.end(), run) == second.end()) continue;
+    return InvalidArgument("run '{}': is said of both places, expected one", InertLine(run));
   }
   return OkStatus();
 }
@@ -83,6 +96,8 @@ Status ValidateEdit(const MapEdit& edit) {
     case EditKind::kNewMode:
     case EditKind::kControl:
       return CheckPosition(edit);
+    case EditKind::kSplit:
+      return CheckSplit(edit);
     case EditKind::kRename:
       return CheckText("new name", edit.new_name.text());
     case EditKind::kRate:

@@ -23,6 +23,7 @@ enum class EditKind {
   kRetire,       ///< The landmark is no more: it leaves the map, and builds ignore it.
   kRename,       ///< The landmark has another name, in logs and rows too.
   kMerge,        ///< A mode is the same position as another one.
+  kSplit,        ///< A mode is two positions.
   kRate,         ///< A prior of the leave rate.
   kCalibration,  ///< What is known of a vehicle since a time is forgotten.
 };
@@ -49,15 +50,26 @@ struct MapEdit {
 
   Signature signature;  ///< The landmark, by its name when the edit was made.
 
-  /// Of kPosition, kNewMode, kControl; of kMerge the mode that goes. The store gives a new mode its
-  /// number; of a control point, 0 is the mode nearest to it.
+  /// Of kPosition, kNewMode, kControl; of kMerge the mode that goes, of kSplit the one that is
+  /// split. The store gives a new mode its number; of a control point, 0 is the mode nearest to it.
   ModeNumber mode;
-  ModeNumber into;     ///< Of kMerge: the mode that stands for the other one.
+
+  /// Of kMerge: the mode that stands for the other one. Of kSplit: the mode of the second place,
+  /// numbered by the store.
+  ModeNumber into;
   Signature new_name;  ///< Of kRename.
 
-  /// Of kPosition, kNewMode, kControl. Map frame [m]; standard deviation per axis [m].
+  /// Of kPosition, kNewMode, kControl, kSplit. Map frame [m]; standard deviation per axis [m].
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();
   double sd_m = 0.0;
+
+  /// Of kSplit: the second place, with the same standard deviation. Map frame. [m]
+  Eigen::Vector2d p_map_second = Eigen::Vector2d::Zero();
+
+  /// Of kSplit: runs (RunRecord::identity) that met the landmark at the first place, and at the
+  /// second. What other runs tell of the mode counts for both.
+  std::vector<std::string> first_runs;
+  std::vector<std::string> second_runs;
 
   double rate_per_s = 0.0;  ///< Of kRate. [1/s]
   double weight = 0.0;      ///< Of kRate: counts as so many jumps, in weight / rate seconds.

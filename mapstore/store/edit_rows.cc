@@ -43,7 +43,39 @@ StatusOr<MapEdit> ReadEdit(const Statement& row, const Database& database) {
     edit.undone = EditUndo{row.Text(20), row.Text(21), StampFromNanoseconds(row.Int64(19))};
   }
   if (!row.IsNull(22)) edit.version = VersionNumber(row.Int64(22));
+  edit.p_map_second = {row.Double(23), row.Double(24)};
   return edit;
+}
+
+// The runs of which splits say where they met the landmark.
+Status ReadSplitRuns(Database& database, std::vector<MapEdit>* edits) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT run, second FROM split_run WHERE edit_id = ?1 ORDER BY run"));
+  for (MapEdit& edit : *edits) {
+    if (edit.kind != EditKind::kSplit) continue;
+    query.Bind(edit.id.value());
+    for (;;) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+      if (!row) break;
+      (query.Int64(1) != 0 ? edit.second_runs : edit.first_runs).push_back(query.Text(0));
+    }
+  }
+  return OkStatus();
+}
+
+Status InsertSplitRuns(Database& database,
+                       EditId edit,
+                       const std::vector<std::string>& runs,
+                       bool second) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare("INSERT INTO split_run (edit_id, run, second) VALUES (?1, ?2, ?3)"));
+  for (const std::string& run : runs) {
+    row.Bind(edit.value(), run, second ? 1 : 0);
+    SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  }
+  return OkStatus();
 }
 
 // The first column of all rows.
@@ -66,16 +98,18 @@ StatusOr<std::vector<MapEdit>> ReadEdits(Database& database, std::int64_t area_i
           "new_name, x_m, y_m, sd_m, rate_per_s, weight, evidence_s, vehicle, since_ns, "
           "(SELECT number FROM version WHERE version_id = kept_version_id), undone_ns, undone_by, "
           "undo_reason, (SELECT min(number) FROM version_edit e JOIN version USING (version_id) "
-          "WHERE e.edit_id = map_edit.edit_id AND holds <> 0) "
+          "WHERE e.edit_id = map_edit.edit_id AND holds <> 0), second_x_m, second_y_m "
           "FROM map_edit WHERE area_id = ?1 ORDER BY edit_id"));
   query.Bind(area_id);
   std::vector<MapEdit> edits;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
-    if (!row) return edits;
+    if (!row) break;
     SHIFTMAP_ASSIGN_OR_RETURN(MapEdit edit, ReadEdit(query, database));
     edits.push_back(std::move(edit));
   }
+  SHIFTMAP_RETURN_IF_ERROR(ReadSplitRuns(database, &edits));
+  return edits;
 }
 
 StatusOr<std::vector<MapEdit>> ReadHeldEdits(Database& database,
@@ -108,9 +142,10 @@ StatusOr<EditId> InsertEdit(Database& database, std::int64_t area_id, const MapE
       database.Prepare(
           "INSERT INTO map_edit (area_id, kind, author, reason, made_ns, signature, landmark, "
           "mode, into_mode, new_name, x_m, y_m, sd_m, rate_per_s, weight, evidence_s, vehicle, "
-          "since_ns, kept_version_id, undone_by, undo_reason) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, "
-          "?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, "
-          "(SELECT version_id FROM version WHERE area_id = ?1 AND number = ?19), '', '')"));
+          "since_ns, second_x_m, second_y_m, kept_version_id, undone_by, undo_reason) "
+          "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, "
+          "?18, ?19, ?20, "
+          "(SELECT version_id FROM version WHERE area_id = ?1 AND number = ?21), '', '')"));
   std::optional<std::int64_t> kept;
   if (edit.kept) kept = edit.kept->value();
   row.Bind(area_id,
@@ -131,9 +166,14 @@ StatusOr<EditId> InsertEdit(Database& database, std::int64_t area_id, const MapE
            edit.evidence_s,
            edit.vehicle,
            ToNanoseconds(edit.since),
+           edit.p_map_second.x(),
+           edit.p_map_second.y(),
            kept);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
-  return EditId(database.LastInsertRowId());
+  const EditId id(database.LastInsertRowId());
+  SHIFTMAP_RETURN_IF_ERROR(InsertSplitRuns(database, id, edit.first_runs, false));
+  SHIFTMAP_RETURN_IF_ERROR(InsertSplitRuns(database, id, edit.second_runs, true));
+  return id;
 }
 
 Status EndEdit(Database& database, EditId edit, const EditUndo& undo) {
@@ -152,6 +192,15 @@ Status InsertVersionEdit(Database& database, std::int64_t version_id, EditId edi
                        "VALUES (?1, ?2, ?3)"));
   row.Bind(version_id, edit.value(), holds ? 1 : 0);
   return row.Execute();
+}
+
+StatusOr<bool> ChangesControlPoints(Database& database, std::int64_t version_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT 1 FROM version_edit JOIN map_edit USING (edit_id) "
+                       "WHERE version_id = ?1 AND kind = ?2 LIMIT 1"));
+  query.Bind(version_id, NameOf(EditKind::kControl));
+  return query.Step();
 }
 
 StatusOr<std::optional<std::int64_t>> FirstVersionWith(Database& database, EditId edit) {

@@ -29,6 +29,9 @@ Status EndEdit(Database& database, EditId edit, const EditUndo& undo);
 /// Notes that a version takes an edit in, or leaves it again.
 Status InsertVersionEdit(Database& database, std::int64_t version_id, EditId edit, bool holds);
 
+/// Whether a version takes in a control point or leaves one.
+StatusOr<bool> ChangesControlPoints(Database& database, std::int64_t version_id);
+
 /// The first version that was made with an edit; nothing if none was.
 StatusOr<std::optional<std::int64_t>> FirstVersionWith(Database& database, EditId edit);
 

@@ -80,7 +80,8 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EditId> of_line,
                             ReadEditsOfLine(database, version.version_id));
   for (const MapEdit& edit : edits) {
-    const bool gone = edit.kind == EditKind::kNewMode && !wanted.contains(edit.id) &&
+    const bool added = edit.kind == EditKind::kNewMode || edit.kind == EditKind::kSplit;
+    const bool gone = added && !wanted.contains(edit.id) &&
                       std::binary_search(of_line.begin(), of_line.end(), edit.id);
     if (gone) map.Reserve(edit);
   }

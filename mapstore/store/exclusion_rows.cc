@@ -78,7 +78,7 @@ StatusOr<std::string> FindRun(Database& database, const std::string& text) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("SELECT identity FROM run WHERE substr(identity, 1, length(?1)) = ?1 "
-                       "OR substr(sha256, 1, length(?1)) = ?1 UNION "
+                       "OR substr(sha256, 1, length(?1)) = ?1 OR name = ?1 UNION "
                        "SELECT identity FROM shift_report "
                        "WHERE substr(identity, 1, length(?1)) = ?1 "
                        "OR substr(uuid, 1, length(?1)) = ?1 "
@@ -89,15 +89,15 @@ StatusOr<std::string> FindRun(Database& database, const std::string& text) {
     // A log that has not come yet.
     if (IsSha256Hex(text)) return text;
     return NotFound(
-        "{}: no run '{}': expected the UUID of a run or a report, a log's SHA-256, or how it "
-        "begins",
+        "{}: no run '{}': expected the UUID of a run or a report, a log's SHA-256, how it begins, "
+        "or the name of a log that a build has mapped",
         database.name(),
         text);
   }
   std::string run = query.Text(0);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool another, query.Step());
   if (!another) return run;
-  return InvalidArgument("{}: more than one run begins with '{}'", database.name(), text);
+  return InvalidArgument("{}: more than one run is or begins with '{}'", database.name(), text);
 }
 
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,

@@ -29,7 +29,8 @@ StatusOr<bool> EndExclusion(Database& database,
                             Stamp ended);
 
 /// The run that is meant: a SHA-256 as it is, known or not; the log of a report if it has one, else
-/// the report's UUID; or the only one that the store knows by these first digits.
+/// the report's UUID; or the only one that the store knows by these first digits, or of which a log
+/// of that name was mapped.
 /// Errors: kInvalidArgument if it may be several; kNotFound if it is none.
 StatusOr<std::string> FindRun(Database& database, const std::string& text);
 

@@ -115,6 +115,7 @@ Status LedgerFilter::HoldRow(const LedgerRow& row) {
                     group.signature.text(),
                     ToSecondsSinceEpoch(row.begin));
   }
+  SHIFTMAP_RETURN_IF_ERROR(view_.Split(name, row.report_id, row.run_id, &modes_));
   if (held_count_ == held_.size()) held_.emplace_back();
   HeldVisit& visit = held_[held_count_];
   if (!StateLogLikelihoods(group, modes_, &visit.log_likelihoods)) return OkStatus();
@@ -176,14 +177,9 @@ Status LedgerFilter::TakeStatement(Stamp stamp) {
     }
     return OkStatus();
   }
-  std::vector<std::string> names;
-  for (const LandmarkGroup& group : groups) {
-    SHIFTMAP_ASSIGN_OR_RETURN(std::string name,
-                              view_.NameIn(*version_.statement_version_id, group.signature.text()));
-    names.push_back(std::move(name));
-  }
   SHIFTMAP_ASSIGN_OR_RETURN(
-      const auto stated, ReadStatement(*database_, *version_.statement_version_id, groups, names));
+      const auto stated,
+      ReadStatementFor(*database_, *version_.statement_version_id, groups, &view_));
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (!stated[i]) continue;
     std::optional<ModeState>& state = states_.groups[i];

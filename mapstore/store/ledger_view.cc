@@ -77,14 +77,18 @@ StatusOr<std::int64_t> LedgerView::AreaId() {
   return area.Int64(0);
 }
 
+StatusOr<bool> LedgerView::HasEdits(EditKind kind) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database_->Prepare("SELECT 1 FROM map_edit WHERE area_id = ?1 AND kind = ?2 LIMIT 1"));
+  query.Bind(area_id, ::shiftmap::NameOf(kind));
+  return query.Step();
+}
+
 StatusOr<const LandmarkNames*> LedgerView::NamesOf(std::int64_t version_id) {
   if (!has_renames_) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement query,
-        database_->Prepare("SELECT 1 FROM map_edit WHERE area_id = ?1 AND kind = ?2 LIMIT 1"));
-    query.Bind(area_id, ::shiftmap::NameOf(EditKind::kRename));
-    SHIFTMAP_ASSIGN_OR_RETURN(has_renames_, query.Step());
+    SHIFTMAP_ASSIGN_OR_RETURN(has_renames_, HasEdits(EditKind::kRename));
   }
   if (!*has_renames_) return static_cast<const LandmarkNames*>(nullptr);
   const auto [found, is_new] = names_.try_emplace(version_id);
@@ -115,6 +119,44 @@ StatusOr<std::string> LedgerView::NameIn(std::int64_t version_id, const std::str
   return other->Name(own->Landmark(Signature(signature))).text();
 }
 
+Status LedgerView::ReadSplits() {
+  splits_.emplace();
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool any, HasEdits(EditKind::kSplit));
+  if (!any) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t area_id, AreaId());
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(*database_, area_id, version_.version_id));
+  const LandmarkNames names(held);
+  for (const MapEdit& edit : held) {
+    if (edit.kind != EditKind::kSplit) continue;
+    (*splits_)[names.Name(edit.landmark).text()].push_back(
+        {edit.mode, edit.into, edit.first_runs, edit.second_runs});
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(numbers_, ModeNumbers::Make(*database_, version_.version_id));
+  return OkStatus();
+}
+
+StatusOr<std::vector<ModeSplit>> LedgerView::SplitsOf(std::string_view name) {
+  if (!splits_) SHIFTMAP_RETURN_IF_ERROR(ReadSplits());
+  const auto found = splits_->find(name);
+  return found == splits_->end() ? std::vector<ModeSplit>() : found->second;
+}
+
+Status LedgerView::Split(std::string_view name,
+                         std::int64_t report_id,
+                         std::int64_t run_id,
+                         std::vector<VisitEvidence::ModeLogLikelihood>* modes) {
+  if (!splits_) SHIFTMAP_RETURN_IF_ERROR(ReadSplits());
+  const auto found = splits_->find(name);
+  if (found == splits_->end()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkGroup* const group,
+                            numbers_->Find(*database_, Signature(found->first)));
+  if (group == nullptr) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const LedgerVehicle* const vehicle, VehicleOf(report_id, run_id));
+  for (const ModeSplit& split : found->second) SplitEvidence(*group, split, vehicle->run, modes);
+  return OkStatus();
+}
+
 StatusOr<std::optional<SetAside>> LedgerView::ExclusionOf(std::int64_t run_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
   if (exclusions->empty()) return std::optional<SetAside>();
@@ -142,11 +184,12 @@ StatusOr<const LedgerVehicle*> LedgerView::VehicleOf(std::int64_t report_id, std
   if (!is_new) return &vehicle;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database_->Prepare(reported ? "SELECT vehicle, uuid FROM shift_report WHERE report_id = ?1"
-                                  : "SELECT vehicle, sha256 FROM run WHERE run_id = ?1"));
+      database_->Prepare(
+          reported ? "SELECT vehicle, uuid, identity FROM shift_report WHERE report_id = ?1"
+                   : "SELECT vehicle, sha256, identity FROM run WHERE run_id = ?1"));
   query.Bind(reported ? report_id : run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, query.Step());
-  if (there) vehicle = {query.Text(0), VehicleKey(query.Text(0)), query.Text(1)};
+  if (there) vehicle = {query.Text(0), VehicleKey(query.Text(0)), query.Text(1), query.Text(2)};
   return &vehicle;
 }
 
@@ -255,6 +298,23 @@ StatusOr<LedgerView::Relation> LedgerView::RelationTo(const VersionRow& other) {
   }
   top_ = std::move(at);
   return ancestors_.contains(other.version_id) ? Relation::kAncestor : Relation::kOther;
+}
+
+StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatementFor(
+    Database& database,
+    std::int64_t version_id,
+    const std::vector<LandmarkGroup>& groups,
+    LedgerView* view) {
+  std::vector<std::string> names;
+  std::vector<std::vector<ModeSplit>> splits;
+  for (const LandmarkGroup& group : groups) {
+    SHIFTMAP_ASSIGN_OR_RETURN(std::string name, view->NameIn(version_id, group.signature.text()));
+    names.push_back(std::move(name));
+    SHIFTMAP_ASSIGN_OR_RETURN(std::vector<ModeSplit> of_group,
+                              view->SplitsOf(group.signature.text()));
+    splits.push_back(std::move(of_group));
+  }
+  return ReadStatement(database, version_id, groups, names, splits);
 }
 
 }  // namespace shiftmap

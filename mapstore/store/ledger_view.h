@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,10 +13,13 @@
 #include <vector>
 
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/evidence.h"
 #include "mapstore/map/map_edit.h"
+#include "mapstore/map/mode_split.h"
 #include "mapstore/sqlite/database.h"
 #include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/ledger_cursor.h"
+#include "mapstore/store/mode_numbers.h"
 #include "mapstore/store/version_rows.h"
 #include "mapstore/store_types.h"
 #include "proto/core/status.h"
@@ -27,6 +31,7 @@ struct LedgerVehicle {
   std::string name;
   std::int64_t key = 0;  ///< VehicleKey of the name.
   std::string source;    ///< UUID of the report, or SHA-256 of the run's log.
+  std::string run;       ///< RunRecord::identity, or UUID of the report of a shift without a log.
 };
 
 /// Which rows of the ledger count for a version. All that count do so in the order of time.
@@ -92,6 +97,18 @@ class LedgerView {
   /// The other way: the name that another version has for a landmark of the view's.
   StatusOr<std::string> NameIn(std::int64_t version_id, const std::string& signature);
 
+  /// Modes that the version holds split, of a landmark by its name there, in the order of the
+  /// edits.
+  StatusOr<std::vector<ModeSplit>> SplitsOf(std::string_view name);
+
+  /// Adds to a row's log-likelihoods what the row tells of modes that were split since it was made.
+  /// @param name  Of the landmark in the view's version.
+  /// @param report_id, run_id  As LedgerRow has them.
+  Status Split(std::string_view name,
+               std::int64_t report_id,
+               std::int64_t run_id,
+               std::vector<VisitEvidence::ModeLogLikelihood>* modes);
+
   /// The version whose statement holds; null if none does.
   StatusOr<const VersionRow*> StatementRow();
 
@@ -128,6 +145,9 @@ class LedgerView {
   /// The names of a version; null if the area has no renames.
   StatusOr<const LandmarkNames*> NamesOf(std::int64_t version_id);
 
+  StatusOr<bool> HasEdits(EditKind kind);
+  Status ReadSplits();
+
   Database* database_;
   VersionRow version_;
   std::optional<Stamp> known_;
@@ -143,6 +163,15 @@ class LedgerView {
   std::optional<bool> has_renames_;
   std::unordered_map<std::int64_t, LandmarkNames> names_;              // By version.
   std::map<std::pair<std::int64_t, std::string>, std::string> named_;  // NameOf.
+  std::optional<std::map<std::string, std::vector<ModeSplit>, std::less<>>> splits_;
+  std::optional<ModeNumbers> numbers_;  // Of the version; only if it holds splits.
 };
+
+/// ReadStatement of a version for groups of the view's.
+StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatementFor(
+    Database& database,
+    std::int64_t version_id,
+    const std::vector<LandmarkGroup>& groups,
+    LedgerView* view);
 
 }  // namespace shiftmap

@@ -28,7 +28,9 @@ struct MapStore::State {
   std::optional<ModeNumbers> numbers = std::nullopt;  // Of the version asked for last.
 
   /// The latest time that is not taken for a wrong clock's.
-  Stamp LatestStamp() const { return clock() + FromSeconds(clock_tolerance_s); }
+  Stamp LatestStamp(std::optional<Stamp> known = std::nullopt) const {
+    return known.value_or(clock()) + FromSeconds(clock_tolerance_s);
+  }
 
   std::string AreaName(const std::string& area) const;
   std::string VersionName(const std::string& area, VersionNumber version) const;

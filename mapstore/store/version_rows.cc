@@ -189,7 +189,8 @@ StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
     Database& database,
     std::int64_t version_id,
     const std::vector<LandmarkGroup>& groups,
-    const std::vector<std::string>& names) {
+    const std::vector<std::string>& names,
+    const std::vector<std::vector<ModeSplit>>& splits) {
   std::unordered_map<std::string_view, std::size_t> index;
   for (std::size_t i = 0; i < names.size(); ++i) index.emplace(names[i], i);
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -215,7 +216,11 @@ StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
   }
   std::vector<std::optional<Eigen::VectorXd>> stated(groups.size());
   for (std::size_t i = 0; i < groups.size(); ++i) {
-    if (!modes[i].empty()) stated[i] = CarriedProbabilities(groups[i], modes[i]);
+    if (modes[i].empty()) continue;
+    for (std::size_t k = 0; i < splits.size() && k < splits[i].size(); ++k) {
+      modes[i] = SplitStatement(groups[i], splits[i][k], std::move(modes[i]));
+    }
+    stated[i] = CarriedProbabilities(groups[i], modes[i]);
   }
   return stated;
 }

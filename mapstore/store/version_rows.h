@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mapstore/map/mode_split.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
 #include "proto/core/status.h"
@@ -60,12 +61,14 @@ StatusOr<MapContent> ReadContent(Database& database,
 /// What a version says of its groups' probabilities, for groups that have other modes since: a mode
 /// that it does not have gets the probability of `absent`. By `groups`; nothing for one that it
 /// does not have.
-/// @param names  The groups' names in the version that states, in the order of `groups`.
+/// @param names   The groups' names in the version that states, in the order of `groups`.
+/// @param splits  In the order of `groups`: modes that were split since; empty if none were.
 StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
     Database& database,
     std::int64_t version_id,
     const std::vector<LandmarkGroup>& groups,
-    const std::vector<std::string>& names);
+    const std::vector<std::string>& names,
+    const std::vector<std::vector<ModeSplit>>& splits = {});
 
 /// Adds a version row and its content; with its statement if `states_probabilities`, else that of
 /// its parent holds. Returns the row with its id.

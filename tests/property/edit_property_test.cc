@@ -60,6 +60,10 @@ class EditHistory : public ::testing::TestWithParam<int> {
     return edits;
   }
 
+  const std::string& AnyReport() {
+    return reports_[static_cast<std::size_t>(Below(static_cast<int>(reports_.size())))];
+  }
+
   static const LandmarkGroup* Find(const MapSnapshot& map, const Signature& name) {
     const int index = map.GroupIndex(name);
     return index < 0 ? nullptr : &map.groups()[static_cast<std::size_t>(index)];
@@ -92,6 +96,7 @@ class EditHistory : public ::testing::TestWithParam<int> {
       report.evidence = {visit};
       ASSERT_THAT(store->Return(report), IsOk());
     }
+    reports_.push_back(report.uuid);
   }
 
   // A night that sees every landmark once, where no edit but renames is in force.
@@ -138,7 +143,10 @@ class EditHistory : public ::testing::TestWithParam<int> {
     edit.into = ModeNumber(1 + Below(3));
     edit.rate_per_s = 1e-4;
     edit.weight = 1.0 + Below(5);
-    edit.kind = static_cast<EditKind>(Below(8));
+    edit.p_map_second = {0.1 * Below(1000), -1.0};
+    if (!reports_.empty() && Chance(0.5)) edit.first_runs = {AnyReport()};
+    if (!reports_.empty() && Chance(0.5)) edit.second_runs = {AnyReport()};
+    edit.kind = static_cast<EditKind>(Below(9));
     edit.new_name = Signature(fmt::format("n{}", ++names_));
     if (edit.kind == EditKind::kCalibration) {
       if (map.vehicles().empty()) return;
@@ -182,7 +190,7 @@ class EditHistory : public ::testing::TestWithParam<int> {
         EXPECT_EQ(group.chain.rate_matrix(), without.groups()[g].chain.rate_matrix());
       }
       // Numbers of modes that were taken back are kept.
-      if (kinds_[EditKind::kNewMode] == 0) {
+      if (kinds_[EditKind::kNewMode] == 0 && kinds_[EditKind::kSplit] == 0) {
         EXPECT_EQ(ContentHash(with.content()), ContentHash(without.content()));
       }
     }
@@ -196,6 +204,7 @@ class EditHistory : public ::testing::TestWithParam<int> {
   const std::string plain_path_ = dir_.File("plain.db");
   std::vector<MapStore> stores_;
   std::vector<Signature> landmarks_;
+  std::vector<std::string> reports_;
   std::map<EditKind, int> kinds_;
   int uuids_ = 0;
   int runs_ = 0;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/scenario/command.h"
+#include "tests/scenario/well_formed.h"
 #include "tests/scenario/world.h"
 
 namespace shiftmap::testing {
@@ -213,6 +214,66 @@ TEST_F(EditScenarioTest, ControlPointsPutTheMapIntoTheSurveyedFrameAndBuildsKeep
     EXPECT_LT(worst(0, 1), 0.3) << run;
     EXPECT_EQ(build["waiting"].size(), 0U);
   }
+}
+
+// Runs of versions before control points, drawn on the version that has them: the picture, and
+// with it the distance between a landmark and the run beside it, has the size that it had.
+TEST_F(EditScenarioTest, EarlierRunsAreDrawnInTheFrameOfTheMap) {
+  Build(kEdited, {1});
+  const auto size = [&] {
+    const std::string path = world_->File("map.svg");
+    RunForJson(
+        "shiftmap-inspect",
+        {"plot", "map", "--store", world_->File(kEdited), "--area", "floor", "--output", path});
+    const std::string svg = ReadFile(path);
+    EXPECT_EQ(XmlDefect(svg), "");
+    EXPECT_NE(svg.find("1 of earlier versions"), std::string::npos);
+    return std::stod(svg.substr(svg.find("height=\"") + 8));
+  };
+  const double before = size();
+  const std::map<std::string, Place> places = Places(kEdited);
+  Place moved = places.begin()->second;
+  moved.x_m += 300.0;
+  Edit({"control", places.begin()->first, Point(moved), "--mode", "1", "--sd", "0.02"});
+  EXPECT_NEAR(size(), before, 1.0);
+  const Json diff = RunForJson(
+      "shiftmap-inspect", {"diff", "2", "3", "--store", world_->File(kEdited), "--area", "floor"});
+  EXPECT_NEAR(diff["frame_moved"]["x_m"].get<double>(), 300.0, 1e-6);
+  EXPECT_EQ(diff["groups"], Json::array());
+}
+
+// The landmark stood at one place in the first run and metres away in the second: as one mode that
+// is split they are two again, and the next build keeps both.
+TEST_F(EditScenarioTest, ASplitModeStaysTwoInBuilds) {
+  Build(kEdited, {1});
+  const std::string signature = Places(kEdited).begin()->first;
+  const Place first = Places(kEdited).at(signature);
+  Place second = first;
+  second.x_m += 1.5;
+  const Json split = Edit(
+      {"split", signature, "1", Point(first), Point(second), "--sd", "0.1", "--first", "run_000"});
+  const int added = split["edit"]["second_mode"].get<int>();
+  EXPECT_EQ(split["edit"]["first_runs"].size(), 1U);
+  EXPECT_EQ(split["edit"]["second_runs"].size(), 0U);
+  const Json build = Build(kEdited, {2});
+  EXPECT_EQ(build["waiting"].size(), 0U);
+  const Json group = Group(kEdited, signature);
+  bool found = false;
+  for (const Json& mode : group["modes"]) {
+    if (mode["mode"] == added) {
+      found = true;
+      EXPECT_NEAR(mode["x_m"].get<double>(), second.x_m, 0.5);
+    }
+  }
+  EXPECT_TRUE(found);
+  const CommandResult undone = RunCommand("shiftmap-inspect", EditOf({"undo", "1"}));
+  EXPECT_EQ(undone.exit_code, kAttention) << undone.err;
+  Build(kEdited, {1, 2});
+  Build(kPlain, {1, 2});
+  EXPECT_EQ(Groups(kEdited).size(), Groups(kPlain).size());
+  const Json verified =
+      RunForJson("shiftmap-inspect", {"verify", "--store", world_->File(kEdited)});
+  EXPECT_EQ(verified["defects"], 0);
 }
 
 TEST_F(EditScenarioTest, WhatABuildWasMadeWithIsLeftOutOfTheNext) {

@@ -394,10 +394,10 @@ TEST_F(ShiftTest, NoTrajectoryTakesThePlaceOfAnother) {
 }
 
 TEST_F(ShiftTest, PlotIsWellFormed) {
-  const std::string nis = folder_.File("nis.csv");
+  const std::string recording = folder_.File("recording.mcap");
   const std::string trajectory = folder_.File("shift.tum");
   const std::string truth = week_->Truth(kMappedShifts);
-  Localize(kMappedShifts, {"--return", "--nis", nis, "--trajectory", trajectory});
+  Localize(kMappedShifts, {"--return", "--recording", recording, "--trajectory", trajectory});
   const auto draw = [&](Arguments words) {
     const std::string path = folder_.File(words[0] + ".svg");
     words.insert(words.begin(), "plot");
@@ -418,7 +418,7 @@ TEST_F(ShiftTest, PlotIsWellFormed) {
   EXPECT_NE(draw({"history", week_->Modes(0)[0].signature}).find("mode 1"), std::string::npos);
   EXPECT_NE(draw({"trajectory", trajectory, "--truth", truth, "--align"}).find("rmse 0."),
             std::string::npos);
-  EXPECT_NE(draw({"consistency", nis, "--truth", truth, "--align"}).find("NEES"),
+  EXPECT_NE(draw({"consistency", recording, "--truth", truth, "--align"}).find("NEES"),
             std::string::npos);
 }
 

@@ -238,19 +238,24 @@ std::string SumsText(const Sums& sums, const MapDiff& diff, std::size_t unchange
 
 }  // namespace
 
-std::string DiffText(const MapSnapshot& from,
+std::string DiffText(const EarlierMap& earlier,
                      const MapSnapshot& to,
                      const MapDiff& diff,
                      const LeaveRates& rates,
                      bool all,
                      const TextStyle& style) {
-  if (diff.empty()) return "no difference\n";
+  const MapSnapshot& from = earlier.map;
+  const std::string frame = earlier.moved ? fmt::format("the frame {}; moves are what is left\n",
+                                                        FrameText(*earlier.moved))
+                                          : "";
+  if (diff.empty()) return frame.empty() ? "no difference\n" : frame + "no other difference\n";
   std::string text = fmt::format("area {}: version {} ({} UTC) to version {} ({} UTC)\n",
                                  InertLine(from.area()),
                                  from.version().value(),
                                  TimeText(from.stamp()),
                                  to.version().value(),
                                  TimeText(to.stamp()));
+  text += frame;
   DiffLines lines(from, to, rates, all);
   for (const Signature& signature : diff.groups_removed) {
     lines.AddLandmark(signature, from, "landmark gone");

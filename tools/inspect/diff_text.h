@@ -1,25 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <string>
 
 #include "mapstore/cli/text_style.h"
 #include "mapstore/map/map_diff.h"
 #include "mapstore/map/map_snapshot.h"
 #include "tools/inspect/leave_rate.h"
+#include "tools/plot/change_plot.h"
 
 namespace shiftmap {
-
-/// Leave rates of the second map, with their intervals, of the groups whose rates changed.
-using LeaveRates = std::map<Signature, LeaveRateEstimate>;
 
 /// What changed from one map to another, in the order of what matters: landmarks and modes that
 /// are new or gone, other modes that hold, modes that moved beyond their covariance, rates that
 /// changed by more than their interval. One line sums up each kind of small change.
-/// @param rates  A rate without an interval here has changed by more than it.
+/// A motion of the frame is one line, and renames are none: the edits say them.
+/// @param rates  Of the second map. A rate without an interval here has changed by more than it.
 /// @param all    Every change in full; else at most one screen.
-std::string DiffText(const MapSnapshot& from,
+std::string DiffText(const EarlierMap& from,
                      const MapSnapshot& to,
                      const MapDiff& diff,
                      const LeaveRates& rates,

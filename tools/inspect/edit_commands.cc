@@ -37,6 +37,8 @@ struct EditArguments {
   bool is_new = false;
   double weight = 1.0;
   std::optional<double> since_s;
+  std::vector<std::string> first_runs;
+  std::vector<std::string> second_runs;
 };
 
 // Positional arguments of an action, for the usage message.
@@ -49,6 +51,7 @@ const char* UsageOf(const EditArguments& arguments) {
   if (action == "retire") return "SIGNATURE";
   if (action == "rename") return "OLD NEW";
   if (action == "merge") return "SIGNATURE MODE INTO";
+  if (action == "split") return "SIGNATURE MODE X,Y X,Y --sd S";
   if (action == "rate") return "SIGNATURE RATE";
   if (action == "calibration") return "reset VEHICLE --since T";
   return action == kUndo ? "ID" : "";
@@ -135,6 +138,13 @@ std::optional<MapEdit> ReadEdit(const EditArguments& arguments) {
   } else if (action == "merge") {
     edit.kind = EditKind::kMerge;
     fits = words.size() == 3 && ReadMode(words[1], &edit.mode) && ReadMode(words[2], &edit.into);
+  } else if (action == "split") {
+    edit.kind = EditKind::kSplit;
+    fits = words.size() == 4 && ReadMode(words[1], &edit.mode) && ReadPoint(arguments, 3, &edit);
+    edit.p_map_second = edit.p_map_landmark;
+    fits = fits && ReadPoint(arguments, 2, &edit);
+    edit.first_runs = arguments.first_runs;
+    edit.second_runs = arguments.second_runs;
   } else if (action == "rate") {
     edit.kind = EditKind::kRate;
     const std::optional<double> rate =
@@ -235,10 +245,12 @@ Status Undo(const EditArguments& arguments, Context& context) {
 // An option that the action has no use for.
 std::string Idle(const EditArguments& arguments) {
   const std::string& action = arguments.action;
-  const bool surveys = action == "position" || action == "control";
+  const bool surveys = action == "position" || action == "control" || action == "split";
   if (arguments.is_new && action != "position") return "--new is for position";
   if (arguments.mode && action != "control") return "--mode is for control";
-  if (arguments.sd_m && !surveys) return "--sd is for position and control";
+  if (arguments.sd_m && !surveys) return "--sd is for position, control and split";
+  const bool names_runs = !arguments.first_runs.empty() || !arguments.second_runs.empty();
+  if (names_runs && action != "split") return "--first and --second are for split";
   if (arguments.since_s && action != "calibration") return "--since is for calibration reset";
   if (arguments.weight != 1.0 && action != "rate") return "--weight is for rate";
   return "";
@@ -272,14 +284,22 @@ void AddEditCommands(Application* application) {
       });
   AddStoreOptions(&arguments->store, &command);
   command.Option("ACTION", &arguments->action, "What to do")
-      .OneOf(
-          {kList, "position", "control", "retire", "rename", "merge", "rate", "calibration", kUndo})
+      .OneOf({kList,
+              "position",
+              "control",
+              "retire",
+              "rename",
+              "merge",
+              "split",
+              "rate",
+              "calibration",
+              kUndo})
       .Option(
           "WORD",
           &arguments->words,
           "position SIGNATURE MODE X,Y | position SIGNATURE X,Y --new | control SIGNATURE X,Y | "
-          "retire SIGNATURE | rename OLD NEW | merge SIGNATURE MODE INTO | rate SIGNATURE "
-          "RATE_PER_S | calibration reset VEHICLE | undo ID")
+          "retire SIGNATURE | rename OLD NEW | merge SIGNATURE MODE INTO | split SIGNATURE MODE "
+          "X,Y X,Y | rate SIGNATURE RATE_PER_S | calibration reset VEHICLE | undo ID")
       .Option("--reason", &arguments->reason, "Why; it is kept with the edit")
       .Option("--author", &arguments->author, "Who (default: the login name)")
       .Option("--sd", &arguments->sd_m, "Standard deviation of a surveyed position, per axis, m")
@@ -287,6 +307,14 @@ void AddEditCommands(Application* application) {
               &arguments->mode,
               "Of a control point: the mode (default: the one that is clearly nearest)")
       .InRange(1.0, 1e9)
+      .Option(
+          "--first",
+          &arguments->first_runs,
+          "Of a split, several times: a run that met the landmark at the first place, as in runs")
+      .Option("--second",
+              &arguments->second_runs,
+              "Of a split, several times: a run that met it at the second place; other runs count "
+              "for both places")
       .Flag("--new", &arguments->is_new, "A mode that no run has seen")
       .Option("--weight",
               &arguments->weight,

@@ -18,6 +18,26 @@ std::string PositionText(const MapEdit& edit) {
                      edit.sd_m);
 }
 
+// "mode 2 of 'L07' split: mode 2 at (1.000, 2.000) m (1 run), mode 4 at (3.000, 2.000) m (2 runs),
+// sd 0.050 m"
+std::string SplitText(const MapEdit& edit, const std::string& name) {
+  const auto place =
+      [](const std::string& mode, const Eigen::Vector2d& p, const std::vector<std::string>& runs) {
+        std::string text = fmt::format("{} at ({:.3f}, {:.3f}) m", mode, p.x(), p.y());
+        if (runs.empty()) return text;
+        return text + fmt::format(" ({} run{})", runs.size(), runs.size() == 1 ? "" : "s");
+      };
+  const std::string second =
+      edit.into == kAbsent ? "a new mode" : fmt::format("mode {}", edit.into.value());
+  return fmt::format(
+      "mode {} of {} split: {}, {}, sd {:.3f} m",
+      edit.mode.value(),
+      name,
+      place(fmt::format("mode {}", edit.mode.value()), edit.p_map_landmark, edit.first_runs),
+      place(second, edit.p_map_second, edit.second_runs),
+      edit.sd_m);
+}
+
 void AddPosition(const MapEdit& edit, Json* json) {
   (*json)["mode"] = edit.mode.value();
   (*json)["x_m"] = edit.p_map_landmark.x();
@@ -52,6 +72,14 @@ Json EditJson(const MapEdit& edit) {
     case EditKind::kMerge:
       json["mode"] = edit.mode.value();
       json["into"] = edit.into.value();
+      break;
+    case EditKind::kSplit:
+      AddPosition(edit, &json);
+      json["second_mode"] = edit.into.value();
+      json["second_x_m"] = edit.p_map_second.x();
+      json["second_y_m"] = edit.p_map_second.y();
+      json["first_runs"] = edit.first_runs;
+      json["second_runs"] = edit.second_runs;
       break;
     case EditKind::kRate:
       json["rate_per_s"] = edit.rate_per_s;
@@ -91,6 +119,8 @@ std::string EditText(const MapEdit& edit) {
     case EditKind::kMerge:
       return fmt::format(
           "mode {} of {} is part of mode {}", edit.mode.value(), name, edit.into.value());
+    case EditKind::kSplit:
+      return SplitText(edit, name);
     case EditKind::kRate:
       return fmt::format(
           "rate of {} {:.3g} per s, weight {:g}", name, edit.rate_per_s, edit.weight);

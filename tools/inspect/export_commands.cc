@@ -133,7 +133,6 @@ std::string CheckExport(const ExportArguments& arguments) {
     return "--snapshot is of the published version as it is now, without --version and --at";
   }
   if (arguments.run && !arguments.tum) return "--run is for --tum";
-  if (arguments.html && arguments.store.known_s) return "--html is of what is known now";
   if (arguments.replay && !arguments.html) return "--replay is for --html";
   return "";
 }

@@ -123,7 +123,9 @@ StatusOr<LandmarkHistory> LoadLandmarkHistory(MapStore* store,
   SHIFTMAP_ASSIGN_OR_RETURN(
       const LandmarkRecords records,
       store->LoadLandmark(
-          area, signature, {options.version, options.at, options.known, options.track}));
+          area,
+          signature,
+          {options.version, options.at, options.known, options.track, options.choose_track}));
   LandmarkHistory history;
   history.area = area;
   history.signature = records.signature;
@@ -151,8 +153,8 @@ StatusOr<LandmarkHistory> LoadLandmarkHistory(MapStore* store,
   for (const LandmarkInVersion& version : records.versions) {
     if (version.known) history.versions.push_back(version.version);
   }
-  for (std::size_t i = 0; i < options.track.size(); ++i) {
-    ModeProbabilities at{options.track[i], {}};
+  for (std::size_t i = 0; i < records.track_times.size(); ++i) {
+    ModeProbabilities at{records.track_times[i], {}};
     if (records.group) at.modes = Numbered(*records.group, records.track[i]);
     history.track.push_back(std::move(at));
   }

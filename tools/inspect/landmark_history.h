@@ -123,7 +123,8 @@ struct LandmarkHistory {
   std::vector<VersionNumber> versions;   ///< Those of the area that have the landmark.
   std::vector<VersionNumber> mapped_by;  ///< Those that mapped a visit of it.
 
-  std::vector<ModeProbabilities> track;  ///< By HistoryOptions::track.
+  std::vector<ModeProbabilities>
+      track;  ///< By HistoryOptions::track, then what choose_track added.
 };
 
 struct HistoryOptions {
@@ -138,6 +139,9 @@ struct HistoryOptions {
   /// Times for LandmarkHistory::track, in any order: the probabilities then, also before the
   /// version was made.
   std::vector<Stamp> track = {};
+
+  /// More of them, as LandmarkQuery::choose_track.
+  decltype(LandmarkQuery::choose_track) choose_track = {};
 };
 
 /// Reads the history of a landmark: one pass over the ledger, and no map is loaded twice.

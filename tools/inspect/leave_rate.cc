@@ -37,4 +37,20 @@ LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
   return estimate;
 }
 
+LeaveRates EstimateLeaveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence) {
+  std::map<Signature, std::vector<Stamp>> visits;
+  for (const EvidenceRow& row : evidence) {
+    if (row.evidence.begin > map.stamp()) continue;
+    visits[row.evidence.signature].push_back(row.evidence.begin);
+  }
+  LeaveRates rates;
+  for (const LandmarkGroup& group : map.groups()) {
+    rates.emplace(
+        group.signature,
+        EstimateLeaveRate(
+            group.chain.leave_rate_per_s(), group.chain.states(), visits[group.signature]));
+  }
+  return rates;
+}
+
 }  // namespace shiftmap

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/map_snapshot.h"
+#include "mapstore/map/mode_filter.h"
 
 namespace shiftmap {
 
@@ -26,5 +29,12 @@ struct LeaveRateEstimate {
 LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
                                     int states,
                                     const std::vector<Stamp>& visits);
+
+/// The same of all landmarks of a map.
+/// @param evidence  Of the map's version (MapStore::Evidence); visits after the map's stamp are
+/// left
+///                  out.
+using LeaveRates = std::map<Signature, LeaveRateEstimate>;
+LeaveRates EstimateLeaveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence);
 
 }  // namespace shiftmap

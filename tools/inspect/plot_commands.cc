@@ -46,7 +46,7 @@ constexpr Kind kKinds[] = {
     {"history", 1, 1, "a signature", true, false, DrawHistory},
     {"diff", 2, 2, "two versions", true, false, DrawDiff},
     {"trajectory", 1, kAny, "a trajectory in TUM format, or several", true, true, DrawTrajectories},
-    {"consistency", 1, 1, "the file of shiftmap-localizer run --nis", false, true, DrawConsistency},
+    {"consistency", 1, 1, "a recording of shiftmap-localizer", false, true, DrawConsistency},
     {"rates", 0, 0, "nothing more", true, false, DrawRates},
     {"night", 0, 0, "nothing more", true, false, DrawNight},
 };
@@ -133,10 +133,11 @@ void AddPlotCommand(Application* application) {
               "trajectories on the map; whether a localizer's covariances are right; leave rates; "
               "or the changes of the last build")
       .OneOf(KindNames())
-      .Option("SUBJECT",
-              &plot->subjects,
-              "Of modes and history: the signature of a landmark; of diff: two versions; of "
-              "trajectory: files in TUM format; of consistency: the file of localizer run --nis")
+      .Option(
+          "SUBJECT",
+          &plot->subjects,
+          "Of modes and history: the signature of a landmark; of diff: two versions; of "
+          "trajectory: files in TUM format; of consistency: the file of localizer run --recording")
       .Option("--output", &plot->output, "File to write, .svg or .png")
       .Required()
       .Option("--width-px", &plot->width_px, "Width of a PNG (default: twice that of the SVG)")

@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "localizer/monitor/scan_consistency.h"
-#include "mapper/chain/group_chains.h"
+#include "localizer/recording/shift_recording.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/parse_whole.h"
+#include "mapstore/map/frame_change.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/plot/change_plot.h"
@@ -37,19 +37,29 @@ const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionN
   return at == versions.end() ? nullptr : &*at;
 }
 
-// The runs that the ancestors of a version were built from.
-StatusOr<std::vector<RunRecord>> EarlierRuns(const std::string& area,
-                                             VersionNumber version,
-                                             MapStore* store) {
+// The runs that a version was built from, and those of its ancestors, in the frame of that version.
+struct LineRuns {
+  std::vector<RunRecord> own;  // Of a version of edits: those of the build that it rests on.
+  std::vector<RunRecord> earlier;
+};
+
+StatusOr<LineRuns> RunsOfLine(const std::string& area, VersionNumber version, MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
-  std::vector<RunRecord> runs;
+  SHIFTMAP_ASSIGN_OR_RETURN(Provenance own, store->LoadProvenance(area, version));
+  LineRuns runs{std::move(own.runs), {}};
   const VersionSummary* at = Find(versions, version);
+  Se2 T_version_at;
   for (std::size_t i = 0; i < kMostVersions && at != nullptr && at->parent; ++i) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_at_parent, store->FrameStep(area, at->version));
+    T_version_at = T_version_at * T_at_parent;
     at = Find(versions, *at->parent);
     if (at == nullptr) break;
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store->LoadProvenance(area, at->version));
-    runs.insert(runs.end(), provenance.runs.begin(), provenance.runs.end());
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, at->version));
+    std::vector<RunRecord>& to = runs.own.empty() ? runs.own : runs.earlier;
+    for (RunRecord& run : provenance.runs) {
+      MoveTrajectory(T_version_at, &run.trajectory);
+      to.push_back(std::move(run));
+    }
   }
   return runs;
 }
@@ -72,8 +82,7 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
     return MakeStatus(
         error.status().code(), "truth '{}': {}", arguments.truth, Message(error.status()));
   }
-  const Se2 T_map_truth = error->T_truth_estimate.Inverse();
-  for (StampedPose& pose : truth) pose.T_map_vehicle = T_map_truth * pose.T_map_vehicle;
+  MoveTrajectory(error->T_truth_estimate.Inverse(), &truth);
   return truth;
 }
 
@@ -82,11 +91,8 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
 StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            store.LoadProvenance(map.area(), map.version()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> earlier,
-                            EarlierRuns(map.area(), map.version(), &store));
-  return Picture{PlotMap(map, provenance.runs, earlier), AboutMap(map)};
+  SHIFTMAP_ASSIGN_OR_RETURN(const LineRuns runs, RunsOfLine(map.area(), map.version(), &store));
+  return Picture{PlotMap(map, runs.own, runs.earlier), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context) {
@@ -110,11 +116,11 @@ StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& 
   if (of.version) options.version = VersionNumber(*of.version);
   if (of.at_s) options.at = StampFromSeconds(*of.at_s);
   if (of.known_s) options.known = StampFromSeconds(*of.known_s);
-  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory visits,
-                            LoadLandmarkHistory(&store, of.area, signature, options));
-  // Without visits, what is stated fades until now.
-  const Stamp end = visits.visits.empty() ? std::max(SystemNow(), visits.stamp) : visits.stamp;
-  options.track = HistoryTimes(visits, options.at.value_or(end));
+  options.choose_track = [&](const std::vector<VisitSpan>& visits, Stamp version) {
+    // Without visits, what is stated fades until now.
+    const Stamp end = visits.empty() ? SystemNow() : version;
+    return HistoryTimes(visits, version, options.at.value_or(end));
+  };
   SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
                             LoadLandmarkHistory(&store, of.area, signature, options));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(of.area));
@@ -129,8 +135,8 @@ StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& con
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber to, ParseVersion(arguments.subjects[1]));
   const std::string& area = arguments.store.area;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot before, LoadAsBuilt(area, from, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, LoadAsBuilt(area, to, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const EarlierMap before, LoadEarlier(from, after, &store));
   return Picture{PlotDiff(before, after),
                  {{"area", area}, {"from", from.value()}, {"to", to.value()}}};
 }
@@ -154,12 +160,20 @@ StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Cont
 }
 
 StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Context&) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ScanConsistency> scans,
-                            ReadScanConsistency(arguments.subjects[0]));
+  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftRecording recording,
+                            ReadShiftRecording(arguments.subjects[0]));
+  if (recording.poses.empty()) {
+    return InvalidArgument("recording '{}': the shift has no pose", arguments.subjects[0]);
+  }
   std::optional<std::vector<StampedPose>> truth;
   if (!arguments.truth.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, TrajectoryOf(scans)));
+    std::vector<StampedPose> estimate;
+    for (const live::PoseEvent& pose : recording.poses) {
+      estimate.push_back({pose.stamp, pose.pose.T_map_vehicle});
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(truth, ReadTruth(arguments, estimate));
   }
+  const std::vector<ScanConsistency> scans = ScansOf(recording);
   return Picture{PlotConsistency(StemOf(arguments.subjects[0]), scans, truth),
                  {{"scans", scans.size()}}};
 }
@@ -169,19 +183,7 @@ StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& co
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> evidence,
                             store.Evidence(map.area(), map.version()));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
-                            LearnGroupChains(map.groups(), evidence, {}));
-  std::vector<LeaveRate> rates;
-  for (std::size_t i = 0; i < chains.size(); ++i) {
-    const LearnedChain& chain = chains[i].chain;
-    rates.push_back({map.groups()[i].signature,
-                     map.groups()[i].chain.leave_rate_per_s(),
-                     chain.leave.rate_per_s,
-                     chain.leave.low_per_s,
-                     chain.leave.high_per_s,
-                     chain.visits});
-  }
-  return Picture{PlotRates(map, std::move(rates)), AboutMap(map)};
+  return Picture{PlotRates(map, EstimateLeaveRates(map, evidence)), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& context) {
@@ -193,7 +195,7 @@ StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& co
                             ParentOf(area, version, &store));
   Night night;
   if (parent) {
-    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadAsBuilt(area, *parent, &store));
+    SHIFTMAP_ASSIGN_OR_RETURN(night.parent, LoadEarlier(*parent, map, &store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store.LoadProvenance(area, version));
   night.mapped = std::move(provenance.runs);

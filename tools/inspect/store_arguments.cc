@@ -4,6 +4,7 @@
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/frame_change.h"
 
 namespace shiftmap {
 
@@ -73,6 +74,20 @@ StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version
     if (other.version == version) stamp = other.stamp;
   }
   return store->LoadAt(area, version, stamp);
+}
+
+StatusOr<EarlierMap> LoadEarlier(VersionNumber version, const MapSnapshot& to, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from, LoadAsBuilt(to.area(), version, store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> from_edits,
+                            store->EditsOf(to.area(), version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> to_edits,
+                            store->EditsOf(to.area(), to.version()));
+  CarriedMap carried =
+      CarryMap(from.content(), LandmarkNames(from_edits), to.content(), LandmarkNames(to_edits));
+  return EarlierMap{
+      MapSnapshot(from.area(), version, from.content_hash(), std::move(carried.content)),
+      std::move(carried.renamed),
+      carried.moved};
 }
 
 std::string ShortHash(const std::string& hash) { return hash.substr(0, 12); }

@@ -8,6 +8,7 @@
 #include "mapstore/cli/command.h"
 #include "mapstore/cli/context.h"
 #include "mapstore/map_store.h"
+#include "tools/plot/change_plot.h"
 
 namespace shiftmap {
 
@@ -54,6 +55,9 @@ StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
 /// A version with the probabilities of the time at which it was built.
 /// Errors: as MapStore::LoadAt.
 StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version, MapStore* store);
+
+/// A version as it was built, carried to another one that it is compared with.
+StatusOr<EarlierMap> LoadEarlier(VersionNumber version, const MapSnapshot& to, MapStore* store);
 
 /// As many digits of a hash as people need.
 std::string ShortHash(const std::string& hash);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -101,28 +100,15 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
           {"calibration", calibration}};
 }
 
-// Of the groups whose rates changed, from the visits that tell of the second map.
+// Of the second map, from the visits that tell of it; only if a rate changed.
 StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
-  LeaveRates rates;
   const bool changed = std::any_of(diff.groups.begin(), diff.groups.end(), [](const auto& group) {
     return group.rates_changed;
   });
-  if (!changed) return rates;
+  if (!changed) return LeaveRates();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
                             store->Evidence(to.area(), to.version()));
-  std::map<Signature, std::vector<Stamp>> visits;
-  for (const EvidenceRow& row : rows) {
-    if (row.evidence.begin > to.stamp()) continue;
-    visits[row.evidence.signature].push_back(row.evidence.begin);
-  }
-  for (const GroupDiff& group : diff.groups) {
-    if (!group.rates_changed) continue;
-    const int index = to.GroupIndex(group.signature);
-    const int states = to.groups()[static_cast<std::size_t>(index)].chain.states();
-    rates.emplace(group.signature,
-                  EstimateLeaveRate(group.to_leave_rate_per_s, states, visits[group.signature]));
-  }
-  return rates;
+  return EstimateLeaveRates(to, rows);
 }
 
 // Edits that the second version is made with and the first is not, and the other way.
@@ -130,6 +116,19 @@ struct EditChanges {
   std::vector<MapEdit> made;
   std::vector<MapEdit> taken_back;
 };
+
+// What is no change of a landmark: names, and the frame.
+void AddCarried(const EarlierMap& from, Json* document) {
+  Json renamed = Json::array();
+  for (const auto& [before, after] : from.renamed) {
+    renamed.push_back({{"from", before.text()}, {"to", after.text()}});
+  }
+  (*document)["renamed"] = std::move(renamed);
+  (*document)["frame_moved"] = nullptr;
+  if (!from.moved) return;
+  (*document)["frame_moved"] = {
+      {"x_m", from.moved->x()}, {"y_m", from.moved->y()}, {"yaw_rad", from.moved->yaw()}};
+}
 
 StatusOr<EditChanges> EditChangesOf(const DiffArguments& arguments, MapStore* store) {
   const std::string& area = arguments.store.area;
@@ -165,11 +164,11 @@ std::string EditsText(const EditChanges& edits) {
 Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   const std::string& area = arguments.store.area;
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot from,
-                            LoadAsBuilt(area, VersionNumber(arguments.from), &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot to,
                             LoadAsBuilt(area, VersionNumber(arguments.to), &store));
-  MapDiff diff = DiffMaps(from.content(), to.content());
+  SHIFTMAP_ASSIGN_OR_RETURN(const EarlierMap from,
+                            LoadEarlier(VersionNumber(arguments.from), to, &store));
+  MapDiff diff = DiffMaps(from.map.content(), to.content());
   for (GroupDiff& group : diff.groups) {
     std::erase_if(group.moved, [&](const MovedMode& mode) {
       return std::sqrt(mode.squared_mahalanobis) < arguments.min_move_sigma;
@@ -179,6 +178,7 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const EditChanges edits, EditChangesOf(arguments, &store));
   if (context.json()) {
     Json document = DiffJson(arguments, diff);
+    AddCarried(from, &document);
     document["edits_made"] = EditsJson(edits.made);
     document["edits_taken_back"] = EditsJson(edits.taken_back);
     context.Report(document, "");

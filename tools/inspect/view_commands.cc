@@ -56,6 +56,7 @@ StatusOr<std::string> MapHtml(const StoreArguments& arguments,
   MapDocumentOptions options;
   if (arguments.version) options.version = VersionNumber(*arguments.version);
   if (arguments.at_s) options.at = StampFromSeconds(*arguments.at_s);
+  if (arguments.known_s) options.known = StampFromSeconds(*arguments.known_s);
   options.replay = replay;
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document, MapDocument(arguments.area, options, store));
   return ViewPage(document);
@@ -69,6 +70,7 @@ void AddViewCommands(Application* application) {
       "Reads the store only",
       [arguments](Context& context) { return RunView(*arguments, context); });
   AddMapOptions(&arguments->store, &command);
+  AddKnownOption(&arguments->store, &command);
   command
       .Option("--listen",
               &arguments->listen,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/quantile.h"
@@ -265,12 +266,35 @@ void AddRunLists(const Night& night, Legend* legend) {
   if (!excluded.empty()) AddList("Excluded", excluded, legend);
 }
 
+// What the comparison leaves out.
+void AddCarried(const EarlierMap& from, Legend* legend) {
+  if (from.moved)
+    legend->Note(fmt::format("The frame {}; that is taken out.", FrameText(*from.moved)));
+  if (from.renamed.empty()) return;
+  const auto& [before, after] = from.renamed.front();
+  const std::size_t others = from.renamed.size() - 1;
+  legend->Note(fmt::format("Renamed: {} to {}{}",
+                           Svg::Shortened(before.text(), 11.0, 80.0),
+                           Svg::Shortened(after.text(), 11.0, 80.0),
+                           others == 0 ? "" : fmt::format(", and {} more", others)));
+}
+
 }  // namespace
 
-std::string PlotDiff(const MapSnapshot& from, const MapSnapshot& to) {
+std::string FrameText(const Se2& T_to_from) {
+  const std::string moved =
+      fmt::format("moved by ({:.2f}, {:.2f}) m", T_to_from.x(), T_to_from.y());
+  if (T_to_from.yaw() == 0.0) return moved;
+  const double degrees = T_to_from.yaw() * 180.0 / std::numbers::pi;
+  return fmt::format("turned by {:.2f}° about the origin and {}", degrees, moved);
+}
+
+std::string PlotDiff(const EarlierMap& earlier, const MapSnapshot& to) {
+  const MapSnapshot& from = earlier.map;
   const ChangePlot plot(from.content(), to, nullptr);
   Legend legend;
   plot.AddTo(&legend);
+  AddCarried(earlier, &legend);
   return plot.Draw(
       {.title = fmt::format(
            "{} · version {} to {}", to.area(), from.version().value(), to.version().value()),
@@ -286,14 +310,15 @@ std::string PlotNight(const MapSnapshot& map, const Night& night) {
   const std::vector<RunRecord> none;
   const RunLayer runs(night.mapped, none);
   const MapContent nothing;
-  const ChangePlot plot(night.parent ? night.parent->content() : nothing, map, &runs);
+  const ChangePlot plot(night.parent ? night.parent->map.content() : nothing, map, &runs);
   Legend legend;
   plot.AddTo(&legend);
+  if (night.parent) AddCarried(*night.parent, &legend);
   runs.AddTo(&legend);
   AddRunLists(night, &legend);
-  const std::string since = night.parent
-                                ? fmt::format("since version {}", night.parent->version().value())
-                                : std::string("the first version");
+  const std::string since =
+      night.parent ? fmt::format("since version {}", night.parent->map.version().value())
+                   : std::string("the first version");
   return plot.Draw(
       {.title = fmt::format("{} · version {} · {}", map.area(), map.version().value(), since),
        .subtitle = fmt::format("probabilities at {} UTC · {} landmarks · runs mapped: {}",

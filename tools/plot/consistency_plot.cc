@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/geometry/covariance.h"
@@ -328,6 +329,25 @@ std::string ConsistencyPlot::Draw(const std::string& name) const {
 }
 
 }  // namespace
+
+std::vector<ScanConsistency> ScansOf(const ShiftRecording& recording) {
+  std::map<Stamp, ScanConsistency> scans;
+  for (const live::PoseEvent& pose : recording.poses) scans[pose.stamp].pose = pose.pose;
+  for (const ScanInnovations& of_scan : recording.innovations) {
+    ScanConsistency& scan = scans[of_scan.stamp];
+    for (const RecordedInnovation& innovation : of_scan.innovations) {
+      if (innovation.mode == kAbsent) continue;
+      scan.nis += innovation.nis;
+      scan.dof += 2;
+    }
+  }
+  std::vector<ScanConsistency> list;
+  for (auto& [stamp, scan] : scans) {
+    scan.stamp = stamp;
+    list.push_back(scan);
+  }
+  return list;
+}
 
 std::string PlotConsistency(const std::string& name,
                             const std::vector<ScanConsistency>& scans,

@@ -283,19 +283,19 @@ std::string HistoryPlot::Draw() const {
 
 }  // namespace
 
-std::vector<Stamp> HistoryTimes(const LandmarkHistory& history, Stamp end) {
+std::vector<Stamp> HistoryTimes(const std::vector<VisitSpan>& visits, Stamp version, Stamp end) {
   std::vector<Stamp> times;
-  Stamp first = std::min(history.stamp, end);
+  Stamp first = std::min(version, end);
   Stamp last = first;
-  for (const HistoryVisit& visit : history.visits) {
+  for (const VisitSpan& visit : visits) {
     first = std::min(first, visit.begin);
     last = std::max(last, visit.end);
   }
   // A little farther than the last visit, so that its outcome has a width.
   const double visited_s = ToSecondsSinceEpoch(last) - ToSecondsSinceEpoch(first);
-  end = std::max(end, last + FromSeconds(0.04 * visited_s));
-  if (history.visits.size() <= kMostVisitTimes) {
-    for (const HistoryVisit& visit : history.visits) {
+  end = std::max({version, end, last + FromSeconds(0.04 * visited_s)});
+  if (visits.size() <= kMostVisitTimes) {
+    for (const VisitSpan& visit : visits) {
       times.push_back(visit.begin);
       times.push_back(visit.end);
     }

@@ -9,14 +9,15 @@
 
 namespace shiftmap {
 
-/// The times at which a picture of a history needs its probabilities: HistoryOptions::track.
-/// @param end  Of the picture, if that is after the last visit.
-std::vector<Stamp> HistoryTimes(const LandmarkHistory& history, Stamp end);
+/// The times at which a picture of a history needs its probabilities: HistoryOptions::choose_track.
+/// @param version  The stamp of the map version.
+/// @param end      Of the picture, if that is after the last visit.
+std::vector<Stamp> HistoryTimes(const std::vector<VisitSpan>& visits, Stamp version, Stamp end);
 
 /// The history of a landmark as an SVG picture: the probabilities of its modes over time, stacked;
 /// each visit as a tick in the row of the mode that its evidence favours; map versions as vertical
 /// lines, at the end of the newest run in them.
-/// @param history   Has the track of HistoryTimes().
+/// @param history   Has the track of HistoryTimes(), by stamp.
 /// @param versions  Of the area.
 std::string PlotHistory(const LandmarkHistory& history,
                         const std::vector<VersionSummary>& versions);

@@ -9,6 +9,7 @@
 
 #include "mapstore/core/quantile.h"
 #include "tools/plot/confidence_ellipse.h"
+#include "tools/plot/free_network.h"
 #include "tools/plot/palette.h"
 
 namespace shiftmap {
@@ -105,8 +106,10 @@ LandmarkLayer::LandmarkLayer(const MapContent& content, std::vector<Eigen::Vecto
   for (const Mode* mode : modes) others.push_back(mode->p_map_landmark);
   frame_ = MapFrame::Around(others);
   if (many_) return;
+  free_ = !content.covariance.cross_blocks().empty();
+  if (free_) content_ = FreeNetwork(content);
   ChooseMagnification();
-  for (const Mode* mode : modes) {
+  for (const Mode* mode : AllModes(content_)) {
     const Eigen::Vector2d half = Eigen::Vector2d::Constant(
         magnification_ * MakeEllipse(mode->cov_p_map_landmark).half_axes.x());
     others.emplace_back(mode->p_map_landmark - half);
@@ -350,6 +353,11 @@ void LandmarkLayer::AddTo(Legend* legend) const {
         "landmark without signature");
   }
   if (many_) legend->Note("too many for ellipses and labels");
+  if (free_) {
+    legend->Note(
+        "Ellipses are those of a free network: of positions to each other, without what the frame "
+        "leaves open.");
+  }
 }
 
 }  // namespace shiftmap

@@ -29,8 +29,9 @@ std::string PercentText(double probability);
 
 /// The landmarks of a map and the frame that has room for them.
 ///
-/// Every mode is a dot whose opacity is its probability, in its 95 % ellipse. Where ellipses would
-/// be too small to see, all are magnified by one round factor, which the legend states. Beyond
+/// Every mode is a dot whose opacity is its probability, in its 95 % ellipse, which is that of a
+/// FreeNetwork. Where ellipses would be too small to see, all are magnified by one round factor,
+/// which the legend states. Beyond
 /// kManyModes, dots shrink and neither ellipses nor labels are drawn: time and size of the picture
 /// are then bounded by some tens of bytes per mode.
 class LandmarkLayer {
@@ -68,7 +69,8 @@ class LandmarkLayer {
   void DrawAnonymous(double fade, Svg* svg) const;
   bool Label(const LandmarkGroup& group, std::size_t mode, LabelPlacer* placer, Svg* svg) const;
 
-  const MapContent& content_;
+  MapContent content_;
+  bool free_ = false;  // Its ellipses are those of a free network.
   MapFrame frame_;
   double radius_ = kRadius;     // Of a dot. [px]
   double magnification_ = 1.0;  // Of the ellipses.

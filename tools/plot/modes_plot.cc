@@ -8,6 +8,7 @@
 
 #include "mapstore/core/clock.h"
 #include "tools/plot/confidence_ellipse.h"
+#include "tools/plot/free_network.h"
 #include "tools/plot/landmark_layer.h"
 #include "tools/plot/palette.h"
 #include "tools/plot/ticks.h"
@@ -153,11 +154,13 @@ void ModesPlot::DrawPanel(std::size_t index, const Eigen::Vector2d& corner, Svg*
 void ModesPlot::DrawPanels(double top, Svg* svg) const {
   const double left = layer_.frame().corner().x();
   const bool all = Panels() == group_.modes.size();
-  svg->Text({left, top + 20.0},
-            all ? std::string("Each mode by itself: 95 % of its position (2.45 sigma)")
-                : fmt::format("The first {} modes by themselves: 95 % of the position (2.45 sigma)",
-                              Panels()),
-            {.size = 13.0, .bold = true});
+  svg->Text(
+      {left, top + 20.0},
+      all ? std::string("Each mode by itself: 95 % of its position (2.45 sigma) to the others")
+          : fmt::format("The first {} modes by themselves: 95 % of the position (2.45 sigma) "
+                        "to the others",
+                        Panels()),
+      {.size = 13.0, .bold = true});
   for (std::size_t i = 0; i < Panels(); ++i) {
     const std::size_t row = i / kPanelsPerRow;
     const std::size_t column = i % kPanelsPerRow;
@@ -248,7 +251,9 @@ std::string ModesPlot::Draw() const {
 }  // namespace
 
 std::string PlotModes(const MapSnapshot& map, const LandmarkGroup& group) {
-  return ModesPlot(map, group).Draw();
+  const MapContent free = FreeNetwork(map.content());
+  const auto index = static_cast<std::size_t>(map.GroupIndex(group.signature));
+  return ModesPlot(map, free.groups[index]).Draw();
 }
 
 }  // namespace shiftmap

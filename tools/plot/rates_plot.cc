@@ -25,20 +25,24 @@ constexpr std::size_t kNamedRows = 150;
 constexpr double kTallest = 1000.0;  // Of the chart with thin rows.
 constexpr double kLeastRate = 1e-15;
 
-void DrawRate(const LeaveRate& rate, double y, double size, const ChartAxis& axis, Svg* svg) {
+struct NamedRate {
+  Signature signature;
+  LeaveRateEstimate rate;
+};
+
+void DrawRate(
+    const LeaveRateEstimate& rate, double y, double size, const ChartAxis& axis, Svg* svg) {
+  if (!(rate.rate_per_s > kLeastRate)) return;
   const SvgStyle bar{.stroke = palette::kBlue, .stroke_width = size, .opacity = 0.45};
   svg->Line({axis.Pixel(rate.low_per_s), y}, {axis.Pixel(rate.high_per_s), y}, bar);
   svg->Circle({axis.Pixel(rate.rate_per_s), y}, size, {.fill = palette::kBlue});
-  if (!(rate.map_per_s > 0.0)) return;
-  const double x = axis.Pixel(rate.map_per_s);
-  svg->Line({x, y - 6.0}, {x, y + 6.0}, {.stroke = palette::kVermillion, .stroke_width = 2.0});
 }
 
-ChartAxis RateAxis(const std::vector<LeaveRate>& rates) {
+ChartAxis RateAxis(const std::vector<NamedRate>& rates) {
   double low = 1e300;
   double high = 0.0;
-  for (const LeaveRate& rate : rates) {
-    for (const double value : {rate.low_per_s, rate.high_per_s, rate.rate_per_s, rate.map_per_s}) {
+  for (const auto& [signature, rate] : rates) {
+    for (const double value : {rate.low_per_s, rate.high_per_s}) {
       if (!(value > kLeastRate)) continue;
       low = std::min(low, value);
       high = std::max(high, value);
@@ -81,7 +85,7 @@ void DrawPeriods(const ChartAxis& axis, Svg* svg) {
             {.size = 10.0, .fill = palette::kNote, .anchor = SvgAnchor::kEnd});
 }
 
-void DrawNamedRows(const std::vector<LeaveRate>& rates, const ChartAxis& axis, Svg* svg) {
+void DrawNamedRows(const std::vector<NamedRate>& rates, const ChartAxis& axis, Svg* svg) {
   const double visits_x = axis.pixel_max + kVisits - 8.0;
   svg->Text({visits_x, kTop - 8.0},
             "visits",
@@ -93,38 +97,39 @@ void DrawNamedRows(const std::vector<LeaveRate>& rates, const ChartAxis& axis, S
               Svg::Shortened(rates[i].signature.text(), 11.0, kNames - 10.0),
               {.size = 11.0, .fill = palette::kInk, .anchor = SvgAnchor::kEnd});
     svg->Text({visits_x, y + 4.0},
-              fmt::format("{}", rates[i].visits),
+              fmt::format("{}", rates[i].rate.visits),
               {.size = 11.0, .fill = palette::kText, .anchor = SvgAnchor::kEnd});
-    DrawRate(rates[i], y, 3.5, axis, svg);
+    DrawRate(rates[i].rate, y, 3.5, axis, svg);
   }
 }
 
-void DrawThinRows(const std::vector<LeaveRate>& rates,
+void DrawThinRows(const std::vector<NamedRate>& rates,
                   double row,
                   const ChartAxis& axis,
                   Svg* svg) {
   std::vector<Eigen::Vector2d> intervals;
-  std::vector<Eigen::Vector2d> by_visits;
-  std::vector<Eigen::Vector2d> in_map;
+  std::vector<Eigen::Vector2d> dots;
   for (std::size_t i = 0; i < rates.size(); ++i) {
     const double y = kTop + row * (static_cast<double>(i) + 0.5);
-    intervals.emplace_back(axis.Pixel(rates[i].low_per_s), y);
-    intervals.emplace_back(axis.Pixel(rates[i].high_per_s), y);
-    by_visits.emplace_back(axis.Pixel(rates[i].rate_per_s), y);
-    if (rates[i].map_per_s > 0.0) in_map.emplace_back(axis.Pixel(rates[i].map_per_s), y);
+    const LeaveRateEstimate& rate = rates[i].rate;
+    if (!(rate.rate_per_s > kLeastRate)) continue;
+    intervals.emplace_back(axis.Pixel(rate.low_per_s), y);
+    intervals.emplace_back(axis.Pixel(rate.high_per_s), y);
+    dots.emplace_back(axis.Pixel(rate.rate_per_s), y);
   }
   const double size = std::clamp(0.4 * row, 0.5, 2.0);
   svg->Segments(intervals,
                 {.stroke = palette::kBlue, .stroke_width = std::min(row, 2.0), .opacity = 0.25});
-  svg->Dots(in_map, size, palette::kVermillion);
-  svg->Dots(by_visits, size, palette::kBlue);
+  svg->Dots(dots, size, palette::kBlue);
 }
 
 }  // namespace
 
-std::string PlotRates(const MapSnapshot& map, std::vector<LeaveRate> rates) {
-  std::sort(rates.begin(), rates.end(), [](const LeaveRate& a, const LeaveRate& b) {
-    return std::tie(b.rate_per_s, a.signature) < std::tie(a.rate_per_s, b.signature);
+std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
+  std::vector<NamedRate> rates;
+  for (const auto& [signature, rate] : by_signature) rates.push_back({signature, rate});
+  std::sort(rates.begin(), rates.end(), [](const NamedRate& a, const NamedRate& b) {
+    return std::tie(b.rate.rate_per_s, a.signature) < std::tie(a.rate.rate_per_s, b.signature);
   });
   const bool named = rates.size() <= kNamedRows;
   const auto count = static_cast<double>(std::max<std::size_t>(rates.size(), 1));
@@ -142,21 +147,14 @@ std::string PlotRates(const MapSnapshot& map, std::vector<LeaveRate> rates) {
             at - half, at + half, {.stroke = palette::kBlue, .stroke_width = 3.5, .opacity = 0.45});
         svg->Circle(at, 3.5, {.fill = palette::kBlue});
       },
-      "by the visits, with its 95 % interval");
-  legend.Entry(
-      [](const Eigen::Vector2d& at, Svg* svg) {
-        svg->Line(at - Eigen::Vector2d(0.0, 6.0),
-                  at + Eigen::Vector2d(0.0, 6.0),
-                  {.stroke = palette::kVermillion, .stroke_width = 2.0});
-      },
-      "in the map");
+      "of the map, with the 95 % interval that its visits leave");
   legend.Note("Landmarks share a prior: one with few visits gets the rate that is usual here.");
   if (!named) legend.Note(fmt::format("{} landmarks, too many for names", rates.size()));
   const double column = x.pixel_max + (named ? kVisits : 0.0) + 22.0;
   const double width = column + Legend::kWidth + kEdge;
   Svg svg(width, kTop + std::max(height, legend.height()) + kBottom);
   std::int64_t visits = 0;
-  for (const LeaveRate& rate : rates) visits += rate.visits;
+  for (const auto& [signature, rate] : rates) visits += rate.visits;
   DrawTitles(fmt::format("{} · version {} · leave rates", map.area(), map.version().value()),
              fmt::format("{} landmarks · {} visits", rates.size(), visits),
              kEdge,

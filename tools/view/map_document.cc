@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/map/frame_change.h"
 #include "tools/view/compact_values.h"
 #include "tools/view/replay_document.h"
 
@@ -52,8 +54,6 @@ Json RatesJson(const ModeChain& chain) {
   return rates;
 }
 
-std::int64_t ModesOf(const MapSnapshot& map) { return map.covariance().size(); }
-
 // Moves LandmarkTracks::since on until at most so many points begin after it.
 void DropOldest(std::int64_t max_points, LandmarkTracks* tracks) {
   std::vector<Stamp> begins;
@@ -91,7 +91,8 @@ class DocumentWriter {
   Status SelectVersions();
   Stamp StampOf(VersionNumber version) const;
   StatusOr<Json> MapsJson();
-  Json MapRowJson(const MapSnapshot& map);
+  StatusOr<MapSnapshot> Load(VersionNumber version, Stamp at);
+  Json MapRowJson(VersionNumber version, const MapContent& map);
   Status AddTracks(Json* document);
   Json VisitJson(const LandmarkVisit& visit, Stamp origin);
   StatusOr<Json> RunsJson();
@@ -101,7 +102,10 @@ class DocumentWriter {
   const MapDocumentOptions& options_;
   MapStore* store_;
   std::vector<VersionSummary> versions_;
+  std::optional<VersionNumber> published_;
   VersionNumber shown_;
+  LandmarkNames names_of_shown_;
+  std::map<VersionNumber, Se2> frames_;  // T_shown_version of the ancestors.
   std::int64_t versions_left_out_ = 0;
   TextTable signatures_;
   TextTable vehicles_;
@@ -110,14 +114,24 @@ class DocumentWriter {
 
 Status DocumentWriter::SelectVersions() {
   SHIFTMAP_ASSIGN_OR_RETURN(versions_, store_->Versions(area_));
-  if (options_.version) {
-    shown_ = *options_.version;
-    return OkStatus();
+  if (options_.known) {
+    std::erase_if(versions_,
+                  [&](const VersionSummary& version) { return version.created > *options_.known; });
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store_->LoadKnown(area_, *options_.known));
+    published_ = map.version();
+  } else {
+    SHIFTMAP_ASSIGN_OR_RETURN(published_, store_->PublishedVersion(area_));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store_->PublishedVersion(area_));
-  if (!published) return NotFound("area '{}' has no published version", area_);
-  shown_ = *published;
+  if (!options_.version && !published_) {
+    return NotFound("area '{}' has no published version", area_);
+  }
+  shown_ = options_.version ? *options_.version : *published_;
   return OkStatus();
+}
+
+StatusOr<MapSnapshot> DocumentWriter::Load(VersionNumber version, Stamp at) {
+  return options_.known ? store_->LoadKnown(area_, *options_.known, version, at)
+                        : store_->LoadAt(area_, version, at);
 }
 
 Stamp DocumentWriter::StampOf(VersionNumber number) const {
@@ -127,9 +141,9 @@ Stamp DocumentWriter::StampOf(VersionNumber number) const {
   return Stamp();
 }
 
-Json DocumentWriter::MapRowJson(const MapSnapshot& map) {
+Json DocumentWriter::MapRowJson(VersionNumber version, const MapContent& map) {
   Json groups = Json::array();
-  for (const LandmarkGroup& group : map.groups()) {
+  for (const LandmarkGroup& group : map.groups) {
     Json modes = Json::array();
     for (const Mode& mode : group.modes) AddMode(mode, &modes);
     groups.push_back({signatures_.Add(group.signature.text()),
@@ -138,23 +152,31 @@ Json DocumentWriter::MapRowJson(const MapSnapshot& map) {
                       ProbabilitiesJson(group.probabilities)});
   }
   Json anonymous = Json::array();
-  for (const Mode& mode : map.anonymous_landmarks()) AddMode(mode, &anonymous);
-  return Json::array({map.version().value(), std::move(groups), std::move(anonymous)});
+  for (const Mode& mode : map.anonymous_landmarks) AddMode(mode, &anonymous);
+  return Json::array({version.value(), std::move(groups), std::move(anonymous)});
 }
 
-// The version that is shown, and the newest others as they were built.
+// The version that is shown, and the newest others as they were built, with its names and in its
+// frame.
 StatusOr<Json> DocumentWriter::MapsJson() {
-  Json maps = Json::array();
-  std::int64_t modes = 0;
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot shown, Load(shown_, StampOf(shown_)));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> shown_edits, store_->EditsOf(area_, shown_));
+  names_of_shown_ = LandmarkNames(shown_edits);
+  Json maps = Json::array({MapRowJson(shown_, shown.content())});
+  std::int64_t modes = shown.covariance().size();
   const auto add = [&](VersionNumber version, Stamp stamp) -> Status {
-    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store_->LoadAt(area_, version, stamp));
-    modes += ModesOf(map);
-    const bool fits = version == shown_ || modes <= options_.max_modes;
-    if (fits) maps.push_back(MapRowJson(map));
-    versions_left_out_ += fits ? 0 : 1;
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, Load(version, stamp));
+    modes += map.covariance().size();
+    if (modes > options_.max_modes) {
+      ++versions_left_out_;
+      return OkStatus();
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store_->EditsOf(area_, version));
+    const CarriedMap carried =
+        CarryMap(map.content(), LandmarkNames(edits), shown.content(), names_of_shown_);
+    maps.push_back(MapRowJson(version, carried.content));
     return OkStatus();
   };
-  SHIFTMAP_RETURN_IF_ERROR(add(shown_, StampOf(shown_)));
   for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {
     if (version->version == shown_ || !version->content_stored) continue;
     if (modes > options_.max_modes ||
@@ -222,8 +244,9 @@ Json DocumentWriter::VisitJson(const LandmarkVisit& visit, Stamp origin) {
 
 // How the probabilities of the shown version go, and the visits that make them.
 Status DocumentWriter::AddTracks(Json* document) {
-  SHIFTMAP_ASSIGN_OR_RETURN(LandmarkTracks tracks,
-                            store_->LoadTracks(area_, {shown_, options_.max_visits}));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      LandmarkTracks tracks,
+      store_->LoadTracks(area_, {shown_, options_.max_visits, options_.known}));
   DropOldest(options_.max_points, &tracks);
   Stamp origin = tracks.since > Stamp::min() ? tracks.since : Stamp::max();
   for (const auto& points : tracks.points) {
@@ -259,16 +282,18 @@ Status DocumentWriter::AddTracks(Json* document) {
   return OkStatus();
 }
 
-// Those that the version and its ancestors were built from.
+// Those that the version and its ancestors were built from, in the version's frame.
 StatusOr<Json> DocumentWriter::RunsJson() {
   std::vector<std::pair<VersionNumber, RunRecord>> runs;
   std::size_t poses = 0;
   std::set<std::string> known;
   std::optional<VersionNumber> version = shown_;
+  Se2 T_shown_version;
   while (version) {
     SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store_->LoadProvenance(area_, *version));
     for (RunRecord& run : provenance.runs) {
       if (!known.insert(run.identity()).second) continue;
+      MoveTrajectory(T_shown_version, &run.trajectory);
       poses += run.trajectory.size();
       runs.emplace_back(*version, std::move(run));
     }
@@ -277,6 +302,9 @@ StatusOr<Json> DocumentWriter::RunsJson() {
     });
     const std::optional<VersionNumber> parent =
         found == versions_.end() ? std::nullopt : found->parent;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_version_parent, store_->FrameStep(area_, *version));
+    T_shown_version = T_shown_version * T_version_parent;
+    if (parent) frames_[*parent] = T_shown_version;
     // Of a damaged store: parents are older.
     version = parent && *parent < *version ? parent : std::nullopt;
   }
@@ -295,9 +323,7 @@ StatusOr<Json> DocumentWriter::Write() {
   SHIFTMAP_ASSIGN_OR_RETURN(Json maps, MapsJson());
   SHIFTMAP_ASSIGN_OR_RETURN(Json runs, RunsJson());
   Json versions = Json::array();
-  Json published;
   for (const VersionSummary& version : versions_) {
-    if (version.published) published = version.version.value();
     versions.push_back({version.version.value(),
                         version.parent ? Json(version.parent->value()) : Json(nullptr),
                         ToSecondsSinceEpoch(version.created),
@@ -306,12 +332,14 @@ StatusOr<Json> DocumentWriter::Write() {
                         InertLine(version.tool)});
   }
   const Stamp now = SystemNow();
+  const Stamp known = options_.known.value_or(now);
   Json document = {{"format", kFormat},
                    {"area", InertLine(area_)},
                    {"tool", "shiftmap-inspect " + SoftwareVersion()},
                    {"made_s", ToSecondsSinceEpoch(now)},
-                   {"at_s", ToSecondsSinceEpoch(options_.at.value_or(now))},
-                   {"published", published},
+                   {"at_s", ToSecondsSinceEpoch(options_.at.value_or(known))},
+                   {"known_s", options_.known ? Json(ToSecondsSinceEpoch(known)) : Json(nullptr)},
+                   {"published", published_ ? Json(published_->value()) : Json(nullptr)},
                    {"shown", shown_.value()},
                    {"versions", std::move(versions)},
                    {"maps", std::move(maps)},
@@ -319,8 +347,11 @@ StatusOr<Json> DocumentWriter::Write() {
                    {"left_out", {{"versions", versions_left_out_}}}};
   SHIFTMAP_RETURN_IF_ERROR(AddTracks(&document));
   if (options_.replay) {
+    ReplayOptions replay;
+    replay.frames = frames_;
+    replay.aliases = names_of_shown_.Aliases();
     SHIFTMAP_ASSIGN_OR_RETURN(document["replay"],
-                              ReplayJson(*options_.replay, area_, ReplayOptions(), &signatures_));
+                              ReplayJson(*options_.replay, area_, replay, &signatures_));
   }
   document["signatures"] = signatures_.TakeJson();
   document["vehicles"] = vehicles_.TakeJson();

@@ -21,6 +21,9 @@ struct MapDocumentOptions {
   /// The time that is shown first; nothing: now.
   std::optional<Stamp> at = std::nullopt;
 
+  /// What was known then: versions, visits and probabilities; nothing: now.
+  std::optional<Stamp> known = std::nullopt;
+
   /// A file that `shiftmap-localizer run --recording` wrote.
   std::optional<std::string> replay = std::nullopt;
 

@@ -28,6 +28,17 @@ NisSum SumOf(const ScanInnovations& scan) {
   return nis;
 }
 
+void Move(const Se2& T_new_old, ShiftRecording* recording) {
+  for (live::PoseEvent& pose : recording->poses) {
+    pose.pose.T_map_vehicle = T_new_old * pose.pose.T_map_vehicle;
+  }
+  for (HypothesesSample& sample : recording->hypotheses) {
+    for (HypothesisView::Node& node : sample.view.nodes) {
+      if (node.T_map_vehicle) node.T_map_vehicle = T_new_old * *node.T_map_vehicle;
+    }
+  }
+}
+
 // The columns of a step, as page/data.ts names them.
 Json StepsJson(const ShiftRecording& recording, Stamp origin, std::size_t stride) {
   Json json = Json::array();
@@ -91,11 +102,16 @@ Json StatesJson(const ShiftRecording& recording, Stamp origin) {
   return json;
 }
 
-Json DecisionsJson(const ShiftRecording& recording, Stamp origin, TextTable* signatures) {
+Json DecisionsJson(const ShiftRecording& recording,
+                   Stamp origin,
+                   const std::map<Signature, Signature>& aliases,
+                   TextTable* signatures) {
   Json json = Json::array();
   for (const DecisionChange& change : recording.decisions) {
+    const auto alias = aliases.find(change.decision.signature);
+    const Signature& name = alias == aliases.end() ? change.decision.signature : alias->second;
     json.push_back({Milliseconds(change.stamp, origin),
-                    signatures->Add(change.decision.signature.text()),
+                    signatures->Add(name.text()),
                     change.decision.mode.value(),
                     Tenths(change.decision.log_odds),
                     change.withdrawn ? 1 : 0});
@@ -109,7 +125,7 @@ StatusOr<Json> ReplayJson(const std::string& path,
                           const std::string& area,
                           const ReplayOptions& options,
                           TextTable* signatures) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const ShiftRecording recording, ReadShiftRecording(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(ShiftRecording recording, ReadShiftRecording(path));
   const RecordedShift& shift = recording.shift;
   if (shift.area != area) {
     return InvalidArgument("recording '{}': area '{}', expected '{}'", path, shift.area, area);
@@ -117,6 +133,8 @@ StatusOr<Json> ReplayJson(const std::string& path,
   if (recording.poses.empty()) {
     return InvalidArgument("recording '{}': the shift has no pose, nothing to replay", path);
   }
+  const auto frame = options.frames.find(shift.version);
+  if (frame != options.frames.end()) Move(frame->second, &recording);
   Stamp origin = recording.poses.front().stamp;
   if (!recording.states.empty()) origin = std::min(origin, recording.states.front().stamp);
   const std::size_t stride = (recording.poses.size() + options.max_steps - 1) / options.max_steps;
@@ -128,7 +146,7 @@ StatusOr<Json> ReplayJson(const std::string& path,
               {"steps", StepsJson(recording, origin, stride)},
               {"hypotheses", HypothesesJson(recording, origin, options.max_hypotheses)},
               {"states", StatesJson(recording, origin)},
-              {"decisions", DecisionsJson(recording, origin, signatures)}};
+              {"decisions", DecisionsJson(recording, origin, options.aliases, signatures)}};
 }
 
 }  // namespace shiftmap

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <string>
 
 #include "mapstore/cli/context.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/geometry/se2.h"
 #include "proto/core/status.h"
 #include "tools/view/compact_values.h"
 
@@ -13,6 +16,13 @@ namespace shiftmap {
 struct ReplayOptions {
   std::size_t max_steps = 20'000;  ///< Poses of a longer shift are thinned.
   std::size_t max_hypotheses = 5;  ///< The heaviest of each sample.
+
+  /// T_shown_version of earlier versions that a shift may have driven on; others lie as the one
+  /// that is shown.
+  std::map<VersionNumber, Se2> frames = {};
+
+  /// Former names of landmarks, each with that of the version that is shown.
+  std::map<Signature, Signature> aliases = {};
 };
 
 /// A shift that `shiftmap-localizer run --recording` recorded, for the page.

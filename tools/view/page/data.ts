@@ -9,6 +9,8 @@ export interface Document {
   tool: string;
   made_s: number;
   at_s: number;
+  /** What was known then; null: now. */
+  known_s: number | null;
   published: number | null;
   shown: number;
   signatures: string[];

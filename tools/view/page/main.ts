@@ -123,6 +123,8 @@ class Page {
     const modes = map.groups.reduce((sum, group) => sum + group.modes.length, 0);
     const facts: [string, string][] = [
       ['Version', `${source.shown}, ${published}`],
+      ...(source.known_s === null ? [] :
+          [['As known at', `${timeText(source.known_s)} UTC`] as [string, string]]),
       ['Built up to', `${timeText(map.stamp)} UTC`],
       ['Content', (version?.[4] ?? '').slice(0, 12)],
       ['Landmarks', `${map.groups.length}, with ${modes} modes; ${map.anonymous.length} without signature`],

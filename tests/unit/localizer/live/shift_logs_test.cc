@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -140,6 +142,69 @@ TEST_F(ShiftLogsTest, NoneAreKeptWithoutRoom) {
   WholeShift(options);
   EXPECT_TRUE(FilesEndingIn(".mcap").empty());
   EXPECT_TRUE(FilesEndingIn(".journal").empty());
+}
+
+// A recording is made once the log is, and only then is the journal gone. It is no matter of the
+// service's end.
+TEST_F(ShiftLogsTest, ARecordingIsMadeAfterTheLogAndBoundedByItself) {
+  ServiceOptions options = Options();
+  const std::string recordings = folder_.File("recordings");
+  std::atomic<int> made = 0;
+  options.recordings = {
+      recordings, 10, [&](const std::string& journal, const std::string& path, const auto&) {
+        EXPECT_TRUE(std::filesystem::exists(journal));
+        std::ofstream(path) << "eight by";
+        ++made;
+        return OkStatus();
+      }};
+  StatusOr<Service> service = Service::Open(options);
+  ASSERT_THAT(service, IsOk());
+  std::vector<std::string> uuids;
+  for (int shift = 0; shift < 2; ++shift) {
+    ASSERT_THAT(Do(&*service, Start{}), IsOk());
+    Feed(&*service, 0, items_.size());
+    ASSERT_THAT(Do(&*service, live::Stop()), IsOk());
+    uuids.push_back(service->State().report_uuid);
+    for (int i = 0; i < 10'000 && made <= shift; ++i) {
+      service->SyncJournal();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_EQ(made, shift + 1);
+  }
+  ASSERT_THAT(service->Shutdown(), IsOk());
+  EXPECT_TRUE(warnings_.empty());
+  EXPECT_EQ(FilesEndingIn(".mcap").size(), 2u);
+  EXPECT_TRUE(FilesEndingIn(".journal").empty());
+  EXPECT_TRUE(FilesEndingIn(".unrecorded").empty());
+  EXPECT_FALSE(std::filesystem::exists(recordings + "/" + uuids[0] + ".mcap"));
+  EXPECT_TRUE(std::filesystem::exists(recordings + "/" + uuids[1] + ".mcap"));
+}
+
+TEST_F(ShiftLogsTest, TheEndDoesNotWaitForARecordingAndTheNextProcessMakesIt) {
+  ServiceOptions options = Options();
+  options.recordings = {folder_.File("recordings"),
+                        1 << 20,
+                        [&](const std::string&, const std::string&, const std::atomic<bool>& stop) {
+                          while (!stop) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                          return MakeStatus(StatusCode::kAborted, "stopped");
+                        }};
+  const std::string uuid = WholeShift(options);
+  EXPECT_TRUE(warnings_.empty());
+  EXPECT_THAT(ReadRunLog(Log(uuid)), IsOk());
+  EXPECT_EQ(FilesEndingIn(".unrecorded"), std::vector<std::string>{uuid + ".unrecorded"});
+
+  ShiftRecordings next = options.recordings;
+  next.make = [](const std::string&, const std::string&, const std::atomic<bool>&) {
+    return NotFound("its map");
+  };
+  ShiftLogs logs(folder_.File("state"), 1 << 20, next);
+  Status status = OkStatus();
+  for (int i = 0; i < 10'000 && status.ok(); ++i) {
+    status = logs.GoOn();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_THAT(status, StatusIs(StatusCode::kNotFound, "its map, the shift has no recording"));
+  EXPECT_TRUE(FilesEndingIn(".unrecorded").empty());
 }
 
 // What is no journal is kept, and said once.

@@ -126,7 +126,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 8 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 9 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -245,6 +245,33 @@ TEST(MigrateDerivedTest, AnUneditedStoreTakesEdits) {
             store.LoadAt("floor")->GroupIndex(Signature("gate")));
   ASSERT_THAT(store.UndoEdit("floor", result->edit, {"test", "test", {}}), IsOk());
   EXPECT_EQ(ContentHash(store.LoadAt("floor")->content()), ContentHash(before.content()));
+}
+
+// A rename in force and a position that was taken back stay what they are, and a mode can be split.
+TEST(MigrateDerivedTest, AnEditedStoreKeepsItsEdits) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_8_edited.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  EXPECT_EQ(store.LoadAt("floor")->content_hash(),
+            "8caa77e988e41b33667e71c3d4b29ee3193659cdaa0993dad966bc519774c643");
+  const std::vector<MapEdit> edits = *store.Edits("floor");
+  ASSERT_THAT(edits, SizeIs(2));
+  EXPECT_EQ(edits[0].new_name.text(), "gate");
+  EXPECT_FALSE(edits[0].undone);
+  EXPECT_EQ(edits[1].p_map_landmark, Eigen::Vector2d(3.0, 4.0));
+  EXPECT_TRUE(edits[1].undone);
+  MapEdit split;
+  split.kind = EditKind::kSplit;
+  split.author = split.reason = "test";
+  split.signature = Signature("gate");
+  split.mode = ModeNumber(1);
+  split.p_map_second = {1.0, 1.0};
+  split.sd_m = 0.1;
+  EXPECT_THAT(store.Edit("floor", split), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
 }
 
 // The rows that its checkpoint was made from are elsewhere.

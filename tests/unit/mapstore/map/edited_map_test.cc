@@ -139,6 +139,40 @@ TEST_F(EditedMapTest, AMergedModeIsPartOfTheOtherAndComesBack) {
   EXPECT_THAT(map.Apply(edit), StatusIs(StatusCode::kInvalidArgument, "part of itself"));
 }
 
+TEST_F(EditedMapTest, ASplitModeIsTwoPlacesThatShareItsProbability) {
+  EditedMap map(content_, {});
+  MapEdit edit = MakeEdit(EditKind::kSplit, names_[1]);
+  edit.id = EditId(1);
+  edit.mode = ModeNumber(2);
+  edit.p_map_landmark = {5.0, 6.0};
+  edit.p_map_second = {7.0, 8.0};
+  edit.sd_m = 0.1;
+  ASSERT_THAT(map.Complete(&edit), IsOk());
+  EXPECT_EQ(edit.into, ModeNumber(4));
+  ASSERT_THAT(map.Apply(edit), IsOk());
+  EXPECT_THAT(ValidateMapContent(map.content()), IsOk());
+  const LandmarkGroup& before = content_.groups[1];
+  const LandmarkGroup& group = map.content().groups[1];
+  ASSERT_EQ(group.modes.size(), 4U);
+  EXPECT_EQ(group.modes[1].p_map_landmark, edit.p_map_landmark);
+  EXPECT_EQ(group.modes[3].p_map_landmark, edit.p_map_second);
+  EXPECT_EQ(group.modes[3].last_seen, before.modes[1].last_seen);
+  EXPECT_DOUBLE_EQ(group.chain.leave_rate_per_s(), before.chain.leave_rate_per_s());
+  EXPECT_NEAR(group.probabilities(1), before.probabilities(1), 1e-12);
+  EXPECT_NEAR(group.probabilities(2), 0.5 * before.probabilities(2), 1e-12);
+  EXPECT_NEAR(group.probabilities(4), 0.5 * before.probabilities(2), 1e-12);
+  EXPECT_TRUE(Cross(map.content(), names_[1], 2, names_[2], 1).isZero());
+  EXPECT_EQ(Cross(map.content(), names_[1], 1, names_[2], 1),
+            Cross(content_, names_[1], 1, names_[2], 1));
+  EXPECT_THAT(map.Apply(edit), StatusIs(StatusCode::kInvalidArgument, "has had a mode 4"));
+
+  // Taken back, the number stays, and evidence of the second place is evidence of the mode.
+  EditedMap plain(content_, {});
+  plain.Reserve(edit);
+  EXPECT_EQ(plain.content().groups[1].CarriedStateOf(ModeNumber(4)), 2);
+  EXPECT_EQ(plain.content().groups[1].NextNumber(), ModeNumber(5));
+}
+
 // Lumping two states of a chain in which they are alike is exact: the other states see one chain.
 TEST_F(EditedMapTest, TheChainOfMergedModesKeepsTheRatesOfTheOthers) {
   Eigen::MatrixXd rates(4, 4);

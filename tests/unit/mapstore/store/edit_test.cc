@@ -279,6 +279,102 @@ TEST_F(EditTest, AnOlderVersionTakesTheEditsInForceIn) {
   ExpectClean();
 }
 
+// Two runs met the landmark at what the map has as one place, a third one does not say where.
+TEST_F(EditTest, RowsOfASplitModeTellOfThePlaceThatTheirRunIsSaidToHaveMet) {
+  const std::string name = NameOf(0);
+  std::vector<ShiftReport> reports;
+  for (const double at : {100.0, 10'000.0, 20'000.0}) {
+    reports.push_back(Report(first_, name, at));
+    ASSERT_THAT(store_.Return(reports.back()), IsOk());
+  }
+  const MapSnapshot before = *store_.LoadAt("floor");
+  MapEdit split = Make(EditKind::kSplit, 0);
+  split.mode = ModeNumber(1);
+  split.p_map_landmark = {1.0, 1.0};
+  split.p_map_second = {2.0, 1.0};
+  split.sd_m = 0.05;
+  split.first_runs = {reports[0].uuid};
+  split.second_runs = {reports[1].uuid};
+  const EditResult result = Edit(split);
+  const MapEdit made = store_.Edits("floor")->front();
+  EXPECT_EQ(made.first_runs, std::vector{reports[0].uuid});
+  EXPECT_EQ(made.second_runs, std::vector{reports[1].uuid});
+  const VersionNumber version = result.version->version;
+  const auto at = [&](const MapSnapshot& map, ModeNumber mode) {
+    const LandmarkGroup& group = *Group(map, name);
+    return group.probabilities(group.StateOf(mode));
+  };
+  const MapSnapshot first = *store_.LoadAt("floor", version, At(200.0));
+  EXPECT_GT(at(first, ModeNumber(1)), 0.9);
+  EXPECT_LT(at(first, made.into), 0.1);
+  const MapSnapshot second = *store_.LoadAt("floor", version, At(10'100.0));
+  EXPECT_LT(at(second, ModeNumber(1)), 0.1);
+  EXPECT_GT(at(second, made.into), 0.9);
+  // The third one says that it is at one of the two, and the chain says which.
+  const MapSnapshot third = *store_.LoadAt("floor", version, At(20'100.0));
+  EXPECT_GT(at(third, ModeNumber(1)) + at(third, made.into), 0.99);
+  EXPECT_GT(at(third, made.into), at(third, ModeNumber(1)));
+  // What chains are learned from says the same, and so does the landmark's history.
+  const std::vector<EvidenceRow> rows = *store_.Evidence("floor", version);
+  ASSERT_EQ(rows.size(), 3U);
+  const auto value = [](const VisitEvidence& visit, ModeNumber mode) {
+    for (const auto& of : visit.modes) {
+      if (of.mode == mode) return of.log_likelihood;
+    }
+    return 99.0;
+  };
+  EXPECT_EQ(value(rows[0].evidence, ModeNumber(1)), 0.0);
+  EXPECT_EQ(value(rows[0].evidence, made.into), -10.0);
+  EXPECT_EQ(value(rows[1].evidence, ModeNumber(1)), -10.0);
+  EXPECT_EQ(value(rows[1].evidence, made.into), 0.0);
+  EXPECT_EQ(value(rows[2].evidence, ModeNumber(1)), 0.0);
+  EXPECT_EQ(value(rows[2].evidence, made.into), 0.0);
+  const LandmarkRecords records = *store_.LoadLandmark("floor", Signature(name), {});
+  EXPECT_EQ(value(records.visits[1].evidence, made.into), 0.0);
+  ExpectClean();
+
+  // A snapshot has the same, and the versions before are as they were.
+  const std::string snapshot_path = dir_.File("snapshot.db");
+  ASSERT_THAT(store_.ExportSnapshot("floor", snapshot_path), IsOk());
+  MapStore snapshot = *MapStore::Open(snapshot_path, MapStore::Access::kReadOnly);
+  EXPECT_EQ(Group(*snapshot.LoadAt("floor"), name)->probabilities,
+            Group(*store_.LoadAt("floor"), name)->probabilities);
+  EXPECT_EQ(Group(*store_.LoadAt("floor", first_.version), name)->probabilities,
+            Group(before, name)->probabilities);
+  Undo(result.edit);
+  EXPECT_EQ(Group(*store_.LoadAt("floor"), name)->probabilities,
+            Group(before, name)->probabilities);
+  ExpectClean();
+
+  split.second_runs = split.first_runs;
+  EXPECT_THAT(store_.Edit("floor", split),
+              StatusIs(StatusCode::kInvalidArgument, "is said of both places, expected one"));
+  split.second_runs = {"nobody"};
+  EXPECT_THAT(store_.Edit("floor", split), StatusIs(StatusCode::kNotFound, "no run 'nobody'"));
+}
+
+// Half of what an import states of a mode is each place's.
+TEST_F(EditTest, AStatementBeforeASplitIsSharedByBothPlaces) {
+  CommitOptions options;
+  options.parent = VersionNumber(1);
+  options.states_probabilities = true;
+  ASSERT_THAT(store_.Commit("floor", content_, {"import", "", 0, {}}, options), IsOk());
+  Build();
+  MapEdit split = Make(EditKind::kSplit, 0);
+  split.mode = ModeNumber(1);
+  split.p_map_landmark = {1.0, 1.0};
+  split.p_map_second = {2.0, 1.0};
+  split.sd_m = 0.05;
+  Edit(split);
+  const MapSnapshot map = *store_.LoadAt("floor", std::nullopt, At(0.0));
+  const LandmarkGroup& group = *Group(map, NameOf(0));
+  const double stated = content_.groups[0].probabilities(1);
+  EXPECT_NEAR(group.probabilities(1), 0.5 * stated, 1e-9);
+  EXPECT_NEAR(
+      group.probabilities(group.StateOf(store_.Edits("floor")->front().into)), 0.5 * stated, 1e-9);
+  ExpectClean();
+}
+
 TEST_F(EditTest, EditsAreTakenBackInAnyOrderUnlessOneNeedsAnother) {
   MapEdit added = Make(EditKind::kNewMode, 0);
   added.p_map_landmark = {1.0, 1.0};

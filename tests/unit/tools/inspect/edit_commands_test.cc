@@ -40,8 +40,11 @@ class EditCommands : public ::testing::Test {
     ASSERT_THAT(store.Commit("hall", content, {"test", "", 0, {}}, {}), IsOk());
   }
 
-  Outcome Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "edit");
+  Outcome Run(std::vector<std::string> arguments) { return Command("edit", std::move(arguments)); }
+  Outcome Diff(std::vector<std::string> arguments) { return Command("diff", std::move(arguments)); }
+
+  Outcome Command(const char* command, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), command);
     arguments.insert(arguments.end(), {"--store", store_, "--area", "hall"});
     Application application("shiftmap-inspect", "");
     AddInspectCommands(&application);
@@ -105,6 +108,44 @@ TEST_F(EditCommands, AMergedModeIsPartOfTheOther) {
   EXPECT_EQ(merged.json()["version"], 3);
 }
 
+TEST_F(EditCommands, ASplitModeIsTwoModes) {
+  const Outcome split = Edit({"split", names_[0], "1", "1,2", "-3,4", "--sd", "0.1", "--json"});
+  ASSERT_EQ(split.code, 0) << split.err;
+  const Json edit = split.json()["edit"];
+  EXPECT_EQ(edit["mode"], 1);
+  EXPECT_EQ(edit["x_m"], 1.0);
+  EXPECT_EQ(edit["second_x_m"], -3.0);
+  EXPECT_GT(edit["second_mode"], 1);
+  EXPECT_EQ(edit["first_runs"], Json::array());
+  EXPECT_THAT(Run({"list"}).out,
+              HasSubstr("mode 1 of '" + names_[0] + "' split: mode 1 at (1.000, 2.000) m, mode " +
+                        std::to_string(edit["second_mode"].get<int>()) + " at (-3.000, 4.000) m"));
+  EXPECT_THAT(Diff({"1", "2"}).out, HasSubstr("new mode"));
+  EXPECT_THAT(Edit({"undo", "1"}).out, HasSubstr("taken back"));
+}
+
+// One line each, and nothing else of them.
+TEST_F(EditCommands, ARenameAndAMovedFrameAreNoChangesOfLandmarks) {
+  ASSERT_EQ(Edit({"rename", names_[0], "zz-gate"}).code, 0);
+  const Outcome renamed = Diff({"1", "2"});
+  ASSERT_EQ(renamed.code, 0) << renamed.err;
+  EXPECT_THAT(renamed.out, HasSubstr("edit 1: '" + names_[0] + "' renamed 'zz-gate'"));
+  EXPECT_EQ(renamed.out.find("gone"), std::string::npos) << renamed.out;
+  EXPECT_EQ(renamed.out.find("new landmark"), std::string::npos) << renamed.out;
+  const Json json = Diff({"1", "2", "--json"}).json();
+  EXPECT_EQ(json["renamed"], (Json::array({{{"from", names_[0]}, {"to", "zz-gate"}}})));
+  EXPECT_EQ(json["groups_added"], Json::array());
+  EXPECT_EQ(json["frame_moved"], nullptr);
+
+  ASSERT_EQ(Edit({"control", names_[1], "500,-200", "--sd", "0.05", "--mode", "1"}).code, 0);
+  const Outcome moved = Diff({"1", "3"});
+  ASSERT_EQ(moved.code, 0) << moved.err;
+  EXPECT_THAT(moved.out, HasSubstr("the frame moved by ("));
+  EXPECT_EQ(moved.out.find("standard deviations"), std::string::npos) << moved.out;
+  EXPECT_EQ(Diff({"1", "3", "--json"}).json()["groups"], Json::array());
+  EXPECT_FALSE(Diff({"1", "3", "--json"}).json()["frame_moved"].is_null());
+}
+
 TEST_F(EditCommands, ADryRunSaysItAndWritesNothing) {
   const std::string before = *HashFile(store_);
   const Outcome outcome = Edit({"rename", names_[0], "gate", "--dry-run"});
@@ -128,7 +169,11 @@ TEST_F(EditCommands, WhatMakesNoSenseIsAUsageError) {
                                              {"calibration", "forget", vehicle_, "--since", "0"},
                                              {"calibration", "reset", vehicle_},
                                              {"undo", "first"},
-                                             {"split", names_[0]}}) {
+                                             {"split", names_[0]},
+                                             {"split", names_[0], "1", "1,2", "3,4"},
+                                             {"split", names_[0], "1", "1,2", "--sd", "1"},
+                                             {"retire", names_[0], "--first", "a"},
+                                             {"divide", names_[0]}}) {
     EXPECT_EQ(Edit(words).code, 2) << words[0];
   }
   EXPECT_EQ(Run({"retire", names_[0]}).code, 2);

@@ -96,7 +96,7 @@ TEST(MapChanges, WhatLeftComesBackTheOtherWay) {
 }
 
 TEST(DiffPlot, ShowsEveryChangeAndNothingElse) {
-  const std::string svg = PlotDiff(Map(Before(), 1), Map(After(), 2));
+  const std::string svg = PlotDiff({Map(Before(), 1)}, Map(After(), 2));
   EXPECT_EQ(PictureDefect(svg), "");
   const std::string texts = TextsOf(svg);
   for (const char* signature : {"L0", "L1", "L2", "L3", "L4", "L5", "L6", "L9"}) {
@@ -108,8 +108,20 @@ TEST(DiffPlot, ShowsEveryChangeAndNothingElse) {
 }
 
 TEST(DiffPlot, OfEqualMapsShowsNoChange) {
-  const std::string texts = TextsOf(PlotDiff(Map(Before(), 1), Map(Before(), 2)));
+  const std::string texts = TextsOf(PlotDiff({Map(Before(), 1)}, Map(Before(), 2)));
   EXPECT_THAT(texts, HasSubstr("none that a picture shows"));
+}
+
+TEST(DiffPlot, SaysWhatIsTakenOut) {
+  EarlierMap from{Map(Before(), 1)};
+  from.renamed = {{Signature("L<5>"), Signature("gate")}, {Signature("L8"), Signature("door")}};
+  from.moved = Se2(1.25, -0.5, 0.1);
+  const std::string svg = PlotDiff(from, Map(Before(), 2));
+  EXPECT_EQ(PictureDefect(svg), "");
+  const std::string texts = TextsOf(svg);
+  EXPECT_THAT(texts, HasSubstr("Renamed: L<5> to gate, and 1 more"));
+  EXPECT_THAT(texts, HasSubstr("turned by 5.73°"));
+  EXPECT_EQ(FrameText(Se2(1.25, -0.5, 0.0)), "moved by (1.25, -0.50) m");
 }
 
 TEST(DiffPlot, OfRandomMapsHasNoDefect) {
@@ -117,12 +129,13 @@ TEST(DiffPlot, OfRandomMapsHasNoDefect) {
   for (const int groups : {1, 20, 400}) {
     const MapContent a = testing::RandomContent(random, {.groups = groups});
     const MapContent b = testing::RandomContent(random, {.groups = groups});
-    EXPECT_EQ(PictureDefect(PlotDiff(Map(a, 1), Map(b, 2))), "") << groups;
+    EXPECT_EQ(PictureDefect(PlotDiff({Map(a, 1)}, Map(b, 2))), "") << groups;
   }
 }
 
 TEST(NightPlot, ListsRunsThatAreMappedWaitOrAreHeld) {
-  Night night{.parent = Map(Before(), 1), .mapped = {}, .waiting = {}, .exclusions = {}};
+  Night night{
+      .parent = EarlierMap{Map(Before(), 1)}, .mapped = {}, .waiting = {}, .exclusions = {}};
   RunRecord run;
   run.name = "run_mapped";
   run.trajectory = {{Stamp(), Se2()}, {Stamp(), Se2(5.0, 5.0, 0.0)}};

@@ -78,7 +78,9 @@ LandmarkHistory History(int visits) {
     if (i % 5 == 4) visit.set_aside = SetAside::kExcluded;
     history.visits.push_back(visit);
   }
-  for (const Stamp at : HistoryTimes(history, history.stamp)) {
+  std::vector<VisitSpan> spans;
+  for (const HistoryVisit& visit : history.visits) spans.push_back({visit.begin, visit.end});
+  for (const Stamp at : HistoryTimes(spans, history.stamp, history.stamp)) {
     const double p = at < kMorning + std::chrono::hours(visits / 2) ? 0.9 : 0.1;
     history.track.push_back({at, {{kAbsent, 0.05}, {ModeNumber(1), p}, {ModeNumber(2), 0.95 - p}}});
   }
@@ -131,10 +133,10 @@ TEST(HistoryPlot, ManyVisitsVersionsAndNoneAreAPictureToo) {
 
 TEST(RatesPlot, IsSortedWithRealValuesOnTheAxis) {
   const MapSnapshot map = Map(2);
-  const std::vector<LeaveRate> rates = {
-      {Signature("slow"), 1e-6, 1.1e-6, 2e-7, 4e-6, 3},
-      {Signature("fast"), 0.0, 1e-3, 2e-4, 4e-3, 12345},
-      {Signature("<never>"), 0.0, 0.0, 0.0, 0.0, 0},
+  const LeaveRates rates = {
+      {Signature("slow"), {1.1e-6, 2e-7, 4e-6, 3}},
+      {Signature("fast"), {1e-3, 2e-4, 4e-3, 12345}},
+      {Signature("<never>"), {0.0, 0.0, 0.0, 0}},
   };
   const std::string svg = PlotRates(map, rates);
   EXPECT_EQ(PictureDefect(svg), "");
@@ -147,15 +149,36 @@ TEST(RatesPlot, IsSortedWithRealValuesOnTheAxis) {
 }
 
 TEST(RatesPlot, OfThousandsHasThinRows) {
-  std::vector<LeaveRate> rates;
+  LeaveRates rates;
   for (int i = 0; i < 5000; ++i) {
     const double rate = 1e-7 * (1.0 + i);
-    rates.push_back({Signature(fmt::format("{}", i)), rate, rate, 0.5 * rate, 2.0 * rate, i});
+    rates[Signature(fmt::format("{}", i))] = {rate, 0.5 * rate, 2.0 * rate, i};
   }
   const std::string svg = PlotRates(Map(1), rates);
   EXPECT_EQ(PictureDefect(svg), "");
   EXPECT_LT(svg.size(), 1'000'000U);
   EXPECT_EQ(PictureDefect(PlotRates(Map(0), {})), "");
+}
+
+// Of two observations of a scan one gated; a scan may have no pose, and a pose no observations.
+TEST(ConsistencyPlot, ReadsScansFromARecording) {
+  ShiftRecording recording;
+  live::PoseEvent pose;
+  pose.stamp = kMorning;
+  pose.pose.T_map_vehicle = Se2(1.0, 2.0, 3.0);
+  recording.poses = {pose};
+  RecordedInnovation gated;
+  gated.mode = ModeNumber(1);
+  gated.nis = 3.5;
+  recording.innovations = {{kMorning, 1.0, {gated, RecordedInnovation()}},
+                           {kMorning + FromSeconds(0.1), 1.0, {gated, gated}}};
+  const std::vector<ScanConsistency> scans = ScansOf(recording);
+  ASSERT_EQ(scans.size(), 2U);
+  EXPECT_EQ(scans[0].pose.T_map_vehicle.x(), 1.0);
+  EXPECT_EQ(scans[0].nis, 3.5);
+  EXPECT_EQ(scans[0].dof, 2);
+  EXPECT_EQ(scans[1].nis, 7.0);
+  EXPECT_EQ(scans[1].dof, 4);
 }
 
 TEST(ConsistencyPlot, TellsAConsistentFilterFromASureOne) {

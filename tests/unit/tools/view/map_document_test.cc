@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "mapstore/core/clock.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -63,7 +64,10 @@ class MapDocumentTest : public ::testing::Test {
 
   std::mt19937_64 random_{testing::TestSeed(3)};
   testing::TempDir dir_;
-  MapStore store_ = *MapStore::Open(dir_.File("a.db"), MapStore::Access::kReadWriteCreate);
+  Stamp clock_ = SystemNow();
+  MapStore store_ = *MapStore::Open(
+      dir_.File("a.db"),
+      {.access = MapStore::Access::kReadWriteCreate, .clock = [this] { return clock_; }});
   MapContent content_;
   std::optional<VersionNumber> version_;
   std::string content_hash_;
@@ -116,6 +120,61 @@ TEST_F(MapDocumentTest, OfTenThousandModesWithALongPastIsBelowFiveMegabytes) {
   // What is left out is told.
   EXPECT_TRUE((*document)["left_out"].contains("before_s"));
   EXPECT_GT((*document)["left_out"]["versions"], 0);
+}
+
+// A control point moves the map: what earlier versions hold is drawn where the map is now.
+TEST_F(MapDocumentTest, EarlierRunsAndVersionsAreInTheFrameOfTheOneThatIsShown) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 5}, 2));
+  const LandmarkGroup& group = content_.groups[0];
+  MapEdit control;
+  control.kind = EditKind::kControl;
+  control.author = control.reason = "test";
+  control.signature = group.signature;
+  control.mode = group.modes[0].number;
+  control.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(700.0, -40.0);
+  control.sd_m = 0.02;
+  ASSERT_THAT(store_.Edit("hall", control), IsOk());
+  MapEdit rename = control;
+  rename.kind = EditKind::kRename;
+  rename.new_name = Signature("zz");
+  ASSERT_THAT(store_.Edit("hall", rename), IsOk());
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  ASSERT_EQ((*document)["runs"].size(), 2U);
+  for (const Json& run : (*document)["runs"]) {
+    EXPECT_NEAR(run[5][0].get<double>(), 70'000.0, 1.0);  // [cm]
+    EXPECT_NEAR(run[5][1].get<double>(), -4'000.0, 1.0);
+  }
+  // All versions have the same modes, to the tenth of a millimetre.
+  ASSERT_EQ((*document)["maps"].size(), 4U);
+  for (const Json& map : (*document)["maps"]) {
+    for (std::size_t g = 0; g < map[1].size(); ++g) {
+      const Json& modes = map[1][g][2];
+      const Json& shown = (*document)["maps"][0][1][g][2];
+      EXPECT_EQ(map[1][g][0], (*document)["maps"][0][1][g][0]);
+      EXPECT_NEAR(modes[1].get<double>(), shown[1].get<double>(), 1.0);
+      EXPECT_NEAR(modes[2].get<double>(), shown[2].get<double>(), 1.0);
+    }
+  }
+}
+
+// As it was before the second version was made: it, and all that came later, is not there.
+TEST_F(MapDocumentTest, WhatWasKnownIsAPageToo) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 5}, 1));
+  const Stamp between = clock_;
+  clock_ += FromSeconds(100.0);
+  ASSERT_NO_FATAL_FAILURE(Return(0, 20));
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 5}, 1));
+  const auto before = MapDocument("hall", {.known = between}, &store_);
+  ASSERT_THAT(before, IsOk());
+  EXPECT_EQ((*before)["shown"], 1);
+  EXPECT_EQ((*before)["published"], 1);
+  EXPECT_EQ((*before)["versions"].size(), 1U);
+  EXPECT_EQ((*before)["known_s"], ToSecondsSinceEpoch(between));
+  for (const Json& visits : (*before)["visits"]) {
+    for (const Json& visit : visits) EXPECT_EQ(visit[11], Describe(SetAside::kUnknown));
+  }
+  EXPECT_EQ((*MapDocument("hall", {}, &store_))["shown"], 2);
 }
 
 TEST_F(MapDocumentTest, AVersionThatIsNotThereIsAnError) {

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/plot/free_network.h"
+
+#include <Eigen/Cholesky>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+constexpr std::size_t kLeastModes = 3;
+
+// Directions in which a network moves as a whole: along x, along y, about its centre.
+Eigen::MatrixXd FrameDirections(const std::vector<Mode*>& modes) {
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const Mode* mode : modes) centre += mode->p_map_landmark;
+  centre /= static_cast<double>(modes.size());
+  Eigen::MatrixXd G(2 * std::ssize(modes), 3);
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    const Eigen::Vector2d p = modes[i]->p_map_landmark - centre;
+    G.middleRows<2>(static_cast<Eigen::Index>(2 * i)) << 1.0, 0.0, -p.y(), 0.0, 1.0, p.x();
+  }
+  return G;
+}
+
+void Free(const Eigen::MatrixXd& P, const std::vector<Mode*>& modes) {
+  const Eigen::MatrixXd G = FrameDirections(modes);
+  const Eigen::LDLT<Eigen::Matrix3d> normal(G.transpose() * G);
+  if (normal.vectorD().minCoeff() <= 0.0) return;  // All at one place.
+  const Eigen::MatrixXd A = normal.solve(G.transpose());
+  const Eigen::MatrixXd AP = A * P;
+  const Eigen::Matrix3d frame = AP * A.transpose();
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    const Eigen::Matrix<double, 2, 3> g = G.middleRows<2>(row);
+    const Eigen::Matrix2d common = g * AP.middleCols<2>(row);
+    const Eigen::Matrix2d cov =
+        P.block<2, 2>(row, row) - common - common.transpose() + g * frame * g.transpose();
+    modes[i]->cov_p_map_landmark = 0.5 * (cov + cov.transpose());
+  }
+}
+
+}  // namespace
+
+MapContent FreeNetwork(const MapContent& content) {
+  MapContent free = content;
+  std::vector<Mode*> all;
+  for (LandmarkGroup& group : free.groups) {
+    for (Mode& mode : group.modes) all.push_back(&mode);
+  }
+  for (const std::vector<int>& network : content.covariance.Components()) {
+    if (network.size() < kLeastModes) continue;
+    std::vector<Mode*> modes;
+    for (const int index : network) modes.push_back(all[static_cast<std::size_t>(index)]);
+    Free(content.covariance.Dense(network), modes);
+  }
+  std::vector<Eigen::Matrix2d> diagonal;
+  for (const Mode* mode : all) diagonal.push_back(mode->cov_p_map_landmark);
+  free.covariance = JointCovariance(std::move(diagonal), {});
+  return free;
+}
+
+}  // namespace shiftmap
