@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 import pathlib
+import re
 import shlex
 import shutil
 import subprocess
@@ -73,6 +74,11 @@ def git(*arguments):
     return subprocess.run(["git", "-C", ROOT, *arguments], capture_output=True, text=True, check=True).stdout.strip()
 
 
+def without_host(text):
+    """A benchmark's document without the name of the machine and of the program's folder."""
+    return re.sub(r'^ *"(?:host_name|executable)": .*\n', "", text, flags=re.M)
+
+
 def make(name, bins, data):
     """Runs one command and keeps what it wrote."""
     with tempfile.TemporaryDirectory() as scratch:
@@ -99,7 +105,7 @@ def make(name, bins, data):
                 text = path.read_text(encoding="utf-8")
                 for place, word in ((str(out), "OUT"), (str(work), "WORK"), (str(data), "DATA")):
                     text = text.replace(place, word)
-                (folder / path.name).write_text(text, encoding="utf-8")
+                (folder / path.name).write_text(without_host(text), encoding="utf-8")
         source = {"command": command, "commit": git("rev-parse", "--short", "HEAD"), "processors": os.cpu_count(), "load": round(load, 1)}
         (folder / "source.json").write_text(json.dumps(source, indent=2) + "\n", encoding="utf-8")
         print(f"{name}: {', '.join(path.name for path in sorted(folder.iterdir()))}")
