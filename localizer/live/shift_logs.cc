@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 constexpr std::string_view kLog = ".mcap";
 constexpr const char* kWaiting = ".journal";
 constexpr const char* kUnrecorded = ".unrecorded";
+constexpr const char* kRecording = ".recording";
 constexpr std::size_t kUuidLength = 36;
 constexpr int kLowestPriority = 19;
 
@@ -132,12 +133,16 @@ Status Lacks(const Status& status, const char* what) {
   return MakeStatus(status.code(), "{}, the shift has no {}", Message(status), what);
 }
 
-// A journal is done with, unless a recording is to be made of it.
-void LeaveJournal(const fs::path& journal, bool records) {
-  fs::path unrecorded = journal;
-  unrecorded.replace_extension(kUnrecorded);
-  if (records && std::rename(journal.c_str(), unrecorded.c_str()) == 0) return;
-  unlink(journal.c_str());
+bool GiveEnding(const char* ending, fs::path* journal) {
+  fs::path renamed = *journal;
+  renamed.replace_extension(ending);
+  if (std::rename(journal->c_str(), renamed.c_str()) != 0) return false;
+  *journal = renamed;
+  return true;
+}
+
+void DeleteAll(const std::string& folder, const char* ending) {
+  for (const ShiftFile& file : FilesOf(folder, ending)) unlink(file.path.c_str());
 }
 
 Status MakeLog(const std::string& folder,
@@ -148,7 +153,8 @@ Status MakeLog(const std::string& folder,
   fs::path log = journal;
   log.replace_extension(kLog);
   SHIFTMAP_RETURN_IF_ERROR(Lacks(WriteShiftLog(journal.string(), log.string()), "run log"));
-  LeaveJournal(journal, records);
+  fs::path done = journal;
+  if (!records || !GiveEnding(kUnrecorded, &done)) unlink(journal.c_str());
   DeleteOldest(folder, max_bytes);
   return OkStatus();
 }
@@ -156,14 +162,15 @@ Status MakeLog(const std::string& folder,
 // The evidence is in the report and the items are in the log: a journal that makes no recording is
 // not kept for that.
 Status MakeRecording(const ShiftRecordings& recordings,
-                     const fs::path& journal,
+                     fs::path journal,
                      const std::atomic<bool>& stop) {
   // The step comes first. If that cannot be had, the thread has the priority of the others.
   (void)setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kLowestPriority);
   DeleteOldest(recordings.folder, recordings.max_bytes);
   const fs::path path = fs::path(recordings.folder) / (journal.stem().string() + std::string(kLog));
+  GiveEnding(kRecording, &journal);
   const Status status = recordings.make(journal.string(), path.string(), stop);
-  if (status.code() == StatusCode::kAborted) return OkStatus();
+  if (status.code() == StatusCode::kAborted && GiveEnding(kUnrecorded, &journal)) return OkStatus();
   unlink(journal.c_str());
   DeleteOldest(recordings.folder, recordings.max_bytes);
   return Lacks(status, "recording");
@@ -176,6 +183,12 @@ Status WriteShiftLog(const std::string& journal, const std::string& log) {
   SHIFTMAP_RETURN_IF_ERROR(
       ReadJournal(journal, [&](std::string_view bytes) { return maker.Take(bytes); }).status());
   return maker.Finish();
+}
+
+ShiftLogs::ShiftLogs(std::string folder, std::int64_t max_bytes, ShiftRecordings recordings)
+    : folder_(std::move(folder)), max_bytes_(max_bytes), recordings_(std::move(recordings)) {
+  DeleteAll(folder_, kRecording);
+  if (!records()) DeleteAll(folder_, kUnrecorded);
 }
 
 Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {

@@ -36,7 +36,8 @@ struct ShiftRecordings {
 /// the log is there the journal stays, as `<uuid>.journal`, also over a restart.
 ///
 /// Recordings, if there are to be any, come after all logs: `<uuid>.mcap` in a folder of their own.
-/// Until then the journal stays as `<uuid>.unrecorded`.
+/// Until then the journal stays as `<uuid>.unrecorded`, and meanwhile as `<uuid>.recording`: one
+/// that ends the process is not tried again.
 ///
 /// The oldest logs are deleted so that all take no more than a bound, and no more than they leave
 /// free of the disk; recordings likewise.
@@ -45,8 +46,7 @@ struct ShiftRecordings {
 class ShiftLogs {
  public:
   /// @param max_bytes  Of all logs; 0: none are made.
-  ShiftLogs(std::string folder, std::int64_t max_bytes, ShiftRecordings recordings = {})
-      : folder_(std::move(folder)), max_bytes_(max_bytes), recordings_(std::move(recordings)) {}
+  ShiftLogs(std::string folder, std::int64_t max_bytes, ShiftRecordings recordings = {});
 
   /// Leaves off a recording.
   ~ShiftLogs();

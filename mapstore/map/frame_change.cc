@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 
+#include "mapstore/core/quantile.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -69,6 +71,14 @@ std::size_t CountBeyond(const std::vector<ModePair>& pairs) {
                                   pair.to->cov_p_map_landmark + pair.from->cov_p_map_landmark) >
                kGate;
       }));
+}
+
+double MedianDistance(const std::vector<ModePair>& pairs) {
+  std::vector<double> distances;
+  for (const ModePair& pair : pairs) {
+    distances.push_back((pair.to->p_map_landmark - pair.from->p_map_landmark).norm());
+  }
+  return Quantile(std::move(distances), 0.5);
 }
 
 // What the motion left of rounding.
@@ -158,13 +168,12 @@ CarriedMap CarryMap(const MapContent& from,
   MapContent& content = carried.content;
   content = WithNames(from, from_names, to_names);
   const std::vector<ModePair> pairs = CommonModes(&content, to);
-  const std::size_t beyond = CountBeyond(pairs);
-  if (pairs.size() < 3 || 2 * beyond <= pairs.size()) return carried;
+  if (pairs.size() < 3 || 2 * CountBeyond(pairs) <= pairs.size()) return carried;
   const Se2 T_to_from = Fit(pairs);
   MapContent moved = content;
   MoveContent(T_to_from, &moved);
   const std::vector<ModePair> moved_pairs = CommonModes(&moved, to);
-  if (2 * CountBeyond(moved_pairs) >= beyond) return carried;
+  if (2.0 * MedianDistance(moved_pairs) >= MedianDistance(pairs)) return carried;
   Settle(moved_pairs, &moved, to);
   content = std::move(moved);
   carried.moved = T_to_from;

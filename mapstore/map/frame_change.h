@@ -36,7 +36,7 @@ struct CarriedMap {
   std::vector<std::pair<Signature, Signature>> renamed;  ///< Name before and after, by the former.
 
   /// T_to_from, if the frame moved: more than half of at least three common modes are beyond their
-  /// covariance, and fewer than half of these are after the motion.
+  /// covariance, and the motion takes off more than half of the median distance.
   std::optional<Se2> moved;
 };
 

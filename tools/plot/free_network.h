@@ -6,14 +6,21 @@
 namespace shiftmap {
 
 /// A map whose modes have the covariances of a free network: of their positions to each other,
-/// without what is common to all, which is the frame's. In the frame of a map without survey, the
-/// first pose of the first run, ellipses are wedges that grow with the distance from there. Here
-/// the frame is the one that fits all modes best, by inner constraints (Baarda's S-transformation):
+/// without what is common to all.
+struct FreeMap {
+  MapContent content;     ///< Covariances between modes are left out.
+  double scale_sd = 0.0;  ///< Of the scale of the largest network; 0 if there is none. [1]
+};
+
+/// Frees a map from its frame. In the frame of a map without survey, the first pose of the first
+/// run, ellipses are wedges that grow with the distance from there; and a scale that is badly known
+/// makes thorns of them. Here the frame and the scale are those that fit all modes best, by inner
+/// constraints (Baarda's S-transformation):
 ///
-///   P' = S P Sᵀ,  S = I - G (GᵀG)⁻¹ Gᵀ,  G the directions of translation and rotation
+///   P' = S P Sᵀ,  S = I - G (GᵀG)⁻¹ Gᵀ,  G the directions of translation, rotation and scale
 ///
 /// Modes that the map's covariance does not connect are networks of their own; of fewer than three
-/// modes they stay as they are. Covariances between modes are left out of the result.
-MapContent FreeNetwork(const MapContent& content);
+/// modes they stay as they are.
+FreeMap FreeNetwork(const MapContent& content);
 
 }  // namespace shiftmap

@@ -107,7 +107,11 @@ LandmarkLayer::LandmarkLayer(const MapContent& content, std::vector<Eigen::Vecto
   frame_ = MapFrame::Around(others);
   if (many_) return;
   free_ = !content.covariance.cross_blocks().empty();
-  if (free_) content_ = FreeNetwork(content);
+  if (free_) {
+    FreeMap free = FreeNetwork(content);
+    content_ = std::move(free.content);
+    scale_sd_ = free.scale_sd;
+  }
   ChooseMagnification();
   for (const Mode* mode : AllModes(content_)) {
     const Eigen::Vector2d half = Eigen::Vector2d::Constant(
@@ -355,8 +359,10 @@ void LandmarkLayer::AddTo(Legend* legend) const {
   if (many_) legend->Note("too many for ellipses and labels");
   if (free_) {
     legend->Note(
-        "Ellipses are those of a free network: of positions to each other, without what the frame "
-        "leaves open.");
+        fmt::format("Ellipses are those of a free network: of positions to each other, without "
+                    "what is common to "
+                    "all, the frame and the scale (sd {:.2g} %).",
+                    100.0 * scale_sd_));
   }
 }
 

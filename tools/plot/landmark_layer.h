@@ -70,7 +70,8 @@ class LandmarkLayer {
   bool Label(const LandmarkGroup& group, std::size_t mode, LabelPlacer* placer, Svg* svg) const;
 
   MapContent content_;
-  bool free_ = false;  // Its ellipses are those of a free network.
+  bool free_ = false;      // Its ellipses are those of a free network,
+  double scale_sd_ = 0.0;  // without an error of scale.
   MapFrame frame_;
   double radius_ = kRadius;     // Of a dot. [px]
   double magnification_ = 1.0;  // Of the ellipses.

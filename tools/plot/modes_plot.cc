@@ -251,9 +251,9 @@ std::string ModesPlot::Draw() const {
 }  // namespace
 
 std::string PlotModes(const MapSnapshot& map, const LandmarkGroup& group) {
-  const MapContent free = FreeNetwork(map.content());
+  const FreeMap free = FreeNetwork(map.content());
   const auto index = static_cast<std::size_t>(map.GroupIndex(group.signature));
-  return ModesPlot(map, free.groups[index]).Draw();
+  return ModesPlot(map, free.content.groups[index]).Draw();
 }
 
 }  // namespace shiftmap

@@ -207,6 +207,19 @@ TEST_F(ShiftLogsTest, TheEndDoesNotWaitForARecordingAndTheNextProcessMakesIt) {
   EXPECT_TRUE(FilesEndingIn(".unrecorded").empty());
 }
 
+TEST_F(ShiftLogsTest, AJournalWhoseRecordingEndedTheProcessIsNotTriedAgain) {
+  std::filesystem::create_directory(folder_.File("state"));
+  const std::string uuid = folder_.File("state") + "/0f8fad5b-d9cb-469f-a165-70867728950e";
+  std::ofstream(uuid + ".recording") << "poison";
+  std::ofstream(uuid + ".unrecorded") << "waits";
+  const ShiftLogs logs(folder_.File("state"), 1 << 20, {folder_.File("recordings"), 1, nullptr});
+  EXPECT_FALSE(std::filesystem::exists(uuid + ".recording"));
+  EXPECT_TRUE(std::filesystem::exists(uuid + ".unrecorded"));
+  // Nobody wants recordings any more.
+  const ShiftLogs without(folder_.File("state"), 1 << 20);
+  EXPECT_FALSE(std::filesystem::exists(uuid + ".unrecorded"));
+}
+
 // What is no journal is kept, and said once.
 TEST_F(ShiftLogsTest, AJournalThatMakesNoLogIsKept) {
   std::filesystem::create_directory(folder_.File("state"));

@@ -53,16 +53,29 @@ const Eigen::Matrix2d& CovOf(const MapContent& content, int mode) {
 TEST(FreeNetworkTest, WhatTheFrameLeavesOpenIsGone) {
   const MapContent still = Circle(Noise());
   const Eigen::MatrixXd frame = FrameCovariance(still);
-  const MapContent with_frame = FreeNetwork(Circle(Noise() + frame));
+  const MapContent with_frame = FreeNetwork(Circle(Noise() + frame)).content;
   // The same network in another frame.
-  const MapContent other = FreeNetwork(Circle(Noise() + 4.0 * frame));
+  const MapContent other = FreeNetwork(Circle(Noise() + 4.0 * frame)).content;
   double trace = 0.0;
   for (int i = 0; i < kModes; ++i) {
     EXPECT_LT((CovOf(with_frame, i) - CovOf(other, i)).norm(), 1e-9);
     trace += CovOf(with_frame, i).trace();
   }
-  // Three of the degrees of freedom are the frame's.
-  EXPECT_NEAR(trace, 1e-4 * (2 * kModes - 3), 1e-9);
+  // Three of the degrees of freedom are the frame's, and one is the scale's.
+  EXPECT_NEAR(trace, 1e-4 * (2 * kModes - 4), 1e-9);
+}
+
+// A map that is 3 % too large or too small as a whole.
+TEST(FreeNetworkTest, AnErrorOfTheScaleIsToldApart) {
+  const MapContent still = Circle(Noise());
+  Eigen::VectorXd away(2 * kModes);
+  for (int i = 0; i < kModes; ++i) {
+    away.segment<2>(2 * i) = still.groups[static_cast<std::size_t>(i)].modes[0].p_map_landmark;
+  }
+  const Eigen::MatrixXd scale = 0.03 * 0.03 * away * away.transpose();
+  const FreeMap free = FreeNetwork(Circle(1e-6 * Noise() + scale));
+  EXPECT_NEAR(free.scale_sd, 0.03, 1e-4);
+  for (int i = 0; i < kModes; ++i) EXPECT_LT(CovOf(free.content, i).norm(), 1e-8);
 }
 
 TEST(FreeNetworkTest, AMapThatMovesHasTheSameEllipsesTurned) {
@@ -70,8 +83,8 @@ TEST(FreeNetworkTest, AMapThatMovesHasTheSameEllipsesTurned) {
   const Se2 T(100.0, -7.0, 0.6);
   MapContent moved = content;
   MoveContent(T, &moved);
-  const MapContent free = FreeNetwork(content);
-  const MapContent free_moved = FreeNetwork(moved);
+  const MapContent free = FreeNetwork(content).content;
+  const MapContent free_moved = FreeNetwork(moved).content;
   for (int i = 0; i < kModes; ++i) {
     const Eigen::Matrix2d turned = T.Rotation() * CovOf(free, i) * T.Rotation().transpose();
     EXPECT_LT((CovOf(free_moved, i) - turned).norm(), 1e-9);
@@ -80,7 +93,7 @@ TEST(FreeNetworkTest, AMapThatMovesHasTheSameEllipsesTurned) {
 
 TEST(FreeNetworkTest, SurveyedModesThatAreByThemselvesStay) {
   const MapContent content = Circle(Noise());
-  const MapContent free = FreeNetwork(content);
+  const MapContent free = FreeNetwork(content).content;
   for (int i = 0; i < kModes; ++i) EXPECT_EQ(CovOf(free, i), CovOf(content, i));
 }
 

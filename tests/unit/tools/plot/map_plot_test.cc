@@ -57,6 +57,9 @@ MapContent WithSd(MapContent content, double sd_m) {
     }
   }
   content.anonymous_landmarks.clear();
+  std::vector<Eigen::Matrix2d> diagonal(static_cast<std::size_t>(content.covariance.size()),
+                                        sd_m * sd_m * Eigen::Matrix2d::Identity());
+  content.covariance = JointCovariance(std::move(diagonal), {});
   return content;
 }
 

@@ -23,7 +23,7 @@ class MapDocumentTest : public ::testing::Test {
  protected:
   void Commit(const testing::RandomMapOptions& options, int versions) {
     content_ = testing::RandomContent(random_, options);
-    for (int i = 0; i < versions; ++i) {
+    for (int i = runs_; i < runs_ + versions; ++i) {
       Provenance provenance{"<tool>", "", 0, {}};
       provenance.runs.push_back(RunRecord{.name = fmt::format("run_{:03}", i),
                                           .sha256 = fmt::format("{:064x}", i),
@@ -41,6 +41,7 @@ class MapDocumentTest : public ::testing::Test {
       version_ = result->version;
       content_hash_ = result->content_hash;
     }
+    runs_ += versions;
   }
 
   void Return(int number, int visits) {
@@ -71,6 +72,7 @@ class MapDocumentTest : public ::testing::Test {
   MapContent content_;
   std::optional<VersionNumber> version_;
   std::string content_hash_;
+  int runs_ = 0;
 };
 
 TEST_F(MapDocumentTest, HasEveryModeToATenthOfAMillimetre) {
