@@ -39,6 +39,7 @@ StatusOr<std::vector<std::int64_t>> ReadIds(Database& database,
 
 Status DeleteContent(Database& database, std::int64_t version_id) {
   for (const char* sql : {"DELETE FROM mode_rate WHERE version_id = ?1",
+                          "DELETE FROM mode_rhythm WHERE version_id = ?1",
                           "DELETE FROM merged_mode WHERE version_id = ?1",
                           "DELETE FROM mode WHERE version_id = ?1",
                           "DELETE FROM landmark_group WHERE version_id = ?1",
