@@ -11,8 +11,6 @@
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
-#include "mapper/map_output.h"
-#include "mapper/mapper_options.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -59,7 +57,7 @@ MapContent MakeMap(const ChainHistory& history) {
                            1e-4 * Eigen::Matrix2d::Identity(),
                            content.stamp});
   }
-  group.chain = ModeChain::Uniform(modes, ModeOptions().leave_rate_per_s);
+  group.chain = ModeChain::Uniform(modes, GroupChainOptions().leave_rate_per_s);
   group.probabilities = group.chain.stationary();
   content.groups = {std::move(group)};
   content.covariance = JointCovariance(std::vector<Eigen::Matrix2d>(
@@ -99,11 +97,11 @@ Status ReturnDays(const ChainHistory& history,
 
 // The version that a night makes of the rows that came.
 StatusOr<GroupChain> FitNight(const MapSnapshot& map, Stamp end, MapStore* store) {
-  MapperOptions options;
-  SHIFTMAP_ASSIGN_OR_RETURN(options.chains.ledger, store->Evidence(kArea, map.version()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                            store->Evidence(kArea, map.version()));
   MapContent content = map.content();
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
-                            LearnChains(content.groups, {}, options));
+                            LearnGroupChains(content.groups, rows, {}));
   content.groups.front().chain = chains.front().chain.chain();
   content.stamp = end;
   CommitOptions commit;
