@@ -19,6 +19,7 @@
 #include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
 #include "mapstore/store/snapshot_file.h"
+#include "mapstore/store/summary_rows.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -154,6 +155,7 @@ Status CompactEvidence(Database& database,
                        "WHERE area_id = ?1 AND end_ns < ?2)"));
   decisions.Bind(area_id, ToNanoseconds(before));
   SHIFTMAP_RETURN_IF_ERROR(decisions.Execute());
+  SHIFTMAP_RETURN_IF_ERROR(DeleteOrphanedSummaries(database, area_id));
   result->decisions += database.Changes();
   return OkStatus();
 }

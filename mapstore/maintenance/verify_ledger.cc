@@ -194,6 +194,18 @@ Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyVisibility(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
+              "ledger_summary",
+              "SELECT signature || ' at ' || begin_ns || ' ns', 'stands for no row, or its counts "
+              "are wrong' FROM ledger_summary s WHERE visits < 2 OR steps < 1 OR steps >= visits "
+              "OR NOT gap_s >= 0.0 OR NOT EXISTS (SELECT 1 FROM visit_evidence e WHERE "
+              "(e.area_id, e.begin_ns, e.end_ns, e.report_id, e.signature) = "
+              "(s.area_id, s.begin_ns, s.end_ns, s.report_id, s.signature) UNION ALL "
+              "SELECT 1 FROM mapped_evidence e WHERE s.report_id = 0 AND "
+              "(e.area_id, e.begin_ns, e.end_ns, e.version_id, e.run_id, e.signature) = "
+              "(s.area_id, s.begin_ns, s.end_ns, s.version_id, s.run_id, s.signature))",
+              defects));
+  SHIFTMAP_RETURN_IF_ERROR(
+      AddRows(database,
               "decision",
               "SELECT uuid || ', decision ' || decision_index, 'mode or log odds are wrong' "
               "FROM decision JOIN shift_report USING (report_id) "

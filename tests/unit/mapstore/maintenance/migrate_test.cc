@@ -62,7 +62,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 8; 'shiftmap-inspect migrate'"));
+                             ", this build reads 9; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -126,7 +126,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 8 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 9 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -245,6 +245,34 @@ TEST(MigrateDerivedTest, AnUneditedStoreTakesEdits) {
             store.LoadAt("floor")->GroupIndex(Signature("gate")));
   ASSERT_THAT(store.UndoEdit("floor", result->edit, {"test", "test", {}}), IsOk());
   EXPECT_EQ(ContentHash(store.LoadAt("floor")->content()), ContentHash(before.content()));
+}
+
+// Two builds and a report: chains without a rhythm, to which a build adds one.
+TEST(MigrateDerivedTest, ChainsGetRhythms) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_8.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  const MapSnapshot before = *store.LoadAt("floor");
+  EXPECT_EQ(before.content_hash(),
+            "5ec5f391ca40a231460a7abe99245cc12a24e40254e26a6e0c811a5358303b7c");
+  EXPECT_THAT(*store.Reports("floor"), SizeIs(1));
+  MapContent content = store.LoadVersion("floor", before.version())->content();
+  ModeChain& chain = content.groups[0].chain;
+  EXPECT_EQ(chain.rhythm(), nullptr);
+  const std::vector<Eigen::MatrixXd> hours(24, chain.rate_matrix());
+  chain = *chain.WithRhythm(*ChainRhythm::Make(kRhythmDay, hours));
+  CommitOptions options;
+  options.parent = before.version();
+  options.states_probabilities = false;
+  ASSERT_THAT(store.Commit("floor", content, {}, options), IsOk());
+  const MapSnapshot after = *store.LoadAt("floor", std::nullopt, before.stamp());
+  ASSERT_NE(after.groups()[0].chain.rhythm(), nullptr);
+  // The hours are alike.
+  EXPECT_THAT(after.groups()[0].probabilities,
+              IsNearMatrix(before.groups()[0].probabilities, 1e-9));
 }
 
 // The rows that its checkpoint was made from are elsewhere.
