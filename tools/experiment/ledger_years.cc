@@ -52,7 +52,7 @@ MapContent MakeMap(int groups) {
   }
   const auto modes = static_cast<std::size_t>(groups * kModes);
   content.covariance =
-      JointCovariance(std::vector<Eigen::Matrix2d>(modes, 1e-4 * Eigen::Matrix2d::Identity()));
+      JointCovariance(std::vector<Eigen::Matrix2d>(modes, 1e-4 * Eigen::Matrix2d::Identity()), {});
   return content;
 }
 

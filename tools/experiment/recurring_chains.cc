@@ -114,9 +114,9 @@ StatusOr<std::vector<Candidate>> Candidates(const ChainHistory& history,
   return candidates;
 }
 
-// One store is filled for each.
-bool IsReplayed(const VisitSpacing& spacing) {
-  return spacing.gap_s == 60.0 || spacing.gap_s == 3600.0;
+// A map is loaded before each visit.
+bool IsReplayed(const VisitSpacing& train, const VisitSpacing& test) {
+  return test.gap_s >= 3600.0 && (train.gap_s == 60.0 || train.gap_s == 3600.0);
 }
 
 // log p of all visits but the first, as if each were drawn anew from the shares of the training.
@@ -181,9 +181,10 @@ StatusOr<std::vector<RecurringChainsRow>> CompareChains(
         const ChainHistory earlier = Earlier(test, std::chrono::hours(1));
         add(candidate, PredictiveLogLikelihood(earlier, 1, candidate.chains, candidate.period));
       }
-      if (!IsReplayed(spacing)) continue;
+      if (!IsReplayed(spacing, test_spacing)) continue;
       SHIFTMAP_ASSIGN_OR_RETURN(const ReplayedRecord replayed, ReplayRecord(train, test));
-      Candidate product{"product"};
+      Candidate product;
+      product.method = "product";
       product.leave_per_s = replayed.leave_per_day / kDay_s;
       product.low_per_s = replayed.low_per_day / kDay_s;
       product.high_per_s = replayed.high_per_day / kDay_s;

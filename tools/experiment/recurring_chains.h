@@ -53,7 +53,7 @@ struct RecurringChainsRow {
 ///   general      LearnChain, all rates,
 ///   rhythm       LearnRhythm on the general structure,
 ///   rhythm, late  the same with everything an hour later, as where clocks went to winter time,
-///   product      ReplayRecord, of training visits every minute and every hour,
+///   product      ReplayRecord, of training visits every minute or hour and tests every hour,
 ///   truth        the chain itself, for a simulated record.
 StatusOr<std::vector<RecurringChainsRow>> CompareChains(
     const RecurringRecord& record,

@@ -60,8 +60,10 @@ MapContent MakeMap(const ChainHistory& history) {
   group.chain = ModeChain::Uniform(modes, GroupChainOptions().leave_rate_per_s);
   group.probabilities = group.chain.stationary();
   content.groups = {std::move(group)};
-  content.covariance = JointCovariance(std::vector<Eigen::Matrix2d>(
-      static_cast<std::size_t>(modes), 1e-4 * Eigen::Matrix2d::Identity()));
+  content.covariance =
+      JointCovariance(std::vector<Eigen::Matrix2d>(static_cast<std::size_t>(modes),
+                                                   1e-4 * Eigen::Matrix2d::Identity()),
+                      {});
   return content;
 }
 
@@ -70,11 +72,10 @@ Status ReturnDays(const ChainHistory& history,
                   std::size_t first,
                   const MapSnapshot& map,
                   MapStore* store) {
-  static int reports = 0;
   const std::vector<ChainVisit>& visits = history.visits;
   for (std::size_t i = first; i < visits.size();) {
     ShiftReport report;
-    report.uuid = fmt::format("00000000-0000-4000-8000-{:012x}", ++reports);
+    report.uuid = fmt::format("{:08x}-0000-4000-8000-{:012x}", map.version().value(), i);
     report.vehicle = "watcher";
     report.area = kArea;
     report.version = map.version();
@@ -111,13 +112,28 @@ StatusOr<GroupChain> FitNight(const MapSnapshot& map, Stamp end, MapStore* store
   return std::move(chains.front());
 }
 
+// Whether a version has the chain that its rows speak for.
+StatusOr<bool> IsRecomputed(const MapSnapshot& map, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                            store->Evidence(kArea, map.version()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
+                            LearnGroupChains(map.groups(), rows, {}));
+  const ModeChain& stored = map.groups().front().chain;
+  const ModeChain& learned = chains.front().chain.chain();
+  if (stored.rate_matrix() != learned.rate_matrix()) return false;
+  if (stored.rhythm() == nullptr || learned.rhythm() == nullptr) {
+    return stored.rhythm() == learned.rhythm();
+  }
+  return *stored.rhythm() == *learned.rhythm();
+}
+
 }  // namespace
 
 StatusOr<ReplayedRecord> ReplayRecord(const ChainHistory& train, const ChainHistory& test) {
   SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryFolder folder, TemporaryFolder::Make());
   MapStore::OpenOptions options;
   options.access = MapStore::Access::kReadWriteCreate;
-  options.checkpoint_rows = 256;  // Every minute is asked for.
+  options.checkpoint_rows = 256;  // A map is loaded for every visit.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(folder.store(), options));
   SHIFTMAP_RETURN_IF_ERROR(store.Commit(kArea, MakeMap(train), {}, {}).status());
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot first, store.LoadAt(kArea));
@@ -125,10 +141,11 @@ StatusOr<ReplayedRecord> ReplayRecord(const ChainHistory& train, const ChainHist
   SHIFTMAP_ASSIGN_OR_RETURN(const GroupChain learned,
                             FitNight(first, train.visits.back().end, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot night, store.LoadAt(kArea));
+  ReplayedRecord result;
+  SHIFTMAP_ASSIGN_OR_RETURN(result.recomputed, IsRecomputed(night, &store));
   // What the training has already is no row twice.
   const bool known = test.visits.front().begin <= train.visits.back().end;
   SHIFTMAP_RETURN_IF_ERROR(ReturnDays(test, known ? 1 : 0, night, &store));
-  ReplayedRecord result;
   for (std::size_t i = 1; i < test.visits.size(); ++i) {
     const ChainVisit& visit = test.visits[i];
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map,

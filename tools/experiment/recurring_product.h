@@ -16,6 +16,9 @@ struct ReplayedRecord {
   double low_per_day = 0.0;
   double high_per_day = 0.0;
   Duration rhythm{0};  ///< Period of the chain's rhythm; 0 without one.
+
+  /// Whether the chain that the store has is, bit by bit, learned from its rows again.
+  bool recomputed = false;
 };
 
 /// Replays a record as the visits of a landmark, its first state for `absent`, through a map store:

@@ -210,14 +210,16 @@ TEST_F(ThinTest, SummariesAreSummedUp) {
   EXPECT_TRUE(VerifyStore(path_)->clean());
   MapStore store = OpenStore(path_);
   Eigen::Index rows = 0;
-  for (const EvidenceRow& row : *store.Evidence("a", VersionNumber(1))) {
+  const std::vector<EvidenceRow> evidence = *store.Evidence("a", VersionNumber(1));
+  for (const EvidenceRow& row : evidence) {
     EXPECT_LE(row.evidence.begin, row.evidence.end);
     rows += row.evidence.begin < *policy.thin_before ? 1 : 0;
   }
   // No more than fifty steps for each stay of the usual length.
   EXPECT_LT(rows, 1200);
   std::int64_t counted = 0;
-  for (const ReportSummary& report : *store.Reports("a")) counted += report.evidence_rows;
+  const std::vector<ReportSummary> reports = *store.Reports("a");
+  for (const ReportSummary& report : reports) counted += report.evidence_rows;
   EXPECT_LT(counted, 1700);
   EXPECT_NEAR(LikeliestRate(&store) / kRate, 1.0, 0.8);
 }
