@@ -155,9 +155,8 @@ Status CompactEvidence(Database& database,
                        "WHERE area_id = ?1 AND end_ns < ?2)"));
   decisions.Bind(area_id, ToNanoseconds(before));
   SHIFTMAP_RETURN_IF_ERROR(decisions.Execute());
-  SHIFTMAP_RETURN_IF_ERROR(DeleteOrphanedSummaries(database, area_id));
   result->decisions += database.Changes();
-  return OkStatus();
+  return DeleteOrphanedSummaries(database, area_id);
 }
 
 StatusOr<std::optional<VersionRow>> PublishedOf(Database& database, std::int64_t area_id) {

@@ -25,7 +25,7 @@ namespace {
 
 constexpr double kSure = 10.0;          // [nat]
 constexpr double kContradiction = 1.0;  // [nat]
-constexpr double kMoved = 0.02;         // Probability, in a step of a summary.
+constexpr double kMoved = 0.005;        // Probability, in a step of a summary.
 
 // What a row says for a state: its log-likelihood less the largest of all others. [nat]
 double MarginOf(const Eigen::VectorXd& log_likelihoods, Eigen::Index state) {

@@ -25,10 +25,10 @@ namespace shiftmap {
 /// All rows outside of stretches stay, and all from `before` on. So moves stay, who confirmed them,
 /// and what is known after the last row. A summary has as many steps as give the gaps' sum and sum
 /// of squares, which a chain's fit reads to the second order of rate times gap, and no more than
-/// take the probability of a move to 0.02 each. What is lost:
+/// take the probability of a move to 0.005 each. What is lost:
 ///
 ///   within a stretch a probability is up to 0.1 off: that of a summary holds throughout;
-///   rates are up to a hundredth larger, as the landmark may have left and come back unseen;
+///   rates are up to 0.5 % larger, as the landmark may have left and come back unseen;
 ///   hours at which the landmark stayed count alike, for a rhythm;
 ///   good turns of a vehicle are fewer than they were, and its trust is learned from less;
 ///   if a run is excluded later, rows of others that said the same do not come back, and what a

@@ -104,7 +104,7 @@ Status VerifyEvidence(Database& database, DefectList* defects) {
       "WHEN NOT coalesce(e.area_id = v.area_id, 0) THEN 'its area is not that of its version' "
       "WHEN v.content_stored <> 0 AND NOT EXISTS (SELECT 1 FROM version_run vr "
       "WHERE vr.version_id <= e.version_id AND vr.run_id = e.run_id) "
-      "THEN 'its run is of no version up to its own' "
+      "THEN 'its run is not of its version, or of one before' "
       "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' END, e.log_likelihoods "
       "FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
       "LEFT JOIN version v ON v.version_id = e.version_id",

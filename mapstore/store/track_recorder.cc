@@ -33,7 +33,8 @@ void TrackRecorder::Add(std::size_t group,
   std::vector<TrackPoint>& points = points_[group];
   const TrackPoint& last = points.back();
   const ModeChain& chain = content_->groups[group].chain;
-  const Eigen::VectorXd expected = chain.Propagate(last.probabilities, last.end, end);
+  // Whoever draws the track has the rates of all hours together.
+  const Eigen::VectorXd expected = chain.Propagate(last.probabilities, end - last.end);
   if ((expected - probabilities).cwiseAbs().maxCoeff() <= kTolerance) return;
   if (begin < since_) points.pop_back();
   points.push_back({begin, end, probabilities});

@@ -21,7 +21,7 @@ using ::testing::SizeIs;
 class Tracks : public ::testing::Test {
  protected:
   void Commit(bool states_probabilities) {
-    content_ = testing::RandomContent(random_, {.groups = 5, .max_modes = 3, .rhythms = 2});
+    content_ = testing::RandomContent(random_, {.groups = 5, .max_modes = 3});
     Eigen::MatrixXd rates = Eigen::MatrixXd::Constant(2, 2, 2e-4);
     rates << -3e-4, 3e-4, 1e-5, -1e-5;
     content_.groups[0].modes.resize(1);
