@@ -19,7 +19,7 @@ using VisitKey = std::tuple<std::string, Signature, Stamp, Stamp>;
 
 // What the ledger has of the older runs.
 struct OlderRows {
-  std::set<std::pair<std::string, Signature>> seen;  // Run, landmark.
+  std::map<Signature, Stamp> last_seen;
   std::set<VisitKey> visits;
 };
 
@@ -27,7 +27,10 @@ OlderRows RowsOf(const std::vector<EvidenceRow>& ledger) {
   OlderRows rows;
   for (const EvidenceRow& row : ledger) {
     const VisitEvidence& visit = row.evidence;
-    if (visit.observations > 0) rows.seen.emplace(row.source, visit.signature);
+    if (visit.observations > 0) {
+      Stamp& last = rows.last_seen.try_emplace(visit.signature, visit.end).first->second;
+      last = std::max(last, visit.end);
+    }
     rows.visits.emplace(row.source, visit.signature, visit.begin, visit.end);
   }
   return rows;
@@ -70,7 +73,8 @@ std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
   for (const OlderRun& run : runs) {
     std::map<Signature, VisitEvidence> by_landmark;
     for (const NewMode& mode : modes) {
-      if (rows.seen.contains({run.sha256, mode.signature})) continue;
+      const auto last_seen = rows.last_seen.find(mode.signature);
+      if (last_seen != rows.last_seen.end() && run.begin < last_seen->second) continue;
       const Passes passes = PassesOf(run, mode.p_map_landmark, FromSeconds(pass_gap_s), sensor);
       if (passes.counts.empty()) continue;
       const double missed = LogMissedPasses(passes.counts, mode.scans, sensor, options);

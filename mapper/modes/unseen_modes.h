@@ -44,7 +44,8 @@ struct NewMode {
 /// sighting, IJRR (28): against `absent` the mode loses LogMissedPasses(). So a landmark that was
 /// away and then at a place that nobody knew was away, and not there already.
 ///
-/// A run that saw the landmark at all says enough by itself, and gets no such visit.
+/// Runs that began before the ledger's last sighting of the landmark say nothing more: it was seen
+/// elsewhere after them.
 /// @param modes       By signature and number.
 /// @param ledger      Rows of older runs by OlderRun::sha256; others do not matter.
 /// @param pass_gap_s  A place that was out of view for longer is in view anew. [s]

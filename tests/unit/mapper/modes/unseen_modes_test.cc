@@ -59,7 +59,7 @@ TEST(FindUnseenModes, APlaceOutOfViewSaysNothing) {
           .empty());
 }
 
-TEST(FindUnseenModes, ARunThatSawTheLandmarkSaysEnough) {
+TEST(FindUnseenModes, RunsBeforeTheLastSightingSayNothingMore) {
   EvidenceRow row{"hash", {Signature("A"), At(1.0), At(2.0), {}, 3}, "truck"};
   const auto find = [&] {
     return FindUnseenModes({RunAlongX(0.0, 20.0)}, {ModeAt(12.0, 1.0)}, {row}, 10.0, Sensor(), {});
