@@ -111,11 +111,12 @@ StatusOr<ChainRhythm> RhythmFromProto(const proto::MapRhythm& in, int states) {
     SHIFTMAP_ASSIGN_OR_RETURN(Eigen::MatrixXd rates, RatesFromProto(phase.rate_per_s(), states));
     phases.push_back(std::move(rates));
   }
-  const bool is_week = in.period_s() == std::chrono::seconds(kRhythmWeek) / std::chrono::seconds(1);
-  if (!is_week && in.period_s() != std::chrono::seconds(kRhythmDay) / std::chrono::seconds(1)) {
+  const Duration period =
+      in.period_s() == kRhythmWeek / std::chrono::seconds(1) ? kRhythmWeek : kRhythmDay;
+  if (in.period_s() != period / std::chrono::seconds(1)) {
     return InvalidArgument("rhythm: period_s {}, expected a day or a week", in.period_s());
   }
-  return ChainRhythm::Make(is_week ? kRhythmWeek : kRhythmDay, std::move(phases));
+  return ChainRhythm::Make(period, std::move(phases));
 }
 
 Status ToProto(const LandmarkGroup& group, proto::MapGroup* out) {
