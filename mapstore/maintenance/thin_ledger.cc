@@ -25,6 +25,7 @@ namespace {
 
 constexpr double kSure = 10.0;          // [nat]
 constexpr double kContradiction = 1.0;  // [nat]
+constexpr double kForgotten = 0.05;     // Probability of a move, in a gap of a summary.
 constexpr double kMoved = 0.005;        // Probability, in a step of a summary.
 
 // What a row says for a state: its log-likelihood less the largest of all others. [nat]
@@ -75,9 +76,8 @@ class SummedRows {
       end_ = sure.row.end;
       return;
     }
-    // In seconds: stamps of a damaged store lie further apart than nanoseconds count. A row of
-    // another vehicle may be older than the one before it, in a gap that counts already.
-    const double gap_s = ToSecondsSinceEpoch(sure.row.begin) - ToSecondsSinceEpoch(end_);
+    // A row of another vehicle may be older than the one before it, in a gap that counts already.
+    const double gap_s = GapTo(sure);
     if (gap_s > 0.0) {
       gap_s_ += gap_s;
       squares_s2_ += gap_s * gap_s;
@@ -85,6 +85,13 @@ class SummedRows {
     begin_ = std::min(begin_, sure.row.begin);
     end_ = std::max(end_, sure.row.end);
     if (sure.margin < least_.margin) least_ = sure;
+  }
+
+  // From the last of them to another one. In seconds: stamps of a damaged store lie further apart
+  // than nanoseconds count.
+  double GapTo(const SureRow& sure) const {
+    if (rows_.empty()) return 0.0;
+    return ToSecondsSinceEpoch(sure.row.begin) - ToSecondsSinceEpoch(end_);
   }
 
   // @param seen  Whether the state is one that the landmark is seen at.
@@ -158,10 +165,19 @@ class Stretch {
       // The last row of each of the last two vehicles.
       const bool same = last_->vehicle == sure.vehicle;
       const std::optional<SureRow>& superseded = same ? last_ : last_of_another_;
-      if (superseded) summed_.Add(*superseded);
+      if (superseded) SumUp(*superseded, thinned);
       if (!same) last_of_another_ = std::move(last_);
     }
     last_ = std::move(sure);
+  }
+
+  // Through a long gap the filter forgets, and a summary would not.
+  void SumUp(const SureRow& sure, ThinnedRows* thinned) {
+    if (rate_per_s_ * summed_.GapTo(sure) > kForgotten) {
+      Finish(thinned);
+      summed_ = SummedRows();
+    }
+    summed_.Add(sure);
   }
 
   double rate_per_s_;

@@ -20,7 +20,8 @@ namespace shiftmap {
 ///   the first row, and the first row of another vehicle;
 ///   the last row, and the last row before it of another vehicle;
 ///   one row for all the sure ones in between, from the begin of the first one to the end of the
-///   last one, with their number and what their gaps tell of rates (LedgerSummary).
+///   last one, with their number and what their gaps tell of rates (LedgerSummary). A gap in which
+///   the landmark moves with a probability of 0.05 or more parts two of them.
 ///
 /// All rows outside of stretches stay, and all from `before` on. So moves stay, who confirmed them,
 /// and what is known after the last row. A summary has as many steps as give the gaps' sum and sum

@@ -111,6 +111,28 @@ class Site {
     return OkStatus();
   }
 
+  // A build that finds nothing new, but the rates.
+  Status LearnRates(int day) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                              store_->Evidence(kArea, *version_));
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store_->LoadAt(kArea));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
+                              LearnGroupChains(map.groups(), rows, {}));
+    MapContent content = map.content();
+    for (std::size_t i = 0; i < chains.size(); ++i) {
+      content.groups[i].chain = chains[i].chain.chain();
+    }
+    content.stamp = At(day);
+    CommitOptions commit;
+    commit.parent = version_;
+    commit.states_probabilities = false;
+    SHIFTMAP_ASSIGN_OR_RETURN(const CommitResult committed,
+                              store_->Commit(kArea, content, {}, commit));
+    version_ = committed.version;
+    content_hash_ = committed.content_hash;
+    return OkStatus();
+  }
+
   Status Compact(int day, LedgerYear* year) {
     store_.reset();
     RetentionPolicy policy;
@@ -207,16 +229,17 @@ StatusOr<std::vector<LedgerYear>> RunLedgerYears(const LedgerYearsOptions& optio
   SHIFTMAP_RETURN_IF_ERROR(site.Start());
   std::vector<LedgerYear> years;
   double visits = 0.0;
-  double next_compact = options.compact_days;
+  double next_build = options.build_days;
   for (int number = 1; number <= options.years; ++number) {
     LedgerYear year;
     year.year = number;
     year.visits = visits;
     for (int day = (number - 1) * kDaysOfYear; day < number * kDaysOfYear; ++day) {
       SHIFTMAP_RETURN_IF_ERROR(site.DriveDay(day, &year));
-      if (options.compact_days > 0.0 && day + 1 >= next_compact) {
-        SHIFTMAP_RETURN_IF_ERROR(site.Compact(day + 1, &year));
-        next_compact += options.compact_days;
+      if (day + 1 >= next_build) {
+        SHIFTMAP_RETURN_IF_ERROR(site.LearnRates(day + 1));
+        if (options.compacts) SHIFTMAP_RETURN_IF_ERROR(site.Compact(day + 1, &year));
+        next_build += options.build_days;
       }
       progress((day + 1.0) / (options.years * kDaysOfYear));
     }

@@ -23,8 +23,9 @@ struct LedgerYearsOptions {
   /// it.
   double stay_days = 60.0;
 
-  /// How often rows are summed up; 0: never, so that all stay. [day]
-  double compact_days = 90.0;
+  /// How often rates are learned, and whether rows are then summed up; > 0. [day]
+  double build_days = 90.0;
+  bool compacts = true;
 };
 
 /// The store at the end of a year. Times are processor time.

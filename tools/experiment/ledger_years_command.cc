@@ -91,7 +91,7 @@ Status Run(const Arguments& arguments, Context& context) {
     std::vector<LedgerYear> full;
     if (arguments.full) {
       LedgerYearsOptions options = arguments.options;
-      options.compact_days = 0.0;
+      options.compacts = false;
       SHIFTMAP_ASSIGN_OR_RETURN(
           full, RunLedgerYears(options, arguments.work + "/all.db", [&](double done) {
             progress->Update("all rows", 0.5 * done);
@@ -120,7 +120,7 @@ Status Run(const Arguments& arguments, Context& context) {
                                                   {"visits_per_day", options.visits_per_day},
                                                   {"stay_days", options.stay_days},
                                                   {"keep_days", options.keep_days},
-                                                  {"compact_days", options.compact_days}},
+                                                  {"build_days", options.build_days}},
                                                  table));
   context.Report(document, table.ToText());
   return OkStatus();

@@ -19,7 +19,7 @@ TEST(LedgerYears, SummedUpAYearSaysWhatItsRowsSaid) {
   options.visits_per_day = 2.0;
   options.stay_days = 30.0;
   const auto summed = RunLedgerYears(options, dir.File("summed.db"), [](double) {});
-  options.compact_days = 0.0;
+  options.compacts = false;
   const auto full = RunLedgerYears(options, dir.File("all.db"), [](double) {});
   ASSERT_TRUE(summed.ok());
   ASSERT_TRUE(full.ok());
