@@ -187,6 +187,35 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
   return group;
 }
 
+// The modes of the map that the prior map does not have.
+// @param visibility  By run of the build.
+std::vector<NewMode> NewModes(const std::vector<LandmarkGroup>& groups,
+                              const std::optional<MapContent>& prior,
+                              const std::vector<std::vector<ModeVisibility>>& visibility) {
+  std::map<std::pair<Signature, ModeNumber>, Visibility> scans;
+  for (const std::vector<ModeVisibility>& of_run : visibility) {
+    for (const ModeVisibility& of_mode : of_run) {
+      scans[{of_mode.signature, of_mode.mode}] += of_mode.scans;
+    }
+  }
+  std::map<Signature, const LandmarkGroup*> known;
+  if (prior) {
+    for (const LandmarkGroup& group : prior->groups) known[group.signature] = &group;
+  }
+  std::vector<NewMode> modes;
+  for (const LandmarkGroup& group : groups) {
+    const LandmarkGroup* const before = known[group.signature];
+    for (const Mode& mode : group.modes) {
+      if (before != nullptr && before->StateOf(mode.number) > 0) continue;
+      modes.push_back({group.signature,
+                       mode.number,
+                       mode.p_map_landmark,
+                       scans[{group.signature, mode.number}]});
+    }
+  }
+  return modes;
+}
+
 // This build's evidence of a group as rows of the ledger.
 std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& source) {
   std::vector<EvidenceRow> rows;
@@ -201,11 +230,17 @@ std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& so
 // neither tells of keeps its own.
 StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
                                                 const std::vector<GroupSource>& sources,
+                                                const std::vector<OlderEvidence>& older,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> rows;
   for (const GroupSource& source : sources) {
     for (EvidenceRow& row : RowsOf(problem, source)) rows.push_back(std::move(row));
+  }
+  for (const OlderEvidence& of_run : older) {
+    for (const VisitEvidence& visit : of_run.evidence) {
+      rows.push_back({of_run.run.sha256, visit, of_run.run.vehicle});
+    }
   }
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnChains(*groups, std::move(rows), options));
@@ -377,15 +412,21 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
           modes++;
     }
   }
+  output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
+  output.older = FindUnseenModes(options.older_runs,
+                                 NewModes(content.groups, prior, output.visibility),
+                                 options.chains.ledger,
+                                 options.front_end.visit_gap_s,
+                                 problem.sensor,
+                                 options.missed);
   // Landmarks that never leave a mode have no rate to learn.
   if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
-    SHIFTMAP_ASSIGN_OR_RETURN(output.chains,
-                              LearnChainsOf(problem, sources, options, &content.groups));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        output.chains, LearnChainsOf(problem, sources, output.older, options, &content.groups));
   }
   for (std::size_t i = 0; i < sources.size(); ++i) {
     SetProbabilities(problem, sources[i], content.stamp, &content.groups[i]);
   }
-  output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
   output.evidence.resize(problem.runs.size());
   for (GroupSource& source : sources) {
     for (BuildVisit& visit : source.evidence) {

@@ -25,6 +25,9 @@ struct MapOutput {
   /// ledger.
   std::vector<std::vector<VisitEvidence>> evidence;
 
+  /// The same of older runs, about modes that are new.
+  std::vector<OlderEvidence> older;
+
   std::vector<std::vector<ModeVisibility>> visibility;  ///< From where each run saw the modes.
 };
 

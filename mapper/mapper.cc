@@ -397,6 +397,7 @@ Status Conclude(const std::vector<Signature>& signatures,
                             MakeMapContent(*problem, signatures, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
+  result->older = std::move(output.older);
   if (options.calibrate) {
     result->vehicles = CalibrateVehicles(options, graph, *posterior, *problem);
   }

@@ -15,6 +15,7 @@
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/solver_limits.h"
 #include "mapper/modes/missed_detection_model.h"
+#include "mapper/modes/unseen_modes.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/map/calibration.h"
@@ -103,6 +104,9 @@ struct MapperOptions {
   /// From where runs along the line of the prior map saw its modes, by signature; no run of the
   /// build among them.
   std::vector<ModeVisibility> visibility;
+
+  /// Runs along the line of the prior map that modes of the build are new to; none of the build.
+  std::vector<OlderRun> older_runs;
 
   ChainOptions chains;
 

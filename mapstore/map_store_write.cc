@@ -77,10 +77,26 @@ Status CheckNewRuns(Database& database, const VersionRow& parent, const Provenan
   return OkStatus();
 }
 
+// What is said of older runs is about runs of the line.
+Status CheckOlderRuns(Database& database,
+                      const std::optional<std::int64_t>& parent_version_id,
+                      const Provenance& provenance) {
+  if (provenance.older.empty()) return OkStatus();
+  std::set<std::string> known;
+  if (parent_version_id) {
+    SHIFTMAP_ASSIGN_OR_RETURN(known, ReadRunIdentities(database, *parent_version_id));
+  }
+  for (const RunRecord& run : provenance.older) {
+    if (known.contains(run.sha256)) continue;
+    return InvalidArgument("{}: run '{}' is of no ancestor", database.name(), run.name);
+  }
+  return OkStatus();
+}
+
 bool HasEvidence(const Provenance& provenance) {
-  return std::any_of(provenance.runs.begin(), provenance.runs.end(), [](const RunRecord& run) {
-    return !run.evidence.empty();
-  });
+  const auto has_evidence = [](const RunRecord& run) { return !run.evidence.empty(); };
+  return std::any_of(provenance.runs.begin(), provenance.runs.end(), has_evidence) ||
+         std::any_of(provenance.older.begin(), provenance.older.end(), has_evidence);
 }
 
 Status InsertWaiting(Database& database,
@@ -106,6 +122,8 @@ StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
       InsertVersion(
           database, area_id, std::move(version), states_probabilities, content, provenance));
   SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
+  SHIFTMAP_RETURN_IF_ERROR(
+      InsertOlderEvidence(database, area_id, version.version_id, provenance.older));
   for (const RunRecord& run : provenance.runs) {
     SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
   }
@@ -156,8 +174,10 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
   if (options.states_probabilities && HasEvidence(provenance)) {
     return InvalidArgument("{}: evidence of runs beside a statement", state_->AreaName(area));
   }
-  if (const Status fits = CheckRunEvidence(provenance.runs, content); !fits.ok()) {
-    return InvalidArgument("{}: {}", state_->AreaName(area), Message(fits));
+  for (const std::vector<RunRecord>* const runs : {&provenance.runs, &provenance.older}) {
+    if (const Status fits = CheckRunEvidence(*runs, content); !fits.ok()) {
+      return InvalidArgument("{}: {}", state_->AreaName(area), Message(fits));
+    }
   }
   VersionRow version;
   version.content_hash =
@@ -181,6 +201,7 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                                         state_->LatestStamp(),
                                         state_->VersionName(area, parent.number)));
   }
+  SHIFTMAP_RETURN_IF_ERROR(CheckOlderRuns(database, version.parent_version_id, provenance));
   const std::optional<VersionNumber> expected =
       options.expected ? options.expected : options.parent;
   const bool compare = expected || !options.replace;

@@ -48,6 +48,10 @@ struct Provenance {
   std::string configuration;  ///< Effective options, JSON.
   std::int64_t seed = 0;
   std::vector<RunRecord> runs;  ///< By begin, then hash.
+
+  /// Runs of ancestors whose evidence says more, of modes that they did not know. It goes into the
+  /// ledger, beside what the ancestors mapped; these do not come back.
+  std::vector<RunRecord> older = {};
 };
 
 /// How far the others' visits leave a vehicle trusted.

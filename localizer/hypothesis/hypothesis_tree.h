@@ -228,9 +228,9 @@ void HypothesisTree<LeafType>::OpenVisit(int group, const Groups& groups, Stamp 
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(landmark.chain.states());
   for (LeafType* leaf : leaves_.all()) {
     const Eigen::VectorXd p =
-        is_held ? landmark.chain.Propagate(Floored(LeafProbabilities(leaf->beliefs[held])),
-                                           now - HeldSince(group))
-                : landmark.chain.Propagate(posterior.probabilities, now - posterior.stamp);
+        is_held ? landmark.chain.Propagate(
+                      Floored(LeafProbabilities(leaf->beliefs[held])), HeldSince(group), now)
+                : landmark.chain.Propagate(posterior.probabilities, posterior.stamp, now);
     typename LeafType::Belief belief;
     belief.group = group;
     belief.log_p = ValuesOf(Floored(p).array().log());
@@ -393,13 +393,13 @@ Eigen::VectorXd HypothesisTree<LeafType>::Probabilities(int group,
   const std::size_t index = BeliefIndex(group);
   if (index == leaves_.front().beliefs.size()) {
     const GroupPosterior& posterior = PosteriorOf(group);
-    return chain.Propagate(posterior.probabilities, now - posterior.stamp);
+    return chain.Propagate(posterior.probabilities, posterior.stamp, now);
   }
   const StateValues log_p = MarginalLogProbability(leaves_, index);
   for (const Visit& visit : visits_) {
     if (visit.group == group) return Floored(Exponential(LogPosterior(visit, log_p)));
   }
-  return chain.Propagate(Floored(Exponential(log_p)), now - HeldSince(group));
+  return chain.Propagate(Floored(Exponential(log_p)), HeldSince(group), now);
 }
 
 template <class LeafType>

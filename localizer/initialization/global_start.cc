@@ -107,8 +107,7 @@ class Search {
       slots_.push_back(slot->second);
       if (!is_new) continue;
       const LandmarkGroup& group = GroupOf(cluster);
-      probabilities_.push_back(
-          group.chain.Propagate(group.probabilities, stamp - snapshot.stamp()));
+      probabilities_.push_back(group.chain.Propagate(group.probabilities, snapshot.stamp(), stamp));
     }
   }
 

@@ -188,10 +188,14 @@ double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>&
 
 double PredictiveLogLikelihood(const ChainHistory& history,
                                std::size_t first,
-                               const std::vector<ModeChain>& chains) {
-  const int phases = static_cast<int>(chains.size());
-  return ChainLogLikelihood(MakeChainSteps(history, phases), chains) -
-         ChainLogLikelihood(MakeChainSteps(FirstVisits(history, first), phases), chains);
+                               const std::vector<ModeChain>& chains,
+                               Duration period,
+                               double gap_resolution) {
+  const RhythmCalendar calendar{period, static_cast<int>(chains.size())};
+  const auto log_likelihood = [&](const ChainHistory& of) {
+    return ChainLogLikelihood(MakeChainSteps(of, calendar, gap_resolution), chains);
+  };
+  return log_likelihood(history) - log_likelihood(FirstVisits(history, first));
 }
 
 }  // namespace shiftmap

@@ -37,9 +37,13 @@ double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>&
 
 /// log p(visits from number `first` on | visits before). Prediction one visit ahead, the measure of
 /// held-out tests. [nat]
+/// @param chains          One per phase of `period`.
+/// @param gap_resolution  Of MakeChainSteps.
 double PredictiveLogLikelihood(const ChainHistory& history,
                                std::size_t first,
-                               const std::vector<ModeChain>& chains);
+                               const std::vector<ModeChain>& chains,
+                               Duration period = kRhythmDay,
+                               double gap_resolution = 0.0);
 
 /// The integral G of one gap, for any C >= 0. [s, if C has no unit]
 Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights);

@@ -2,8 +2,8 @@
 #include "mapper/chain/chain_steps.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <utility>
 
@@ -12,28 +12,13 @@
 namespace shiftmap {
 namespace {
 
-constexpr std::int64_t kDayNs = std::chrono::nanoseconds(std::chrono::hours(24)).count();
-
-// The begin of part `phase` of the day, from midnight; exact integers, so that the parts meet.
-std::int64_t PhaseBegin(int phase, int phases) { return kDayNs / phases * phase; }
-
-int PhaseOf(std::int64_t of_day, int phases) {
-  return std::min(static_cast<int>(of_day / (kDayNs / phases)), phases - 1);
-}
-
-// Cuts [begin, end) where a phase of the day ends.
-std::vector<ChainSteps::Gap> CutGap(Stamp begin, Stamp end, int phases) {
-  if (phases == 1) return {{end - begin, 0}};
+// Cuts [begin, end) where a phase of the calendar ends.
+std::vector<ChainSteps::Gap> CutGap(Stamp begin, Stamp end, const RhythmCalendar& calendar) {
+  if (calendar.phases == 1) return {{end - begin, 0}};
   std::vector<ChainSteps::Gap> pieces;
-  while (begin < end) {
-    const std::int64_t since_epoch = ToNanoseconds(begin);
-    const std::int64_t of_day = ((since_epoch % kDayNs) + kDayNs) % kDayNs;
-    const int phase = PhaseOf(of_day, phases);
-    const std::int64_t next = phase + 1 == phases ? kDayNs : PhaseBegin(phase + 1, phases);
-    const Duration length = std::min<Duration>(end - begin, Duration(next - of_day));
+  calendar.ForEachPart(begin, end - begin, [&](int phase, Duration length) {
     pieces.push_back({length, phase});
-    begin += length;
-  }
+  });
   return pieces;
 }
 
@@ -90,12 +75,14 @@ class Builder {
 
 }  // namespace
 
-ChainSteps MakeChainSteps(const ChainHistory& history, int day_phases, double gap_resolution) {
-  SHIFTMAP_CHECK(day_phases > 0, "{} phases of the day", day_phases);
+ChainSteps MakeChainSteps(const ChainHistory& history,
+                          const RhythmCalendar& calendar,
+                          double gap_resolution) {
+  SHIFTMAP_CHECK(calendar.phases > 0, "{} phases", calendar.phases);
   SHIFTMAP_CHECK(gap_resolution >= 0.0, "gap resolution {}", gap_resolution);
   ChainSteps steps;
   steps.states = history.states;
-  steps.phases = day_phases;
+  steps.phases = calendar.phases;
   Builder builder(&steps, gap_resolution);
   const Eigen::VectorXd nothing_seen = Eigen::VectorXd::Ones(history.states);
   for (std::size_t i = 0; i < history.visits.size(); ++i) {
@@ -109,7 +96,7 @@ ChainSteps MakeChainSteps(const ChainHistory& history, int day_phases, double ga
       continue;
     }
     const std::vector<ChainSteps::Gap> pieces =
-        CutGap(history.visits[i - 1].end, visit.begin, day_phases);
+        CutGap(history.visits[i - 1].end, visit.begin, calendar);
     for (std::size_t k = 0; k < pieces.size(); ++k) {
       builder.Add(pieces[k], k + 1 == pieces.size() ? likelihoods : nothing_seen);
     }

@@ -6,13 +6,14 @@
 
 #include "mapper/chain/chain_history.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/rhythm_calendar.h"
 
 namespace shiftmap {
 
 /// A history as the recursions over it read it: steps with time between them. The clock of the
 /// chain stands still inside a visit, as it does in the filters (Π = I there).
 struct ChainSteps {
-  /// Time that passes in one phase of the day.
+  /// Time that passes in one phase of the calendar.
   struct Gap {
     Duration length{0};
     int phase = 0;
@@ -27,12 +28,12 @@ struct ChainSteps {
 };
 
 /// @param history     Passes CheckHistory.
-/// @param day_phases  Into how many equal parts the UTC day is cut, > 0. A gap that reaches over
-///                    several becomes several, with steps between them at which nothing is seen.
+/// @param calendar    A gap that reaches over several of its phases becomes several, with steps
+///                    between them at which nothing is seen.
 /// @param gap_resolution  Gaps that differ by less than about this factor less 1 share their mean
 ///                    length, so that years of irregular visits have a few hundred gaps; 0: exact.
 ChainSteps MakeChainSteps(const ChainHistory& history,
-                          int day_phases = 1,
+                          const RhythmCalendar& calendar = {},
                           double gap_resolution = 0.0);
 
 }  // namespace shiftmap

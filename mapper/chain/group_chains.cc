@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/chain/chain_history.h"
+#include "mapper/parallel.h"
 #include "mapstore/map/mistake_probabilities.h"
 
 namespace shiftmap {
@@ -51,6 +52,31 @@ std::vector<ChainHistory> MakeHistories(const std::vector<LandmarkGroup>& groups
   return histories;
 }
 
+// Gives chains the rhythms that their histories support, and says how well they do.
+// @param learning  With the prior that the chains were learned with.
+Status AddRhythms(const std::vector<ChainHistory>& histories,
+                  const ChainLearningOptions& learning,
+                  const GroupChainOptions& options,
+                  std::vector<LearnedChain>* chains,
+                  std::vector<double>* gains) {
+  RhythmOptions rhythm = options.rhythm;
+  rhythm.gap_resolution = kGapResolution;
+  std::vector<Status> learned(histories.size());
+  ForEachIndex(histories.size(), options.threads, [&](std::size_t i) {
+    RateFit& fit = (*chains)[i].fit;
+    ChainLearningOptions alike = learning;
+    alike.structure = fit.structure;
+    alike.threads = 1;
+    StatusOr<LearnedRhythm> found = LearnRhythm(histories[i], fit, alike, rhythm);
+    learned[i] = found.status();
+    if (!found.ok()) return;
+    (*gains)[i] = found->held_out_gain;
+    if (found->rhythm) fit.chain = *fit.chain.WithRhythm(*std::move(found->rhythm));
+  });
+  for (const Status& status : learned) SHIFTMAP_RETURN_IF_ERROR(status);
+  return OkStatus();
+}
+
 }  // namespace
 
 Status GroupChainOptions::Validate() const {
@@ -78,7 +104,7 @@ Status GroupChainOptions::Validate() const {
   if (!(interval > 0.0 && interval < 1.0)) {
     return InvalidArgument("mode chains: interval {}, expected within (0, 1)", interval);
   }
-  return OkStatus();
+  return rhythm.Validate();
 }
 
 StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGroup>& groups,
@@ -102,14 +128,23 @@ StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGro
 
   learning.prior = of_known.prior;
   learning.share_prior = false;
+  std::vector<double> gains(known.size(), 0.0);
+  if (options.learn_rhythms) {
+    SHIFTMAP_RETURN_IF_ERROR(AddRhythms(known, learning, options, &of_known.chains, &gains));
+  }
   learning.structure = ChainStructure::kUniform;
   SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains of_unknown, LearnChains(unknown, learning));
 
   std::vector<GroupChain> result;
-  auto next_known = of_known.chains.begin();
+  std::size_t next_known = 0;
   auto next_unknown = of_unknown.chains.begin();
   for (const bool is_learned : learned) {
-    result.push_back({std::move(is_learned ? *next_known++ : *next_unknown++), is_learned});
+    if (is_learned) {
+      result.push_back({std::move(of_known.chains[next_known]), gains[next_known], true});
+      ++next_known;
+    } else {
+      result.push_back({std::move(*next_unknown++), 0.0, false});
+    }
   }
   return result;
 }

@@ -6,6 +6,7 @@
 
 #include "mapper/chain/chain_history.h"
 #include "mapper/chain/learn_chain.h"
+#include "mapper/chain/learn_rhythm.h"
 #include "mapstore/map/landmark_group.h"
 #include "mapstore/map/mode_filter.h"
 #include "proto/core/status.h"
@@ -32,6 +33,10 @@ struct GroupChainOptions {
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
 
+  /// Whether chains get a rhythm where held-out visits support it, and when they do.
+  bool learn_rhythms = true;
+  RhythmOptions rhythm;
+
   /// On which groups are fitted; the result does not depend on them.
   int threads = 1;
 
@@ -41,7 +46,9 @@ struct GroupChainOptions {
 
 /// The chain of one group of a map.
 struct GroupChain {
-  LearnedChain chain;
+  LearnedChain chain;  ///< With its rhythm, if it has one.
+
+  double rhythm_gain = 0.0;  ///< LearnedRhythm::held_out_gain.
 
   /// False if less than two visits tell of the group: nothing passes between them, and the chain is
   /// the uniform one of the prior that the other groups share.
@@ -49,7 +56,7 @@ struct GroupChain {
 };
 
 /// The chains of a map's groups from what visits said of them: LearnChains, the structure of each
-/// chosen by the evidence.
+/// chosen by the evidence, then LearnRhythm.
 ///
 /// A group's rows are put in the order of time, whatever order they come in; one that is there
 /// twice (same report and visit) counts once. Whether two rows of different reports are about the
@@ -57,7 +64,7 @@ struct GroupChain {
 /// @param groups    By signature. Their chains and probabilities are not read.
 /// @param evidence  Of any landmarks, in any order; rows of others are left out.
 /// Returns one per group. Determinism: the same bits for any order of `evidence`.
-/// Errors: kInvalidArgument, as LearnChains and Validate.
+/// Errors: kInvalidArgument, as LearnChains, LearnRhythm and Validate.
 StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGroup>& groups,
                                                    const std::vector<EvidenceRow>& evidence,
                                                    const GroupChainOptions& options);

@@ -183,7 +183,7 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   std::vector<ChainSteps> steps;
   for (const ChainHistory& history : histories) {
     SHIFTMAP_RETURN_IF_ERROR(CheckHistory(history));
-    steps.push_back(MakeChainSteps(history, 1, options.gap_resolution));
+    steps.push_back(MakeChainSteps(history, {}, options.gap_resolution));
   }
   LearnedChains result;
   result.prior = options.prior;

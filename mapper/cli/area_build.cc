@@ -37,6 +37,7 @@ struct PriorMap {
   std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
   std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
   std::vector<ModeVisibility> visibility;  // Of the same line's runs.
+  std::vector<OlderRun> older_runs;        // The newest of that line.
   BuildEdits edits;
 };
 
@@ -130,6 +131,33 @@ Status LeaveOutExcluded(const std::string& area,
                             runs->rejected.front().reason);
 }
 
+// The newest runs of a version and its ancestors, with their trajectories.
+// @param without_runs  Hashes and identities.
+StatusOr<std::vector<OlderRun>> LoadOlderRuns(const std::string& area,
+                                              VersionNumber version,
+                                              const std::set<std::string>& without_runs,
+                                              MapStore* store) {
+  constexpr std::size_t kMostRuns = 500;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  std::vector<OlderRun> runs;
+  std::optional<VersionNumber> at = version;
+  for (auto of = versions.rbegin(); of != versions.rend() && runs.size() < kMostRuns; ++of) {
+    if (!at || of->version != *at) continue;
+    at = of->parent;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                              store->LoadProvenance(area, of->version));
+    for (const RunRecord& run : provenance.runs) {
+      if (run.trajectory.empty() || without_runs.contains(run.sha256) ||
+          without_runs.contains(run.identity())) {
+        continue;
+      }
+      runs.push_back(
+          {run.name, run.sha256, run.uuid, run.vehicle, run.begin, run.end, run.trajectory});
+    }
+  }
+  return runs;
+}
+
 // Loads what the ledger says of the landmarks and of where they are visible from, but not of the
 // runs of the build: it sees their visits itself, with all modes, and none may count twice. The
 // prior map gets the probabilities of when they begin.
@@ -154,6 +182,8 @@ Status LoadMemory(const AreaBuildOptions& options,
                             store.MappedVisibility(options.area, *prior->version, runs));
   if (options.no_learned_rates) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior->older_runs,
+                            LoadOlderRuns(options.area, *prior->version, runs, &store));
   return OkStatus();
 }
 
@@ -259,6 +289,11 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                                run.uuid,
                                run.visibility});
   }
+  for (const OlderEvidence& of_run : result.older) {
+    const OlderRun& run = of_run.run;
+    provenance.older.push_back(
+        {run.name, run.sha256, run.vehicle, run.begin, run.end, {}, of_run.evidence, run.uuid});
+  }
   return provenance;
 }
 
@@ -290,6 +325,7 @@ StatusOr<MapperOptions> MakeMapperOptions(const AreaBuildOptions& options,
   mapper_options.chains.ledger = prior.evidence;
   StateRates(prior.edits, &mapper_options.chains);
   mapper_options.visibility = prior.visibility;
+  mapper_options.older_runs = prior.older_runs;
   SHIFTMAP_ASSIGN_OR_RETURN(mapper_options.modes.selector.kind, ParseSelector(options.selector));
   mapper_options.modes.selector.seed = options.seed;
   return mapper_options;

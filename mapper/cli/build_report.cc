@@ -42,6 +42,10 @@ Json ChainJson(const GroupChain& group, const LandmarkGroup& landmark) {
   if (group.learned) {
     chain["interval_per_s"] = {group.chain.leave.low_per_s, group.chain.leave.high_per_s};
     chain["converged"] = group.chain.fit.converged;
+    chain["rhythm_gain"] = group.rhythm_gain;
+  }
+  if (const ChainRhythm* const rhythm = landmark.chain.rhythm()) {
+    chain["rhythm_s"] = ToSeconds(rhythm->calendar().period);
   }
   return chain;
 }

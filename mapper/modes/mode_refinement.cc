@@ -124,7 +124,7 @@ Eigen::VectorXd StartOf(const MapProblem& problem,
   }
   start =
       (1.0 - kMistakeProbability) * start / start.sum() + kMistakeProbability * chain.stationary();
-  return chain.Propagate(start, begin - problem.known_at);
+  return chain.Propagate(start, problem.known_at, begin);
 }
 
 }  // namespace
@@ -174,9 +174,8 @@ ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
                                       const ModeOptions& options) {
   std::vector<VisitStep> steps;
   for (std::size_t t = 0; t < visits.size(); ++t) {
-    VisitStep step{VisitLogLikelihood(problem, visits[t], options), {}};
-    if (t > 0) step.gap = VisitOf(problem, visits[t]).begin - VisitOf(problem, visits[t - 1]).end;
-    steps.push_back(std::move(step));
+    const MappingVisit& visit = VisitOf(problem, visits[t]);
+    steps.push_back({VisitLogLikelihood(problem, visits[t], options), visit.begin, visit.end});
   }
   const ModeChain chain = ChainOf(problem, group, options);
   const Eigen::VectorXd start =

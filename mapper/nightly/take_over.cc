@@ -6,21 +6,60 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
+#include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 namespace shiftmap {
 namespace {
 
+using RowsBySource = std::map<std::string, std::vector<VisitEvidence>>;
+
+// What a version says of the runs of its ancestors: the rows of its line that its parent's does not
+// have.
+StatusOr<std::vector<RunRecord>> OlderRuns(const std::string& area,
+                                           VersionNumber parent,
+                                           RowsBySource rows,
+                                           MapStore* from) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> line, from->RunIdentities(area, parent));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> known, from->Evidence(area, parent));
+  std::set<std::tuple<std::string, Signature, Stamp, Stamp>> keys;
+  for (const EvidenceRow& row : known) {
+    const VisitEvidence& visit = row.evidence;
+    keys.emplace(row.source, visit.signature, visit.begin, visit.end);
+  }
+  std::vector<RunRecord> older;
+  for (auto& [source, visits] : rows) {
+    if (!line.contains(source)) continue;
+    std::erase_if(visits, [&](const VisitEvidence& visit) {
+      return keys.contains({source, visit.signature, visit.begin, visit.end});
+    });
+    if (visits.empty()) continue;
+    RunRecord run;
+    run.name = run.sha256 = source;
+    run.begin = Stamp::max();
+    run.end = Stamp::min();
+    for (const VisitEvidence& visit : visits) {
+      run.begin = std::min(run.begin, visit.begin);
+      run.end = std::max(run.end, visit.end);
+    }
+    run.evidence = std::move(visits);
+    older.push_back(std::move(run));
+  }
+  return older;
+}
+
 // A version's provenance with what its runs say, as it was committed.
 StatusOr<Provenance> WholeProvenance(const std::string& area,
                                      VersionNumber version,
+                                     std::optional<VersionNumber> parent,
                                      MapStore* from) {
   SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, from->LoadProvenance(area, version));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::set<std::string> line, from->RunIdentities(area, version));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, from->Evidence(area, version));
-  std::map<std::string, std::vector<VisitEvidence>> by_source;
+  RowsBySource by_source;
   for (const EvidenceRow& row : rows) by_source[row.source].push_back(row.evidence);
   for (RunRecord& run : provenance.runs) {
     run.evidence = by_source[run.sha256];
@@ -28,6 +67,10 @@ StatusOr<Provenance> WholeProvenance(const std::string& area,
     others.erase(run.sha256);
     others.erase(run.identity());
     SHIFTMAP_ASSIGN_OR_RETURN(run.visibility, from->MappedVisibility(area, version, others));
+    by_source.erase(run.sha256);
+  }
+  if (parent) {
+    SHIFTMAP_ASSIGN_OR_RETURN(provenance.older, OlderRuns(area, *parent, by_source, from));
   }
   return provenance;
 }
@@ -38,7 +81,7 @@ Status TakeVersion(const std::string& area,
                    MapStore* to) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, from->LoadVersion(area, summary.version));
   SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                            WholeProvenance(area, summary.version, from));
+                            WholeProvenance(area, summary.version, summary.parent, from));
   CommitOptions options;
   options.parent = summary.parent;
   options.publish = false;

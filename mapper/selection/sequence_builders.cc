@@ -31,7 +31,7 @@ ModeSequenceProblem MakeVisitSequence(Eigen::VectorXd log_initial,
     problem.log_likelihood.row(static_cast<Eigen::Index>(t)) = visits[t].log_likelihood.transpose();
     if (t == 0) continue;
     // What the chain rules out stays possible, at a price that no rounding error can pay.
-    problem.log_transition.push_back(chain.Transition(visits[t].gap)
+    problem.log_transition.push_back(chain.Transition(visits[t - 1].end, visits[t].begin)
                                          .array()
                                          .max(std::numeric_limits<double>::min())
                                          .log()

@@ -17,7 +17,8 @@ namespace shiftmap {
 /// One visit of a group.
 struct VisitStep {
   Eigen::VectorXd log_likelihood;  ///< Of all that was seen in the visit, per state.
-  Duration gap{};                  ///< Since the end of the visit before; unused for the first.
+  Stamp begin;                     ///< Of the visit.
+  Stamp end;
 };
 
 /// A chain whose steps are visits: Π(gap) in between, Π = I inside.

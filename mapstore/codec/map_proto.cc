@@ -3,6 +3,7 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -13,6 +14,7 @@
 #include "mapstore/codec/map_message.h"
 #include "mapstore/core/magnitude.h"
 #include "mapstore/core/utf8.h"
+#include "mapstore/map/chain_rhythm.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -69,16 +71,63 @@ Mode ModeFromProto(const proto::MapMode& in) {
   return mode;
 }
 
+using Rates = google::protobuf::RepeatedField<double>;
+
+// By rows.
+void AddRates(const Eigen::MatrixXd& rates, Rates* out) {
+  for (const auto& row : rates.rowwise()) {
+    for (const double rate : row) out->Add(rate);
+  }
+}
+
+StatusOr<Eigen::MatrixXd> RatesFromProto(const Rates& in, int states) {
+  if (in.size() != states * states) {
+    return InvalidArgument("rate_per_s: {} values, expected {}", in.size(), states * states);
+  }
+  for (const double rate : in) {
+    if (!(std::abs(rate) <= kMaxMagnitude)) {
+      return InvalidArgument("rate_per_s: {}, expected at most {}", rate, kMaxMagnitude);
+    }
+  }
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::MatrixXd(Eigen::Map<const RowMajor>(in.data(), states, states));
+}
+
+void ToProto(const ChainRhythm& rhythm, proto::MapRhythm* out) {
+  out->set_period_s(
+      std::chrono::duration_cast<std::chrono::seconds>(rhythm.calendar().period).count());
+  for (const Eigen::MatrixXd& rates : rhythm.rate_matrices()) {
+    AddRates(rates, out->add_phase()->mutable_rate_per_s());
+  }
+}
+
+StatusOr<ChainRhythm> RhythmFromProto(const proto::MapRhythm& in, int states) {
+  if (in.phase_size() > ChainRhythm::kMaxPhases) {
+    return InvalidArgument(
+        "rhythm: {} phases, expected at most {}", in.phase_size(), ChainRhythm::kMaxPhases);
+  }
+  std::vector<Eigen::MatrixXd> phases;
+  for (const proto::RhythmPhase& phase : in.phase()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Eigen::MatrixXd rates, RatesFromProto(phase.rate_per_s(), states));
+    phases.push_back(std::move(rates));
+  }
+  const Duration period =
+      in.period_s() == kRhythmWeek / std::chrono::seconds(1) ? kRhythmWeek : kRhythmDay;
+  if (in.period_s() != period / std::chrono::seconds(1)) {
+    return InvalidArgument("rhythm: period_s {}, expected a day or a week", in.period_s());
+  }
+  return ChainRhythm::Make(period, std::move(phases));
+}
+
 Status ToProto(const LandmarkGroup& group, proto::MapGroup* out) {
   SHIFTMAP_RETURN_IF_ERROR(CheckName("landmark", group.signature.text()));
   out->set_signature(group.signature.text());
   for (const Mode& mode : group.modes) ToProto(mode, out->add_mode());
   for (const double probability : group.probabilities) out->add_probability(probability);
   out->set_leave_rate_per_s(group.chain.leave_rate_per_s());
-  if (!group.chain.uniform()) {
-    for (const auto& row : group.chain.rate_matrix().rowwise()) {
-      for (const double rate : row) out->add_rate_per_s(rate);
-    }
+  if (!group.chain.uniform()) AddRates(group.chain.rate_matrix(), out->mutable_rate_per_s());
+  if (const ChainRhythm* const rhythm = group.chain.rhythm()) {
+    ToProto(*rhythm, out->mutable_rhythm());
   }
   for (const MergedMode& merged : group.merged) {
     proto::RetiredMode* retired = out->add_retired();
@@ -95,17 +144,8 @@ StatusOr<ModeChain> ChainFromProto(const proto::MapGroup& in) {
     if (!(rate >= 0.0)) return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", rate);
     return ModeChain::Uniform(in.mode_size(), rate);
   }
-  if (in.rate_per_s_size() != states * states) {
-    return InvalidArgument(
-        "rate_per_s: {} values, expected {}", in.rate_per_s_size(), states * states);
-  }
-  for (const double rate : in.rate_per_s()) {
-    if (!(std::abs(rate) <= kMaxMagnitude)) {
-      return InvalidArgument("rate_per_s: {}, expected at most {}", rate, kMaxMagnitude);
-    }
-  }
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  return ModeChain::FromRates(Eigen::Map<const RowMajor>(in.rate_per_s().data(), states, states));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Eigen::MatrixXd rates, RatesFromProto(in.rate_per_s(), states));
+  return ModeChain::FromRates(rates);
 }
 
 StatusOr<LandmarkGroup> GroupFromProto(const proto::MapGroup& in) {
@@ -118,6 +158,11 @@ StatusOr<LandmarkGroup> GroupFromProto(const proto::MapGroup& in) {
   group.probabilities =
       Eigen::Map<const Eigen::VectorXd>(in.probability().data(), in.probability_size());
   SHIFTMAP_ASSIGN_OR_RETURN(group.chain, ChainFromProto(in));
+  if (in.has_rhythm()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(ChainRhythm rhythm,
+                              RhythmFromProto(in.rhythm(), group.chain.states()));
+    SHIFTMAP_ASSIGN_OR_RETURN(group.chain, group.chain.WithRhythm(std::move(rhythm)));
+  }
   for (const proto::RetiredMode& retired : in.retired()) {
     group.merged.push_back({ModeNumber(retired.mode()), ModeNumber(retired.into())});
   }

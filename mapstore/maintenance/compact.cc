@@ -19,6 +19,7 @@
 #include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
 #include "mapstore/store/snapshot_file.h"
+#include "mapstore/store/summary_rows.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -39,6 +40,7 @@ StatusOr<std::vector<std::int64_t>> ReadIds(Database& database,
 
 Status DeleteContent(Database& database, std::int64_t version_id) {
   for (const char* sql : {"DELETE FROM mode_rate WHERE version_id = ?1",
+                          "DELETE FROM mode_rhythm WHERE version_id = ?1",
                           "DELETE FROM merged_mode WHERE version_id = ?1",
                           "DELETE FROM mode WHERE version_id = ?1",
                           "DELETE FROM landmark_group WHERE version_id = ?1",
@@ -154,7 +156,7 @@ Status CompactEvidence(Database& database,
   decisions.Bind(area_id, ToNanoseconds(before));
   SHIFTMAP_RETURN_IF_ERROR(decisions.Execute());
   result->decisions += database.Changes();
-  return OkStatus();
+  return DeleteOrphanedSummaries(database, area_id);
 }
 
 StatusOr<std::optional<VersionRow>> PublishedOf(Database& database, std::int64_t area_id) {

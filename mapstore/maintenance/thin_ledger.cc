@@ -3,11 +3,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "mapstore/map/map_snapshot.h"
@@ -15,13 +18,15 @@
 #include "mapstore/store/blob.h"
 #include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
+#include "mapstore/store/summary_rows.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr double kSure = 10.0;          // [nat]
 constexpr double kContradiction = 1.0;  // [nat]
-constexpr double kMoved = 0.05;         // Probability.
+constexpr double kForgotten = 0.05;     // Probability of a move, in a gap of a summary.
+constexpr double kMoved = 0.005;        // Probability, in a step of a summary.
 
 // What a row says for a state: its log-likelihood less the largest of all others. [nat]
 double MarginOf(const Eigen::VectorXd& log_likelihoods, Eigen::Index state) {
@@ -32,92 +37,171 @@ double MarginOf(const Eigen::VectorXd& log_likelihoods, Eigen::Index state) {
   return log_likelihoods(state) - others;
 }
 
+// A row that is sure, and what it stands for.
+struct SureRow {
+  LedgerKey row;
+  std::int64_t vehicle = 0;
+  double margin = 0.0;  // [nat]
+  std::string log_likelihoods;
+  LedgerSummary summary;
+};
+
+// What becomes of rows.
+struct ThinnedRows {
+  std::vector<LedgerKey> gone;
+
+  struct Summary {
+    LedgerKey row;
+    std::int64_t observations = 0;
+    std::string log_likelihoods;
+    LedgerSummary summary;
+  };
+  std::vector<Summary> summaries;
+};
+
+// Sure rows of one stretch that one row will stand for.
+class SummedRows {
+ public:
+  void Add(const SureRow& sure) {
+    rows_.push_back(sure.row);
+    visits_ += sure.summary.visits;
+    gap_s_ += sure.summary.gap_s;
+    if (sure.summary.steps > 0) {
+      squares_s2_ +=
+          sure.summary.gap_s * sure.summary.gap_s / static_cast<double>(sure.summary.steps);
+    }
+    if (rows_.size() == 1) {
+      least_ = sure;
+      begin_ = sure.row.begin;
+      end_ = sure.row.end;
+      return;
+    }
+    // A row of another vehicle may be older than the one before it, in a gap that counts already.
+    const double gap_s = GapTo(sure);
+    if (gap_s > 0.0) {
+      gap_s_ += gap_s;
+      squares_s2_ += gap_s * gap_s;
+    }
+    begin_ = std::min(begin_, sure.row.begin);
+    end_ = std::max(end_, sure.row.end);
+    if (sure.margin < least_.margin) least_ = sure;
+  }
+
+  // From the last of them to another one. In seconds: stamps of a damaged store lie further apart
+  // than nanoseconds count.
+  double GapTo(const SureRow& sure) const {
+    if (rows_.empty()) return 0.0;
+    return ToSecondsSinceEpoch(sure.row.begin) - ToSecondsSinceEpoch(end_);
+  }
+
+  // @param seen  Whether the state is one that the landmark is seen at.
+  void Finish(double rate_per_s, bool seen, ThinnedRows* thinned) const {
+    if (rows_.size() < 2) return;
+    const double told = squares_s2_ > 0.0 ? gap_s_ * gap_s_ / squares_s2_ : 1.0;
+    const double needed = std::ceil(rate_per_s * gap_s_ / kMoved);
+    const double most = static_cast<double>(visits_ - 1);
+    const double steps = std::clamp(std::round(std::min(told, needed)), 1.0, most);
+    ThinnedRows::Summary sum;
+    sum.row = rows_.front();
+    sum.row.begin = begin_;
+    sum.row.end = end_;
+    sum.observations = seen ? visits_ : 0;
+    sum.log_likelihoods = least_.log_likelihoods;
+    sum.summary = {visits_, static_cast<std::int64_t>(steps), gap_s_};
+    thinned->summaries.push_back(std::move(sum));
+    thinned->gone.insert(thinned->gone.end(), rows_.begin(), rows_.end());
+  }
+
+ private:
+  std::vector<LedgerKey> rows_;
+  SureRow least_;
+  Stamp begin_;
+  Stamp end_;
+  std::int64_t visits_ = 0;
+  double gap_s_ = 0.0;
+  double squares_s2_ = 0.0;
+};
+
 // The rows of one landmark, in the order of time, as far as they say the same.
 class Stretch {
  public:
-  // Takes the next row, and adds those that it makes dispensable.
-  void Add(const LedgerKey& row,
-           std::int64_t vehicle,
-           const Eigen::VectorXd& log_likelihoods,
-           double max_gap_s,
-           std::vector<LedgerKey>* dispensable) {
-    const double margin = state_ ? MarginOf(log_likelihoods, *state_) : 0.0;
-    if (state_ && margin >= kSure) {
-      AddSure({row, vehicle}, max_gap_s, dispensable);
-    } else if (state_ && margin + against_ > -kContradiction) {
-      against_ += std::min(0.0, margin);
-      between_.push_back(row);
+  explicit Stretch(double rate_per_s) : rate_per_s_(rate_per_s) {}
+
+  // Takes the next row, and adds what becomes of others by it.
+  void Add(SureRow row, const Eigen::VectorXd& log_likelihoods, ThinnedRows* thinned) {
+    row.margin = state_ ? MarginOf(log_likelihoods, *state_) : 0.0;
+    if (state_ && row.margin >= kSure) {
+      AddSure(std::move(row), thinned);
+    } else if (state_ && row.margin + against_ > -kContradiction) {
+      against_ += std::min(0.0, row.margin);
+      between_.push_back(row.row);
     } else {
-      *this = Stretch();
+      Finish(thinned);
+      *this = Stretch(rate_per_s_);
       Eigen::Index favoured = 0;
       log_likelihoods.maxCoeff(&favoured);
       if (MarginOf(log_likelihoods, favoured) < kSure) return;
       state_ = favoured;
-      first_vehicle_ = vehicle;
-      last_kept_ = row.begin;
+      first_vehicle_ = row.vehicle;
     }
   }
 
- private:
-  struct SureRow {
-    LedgerKey row;
-    std::int64_t vehicle = 0;
-  };
+  void Finish(ThinnedRows* thinned) const {
+    if (state_) summed_.Finish(rate_per_s_, *state_ > 0, thinned);
+  }
 
-  void AddSure(const SureRow& sure, double max_gap_s, std::vector<LedgerKey>* dispensable) {
-    dispensable->insert(dispensable->end(), between_.begin(), between_.end());
+ private:
+  void AddSure(SureRow sure, ThinnedRows* thinned) {
+    thinned->gone.insert(thinned->gone.end(), between_.begin(), between_.end());
     between_.clear();
     against_ = 0.0;
     if (!confirmed_ && sure.vehicle != first_vehicle_) {
       confirmed_ = true;
-      Keep(sure.row);
+      last_.reset();
+      last_of_another_.reset();
       return;
     }
-    // In seconds: stamps of a damaged store lie further apart than nanoseconds count.
-    const double gap_s = ToSecondsSinceEpoch(sure.row.begin) - ToSecondsSinceEpoch(last_kept_);
-    if (gap_s > max_gap_s && last_) Keep(last_->row);
-    if (!last_) {
-      last_ = sure;
-      return;
+    if (last_) {
+      // The last row of each of the last two vehicles.
+      const bool same = last_->vehicle == sure.vehicle;
+      const std::optional<SureRow>& superseded = same ? last_ : last_of_another_;
+      if (superseded) SumUp(*superseded, thinned);
+      if (!same) last_of_another_ = std::move(last_);
     }
-    // The last row of each of the last two vehicles.
-    std::optional<SureRow>& superseded = last_->vehicle == sure.vehicle ? last_ : last_of_another_;
-    if (superseded) dispensable->push_back(superseded->row);
-    if (last_->vehicle != sure.vehicle) last_of_another_ = last_;
-    last_ = sure;
+    last_ = std::move(sure);
   }
 
-  // A row that stays, and the last ones before it with it.
-  void Keep(const LedgerKey& row) {
-    last_kept_ = row.begin;
-    last_.reset();
-    last_of_another_.reset();
+  // Through a long gap the filter forgets, and a summary would not.
+  void SumUp(const SureRow& sure, ThinnedRows* thinned) {
+    if (rate_per_s_ * summed_.GapTo(sure) > kForgotten) {
+      Finish(thinned);
+      summed_ = SummedRows();
+    }
+    summed_.Add(sure);
   }
 
+  double rate_per_s_;
   std::optional<Eigen::Index> state_;
   std::int64_t first_vehicle_ = 0;
-  bool confirmed_ = false;  // By another vehicle.
-  Stamp last_kept_;
+  bool confirmed_ = false;          // By another vehicle.
   std::vector<LedgerKey> between_;  // Since the last sure row,
   double against_ = 0.0;            // and what they say against the state. [nat]
   std::optional<SureRow> last_;
   std::optional<SureRow> last_of_another_;
+  SummedRows summed_;
 };
 
-// A group of the map, and the longest gap that may be made between its rows.
+// A group of the map.
 struct Group {
   const LandmarkGroup* group = nullptr;
-  double max_gap_s = 0.0;
   Stretch stretch;
 };
 
 std::unordered_map<std::string_view, Group> MakeGroups(const MapContent& content) {
-  constexpr double kLongestS = 1e8;
   std::unordered_map<std::string_view, Group> groups;
   for (const LandmarkGroup& group : content.groups) {
-    const double rate = group.chain.leave_rate_per_s();
-    const double gap_s = rate * kLongestS > kMoved ? kMoved / rate : kLongestS;
-    groups[group.signature.text()] = {&group, gap_s, {}};
+    groups.try_emplace(group.signature.text(),
+                       Group{&group, Stretch(group.chain.leave_rate_per_s())});
   }
   return groups;
 }
@@ -131,7 +215,8 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
                                   const std::string& owner) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapContent content, ReadContent(database, version, owner));
   std::unordered_map<std::string_view, Group> groups = MakeGroups(content);
-  std::vector<LedgerKey> dispensable;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto summaries, ReadSummaries(database, area_id));
+  ThinnedRows thinned;
   {
     LedgerView view(database, version);
     SHIFTMAP_ASSIGN_OR_RETURN(LedgerCursor cursor,
@@ -157,12 +242,22 @@ StatusOr<std::int64_t> ThinLedger(Database& database,
       if (!StateLogLikelihoods(*group->second.group, modes, &log_likelihoods)) continue;
       SHIFTMAP_ASSIGN_OR_RETURN(const LedgerVehicle* const vehicle,
                                 view.VehicleOf(row->report_id, row->run_id));
-      group->second.stretch.Add(
-          KeyOf(*row), vehicle->key, log_likelihoods, group->second.max_gap_s, &dispensable);
+      SureRow sure{KeyOf(*row), vehicle->key, 0.0, std::string(row->log_likelihoods), {}};
+      const auto summary = summaries.find(SummaryKeyOf(sure.row));
+      if (summary != summaries.end()) sure.summary = summary->second;
+      group->second.stretch.Add(std::move(sure), log_likelihoods, &thinned);
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(DeleteLedgerRows(database, area_id, dispensable));
-  return std::ssize(dispensable);
+  for (const LandmarkGroup& group : content.groups) {
+    groups.at(group.signature.text()).stretch.Finish(&thinned);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(DeleteLedgerRows(database, area_id, thinned.gone));
+  SHIFTMAP_RETURN_IF_ERROR(DeleteOrphanedSummaries(database, area_id));
+  for (const ThinnedRows::Summary& sum : thinned.summaries) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertSummary(
+        database, area_id, sum.row, sum.observations, sum.log_likelihoods, sum.summary));
+  }
+  return std::ssize(thinned.gone) - std::ssize(thinned.summaries);
 }
 
 }  // namespace shiftmap

@@ -103,8 +103,8 @@ Status VerifyEvidence(Database& database, DefectList* defects) {
       "SELECT 'run ' || quote(coalesce(r.name, '')), e.signature, e.begin_ns, CASE "
       "WHEN NOT coalesce(e.area_id = v.area_id, 0) THEN 'its area is not that of its version' "
       "WHEN v.content_stored <> 0 AND NOT EXISTS (SELECT 1 FROM version_run vr "
-      "WHERE vr.version_id = e.version_id AND vr.run_id = e.run_id) "
-      "THEN 'its run is not of its version' "
+      "WHERE vr.version_id <= e.version_id AND vr.run_id = e.run_id) "
+      "THEN 'its run is not of its version, or of one before' "
       "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' END, e.log_likelihoods "
       "FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
       "LEFT JOIN version v ON v.version_id = e.version_id",
@@ -192,6 +192,18 @@ Status VerifyLedger(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyReports(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyEvidence(database, defects));
   SHIFTMAP_RETURN_IF_ERROR(VerifyVisibility(database, defects));
+  SHIFTMAP_RETURN_IF_ERROR(
+      AddRows(database,
+              "ledger_summary",
+              "SELECT signature || ' at ' || begin_ns || ' ns', 'stands for no row, or its counts "
+              "are wrong' FROM ledger_summary s WHERE visits < 2 OR steps < 1 OR steps >= visits "
+              "OR NOT gap_s >= 0.0 OR NOT EXISTS (SELECT 1 FROM visit_evidence e WHERE "
+              "(e.area_id, e.begin_ns, e.end_ns, e.report_id, e.signature) = "
+              "(s.area_id, s.begin_ns, s.end_ns, s.report_id, s.signature) UNION ALL "
+              "SELECT 1 FROM mapped_evidence e WHERE s.report_id = 0 AND "
+              "(e.area_id, e.begin_ns, e.end_ns, e.version_id, e.run_id, e.signature) = "
+              "(s.area_id, s.begin_ns, s.end_ns, s.version_id, s.run_id, s.signature))",
+              defects));
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
               "decision",

@@ -44,6 +44,15 @@ class RowHasher {
     Add(ToNanoseconds(mode.last_seen));
   }
 
+  // By rows.
+  void AddOffDiagonal(const Eigen::MatrixXd& rates) {
+    for (Eigen::Index from = 0; from < rates.rows(); ++from) {
+      for (Eigen::Index to = 0; to < rates.cols(); ++to) {
+        if (from != to) Add(rates(from, to));
+      }
+    }
+  }
+
   std::string HexDigest() { return hash_.HexDigest(); }
 
  private:
@@ -66,11 +75,16 @@ void AddExtensions(const MapContent& content, RowHasher& rows) {
     if (group.chain.uniform()) continue;
     rows.Add(std::string("rates"));
     rows.Add(group.signature.text());
-    for (int from = 0; from < group.chain.states(); ++from) {
-      for (int to = 0; to < group.chain.states(); ++to) {
-        if (from != to) rows.Add(group.chain.rate_matrix()(from, to));
-      }
-    }
+    rows.AddOffDiagonal(group.chain.rate_matrix());
+  }
+  for (const LandmarkGroup& group : content.groups) {
+    const ChainRhythm* const rhythm = group.chain.rhythm();
+    if (rhythm == nullptr) continue;
+    rows.Add(std::string("rhythm"));
+    rows.Add(group.signature.text());
+    rows.Add(static_cast<std::int64_t>(rhythm->calendar().period.count()));
+    rows.Add(static_cast<std::int64_t>(rhythm->calendar().phases));
+    for (const Eigen::MatrixXd& rates : rhythm->rate_matrices()) rows.AddOffDiagonal(rates);
   }
   for (const VehicleCalibration& vehicle : content.vehicles) {
     rows.Add(std::string("vehicle"));

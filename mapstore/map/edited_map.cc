@@ -144,17 +144,28 @@ void AddMode(std::size_t g, const Mode& mode, MapContent* content) {
   rows.Restore(content);
 }
 
-// The chain in which two states are one: rates into them add up, rates out of them are the mean by
-// the time spent there.
-ModeChain Lumped(const ModeChain& chain, int gone, int into) {
-  if (chain.uniform()) return ModeChain::Uniform(chain.states() - 2, chain.leave_rate_per_s());
-  const Eigen::VectorXd& pi = chain.stationary();
-  Eigen::MatrixXd rates = chain.rate_matrix();
+// A chain with the rhythm of another one, the rates of each of its phases changed.
+template <class Change>
+StatusOr<ModeChain> WithRhythmOf(const ModeChain& from, Change change, const ModeChain& chain) {
+  if (from.rhythm() == nullptr) return chain;
+  std::vector<Eigen::MatrixXd> phases;
+  for (const Eigen::MatrixXd& rates : from.rhythm()->rate_matrices()) {
+    phases.push_back(change(rates));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(ChainRhythm rhythm,
+                            ChainRhythm::Make(from.rhythm()->calendar().period, std::move(phases)));
+  return chain.WithRhythm(std::move(rhythm));
+}
+
+// The rates of a chain in which two states are one: rates into them add up, rates out of them are
+// the mean by the time spent there.
+// @param pi  The share of time in each state.
+Eigen::MatrixXd LumpedRates(Eigen::MatrixXd rates, const Eigen::VectorXd& pi, int gone, int into) {
   const double both = pi(gone) + pi(into);
   const double share = both > 0.0 ? pi(gone) / both : 0.5;
   rates.row(into) = share * rates.row(gone) + (1.0 - share) * rates.row(into);
   rates.col(into) += rates.col(gone);
-  const int states = chain.states();
+  const auto states = static_cast<int>(rates.rows());
   Eigen::MatrixXd lumped(states - 1, states - 1);
   for (int i = 0, row = 0; i < states; ++i) {
     if (i == gone) continue;
@@ -165,9 +176,23 @@ ModeChain Lumped(const ModeChain& chain, int gone, int into) {
   }
   lumped.diagonal().setZero();
   lumped.diagonal() = -lumped.rowwise().sum();
-  StatusOr<ModeChain> result = ModeChain::FromRates(lumped);
-  return result.ok() ? *std::move(result)
-                     : ModeChain::Uniform(states - 2, chain.leave_rate_per_s());
+  return lumped;
+}
+
+// The chain in which two states are one.
+ModeChain Lumped(const ModeChain& chain, int gone, int into) {
+  const Eigen::VectorXd& pi = chain.stationary();
+  ModeChain result = ModeChain::Uniform(chain.states() - 2, chain.leave_rate_per_s());
+  if (!chain.uniform()) {
+    StatusOr<ModeChain> lumped =
+        ModeChain::FromRates(LumpedRates(chain.rate_matrix(), pi, gone, into));
+    if (lumped.ok()) result = *std::move(lumped);
+  }
+  const StatusOr<ModeChain> with_rhythm = WithRhythmOf(
+      chain,
+      [&](const Eigen::MatrixXd& rates) { return LumpedRates(rates, pi, gone, into); },
+      result);
+  return with_rhythm.ok() ? *with_rhythm : result;
 }
 
 Status ApplyPosition(const MapEdit& edit, std::size_t g, MapContent* content) {
@@ -269,12 +294,20 @@ Status ApplyRate(const MapEdit& edit, LandmarkGroup* group) {
   const double old_rate = group->chain.leave_rate_per_s();
   const double rate = (old_rate * edit.evidence_s + edit.weight) /
                       (edit.evidence_s + edit.weight / edit.rate_per_s);
-  if (group->chain.uniform() || !(old_rate > 0.0)) {
-    group->chain = ModeChain::Uniform(group->chain.states() - 1, rate);
+  const ModeChain old = group->chain;
+  if (!(old_rate > 0.0)) {
+    group->chain = ModeChain::Uniform(old.states() - 1, rate);
     return OkStatus();
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(group->chain,
-                            ModeChain::FromRates(group->chain.rate_matrix() * (rate / old_rate)));
+  const double factor = rate / old_rate;
+  ModeChain scaled = ModeChain::Uniform(old.states() - 1, rate);
+  if (!old.uniform()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(scaled, ModeChain::FromRates(old.rate_matrix() * factor));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      group->chain,
+      WithRhythmOf(
+          old, [factor](const auto& rates) { return rates * factor; }, scaled));
   return OkStatus();
 }
 

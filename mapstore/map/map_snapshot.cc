@@ -75,6 +75,13 @@ Status ValidateGroup(const LandmarkGroup& group) {
                            group.chain.leave_rate_per_s(),
                            kMaxMagnitude);
   }
+  if (const ChainRhythm* const rhythm = group.chain.rhythm()) {
+    for (const Eigen::MatrixXd& rates : rhythm->rate_matrices()) {
+      if (rates.cwiseAbs().maxCoeff() <= kMaxMagnitude) continue;
+      return InvalidArgument(
+          "{}: a rate of its rhythm is above {} per second", owner, kMaxMagnitude);
+    }
+  }
   if (group.probabilities.size() != states) {
     return InvalidArgument(
         "{}: {} probabilities, expected {}", owner, group.probabilities.size(), states);

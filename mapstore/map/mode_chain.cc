@@ -3,10 +3,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
 
+#include "mapstore/map/rate_matrix.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -14,30 +13,6 @@ namespace {
 
 // Long against the time between any two changes, short enough not to overflow.
 constexpr Duration kForever = std::chrono::hours(24 * 365 * 200);
-
-// exp(Q t) by scaling and squaring, with rows that are distributions to the last bit.
-Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double seconds) {
-  const auto normalize = [](Eigen::MatrixXd& matrix) {
-    matrix = matrix.cwiseMax(0.0).eval();
-    for (Eigen::Index row = 0; row < matrix.rows(); ++row) matrix.row(row) /= matrix.row(row).sum();
-  };
-  // Squaring here and not in the library: rounding would grow over the hundred squarings of years
-  // at a rate of seconds.
-  int squarings = 0;
-  double step = seconds;
-  const double fastest = -rates.diagonal().minCoeff();
-  while (step * fastest > 1.0) {
-    step *= 0.5;
-    ++squarings;
-  }
-  Eigen::MatrixXd transition = (rates * step).exp();
-  normalize(transition);
-  for (; squarings > 0; --squarings) {
-    transition = (transition * transition).eval();
-    normalize(transition);
-  }
-  return transition;
-}
 
 }  // namespace
 
@@ -58,35 +33,28 @@ ModeChain ModeChain::Uniform(int modes, double leave_rate_per_s) {
 }
 
 StatusOr<ModeChain> ModeChain::FromRates(const Eigen::MatrixXd& rate_matrix) {
-  if (rate_matrix.rows() < 1 || rate_matrix.rows() != rate_matrix.cols()) {
-    return InvalidArgument(
-        "rate matrix of {} x {}, expected square", rate_matrix.rows(), rate_matrix.cols());
-  }
-  Eigen::MatrixXd rates = rate_matrix;
-  rates.diagonal().setZero();
-  for (Eigen::Index row = 0; row < rates.rows(); ++row) {
-    for (Eigen::Index column = 0; column < rates.cols(); ++column) {
-      if (!(rates(row, column) >= 0.0) || !std::isfinite(rates(row, column))) {
-        return InvalidArgument("rate from {} to {}: {}", row, column, rates(row, column));
-      }
-    }
-    const double leave = rates.row(row).sum();
-    if (!(std::abs(leave + rate_matrix(row, row)) <= 1e-9 * leave)) {
-      return InvalidArgument("rates from {} do not sum to 0", row);
-    }
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Eigen::MatrixXd rates, CheckedRates(rate_matrix));
   const Eigen::Index modes = rates.rows() - 1;
   if (modes == 0) return Uniform(0, 0.0);
   const double first = rates(0, 1);
-  const Eigen::MatrixXd others = first * Eigen::MatrixXd::Identity(modes + 1, modes + 1) + rates;
+  Eigen::MatrixXd others = rates;
+  others.diagonal().setConstant(first);
   if ((others.array() == first).all()) {
     return Uniform(static_cast<int>(modes), first * static_cast<double>(modes));
   }
-  rates.diagonal() = -rates.rowwise().sum();
   const double mean_leave_rate = -rates.diagonal().mean();
   ModeChain chain(std::move(rates), mean_leave_rate);
   chain.uniform_ = false;
   chain.stationary_ = chain.Propagate(chain.stationary_, kForever);
+  return chain;
+}
+
+StatusOr<ModeChain> ModeChain::WithRhythm(ChainRhythm rhythm) const {
+  if (rhythm.states() != states()) {
+    return InvalidArgument("rhythm of {} states, expected {}", rhythm.states(), states());
+  }
+  ModeChain chain = *this;
+  chain.rhythm_ = std::make_shared<const ChainRhythm>(std::move(rhythm));
   return chain;
 }
 
@@ -108,6 +76,10 @@ Eigen::MatrixXd ModeChain::Transition(Duration elapsed) const {
   return transition;
 }
 
+Eigen::MatrixXd ModeChain::Transition(Stamp from, Stamp to) const {
+  return rhythm_ ? rhythm_->Transition(from, to) : Transition(Elapsed(from, to));
+}
+
 void ModeChain::Spread(double forgotten, Eigen::VectorXd* probabilities) {
   const double each = forgotten / static_cast<double>(probabilities->size()) * probabilities->sum();
   *probabilities = ((1.0 - forgotten) * *probabilities).array() + each;
@@ -122,6 +94,17 @@ Eigen::VectorXd ModeChain::Propagate(const Eigen::VectorXd& probabilities, Durat
   Eigen::VectorXd result = probabilities;
   Spread(Forgotten(elapsed), &result);
   return result;
+}
+
+Eigen::VectorXd ModeChain::Propagate(const Eigen::VectorXd& probabilities,
+                                     Stamp from,
+                                     Stamp to) const {
+  if (!rhythm_ || to <= from) return Propagate(probabilities, Elapsed(from, to));
+  SHIFTMAP_CHECK(probabilities.size() == states(),
+                 "{} probabilities for {} states",
+                 probabilities.size(),
+                 states());
+  return rhythm_->Transition(from, to).transpose() * probabilities;
 }
 
 }  // namespace shiftmap

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/chain_rhythm.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -13,6 +15,9 @@ namespace shiftmap {
 /// States are indexed 0..n with 0 = absent and i = the group's i-th mode in stored order. Rows are
 /// *from*, columns are *to*, everywhere: p(t + Δt)ᵀ = p(t)ᵀ Π(Δt) with Π(Δt) = exp(Q Δt), T-IV (5).
 /// (T-IV (31) multiplies Π with a column vector, which is right for a symmetric Π only.)
+///
+/// A chain may have a rhythm: rates by the hour of the day or of the week. Its rate matrix is then
+/// that of all hours together.
 ///
 /// Threads: const-safe.
 class ModeChain {
@@ -30,7 +35,13 @@ class ModeChain {
   /// Errors: kInvalidArgument, naming the entry or row.
   static StatusOr<ModeChain> FromRates(const Eigen::MatrixXd& rate_matrix);
 
-  /// True if this is the chain of Uniform(states() - 1, leave_rate_per_s()).
+  /// The same chain with a rhythm. Errors: kInvalidArgument if that has another number of states.
+  StatusOr<ModeChain> WithRhythm(ChainRhythm rhythm) const;
+
+  /// Null if the rates are the same at all hours. Lifetime: the chain's.
+  const ChainRhythm* rhythm() const { return rhythm_.get(); }
+
+  /// True if the rate matrix is that of Uniform(states() - 1, leave_rate_per_s()).
   bool uniform() const { return uniform_; }
 
   int states() const { return static_cast<int>(rate_matrix_.rows()); }
@@ -45,10 +56,13 @@ class ModeChain {
   /// to 1.
   const Eigen::VectorXd& stationary() const { return stationary_; }
 
-  /// Π(Δt): row-stochastic, (n+1) x (n+1), at any Δt from nanoseconds to centuries. A negative Δt
-  /// counts as zero: a chain is not run backwards. Closed form if uniform, else by scaling and
-  /// squaring.
+  /// Π(Δt) of the rate matrix, as if there were no rhythm: row-stochastic, (n+1) x (n+1), at any Δt
+  /// from nanoseconds to centuries. A negative Δt counts as zero: a chain is not run backwards.
+  /// Closed form if uniform, else by scaling and squaring.
   Eigen::MatrixXd Transition(Duration elapsed) const;
+
+  /// Π from one time to another, with the rhythm. The identity if `to` is not later.
+  Eigen::MatrixXd Transition(Stamp from, Stamp to) const;
 
   /// Share of a distribution that a uniform chain has spread evenly after Δt, in [0, 1).
   double Forgotten(Duration elapsed) const;
@@ -56,7 +70,11 @@ class ModeChain {
   /// Spreads that share of a distribution, in place.
   static void Spread(double forgotten, Eigen::VectorXd* probabilities);
 
-  /// p(t + Δt) from p(t), sizes n+1; without forming Π if the chain is uniform.
+  /// p(to) from p(from), sizes n+1, with the rhythm; without forming Π if the chain is uniform. If
+  /// `to` is not later, nothing changes: a chain is not run backwards.
+  Eigen::VectorXd Propagate(const Eigen::VectorXd& probabilities, Stamp from, Stamp to) const;
+
+  /// The same after Δt, as if there were no rhythm.
   Eigen::VectorXd Propagate(const Eigen::VectorXd& probabilities, Duration elapsed) const;
 
  private:
@@ -66,6 +84,7 @@ class ModeChain {
   Eigen::VectorXd stationary_;
   double leave_rate_per_s_ = 0.0;
   bool uniform_ = true;
+  std::shared_ptr<const ChainRhythm> rhythm_;
 };
 
 }  // namespace shiftmap

@@ -16,16 +16,6 @@ namespace {
 
 constexpr double kImpossible = -std::numeric_limits<double>::infinity();
 
-// Zero for what is not later. Stores of older versions have stamps further apart than a Duration
-// can say.
-Duration Elapsed(Stamp from, Stamp to) {
-  if (to <= from) return Duration::zero();
-  const auto elapsed_ns = static_cast<std::uint64_t>(ToNanoseconds(to)) -
-                          static_cast<std::uint64_t>(ToNanoseconds(from));
-  return Duration(static_cast<std::int64_t>(
-      std::min(elapsed_ns, static_cast<std::uint64_t>(Duration::max().count()))));
-}
-
 // Eigen's vectorized exp(-inf) is a denormal number; an impossible mode must stay at exactly 0.
 Eigen::VectorXd Exp(const Eigen::VectorXd& values) {
   return values.unaryExpr([](double value) { return std::exp(value); });
@@ -51,14 +41,14 @@ double Normalize(Eigen::VectorXd* log_probabilities) {
 // Moves distributions of one chain forward by the same time.
 class ChainStep {
  public:
-  // @param elapsed  Zero: nothing moves.
-  ChainStep(const ModeChain& chain, Duration elapsed)
-      : moves_(elapsed > Duration::zero() && chain.leave_rate_per_s() > 0.0) {
+  // Nothing moves if `to` is not later.
+  ChainStep(const ModeChain& chain, Stamp from, Stamp to)
+      : moves_(from < to && chain.leave_rate_per_s() > 0.0) {
     if (!moves_) return;
-    if (chain.uniform()) {
-      forgotten_ = chain.Forgotten(elapsed);
+    if (chain.uniform() && chain.rhythm() == nullptr) {
+      forgotten_ = chain.Forgotten(Elapsed(from, to));
     } else {
-      reversed_ = chain.Transition(elapsed).transpose();
+      reversed_ = chain.Transition(from, to).transpose();
     }
   }
 
@@ -229,7 +219,7 @@ std::optional<TurnVerdict> AddVisit(const LandmarkGroup& group,
   std::optional<TurnVerdict> verdict;
   if (!state->started) state->stamp = std::min(state->stamp, begin);
   state->started = true;
-  const ChainStep step(group.chain, Elapsed(state->stamp, begin));
+  const ChainStep step(group.chain, state->stamp, begin);
   if (state->turn && state->turn->vehicle == vehicle) {
     step.MoveLog(&state->turn->log_right);
     step.MoveLog(&state->turn->log_own);
@@ -296,7 +286,7 @@ void AddStatement(const LandmarkGroup& group,
   }
   const Stamp before = state->started ? state->stamp : std::min(state->stamp, stamp);
   Eigen::VectorXd known = state->Probabilities(records);
-  ChainStep(group.chain, Elapsed(before, stamp)).Move(&known);
+  ChainStep(group.chain, before, stamp).Move(&known);
   Eigen::VectorXd log_probabilities = Log(known) + ratio;
   // What excludes all that is stated says that one of the two is wrong: not which.
   if (Normalize(&log_probabilities) == kImpossible) return;
@@ -340,7 +330,7 @@ Eigen::VectorXd ProbabilitiesAt(const LandmarkGroup& group,
                                 const VehicleRecords& records) {
   Eigen::VectorXd probabilities = state.Probabilities(records);
   if (at <= state.stamp) return probabilities;
-  return group.chain.Propagate(probabilities, Elapsed(state.stamp, at));
+  return group.chain.Propagate(probabilities, state.stamp, at);
 }
 
 }  // namespace shiftmap

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/store/rhythm_rows.h"
 #include "mapstore/store/vehicle_rows.h"
 
 namespace shiftmap {
@@ -279,6 +280,7 @@ Status InsertContentRows(Database& database, std::int64_t version_id, const MapC
   SHIFTMAP_RETURN_IF_ERROR(InsertGroups(database, version_id, content));
   SHIFTMAP_RETURN_IF_ERROR(InsertMerged(database, version_id, content));
   SHIFTMAP_RETURN_IF_ERROR(InsertRates(database, version_id, content));
+  SHIFTMAP_RETURN_IF_ERROR(InsertRhythmRows(database, version_id, content.groups));
   SHIFTMAP_RETURN_IF_ERROR(InsertCrossBlocks(database, version_id, content.covariance));
   SHIFTMAP_RETURN_IF_ERROR(InsertAnonymous(database, version_id, content.anonymous_landmarks));
   return InsertVehicleRows(database, version_id, content.vehicles);
@@ -303,6 +305,7 @@ Status ReadContentRows(Database& database,
   }
   SHIFTMAP_RETURN_IF_ERROR(ReadMerged(database, version_id, owner, content.groups));
   SHIFTMAP_RETURN_IF_ERROR(ReadRates(database, version_id, owner, content.groups));
+  SHIFTMAP_RETURN_IF_ERROR(ReadRhythmRows(database, version_id, owner, content.groups));
   SHIFTMAP_ASSIGN_OR_RETURN(content.covariance,
                             ReadCovariance(database, version_id, owner, std::move(diagonal)));
   SHIFTMAP_RETURN_IF_ERROR(ReadAnonymous(database, version_id, content.anonymous_landmarks));

@@ -8,8 +8,17 @@
 
 #include "mapstore/store/blob.h"
 #include "mapstore/store/ledger_view.h"
+#include "mapstore/store/summary_rows.h"
 
 namespace shiftmap {
+namespace {
+
+// Of a row of the query below.
+SummaryKey KeyOfRow(const Statement& row) {
+  return {row.Int64(1), row.Int64(2), row.Int64(4), row.Int64(5), row.Int64(9), row.Text(0)};
+}
+
+}  // namespace
 
 StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
                                                     std::int64_t area_id,
@@ -30,6 +39,7 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
           "FROM mapped_evidence e JOIN run r USING (run_id) "
           "WHERE e.area_id = ?1 ORDER BY 1, 2, 3, 4"));
   query.Bind(area_id);
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto summaries, ReadSummaries(database, area_id));
   std::vector<EvidenceRow> rows;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
@@ -55,7 +65,12 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
     }
     SHIFTMAP_RETURN_IF_ERROR(
         view.Split(name, query.Int64(4), query.Int64(9), &row.evidence.modes));
-    rows.push_back(std::move(row));
+    const auto summary = summaries.empty() ? summaries.end() : summaries.find(KeyOfRow(query));
+    if (summary == summaries.end()) {
+      rows.push_back(std::move(row));
+      continue;
+    }
+    for (EvidenceRow& visit : ExpandSummary(row, summary->second)) rows.push_back(std::move(visit));
   }
   // The names of renamed landmarks are elsewhere in the order.
   const auto by_name = [](const EvidenceRow& a, const EvidenceRow& b) {

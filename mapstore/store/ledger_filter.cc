@@ -195,7 +195,7 @@ Eigen::VectorXd LedgerFilter::ProbabilitiesOf(std::size_t index, Stamp at) const
     return ProbabilitiesAt(group, *state, at, states_.records);
   }
   if (at <= content_->stamp) return group.probabilities;
-  return group.chain.Propagate(group.probabilities, at - content_->stamp);
+  return group.chain.Propagate(group.probabilities, content_->stamp, at);
 }
 
 int LedgerFilter::GroupOf(std::string_view signature) const {

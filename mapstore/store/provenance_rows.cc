@@ -87,6 +87,24 @@ Status InsertRuns(Database& database,
   return OkStatus();
 }
 
+Status InsertOlderEvidence(Database& database,
+                           std::int64_t area_id,
+                           std::int64_t version_id,
+                           const std::vector<RunRecord>& runs) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement find,
+      database.Prepare("SELECT min(run_id) FROM run WHERE sha256 = ?1 AND run_id IN "
+                       "(SELECT run_id FROM version_run JOIN version USING (version_id) "
+                       "WHERE area_id = ?2)"));
+  for (const RunRecord& run : runs) {
+    find.Bind(run.sha256, area_id);
+    SHIFTMAP_RETURN_IF_ERROR(find.Step().status());
+    SHIFTMAP_RETURN_IF_ERROR(
+        InsertMappedEvidence(database, area_id, version_id, find.Int64(0), run.evidence));
+  }
+  return OkStatus();
+}
+
 StatusOr<Provenance> ReadProvenance(Database& database,
                                     std::int64_t version_id,
                                     const std::string& owner) {

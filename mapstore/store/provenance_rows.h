@@ -19,6 +19,12 @@ Status InsertRuns(Database& database,
                   std::int64_t version_id,
                   const std::vector<RunRecord>& runs);
 
+/// Adds what a version says of runs of its ancestors to the ledger.
+Status InsertOlderEvidence(Database& database,
+                           std::int64_t area_id,
+                           std::int64_t version_id,
+                           const std::vector<RunRecord>& runs);
+
 /// Tool, configuration, seed and runs of a version. `owner` starts the messages.
 StatusOr<Provenance> ReadProvenance(Database& database,
                                     std::int64_t version_id,

@@ -25,6 +25,7 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
         "INSERT INTO main.mode SELECT * FROM source.mode WHERE version_id = ?1",
         "INSERT INTO main.merged_mode SELECT * FROM source.merged_mode WHERE version_id = ?1",
         "INSERT INTO main.mode_rate SELECT * FROM source.mode_rate WHERE version_id = ?1",
+        "INSERT INTO main.mode_rhythm SELECT * FROM source.mode_rhythm WHERE version_id = ?1",
         "INSERT INTO main.mode_covariance "
         "SELECT * FROM source.mode_covariance WHERE version_id = ?1",
         "INSERT INTO main.anonymous_landmark "

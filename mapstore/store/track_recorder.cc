@@ -33,6 +33,7 @@ void TrackRecorder::Add(std::size_t group,
   std::vector<TrackPoint>& points = points_[group];
   const TrackPoint& last = points.back();
   const ModeChain& chain = content_->groups[group].chain;
+  // Whoever draws the track has the rates of all hours together.
   const Eigen::VectorXd expected = chain.Propagate(last.probabilities, end - last.end);
   if ((expected - probabilities).cwiseAbs().maxCoeff() <= kTolerance) return;
   if (begin < since_) points.pop_back();

@@ -35,7 +35,7 @@ class EditHistory : public ::testing::TestWithParam<int> {
       options.clock = [this] { return clock_; };
       stores_.push_back(*MapStore::Open(path, options));
     }
-    MapContent content = RandomContent(random_, {.groups = 4, .vehicles = 2});
+    MapContent content = RandomContent(random_, {.groups = 4, .vehicles = 2, .rhythms = 2});
     content.stamp = begin_;
     for (LandmarkGroup& group : content.groups) {
       group.chain = ModeChain::Uniform(static_cast<int>(group.modes.size()), 1e-5);

@@ -69,6 +69,19 @@ LandmarkGroup RandomGroup(std::mt19937_64& random, const std::string& signature,
   return group;
 }
 
+ChainRhythm RandomRhythm(std::mt19937_64& random, int states, Duration period) {
+  const int phases = period == kRhythmDay ? 24 : 168;
+  std::vector<Eigen::MatrixXd> rates;
+  for (int phase = 0; phase < phases; ++phase) {
+    Eigen::MatrixXd of_phase(states, states);
+    for (double& rate : of_phase.reshaped()) rate = Uniform(random, 0.0, 1e-4);
+    of_phase.diagonal().setZero();
+    of_phase.diagonal() = -of_phase.rowwise().sum();
+    rates.push_back(std::move(of_phase));
+  }
+  return *ChainRhythm::Make(period, std::move(rates));
+}
+
 VehicleCalibration RandomVehicle(std::mt19937_64& random, const std::string& name) {
   VehicleCalibration vehicle;
   for (double* value : VehicleValues(&vehicle)) *value = Uniform(random, 0.01, 0.5);
@@ -96,6 +109,11 @@ MapContent RandomContent(std::mt19937_64& random, const RandomMapOptions& option
     for (const Mode& mode : content.groups.back().modes) {
       diagonal.push_back(mode.cov_p_map_landmark);
     }
+  }
+  for (int i = 0; i < std::min(options.rhythms, options.groups); ++i) {
+    ModeChain& chain = content.groups[static_cast<std::size_t>(i)].chain;
+    const Duration period = i % 2 == 0 ? kRhythmDay : kRhythmWeek;
+    chain = *chain.WithRhythm(RandomRhythm(random, chain.states(), period));
   }
   std::vector<JointCovariance::CrossBlock> cross;
   const int modes = static_cast<int>(diagonal.size());

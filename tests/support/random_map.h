@@ -21,6 +21,7 @@ struct RandomMapOptions {
   int max_modes = 4;  ///< Each group has 1 to max_modes.
   int anonymous_landmarks = 3;
   int vehicles = 0;
+  int rhythms = 0;  ///< The first so many groups have one, of the day and of the week in turn.
   double cross_block_share = 0.05;  ///< Of the pairs of neighbours in mode order.
   std::int64_t stamp_ns = 1'700'000'000'123'456'789;
 };
@@ -36,6 +37,9 @@ Eigen::VectorXd RandomDistribution(std::mt19937_64& random, int states);
 
 /// A group with modes 1..modes.
 LandmarkGroup RandomGroup(std::mt19937_64& random, const std::string& signature, int modes);
+
+/// Random rates for every hour of a day or a week.
+ChainRhythm RandomRhythm(std::mt19937_64& random, int states, Duration period);
 
 /// A valid calibration, every number random.
 VehicleCalibration RandomVehicle(std::mt19937_64& random, const std::string& name);

@@ -1,33 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/recurring_chains.h"
 
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <utility>
 
 #include "mapper/chain/chain_expectations.h"
-#include "mapper/chain/daily_rhythm.h"
+#include "mapper/chain/learn_rhythm.h"
 #include "mapper/chain/simulate_chain.h"
+#include "tools/experiment/recurring_product.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr double kDay_s = 86400.0;
+constexpr char kRhythmMethod[] = "rhythm";
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 // A way to have a chain, before it is tested.
 struct Candidate {
   std::string method;
-  std::vector<ModeChain> chains;  // One per phase of the day.
+  std::vector<ModeChain> chains;  // One per phase of the period.
   double leave_per_s = kNone;
   double low_per_s = kNone;
   double high_per_s = kNone;
-  bool rhythm_taken = false;
+  Duration period = kRhythmDay;
+  double rhythm_hours = 0.0;
 };
 
+// A time that the rhythm is late by.
+ChainHistory Earlier(ChainHistory history, Duration by) {
+  for (ChainVisit& visit : history.visits) {
+    visit.begin -= by;
+    visit.end -= by;
+  }
+  return history;
+}
+
 Candidate Fixed(const std::string& method, const ModeChain& chain) {
-  return {method, {chain}, chain.leave_rate_per_s(), kNone, kNone, false};
+  return {method, {chain}, chain.leave_rate_per_s(), kNone, kNone};
 }
 
 // Jumps between successive visits by the time after visits of a state. Half a jump from each state
@@ -65,8 +78,7 @@ StatusOr<Candidate> Learn(const std::string& method,
                    {learned.chain()},
                    learned.leave.rate_per_s,
                    learned.leave.low_per_s,
-                   learned.leave.high_per_s,
-                   false};
+                   learned.leave.high_per_s};
 }
 
 StatusOr<std::vector<Candidate>> Candidates(const ChainHistory& history,
@@ -75,7 +87,7 @@ StatusOr<std::vector<Candidate>> Candidates(const ChainHistory& history,
   std::vector<Candidate> candidates;
   candidates.push_back(
       Fixed("hand-set", ModeChain::Uniform(history.states - 1, options.hand_set_change / 60.0)));
-  candidates.push_back({"frequency", {}, kNone, kNone, kNone, false});
+  candidates.push_back({"frequency", {}, kNone, kNone, kNone});
   candidates.push_back(Fixed("jump count", CountJumps(history)));
   SHIFTMAP_ASSIGN_OR_RETURN(Candidate uniform,
                             Learn("uniform", ChainStructure::kUniform, history, options.learning));
@@ -85,13 +97,26 @@ StatusOr<std::vector<Candidate>> Candidates(const ChainHistory& history,
   candidates.push_back(std::move(general));
   ChainLearningOptions learning = options.learning;
   learning.structure = ChainStructure::kGeneral;
-  DailyRhythmOptions rhythm_options;
-  rhythm_options.phases = options.phases;
-  SHIFTMAP_ASSIGN_OR_RETURN(DailyRhythm rhythm,
-                            LearnDailyRhythm(history, learning, rhythm_options));
-  candidates.push_back({"rhythm", std::move(rhythm.chains), kNone, kNone, kNone, rhythm.taken});
+  SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnChain(history, learning));
+  SHIFTMAP_ASSIGN_OR_RETURN(const LearnedRhythm rhythm,
+                            LearnRhythm(history, whole.fit, learning, {}));
+  Candidate with_rhythm = Fixed(kRhythmMethod, whole.chain());
+  if (rhythm.rhythm) {
+    with_rhythm.period = rhythm.rhythm->calendar().period;
+    with_rhythm.rhythm_hours = ToSeconds(with_rhythm.period) / 3600.0;
+    with_rhythm.chains.clear();
+    for (const Eigen::MatrixXd& rates : rhythm.rhythm->rate_matrices()) {
+      with_rhythm.chains.push_back(*ModeChain::FromRates(rates));
+    }
+  }
+  candidates.push_back(with_rhythm);
   if (truth != nullptr) candidates.push_back(Fixed("truth", *truth));
   return candidates;
+}
+
+// A map is loaded before each visit.
+bool IsReplayed(const VisitSpacing& train, const VisitSpacing& test) {
+  return test.gap_s >= 3600.0 && (train.gap_s == 60.0 || train.gap_s == 3600.0);
 }
 
 // log p of all visits but the first, as if each were drawn anew from the shares of the training.
@@ -134,10 +159,7 @@ StatusOr<std::vector<RecurringChainsRow>> CompareChains(
       const ChainHistory test = VisitRecord(
           record, SpacedVisits(record, split - 1, count, test_spacing, options.seed + 1));
       const double hours = ToSeconds(test.visits.back().end - test.visits.front().begin) / 3600.0;
-      for (const Candidate& candidate : candidates) {
-        const double log_likelihood = candidate.chains.empty()
-                                          ? FrequencyLogLikelihood(train, test)
-                                          : PredictiveLogLikelihood(test, 1, candidate.chains);
+      const auto add = [&](const Candidate& candidate, double log_likelihood) {
         rows.push_back({record.name,
                         spacing.name,
                         test_spacing.name,
@@ -147,8 +169,27 @@ StatusOr<std::vector<RecurringChainsRow>> CompareChains(
                         kDay_s * candidate.low_per_s,
                         kDay_s * candidate.high_per_s,
                         static_cast<double>(train.visits.size()),
-                        candidate.rhythm_taken ? 1.0 : 0.0});
+                        candidate.rhythm_hours});
+      };
+      for (Candidate candidate : candidates) {
+        add(candidate,
+            candidate.chains.empty()
+                ? FrequencyLogLikelihood(train, test)
+                : PredictiveLogLikelihood(test, 1, candidate.chains, candidate.period));
+        if (!(candidate.rhythm_hours > 0.0)) continue;
+        candidate.method = "rhythm, late";
+        const ChainHistory earlier = Earlier(test, std::chrono::hours(1));
+        add(candidate, PredictiveLogLikelihood(earlier, 1, candidate.chains, candidate.period));
       }
+      if (!IsReplayed(spacing, test_spacing)) continue;
+      SHIFTMAP_ASSIGN_OR_RETURN(const ReplayedRecord replayed, ReplayRecord(train, test));
+      Candidate product;
+      product.method = "product";
+      product.leave_per_s = replayed.leave_per_day / kDay_s;
+      product.low_per_s = replayed.low_per_day / kDay_s;
+      product.high_per_s = replayed.high_per_day / kDay_s;
+      product.rhythm_hours = ToSeconds(replayed.rhythm) / 3600.0;
+      add(product, replayed.nats_per_hour * hours);
     }
     done += 1.0;
     progress(done / static_cast<double>(options.train.size()));

@@ -26,7 +26,6 @@ struct RecurringChainsOptions {
   std::vector<VisitSpacing> test = {{"1 min", 60.0}, {"1 h", 3600.0}};
 
   double hand_set_change = 1e-4;  ///< Per observation of a minute, IJRR 8.2.2.
-  int phases = 24;                ///< Of the day, for the rhythm.
   ChainLearningOptions learning;
 };
 
@@ -41,7 +40,9 @@ struct RecurringChainsRow {
   double low_per_day = 0.0;    ///< Interval of it; NaN where there is none.
   double high_per_day = 0.0;
   double train_visits = 0.0;
-  double rhythm_taken = 0.0;  ///< 1 if the held-out part of the training visits spoke for it.
+
+  /// Period of the rhythm that the held-out part of the training visits spoke for; 0: for none.
+  double rhythm_hours = 0.0;
 };
 
 /// Rows by record, training and test spacing, method:
@@ -50,7 +51,9 @@ struct RecurringChainsRow {
 ///   jump count   jumps between successive visits by the time spent, as if none were missed,
 ///   uniform      LearnChain, one leave rate,
 ///   general      LearnChain, all rates,
-///   rhythm       LearnDailyRhythm on the general structure,
+///   rhythm       LearnRhythm on the general structure,
+///   rhythm, late  the same with everything an hour later, as where clocks went to winter time,
+///   product      ReplayRecord, of training visits every minute or hour and tests every hour,
 ///   truth        the chain itself, for a simulated record.
 StatusOr<std::vector<RecurringChainsRow>> CompareChains(
     const RecurringRecord& record,

@@ -9,13 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "mapper/chain/daily_rhythm.h"
+#include "mapper/chain/learn_rhythm.h"
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/recurring_chains.h"
 
 namespace shiftmap {
 namespace {
 
+constexpr int kHours = 24;
 constexpr char kGapLabel[] = "gap between training visits [log10 min]";
 
 struct Arguments {
@@ -34,7 +35,7 @@ ResultTable MakeTable(const std::vector<RecurringChainsRow>& rows) {
                      "low_per_day",
                      "high_per_day",
                      "train_visits",
-                     "rhythm_taken"});
+                     "rhythm_hours"});
   for (const RecurringChainsRow& row : rows) {
     table.AddRow({row.record,
                   row.train,
@@ -45,7 +46,7 @@ ResultTable MakeTable(const std::vector<RecurringChainsRow>& rows) {
                   row.low_per_day,
                   row.high_per_day,
                   row.train_visits,
-                  row.rhythm_taken});
+                  row.rhythm_hours});
   }
   return table;
 }
@@ -119,16 +120,15 @@ StatusOr<LearnedChain> LearnGeneralChain(const ChainHistory& history,
 StatusOr<Chart> RhythmChart(const RecurringRecord& door, const RecurringChainsOptions& options) {
   const ChainHistory history = WholeHistory(door);
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnGeneralChain(history, options.learning));
-  DailyRhythmOptions rhythm;
-  rhythm.phases = options.phases;
-  const std::vector<ModeChain> chains = FitDailyRates(history, whole.chain(), rhythm);
+  const std::vector<ModeChain> chains =
+      FitPhases(history, {kRhythmDay, kHours}, {kHours, whole.chain()}, {});
   Chart chart{.title = "The door by the hour",
               .x_label = "hour of the day [UTC]",
               .y_label = "rate [1/h]",
               .series = {{"opens", {}, true}, {"closes", {}, true}},
               .log_y = true};
   for (std::size_t phase = 0; phase < chains.size(); ++phase) {
-    const double hour = 24.0 * (static_cast<double>(phase) + 0.5) / options.phases;
+    const double hour = 24.0 * (static_cast<double>(phase) + 0.5) / kHours;
     chart.series[0].points.emplace_back(hour, 3600.0 * chains[phase].rate_matrix()(0, 1));
     chart.series[1].points.emplace_back(hour, 3600.0 * chains[phase].rate_matrix()(1, 0));
   }
@@ -139,7 +139,6 @@ Json OptionsJson(const RecurringChainsOptions& options) {
   return {{"seed", options.seed},
           {"train_share", options.train_share},
           {"hand_set_change", options.hand_set_change},
-          {"phases", options.phases},
           {"prior",
            {{"shape", options.learning.prior.shape},
             {"exposure_s", options.learning.prior.exposure_s}}},
@@ -199,8 +198,6 @@ void AddRecurringChainsExperiment(Application* application) {
       .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
       .Required()
       .Option("--seed", &arguments->options.seed, "Seed of everything random")
-      .Option("--phases", &arguments->options.phases, "Parts of the day with rates of their own")
-      .InRange(2, 1440)
       .Writes();
 }
 

@@ -14,6 +14,7 @@
 #include "tools/inspect/edit_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/landmark_text.h"
+#include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
 
 namespace shiftmap {
@@ -95,10 +96,18 @@ Status RunAllModes(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
   if (context.json()) {
     Json list = Json::array();
+    Json rhythms = Json::object();
     for (const LandmarkGroup& group : map.groups()) {
       for (std::size_t i = 0; i < group.modes.size(); ++i) list.push_back(ModeJson(group, i));
+      if (const ChainRhythm* const rhythm = group.chain.rhythm()) {
+        rhythms[group.signature.text()] = RhythmJson(*rhythm);
+      }
     }
-    context.Report({{"area", map.area()}, {"version", map.version().value()}, {"modes", list}}, "");
+    context.Report({{"area", map.area()},
+                    {"version", map.version().value()},
+                    {"modes", list},
+                    {"rhythms", rhythms}},
+                   "");
     return OkStatus();
   }
   AlignedTable table({"signature", "mode", "x_m", "y_m", "sd_x_m", "sd_y_m", "probability"});

@@ -39,6 +39,18 @@ void ForEachMode(const MapSnapshot& snapshot, const Visit& visit) {
 
 }  // namespace
 
+Json RhythmJson(const ChainRhythm& rhythm) {
+  Json phases = Json::array();
+  for (const Eigen::MatrixXd& rates : rhythm.rate_matrices()) {
+    Json by_rows = Json::array();
+    for (const auto& row : rates.rowwise()) {
+      for (const double rate : row) by_rows.push_back(rate);
+    }
+    phases.push_back({{"leave_rate_per_s", -rates.diagonal().mean()}, {"rate_per_s", by_rows}});
+  }
+  return {{"period_s", ToSeconds(rhythm.calendar().period)}, {"phases", phases}};
+}
+
 Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& parent) {
   Json groups = Json::array();
   for (const LandmarkGroup& group : snapshot.groups()) {
@@ -56,6 +68,9 @@ Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& pa
     groups.push_back({{"signature", group.signature.text()},
                       {"leave_rate_per_s", group.chain.leave_rate_per_s()},
                       {"modes", modes}});
+    if (const ChainRhythm* const rhythm = group.chain.rhythm()) {
+      groups.back()["rhythm"] = RhythmJson(*rhythm);
+    }
   }
   return {{"area", snapshot.area()},
           {"version", snapshot.version().value()},

@@ -14,6 +14,10 @@ namespace shiftmap {
 /// has a probability only.
 Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& parent);
 
+/// The rhythm of a chain, which has one: its period, and for each of its equal parts the mean rate
+/// of leaving a state and the rate matrix by rows. UTC; a week begins on Monday.
+Json RhythmJson(const ChainRhythm& rhythm);
+
 /// A GeoJSON FeatureCollection with a Point per mode and per anonymous landmark. Coordinates are
 /// metres in the map frame, not longitude and latitude; the collection says so. `shiftmap-mapper
 /// import` reads it: positions with their marginal covariances, probabilities and leave rates.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "mapstore/core/clock.h"
@@ -24,6 +25,8 @@ constexpr std::size_t kMostPanels = 15;
 constexpr Eigen::Index kMostStates = 7;  // Of the table of rates.
 constexpr double kRow = 20.0;
 constexpr double kColumn = 92.0;
+constexpr double kRhythm = 60.0;
+constexpr double kRhythmWidth = 504.0;
 
 // The mean time between events of a rate, to read.
 std::string Every(double rate_per_s) {
@@ -62,14 +65,16 @@ class ModesPlot {
   }
   bool HasTable() const { return !group_.chain.uniform() && group_.chain.states() <= kMostStates; }
   double TableHeight() const {
-    return 56.0 + (HasTable() ? kRow * (group_.chain.states() + 1) : kRow);
+    return 56.0 + (HasTable() ? kRow * (group_.chain.states() + 1) : kRow) + RhythmHeight();
   }
+  double RhythmHeight() const { return group_.chain.rhythm() != nullptr ? kRhythm + 60.0 : 0.0; }
   // Labels are to keep clear of the arrows.
   void DrawRates(LabelPlacer* placer, Svg* svg) const;
   double LeastWidth() const;
   void DrawPanels(double top, Svg* svg) const;
   void DrawPanel(std::size_t mode, const Eigen::Vector2d& corner, Svg* svg) const;
   void DrawTable(double top, Svg* svg) const;
+  void DrawRhythm(double top, Svg* svg) const;
 
   const MapSnapshot& map_;
   const LandmarkGroup& group_;
@@ -210,6 +215,39 @@ void ModesPlot::DrawTable(double top, Svg* svg) const {
   }
 }
 
+// A bar for each part of the day or of the week, as high as the mean rate of leaving a state then.
+void ModesPlot::DrawRhythm(double top, Svg* svg) const {
+  const ChainRhythm* const rhythm = group_.chain.rhythm();
+  if (rhythm == nullptr) return;
+  const double left = layer_.frame().corner().x();
+  const bool week = rhythm->calendar().period == kRhythmWeek;
+  std::vector<double> rates;
+  for (const Eigen::MatrixXd& matrix : rhythm->rate_matrices()) {
+    rates.push_back(-matrix.diagonal().mean());
+  }
+  const double largest = *std::max_element(rates.begin(), rates.end());
+  svg->Text({left, top + 14.0},
+            fmt::format("Rate of leaving a state by the hour of the {}, UTC; highest {:.2g} per s",
+                        week ? "week, from Monday" : "day",
+                        largest),
+            {.size = 12.0, .bold = true});
+  const double base = top + 24.0 + kRhythm;
+  const double width = kRhythmWidth / static_cast<double>(rates.size());
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    const double height = largest > 0.0 ? kRhythm * rates[i] / largest : 0.0;
+    svg->Rect({left + width * static_cast<double>(i), base - height},
+              {0.85 * width, height},
+              {.fill = palette::kOrange});
+  }
+  const int ticks = week ? 7 : 4;
+  constexpr std::array<const char*, 7> kDays = {"Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"};
+  for (int i = 0; i < ticks; ++i) {
+    svg->Text({left + kRhythmWidth * i / ticks, base + 14.0},
+              week ? std::string(kDays[static_cast<std::size_t>(i)]) : fmt::format("{} h", 6 * i),
+              {.size = 11.0, .fill = palette::kNote});
+  }
+}
+
 double ModesPlot::LeastWidth() const {
   const std::size_t panels = std::min(Panels(), kPanelsPerRow);
   const double row = static_cast<double>(panels) * (kPanel + kPanelGap);
@@ -245,6 +283,7 @@ std::string ModesPlot::Draw() const {
   const double top = BelowMap(layer_.frame(), legend);
   DrawPanels(top, &svg);
   DrawTable(top + PanelsHeight(), &svg);
+  DrawRhythm(top + PanelsHeight() + TableHeight() - RhythmHeight(), &svg);
   return svg.ToString();
 }
 

@@ -173,7 +173,7 @@ TEST(ChainExpectationsTest, CuttingTheDayChangesNothingIfRatesStay) {
   const ModeChain chain = RandomChain(random, 3, 1e-4);
   const ChainExpectations whole = ExpectChain(MakeChainSteps(history), {chain});
   const ChainExpectations cut =
-      ExpectChain(MakeChainSteps(history, 24), std::vector<ModeChain>(24, chain));
+      ExpectChain(MakeChainSteps(history, {kRhythmDay, 24}), std::vector<ModeChain>(24, chain));
   EXPECT_NEAR(cut.log_likelihood, whole.log_likelihood, 1e-10);
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(3, 3);
   for (const Eigen::MatrixXd& integral : cut.integrals) sum += integral;

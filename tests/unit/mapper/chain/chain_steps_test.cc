@@ -45,7 +45,7 @@ TEST(ChainStepsTest, GapsOfAboutOneLengthShareTheirMean) {
         {StampFromSeconds(now), StampFromSeconds(now), Eigen::VectorXd::Zero(2)});
   }
   EXPECT_EQ(MakeChainSteps(history).gaps.size(), 4u);
-  const ChainSteps steps = MakeChainSteps(history, 1, 0.02);
+  const ChainSteps steps = MakeChainSteps(history, {}, 0.02);
   EXPECT_EQ(steps.gap_of_step, (std::vector<int>{-1, 0, 0, 1, 0}));
   ASSERT_EQ(steps.gaps.size(), 2u);
   EXPECT_NEAR(ToSeconds(steps.gaps[0].length), 1000.0, 1e-6);
@@ -55,7 +55,8 @@ TEST(ChainStepsTest, GapsOfAboutOneLengthShareTheirMean) {
 TEST(ChainStepsTest, CutsGapsWhereAPhaseOfTheDayEnds) {
   // From 22:30 to 01:15, and the same before the epoch.
   for (const double midnight : {86400.0 * 20, -86400.0 * 3}) {
-    const ChainSteps steps = MakeChainSteps(TwoVisits(midnight - 5400.0, midnight + 4500.0), 24);
+    const ChainSteps steps =
+        MakeChainSteps(TwoVisits(midnight - 5400.0, midnight + 4500.0), {kRhythmDay, 24});
     ASSERT_EQ(steps.gap_of_step.size(), 5u);
     const std::vector<int> phases = {22, 23, 0, 1};
     const std::vector<double> seconds = {1800.0, 3600.0, 3600.0, 900.0};
@@ -71,7 +72,7 @@ TEST(ChainStepsTest, CutsGapsWhereAPhaseOfTheDayEnds) {
 }
 
 TEST(ChainStepsTest, PhasesThatDoNotDivideTheDayCoverIt) {
-  const ChainSteps steps = MakeChainSteps(TwoVisits(0.0, 86400.0), 7);
+  const ChainSteps steps = MakeChainSteps(TwoVisits(0.0, 86400.0), {kRhythmDay, 7});
   Duration total{0};
   for (std::size_t i = 1; i < steps.gap_of_step.size(); ++i) {
     total += steps.gaps[static_cast<std::size_t>(steps.gap_of_step[i])].length;

@@ -106,6 +106,41 @@ TEST(GroupChainsTest, RatesOfALedgerHoldTheTruth) {
   EXPECT_NEAR(mean_log, std::log(0.5 / kDay), 0.15);
 }
 
+// One door that opens by day, and landmarks that move at any hour.
+TEST(GroupChainsTest, AChainGetsARhythmWhereItsVisitsSupportIt) {
+  std::mt19937_64 random(TestSeed(75));
+  const std::vector<LandmarkGroup> groups = Groups(4, 1, random);
+  const std::vector<Stamp> stamps = Every(1800.0, 30 * 48);
+  std::vector<EvidenceRow> rows;
+  for (const LandmarkGroup& group : groups) {
+    AddRows(group, ModeChain::Uniform(1, 4.0 / kDay), stamps, 1e-6, random, &rows);
+  }
+  const auto is_open = [](Stamp stamp) {
+    const double of_day = std::fmod(ToSecondsSinceEpoch(stamp), kDay);
+    return of_day > 0.3 * kDay && of_day < 0.6 * kDay;
+  };
+  for (EvidenceRow& row : rows) {
+    if (row.evidence.signature != groups[0].signature) continue;
+    const bool open = is_open(row.evidence.begin) && random() % 10 != 0;
+    row.evidence.modes[0].log_likelihood = open ? -20.0 : 0.0;
+    row.evidence.modes[1].log_likelihood = open ? 0.0 : -20.0;
+  }
+  const auto chains = LearnGroupChains(groups, rows, {});
+  ASSERT_TRUE(chains.ok());
+  ASSERT_NE((*chains)[0].chain.chain().rhythm(), nullptr);
+  EXPECT_GT((*chains)[0].rhythm_gain, 20.0);
+  for (std::size_t i = 1; i < groups.size(); ++i) {
+    EXPECT_EQ((*chains)[i].chain.chain().rhythm(), nullptr) << i;
+    EXPECT_LT((*chains)[i].rhythm_gain, 3.0) << i;
+  }
+  GroupChainOptions options;
+  options.learn_rhythms = false;
+  const auto without = LearnGroupChains(groups, rows, options);
+  ASSERT_TRUE(without.ok());
+  EXPECT_EQ((*without)[0].chain.chain().rhythm(), nullptr);
+  EXPECT_EQ((*without)[0].chain.chain().rate_matrix(), (*chains)[0].chain.chain().rate_matrix());
+}
+
 TEST(GroupChainsTest, OrderOfRowsAndRowsGivenTwiceChangeNothing) {
   std::mt19937_64 random(TestSeed(72));
   const std::vector<LandmarkGroup> groups = Groups(3, 2, random);

@@ -18,8 +18,15 @@ TEST(MakeVisitSequence, TransitionsFollowTheRealTimeBetweenVisits) {
   const ModeChain chain = ModeChain::Uniform(2, 1e-5);
   const Eigen::VectorXd flat = Eigen::Vector3d::Zero();
   const Duration day = std::chrono::hours(24);
+  const Duration minute = std::chrono::minutes(1);
+  const Stamp begin = StampFromSeconds(1.7e9);
+  const Stamp second = begin + minute + std::chrono::seconds(30);
   const ModeSequenceProblem problem =
-      MakeVisitSequence(flat, chain, {{flat, day}, {flat, std::chrono::seconds(30)}, {flat, day}});
+      MakeVisitSequence(flat,
+                        chain,
+                        {{flat, begin, begin + minute},
+                         {flat, second, second + minute},
+                         {flat, second + minute + day, second + 2 * minute + day}});
   ASSERT_EQ(problem.log_transition.size(), 2u);
   for (std::size_t t = 0; t < 2; ++t) {
     const Duration gap = t == 0 ? Duration(std::chrono::seconds(30)) : day;
@@ -36,7 +43,8 @@ TEST(MakeVisitSequence, AChainThatNeverMovesCanStillBeOverruled) {
   const ModeSequenceProblem problem = MakeVisitSequence(
       flat,
       ModeChain::Uniform(1, 0.0),
-      {{Eigen::Vector2d(0.0, -1e4), {}}, {Eigen::Vector2d(-1e4, 0.0), std::chrono::hours(1)}});
+      {{Eigen::Vector2d(0.0, -1e4), {}, {}},
+       {Eigen::Vector2d(-1e4, 0.0), StampFromSeconds(3600.0), StampFromSeconds(3600.0)}});
   EXPECT_EQ(MostLikelyModes(problem), (std::vector<int>{0, 1}));
 }
 

@@ -21,7 +21,7 @@ constexpr MapForm kForms[] = {MapForm::kBinary, MapForm::kText, MapForm::kJson};
 // Everything that a map can have: rates that differ, a retired mode, odd names.
 MapContent FullContent() {
   std::mt19937_64 random(testing::TestSeed(5));
-  MapContent content = testing::RandomContent(random, {.groups = 6, .vehicles = 2});
+  MapContent content = testing::RandomContent(random, {.groups = 6, .vehicles = 2, .rhythms = 2});
   content.groups[0] = testing::RandomGroup(random, "\x1b[2J\n\"<b>é\u009b", 2);
   Eigen::Matrix3d rates;
   rates << -3e-5, 1e-5, 2e-5, 0.1e-5, -0.4e-5, 0.3e-5, 7e-6, 0.0, -7e-6;

@@ -62,7 +62,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 8; 'shiftmap-inspect migrate'"));
+                             ", this build reads 9; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -272,6 +272,34 @@ TEST(MigrateDerivedTest, AnEditedStoreKeepsItsEdits) {
   split.sd_m = 0.1;
   EXPECT_THAT(store.Edit("floor", split), IsOk());
   EXPECT_TRUE(VerifyStore(path)->clean());
+}
+
+// Two builds and a report: chains without a rhythm, to which a build adds one.
+TEST(MigrateDerivedTest, ChainsGetRhythms) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_8.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_TRUE(VerifyStore(path)->clean());
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  const MapSnapshot before = *store.LoadAt("floor");
+  EXPECT_EQ(before.content_hash(),
+            "5ec5f391ca40a231460a7abe99245cc12a24e40254e26a6e0c811a5358303b7c");
+  EXPECT_THAT(*store.Reports("floor"), SizeIs(1));
+  MapContent content = store.LoadVersion("floor", before.version())->content();
+  ModeChain& chain = content.groups[0].chain;
+  EXPECT_EQ(chain.rhythm(), nullptr);
+  const std::vector<Eigen::MatrixXd> hours(24, chain.rate_matrix());
+  chain = *chain.WithRhythm(*ChainRhythm::Make(kRhythmDay, hours));
+  CommitOptions options;
+  options.parent = before.version();
+  options.states_probabilities = false;
+  ASSERT_THAT(store.Commit("floor", content, {}, options), IsOk());
+  const MapSnapshot after = *store.LoadAt("floor", std::nullopt, before.stamp());
+  ASSERT_NE(after.groups()[0].chain.rhythm(), nullptr);
+  // The hours are alike.
+  EXPECT_THAT(after.groups()[0].probabilities,
+              IsNearMatrix(before.groups()[0].probabilities, 1e-9));
 }
 
 // The rows that its checkpoint was made from are elsewhere.

@@ -29,7 +29,8 @@ class EditTest : public ::testing::Test {
  protected:
   EditTest() {
     std::mt19937_64 random(TestSeed(21));
-    content_ = RandomContent(random, {.groups = 3, .anonymous_landmarks = 0, .vehicles = 1});
+    content_ =
+        RandomContent(random, {.groups = 3, .anonymous_landmarks = 0, .vehicles = 1, .rhythms = 2});
     content_.stamp = At(0.0);
     content_.vehicles[0].stamp = At(-100.0);
     for (LandmarkGroup& group : content_.groups) {

@@ -43,7 +43,7 @@ TEST_F(MapStoreTest, NewStoreIsEmpty) {
 
 TEST_F(MapStoreTest, RandomContentComesBackBitByBit) {
   for (int round = 0; round < 10; ++round) {
-    const MapContent content = RandomContent(random_);
+    const MapContent content = RandomContent(random_, {.rhythms = 3});
     const CommitResult committed = MustCommit(content);
     EXPECT_EQ(committed.version, VersionNumber(round + 1));
     EXPECT_EQ(committed.content_hash, ContentHash(content));

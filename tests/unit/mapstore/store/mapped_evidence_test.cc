@@ -399,6 +399,31 @@ TEST_F(MappedEvidenceTest, VisibilityIsTheSumOverTheRunsOfALine) {
   EXPECT_TRUE(VerifyStore(dir_.File("a.db"))->clean());
 }
 
+// A version says of a run of its parent what that could not say: of the versions before it, it says
+// nothing, and it goes with the run.
+TEST_F(MappedEvidenceTest, OlderRunsSayMoreOfNewModes) {
+  const CommitResult first = Map({0}, std::nullopt);
+  Provenance provenance;
+  provenance.runs = {Run(1)};
+  RunRecord older = Run(0);
+  older.evidence = {TwoStateEvidence(At(12.0), At(40.0), 0.0, -5.0)};
+  provenance.older = {older};
+  const auto second = store_.Commit("a", Content(1), provenance, Derived(first.version));
+  ASSERT_THAT(second, IsOk());
+  EXPECT_THAT(*store_.Evidence("a", first.version), SizeIs(1));
+  EXPECT_THAT(*store_.Evidence("a", second->version), SizeIs(3));
+  EXPECT_LT(At1(At(200.0), second->version), ByHand({0, 1}, 70.0) - 0.1);
+  EXPECT_THAT(store_.LoadProvenance("a", second->version)->older, IsEmpty());
+  EXPECT_TRUE(VerifyStore(dir_.File("a.db"))->clean());
+  ASSERT_THAT(store_.Exclude("a", {Hash(0), "", {}, "test"}), IsOk());
+  EXPECT_THAT(*store_.Evidence("a", second->version), SizeIs(1));
+
+  provenance.runs = {Run(2)};
+  provenance.older = {Run(7)};
+  EXPECT_THAT(store_.Commit("a", Content(2), provenance, Derived(second->version)),
+              StatusIs(StatusCode::kInvalidArgument, "run 'run 7' is of no ancestor"));
+}
+
 TEST_F(MappedEvidenceTest, EvidenceThatDoesNotFitIsRefusedWhole) {
   const CommitResult first = Map({0}, std::nullopt);
   const auto refused = [&](const RunRecord& run, const CommitOptions& options, const char* why) {

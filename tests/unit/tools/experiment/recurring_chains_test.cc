@@ -51,7 +51,7 @@ TEST(RecurringChainsTest, LearnedRatesComeNearTheTruthAndBeatTheRest) {
     EXPECT_GT(nats("general"), nats(method) + 0.02) << method;
   }
   EXPECT_NEAR(nats("general"), nats("truth"), 0.02);
-  EXPECT_EQ((*rows)[5].rhythm_taken, 0.0);
+  EXPECT_EQ((*rows)[5].rhythm_hours, 0.0);
 }
 
 TEST(RecurringDataTest, SpacedVisitsKeepTheirDistance) {

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/unseen_modes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+Stamp At(double seconds) { return StampFromSeconds(1.7e9 + seconds); }
+
+// A run along the x axis, a metre a second, looking ahead.
+OlderRun RunAlongX(double begin_s, double seconds) {
+  OlderRun run{"run", "hash", "", "truck", At(begin_s), At(begin_s + seconds), {}};
+  for (double t = 0.0; t <= seconds; t += 0.5) {
+    run.trajectory.push_back({At(begin_s + t), Se2(t, 0.0, 0.0)});
+  }
+  return run;
+}
+
+SensorCalibration Sensor() {
+  SensorCalibration sensor;
+  sensor.max_range_m = 10.0;
+  sensor.max_bearing_rad = 1.0;
+  sensor.detection_probability = 0.9;
+  sensor.occluded_visit_probability = 0.05;
+  return sensor;
+}
+
+NewMode ModeAt(double x, double y, int number = 2) {
+  return {Signature("A"), ModeNumber(number), {x, y}, {}};
+}
+
+TEST(FindUnseenModes, APassOverANewPlaceSpeaksAgainstIt) {
+  const std::vector<OlderEvidence> older =
+      FindUnseenModes({RunAlongX(0.0, 20.0)}, {ModeAt(12.0, 1.0)}, {}, 10.0, Sensor(), {});
+  ASSERT_EQ(older.size(), 1u);
+  EXPECT_EQ(older[0].run.sha256, "hash");
+  EXPECT_TRUE(older[0].run.trajectory.empty());
+  ASSERT_EQ(older[0].evidence.size(), 1u);
+  const VisitEvidence& visit = older[0].evidence[0];
+  EXPECT_EQ(visit.observations, 0);
+  EXPECT_GE(visit.begin, At(2.0));
+  EXPECT_LE(visit.end, At(12.0));
+  ASSERT_EQ(visit.modes.size(), 2u);
+  EXPECT_EQ(visit.modes[0].log_likelihood, 0.0);
+  EXPECT_EQ(visit.modes[1].mode, ModeNumber(2));
+  // One pass proves no more than that it is not hidden.
+  EXPECT_LT(visit.modes[1].log_likelihood, -1.0);
+  EXPECT_GT(visit.modes[1].log_likelihood, std::log(0.05));
+}
+
+TEST(FindUnseenModes, APlaceOutOfViewSaysNothing) {
+  EXPECT_TRUE(
+      FindUnseenModes(
+          {RunAlongX(0.0, 20.0)}, {ModeAt(-5.0, 0.0), ModeAt(10.0, 40.0)}, {}, 10.0, Sensor(), {})
+          .empty());
+}
+
+TEST(FindUnseenModes, RunsBeforeTheLastSightingSayNothingMore) {
+  EvidenceRow row{"hash", {Signature("A"), At(1.0), At(2.0), {}, 3}, "truck"};
+  const auto find = [&] {
+    return FindUnseenModes({RunAlongX(0.0, 20.0)}, {ModeAt(12.0, 1.0)}, {row}, 10.0, Sensor(), {});
+  };
+  EXPECT_TRUE(find().empty());
+  row.evidence.observations = 0;
+  EXPECT_EQ(find().size(), 1u);
+  // Rows of one run about one time would be one.
+  row.evidence.begin = find()[0].evidence[0].begin;
+  row.evidence.end = find()[0].evidence[0].end;
+  EXPECT_NE(find()[0].evidence[0].begin, row.evidence.begin);
+}
+
+TEST(FindUnseenModes, ModesOfALandmarkShareAVisit) {
+  const std::vector<OlderEvidence> older =
+      FindUnseenModes({RunAlongX(0.0, 20.0)},
+                      {ModeAt(12.0, 1.0, 2), ModeAt(15.0, -1.0, 3)},
+                      {},
+                      10.0,
+                      Sensor(),
+                      {});
+  ASSERT_EQ(older.size(), 1u);
+  ASSERT_EQ(older[0].evidence.size(), 1u);
+  EXPECT_EQ(older[0].evidence[0].modes.size(), 3u);
+}
+
+}  // namespace
+}  // namespace shiftmap

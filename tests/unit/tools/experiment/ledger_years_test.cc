@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/ledger_years.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/temp_dir.h"
+
+namespace shiftmap::testing {
+namespace {
+
+// The oracle is the store that keeps all rows.
+TEST(LedgerYears, SummedUpAYearSaysWhatItsRowsSaid) {
+  const TempDir dir;
+  LedgerYearsOptions options;
+  options.groups = 8;
+  options.vehicles = 3;
+  options.visits_per_day = 2.0;
+  options.stay_days = 30.0;
+  const auto summed = RunLedgerYears(options, dir.File("summed.db"), [](double) {});
+  options.compacts = false;
+  const auto full = RunLedgerYears(options, dir.File("all.db"), [](double) {});
+  ASSERT_TRUE(summed.ok());
+  ASSERT_TRUE(full.ok());
+  const LedgerYear& all = full->front();
+  const LedgerYear& few = summed->front();
+  EXPECT_EQ(all.visits, few.visits);
+  EXPECT_EQ(all.rows, all.visits);
+  EXPECT_LT(few.rows, 0.5 * all.rows);
+  EXPECT_LT(few.store_mib, all.store_mib);
+  ASSERT_EQ(all.rates.size(), few.rates.size());
+  for (std::size_t i = 0; i < all.rates.size(); ++i) {
+    EXPECT_NEAR(few.rates[i] / all.rates[i], 1.0, 0.05) << i;
+  }
+  ASSERT_EQ(all.probabilities.size(), few.probabilities.size());
+  for (std::size_t i = 0; i < all.probabilities.size(); ++i) {
+    EXPECT_NEAR(few.probabilities[i], all.probabilities[i], 0.1) << i;
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap::testing
