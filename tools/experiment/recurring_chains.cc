@@ -8,7 +8,7 @@
 
 #include "mapper/chain/chain_expectations.h"
 #include "mapper/chain/daily_rhythm.h"
-#include "mapper/chain/simulate_chain.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap {
 namespace {

@@ -301,7 +301,7 @@ TEST(IjrrUtiasTest, ARealizationIsARunWithASeedOfItsOwn) {
   EXPECT_NEAR(result->rows.at(0).pose_rmse_se_m, std::sqrt(squares / 2.0 / 3.0), 1e-12);
 }
 
-// Figure 9, calibrated, as mapper/incremental/README.md has it.
+// Figure 9, calibrated, as tools/experiment/incremental/README.md has it.
 TEST(IjrrUtiasTest, FigureNineIsAsMeasured) {
   struct Expected {
     int dataset;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/unit/mapper/incremental/small_site.h"
+#include "tests/unit/tools/experiment/incremental/small_site.h"
 
 #include <cmath>
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/chain/simulate_chain.h"
+#include "tools/sim/simulate_chain.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,10 +3,10 @@
 
 #include <limits>
 
-#include "mapper/incremental/fixed_lag_smoother.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/map/calibration.h"
 #include "proto/core/status.h"
+#include "tools/experiment/incremental/fixed_lag_smoother.h"
 
 namespace shiftmap {
 

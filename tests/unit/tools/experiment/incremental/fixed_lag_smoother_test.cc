@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/fixed_lag_smoother.h"
+#include "tools/experiment/incremental/fixed_lag_smoother.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "tests/support/geometry_matchers.h"
-#include "tests/unit/mapper/incremental/small_site.h"
+#include "tests/unit/tools/experiment/incremental/small_site.h"
 
 namespace shiftmap {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/loose_sightings.h"
+#include "tools/experiment/incremental/loose_sightings.h"
 
 #include <gtest/gtest.h>
 

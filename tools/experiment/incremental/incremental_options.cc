@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/incremental_options.h"
+#include "tools/experiment/incremental/incremental_options.h"
 
 #include <cmath>
 

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mapper/incremental/window.h"
+#include "tools/experiment/incremental/window.h"
 
 namespace shiftmap {
 

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "localizer/models/motion_model.h"
-#include "mapper/incremental/fixed_lag_smoother.h"
-#include "mapper/incremental/incremental_options.h"
-#include "mapper/incremental/mode_window.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"
+#include "tools/experiment/incremental/fixed_lag_smoother.h"
+#include "tools/experiment/incremental/incremental_options.h"
+#include "tools/experiment/incremental/mode_window.h"
 
 namespace shiftmap {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/mode_window.h"
+#include "tools/experiment/incremental/mode_window.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mapper/graph/graph.h"
-#include "mapper/incremental/fixed_lag_smoother.h"
+#include "tools/experiment/incremental/fixed_lag_smoother.h"
 
 namespace shiftmap::testing {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/frame_chunk.h"
+#include "tools/experiment/incremental/frame_chunk.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 
 #include "tests/support/geometry_matchers.h"
-#include "tests/unit/mapper/incremental/small_site.h"
+#include "tests/unit/tools/experiment/incremental/small_site.h"
 
 namespace shiftmap {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/graph/graph.h"
-#include "mapper/incremental/frame_chunk.h"
-#include "mapper/incremental/window.h"
 #include "mapstore/geometry/covariance.h"
+#include "tools/experiment/incremental/frame_chunk.h"
+#include "tools/experiment/incremental/window.h"
 
 namespace shiftmap {
 

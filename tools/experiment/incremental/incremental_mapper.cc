@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/incremental_mapper.h"
+#include "tools/experiment/incremental/incremental_mapper.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -13,9 +13,9 @@
 
 #include "localizer/models/observation_model.h"
 #include "mapper/graph/sensor_bias.h"
-#include "mapper/incremental/loose_sightings.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
+#include "tools/experiment/incremental/loose_sightings.h"
 
 namespace shiftmap {
 namespace {

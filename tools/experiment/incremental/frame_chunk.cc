@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/frame_chunk.h"
+#include "tools/experiment/incremental/frame_chunk.h"
 
 #include <utility>
 

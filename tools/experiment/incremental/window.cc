@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/window.h"
+#include "tools/experiment/incremental/window.h"
 
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/fixed_lag_smoother.h"
+#include "tools/experiment/incremental/fixed_lag_smoother.h"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/incremental_mapper.h"
+#include "tools/experiment/incremental/incremental_mapper.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include "mapper/graph/graph.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
-#include "tests/unit/mapper/incremental/small_site.h"
+#include "tests/unit/tools/experiment/incremental/small_site.h"
 
 namespace shiftmap {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/incremental/mode_window.h"
+#include "tools/experiment/incremental/mode_window.h"
 
 #include <cmath>
 #include <optional>
@@ -7,8 +7,8 @@
 #include "localizer/models/detection_model.h"
 #include "localizer/models/observation_model.h"
 #include "mapper/graph/sensor_bias.h"
-#include "mapper/selection/sequence_builders.h"
 #include "mapstore/geometry/covariance.h"
+#include "tools/experiment/incremental/observation_sequence.h"
 
 namespace shiftmap {
 namespace {

@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mapper/incremental/incremental_options.h"
-#include "mapper/incremental/window.h"
 #include "mapper/selection/mode_sequence.h"
+#include "tools/experiment/incremental/incremental_options.h"
+#include "tools/experiment/incremental/window.h"
 
 namespace shiftmap {
 

@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-//
-// The two time scales of a mode sequence: a step per visit, with the real time in between, or a
-// step per observation, with the same transition every time.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,21 +6,8 @@
 #include <vector>
 
 #include "mapper/selection/mode_sequence.h"
-#include "mapstore/core/stamp.h"
-#include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
-
-/// One visit of a group.
-struct VisitStep {
-  Eigen::VectorXd log_likelihood;  ///< Of all that was seen in the visit, per state.
-  Duration gap{};                  ///< Since the end of the visit before; unused for the first.
-};
-
-/// A chain whose steps are visits: Π(gap) in between, Π = I inside.
-ModeSequenceProblem MakeVisitSequence(Eigen::VectorXd log_initial,
-                                      const ModeChain& chain,
-                                      const std::vector<VisitStep>& visits);
 
 /// One time at which a group was looked for.
 struct ObservationStep {
