@@ -10,8 +10,8 @@
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/covariance/mode_covariance.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_segments.h"
 #include "mapper/graph/residuals.h"
 #include "mapper/problem/map_problem.h"
 

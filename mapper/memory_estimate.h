@@ -21,7 +21,7 @@ struct BuildSize {
   std::int64_t lidar_beams = 0;
   std::int64_t key_frames = 0;  ///< Scans with an identified landmark.
 
-  /// What a segment of a run couples with, GraphElimination: sums over all segments of how much it
+  /// What a segment of a run couples with, SchurSystem: sums over all segments of how much it
   /// is, and of the square.
   std::int64_t segment_boundary = 0;
   std::int64_t segment_pairs = 0;

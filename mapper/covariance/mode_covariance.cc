@@ -7,16 +7,13 @@
 #include <utility>
 
 #include "mapper/covariance/datum.h"
-#include "mapper/graph/elimination.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-// Draws that bound the covariance of differences; as many as four times that tell it within 12 % of
-// a standard deviation's square where single differences would cost too much.
-constexpr int kDraws = 32;
-constexpr int kTellingDraws = 128;
+// Samples that bound the covariance of differences.
+constexpr int kSamples = 32;
 
 using Modes = std::vector<int>;
 
@@ -48,11 +45,9 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
   Cut(positions, size, middle, end, tiles);
 }
 
-DatumChange MakeDatumChange(const Graph& graph,
-                            const GraphPosterior& posterior,
-                            const Eigen::MatrixXd& calibration_root) {
+DatumChange MakeDatumChange(const Graph& graph, const GraphPosterior& posterior) {
   Eigen::MatrixXd G = DatumDirections(graph.modes);
-  const Eigen::MatrixXd PG = posterior.VisitedCovarianceTimes(calibration_root, G);
+  const Eigen::MatrixXd PG = posterior.ModeCovarianceTimes(G);
   return {std::move(G), PG};
 }
 
@@ -86,8 +81,7 @@ JointCovariance TiledCovariance(const Graph& graph,
       tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
     }
   }
-  const Eigen::MatrixXd calibration_root = posterior.CalibrationRoot();
-  const DatumChange change = MakeDatumChange(graph, posterior, calibration_root);
+  const DatumChange change = MakeDatumChange(graph, posterior);
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
@@ -106,52 +100,35 @@ JointCovariance TiledCovariance(const Graph& graph,
       cross.push_back({b, a, block.transpose()});
     }
   };
-  posterior.VisitModeCovariance(calibration_root, add_block);
+  posterior.VisitModeCovariance(add_block);
   return JointCovariance(std::move(diagonal), std::move(cross));
 }
 
 }  // namespace
 
 std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolver* solver) {
-  if (graph.solver == SolverKind::kCeres) {
-    ModeDifferences result(LinearizeGraph(graph));
-    if (!result.posterior_) return std::nullopt;
-    result.Draw(graph, kDraws);
-    return result;
-  }
-  auto schur = std::make_unique<GraphElimination>(graph, solver->TakeRest());
-  GraphElimination& factor = *schur;
-  const bool many = factor.HoldsCalibrations();
-  if (!many && !factor.Linearize()) return std::nullopt;
-  ModeDifferences result(std::move(schur));
-  result.Draw(graph, factor.HoldsCalibrations() ? kTellingDraws : kDraws);
-  if (many && result.draws_.cols() > 0) {
-    solver->KeepRest(factor.TakeRest());
-    result.posterior_.reset();
+  ModeDifferences result(solver->Linearize(graph));
+  if (!result.posterior_) return std::nullopt;
+  // Few differences cost less than the samples that would spare them.
+  if (IsTiled(graph)) {
+    std::mt19937_64 random(1);
+    result.samples_ = result.posterior_->DrawModes(kSamples, random);
   }
   return result;
 }
 
-void ModeDifferences::Draw(const Graph& graph, int draws) {
-  // Few differences cost less than the draws that would spare them.
-  if (static_cast<int>(graph.modes.size()) <= kMaxJointModes) return;
-  std::mt19937_64 random(1);
-  draws_ = posterior_->DrawModes(draws, random);
-}
-
 Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
-  if (posterior_) return posterior_->ModeDifferenceCovariance(a, b);
-  return SampledCovariance(a, b, 1.0);
+  return posterior_->ModeDifferenceCovariance(a, b);
 }
 
 Eigen::Matrix2d ModeDifferences::SampledCovariance(int a, int b, double factor) const {
   constexpr double kInfinite = 1e12;
-  if (draws_.cols() == 0) {
+  if (samples_.cols() == 0) {
     return Eigen::Matrix2d::Identity() * (factor < 1.0 ? 0.0 : kInfinite);
   }
   const auto differences =
-      draws_.middleRows<2>(Eigen::Index{2} * a) - draws_.middleRows<2>(Eigen::Index{2} * b);
-  return differences * differences.transpose() * (factor / static_cast<double>(draws_.cols()));
+      samples_.middleRows<2>(Eigen::Index{2} * a) - samples_.middleRows<2>(Eigen::Index{2} * b);
+  return differences * differences.transpose() * (factor / static_cast<double>(samples_.cols()));
 }
 
 std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int size) {

@@ -20,21 +20,20 @@ inline constexpr int kMaxJointModes = 300;
 inline constexpr int kTileModes = 128;
 
 /// How well a graph's modes are known against each other. Single differences are solved for on the
-/// factor, and most of them need not be: draws of the posterior bound them.
+/// factor, and most of them need not be: samples of the posterior bound them.
 class ModeDifferences {
  public:
-  /// Around the graph's present values, which must outlive this, with what a solver kept that has
-  /// just solved the graph: where runs are many, without another factor, given their calibrations,
-  /// and from draws alone. Nothing if the values have gone so far astray that none can be told.
-  /// Precondition: every mode is observed or in the prior.
+  /// Around the graph's present values, which must outlive this. Nothing if the values have gone so
+  /// far astray that none can be told. Precondition: every mode is observed or in the prior.
+  /// @param solver  Has just solved the graph.
   static std::optional<ModeDifferences> Of(const Graph& graph, GraphSolver* solver);
 
   /// Covariance of p_a - p_b. [m²]
   Eigen::Matrix2d Covariance(int a, int b) const;
 
   /// Less and more than Covariance(), but with probability 1e-5: a quarter and four times the mean
-  /// square of 32 seeded draws, as χ² of 32 degrees of freedom is seldom that far from its mean.
-  /// Without draws zero and as good as infinite. [m²]
+  /// square of 32 seeded samples, as χ² of 32 degrees of freedom is seldom that far from its mean.
+  /// Without samples zero and as good as infinite. [m²]
   Eigen::Matrix2d MinCovariance(int a, int b) const {
     return SampledCovariance(a, b, 1.0 / kSafety);
   }
@@ -46,13 +45,11 @@ class ModeDifferences {
   explicit ModeDifferences(std::unique_ptr<GraphPosterior> posterior)
       : posterior_(std::move(posterior)) {}
 
-  void Draw(const Graph& graph, int draws);
-
-  // `factor` times what the draws say.
+  // `factor` times what the samples say.
   Eigen::Matrix2d SampledCovariance(int a, int b, double factor) const;
 
-  std::unique_ptr<GraphPosterior> posterior_;  // Null where draws alone tell.
-  Eigen::MatrixXd draws_;                      // Of the modes' errors, a column each. [m]
+  std::unique_ptr<GraphPosterior> posterior_;
+  Eigen::MatrixXd samples_;  // Of the modes' errors, a column each. [m]
 };
 
 /// Modes in tiles of at most `size`, by halves of the longer side; every mode is in one.

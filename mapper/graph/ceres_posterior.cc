@@ -92,23 +92,23 @@ std::vector<int> BlockOfRow(const Graph& graph, const FrameBlocks& block_of_fram
 }  // namespace
 
 std::unique_ptr<CeresPosterior> CeresPosterior::Of(const Graph& graph,
-                                                   std::vector<std::vector<int>> together) {
+                                                   std::vector<std::vector<int>> required_sets) {
   const std::optional<Jacobian> jacobian =
       CeresProblem(graph, CeresProblem::Weighting::kCurvature).Jacobian();
   if (!jacobian) return nullptr;
   std::unique_ptr<CeresPosterior> posterior(
-      new CeresPosterior(graph, std::move(together), *jacobian));
+      new CeresPosterior(graph, std::move(required_sets), *jacobian));
   if (posterior->factor_.info() != Eigen::Success) return nullptr;
   return posterior;
 }
 
 CeresPosterior::CeresPosterior(const Graph& graph,
-                               std::vector<std::vector<int>> together,
+                               std::vector<std::vector<int>> required_sets,
                                const Jacobian& jacobian)
-    : graph_(graph), together_(std::move(together)), J_(jacobian) {
-  if (together_.empty()) {
-    together_.emplace_back(graph.modes.size());
-    std::iota(together_.front().begin(), together_.front().end(), 0);
+    : graph_(graph), required_sets_(std::move(required_sets)), J_(jacobian) {
+  if (required_sets_.empty()) {
+    required_sets_.emplace_back(graph.modes.size());
+    std::iota(required_sets_.front().begin(), required_sets_.front().end(), 0);
   }
   first_mode_ = J_.cols() - ModeRows();
   first_calibration_ = first_mode_ - CalibrationRows();
@@ -167,16 +167,8 @@ Eigen::MatrixXd CeresPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weigh
   return result;
 }
 
-Eigen::MatrixXd CeresPosterior::CalibrationRoot() const { return Eigen::MatrixXd(ModeRows(), 0); }
-
-Eigen::MatrixXd CeresPosterior::VisitedCovarianceTimes(const Eigen::MatrixXd& /*calibration_root*/,
-                                                       const Eigen::MatrixXd& weights) const {
-  return ModeCovarianceTimes(weights);
-}
-
-void CeresPosterior::VisitModeCovariance(const Eigen::MatrixXd& /*calibration_root*/,
-                                         const BlockVisitor& visitor) const {
-  for (const std::vector<int>& modes : together_) {
+void CeresPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
+  for (const std::vector<int>& modes : required_sets_) {
     Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(ModeRows(), 2 * std::ssize(modes));
     for (std::size_t i = 0; i < modes.size(); ++i) {
       weights.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i))

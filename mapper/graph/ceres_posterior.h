@@ -16,7 +16,7 @@ class CeresPosterior final : public GraphPosterior {
  public:
   /// As LinearizeGraph().
   static std::unique_ptr<CeresPosterior> Of(const Graph& graph,
-                                            std::vector<std::vector<int>> together);
+                                            std::vector<std::vector<int>> required_sets);
 
   std::vector<GraphResiduals> DrawFitResiduals(int count, std::mt19937_64& random) const override;
   Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
@@ -25,12 +25,7 @@ class CeresPosterior final : public GraphPosterior {
   Eigen::MatrixXd ModeCovariance() const override;
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const override;
 
-  /// No columns: calibrations are in the factor.
-  Eigen::MatrixXd CalibrationRoot() const override;
-  Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
-                                         const Eigen::MatrixXd& weights) const override;
-  void VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
-                           const BlockVisitor& visitor) const override;
+  void VisitModeCovariance(const BlockVisitor& visitor) const override;
   Eigen::MatrixXd ModesByRangeScale(
       const std::vector<std::vector<std::size_t>>& runs) const override;
   Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const override;
@@ -41,7 +36,7 @@ class CeresPosterior final : public GraphPosterior {
   using Jacobian = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
   CeresPosterior(const Graph& graph,
-                 std::vector<std::vector<int>> together,
+                 std::vector<std::vector<int>> required_sets,
                  const Jacobian& jacobian);
 
   Eigen::Index ModeRows() const;
@@ -51,7 +46,7 @@ class CeresPosterior final : public GraphPosterior {
   Eigen::MatrixXd SolveFor(Eigen::Index first, const Eigen::MatrixXd& b) const;
 
   const Graph& graph_;
-  std::vector<std::vector<int>> together_;
+  std::vector<std::vector<int>> required_sets_;
   Jacobian J_;
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factor_;  // Of H.
   Eigen::Index first_calibration_;                            // Columns of J.

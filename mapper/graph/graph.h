@@ -16,9 +16,10 @@
 
 namespace shiftmap {
 
-class RestSystem;
+class GraphPosterior;
+class ReducedSystem;
 
-/// Unknowns of a run beside its poses: correction (3) and sensor bias (3).
+/// Unknowns of a run in addition to its poses: correction (3) and sensor bias (3).
 inline constexpr int kRunCalibration = 6;
 
 /// One run's chain of poses in the graph.
@@ -104,26 +105,23 @@ struct GraphSummary {
 };
 
 /// Minimizes graphs one after the other, and keeps what the next may use of the last: graphs of the
-/// same shape share the order of elimination, and similar ones a factor.
+/// same shape share the order of elimination, and similar ones a factor (ReducedSystem).
 class GraphSolver {
  public:
   GraphSolver();
   ~GraphSolver();
 
   /// Minimizes the graph in place, by Graph::solver. kSchur: Gauss-Newton on the eliminated graph
-  /// (elimination.h), iteratively reweighted for the loss. Where a step does not go down even when
+  /// (schur_system.h), iteratively reweighted for the loss. Where a step does not go down even when
   /// it is halved, steps are damped (Levenberg, Marquardt). kCeres: SolveGraphByCeres(). Same
   /// graphs in the same order, same bits.
   GraphSummary Solve(const SolverLimits& limits, Graph* graph);
 
-  /// What it keeps of the last graph, for a GraphElimination of the same. May be null.
-  std::unique_ptr<RestSystem> TakeRest();
-
-  /// What a GraphElimination has made of it goes on to the next graph.
-  void KeepRest(std::unique_ptr<RestSystem> rest);
+  /// As LinearizeGraph(), with the order of elimination of the last graph where that will do.
+  std::unique_ptr<GraphPosterior> Linearize(const Graph& graph);
 
  private:
-  std::unique_ptr<RestSystem> rest_;
+  std::unique_ptr<ReducedSystem> reduced_;
   bool near_minimum_ = false;  // Where the last graph was left.
 };
 
@@ -160,8 +158,7 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 /// residual, n - tr(J_kind Σ J_kindᵀ), is estimated by what the fit leaves of `samples` > 0 draws
 /// of noise on the residuals (seeded; mapper/METHOD.md, 5). Precondition: every mode is
 /// observed or in the prior.
-/// @param solver  Has just solved the graph or a similar one: where runs are many its factor will
-///                do. May be null.
+/// @param solver  Has just solved the graph or a similar one. May be null.
 /// @return Nothing where ComputeModeCovariance() has none.
 std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph& graph,
                                                                     int samples,

@@ -45,24 +45,12 @@ class GraphPosterior {
   /// what they sum up to, without the rest.
   virtual Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const = 0;
 
-  /// What calibrations that are held add to the covariance A⁻¹ of the modes, R Rᵀ in the mean over
-  /// draws of them (Rao-Blackwell); two rows a mode, no columns where they are in the factor. [m]
-  virtual Eigen::MatrixXd CalibrationRoot() const = 0;
-
-  /// As ModeCovarianceTimes(), with the covariance that VisitModeCovariance() tells, to rounding:
-  /// where calibrations are held the two differ by what the draws leave, which is no covariance.
-  /// @param calibration_root  CalibrationRoot().
-  virtual Eigen::MatrixXd VisitedCovarianceTimes(const Eigen::MatrixXd& calibration_root,
-                                                 const Eigen::MatrixXd& weights) const = 0;
-
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
   /// pairs in the lists that LinearizeGraph() was given, and others that come along. [m²]
-  /// @param calibration_root  CalibrationRoot().
   using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
-  virtual void VisitModeCovariance(const Eigen::MatrixXd& calibration_root,
-                                   const BlockVisitor& visitor) const = 0;
+  virtual void VisitModeCovariance(const BlockVisitor& visitor) const = 0;
 
-  /// How the modes follow when the ranges of some runs, whose scales are held, all read more by a
+  /// How the modes follow when the ranges of some runs, whose scales are fixed, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
   virtual Eigen::MatrixXd ModesByRangeScale(
       const std::vector<std::vector<std::size_t>>& runs) const = 0;
@@ -80,9 +68,9 @@ class GraphPosterior {
 
 /// The posterior by the graph's own solver; null if the graph does not determine its modes in the
 /// numbers that a computer has. Precondition: every mode is observed or in the prior.
-/// @param together  Lists of modes, all pairs in each of which VisitModeCovariance() is to tell.
-std::unique_ptr<GraphPosterior> LinearizeGraph(const Graph& graph,
-                                               std::vector<std::vector<int>> together = {});
+/// @param required_sets  Lists of modes, all pairs in each of which VisitModeCovariance() visits.
+std::unique_ptr<GraphPosterior> LinearizeGraph(
+    const Graph& graph, const std::vector<std::vector<int>>& required_sets = {});
 
 /// The residuals at the graph's values. An observation's has its slope, divided by the root of its
 /// curvature: Jᵀ of all is the gradient of the cost.

@@ -3,15 +3,14 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <numeric>
 #include <utility>
-
-#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
 Eigen::Index Index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
+std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Triangular solve in place. For several columns Eigen copies the triangle, which pays for many.
 template <typename Triangle>
@@ -46,285 +45,327 @@ Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixX
   return y;
 }
 
-Multifrontal::Multifrontal(int size, const std::vector<SystemTerm>& terms) {
-  FindNodes(size, terms);
-  MakeFactors(terms);
-  local_.resize(static_cast<std::size_t>(size));
-}
-
 // Consecutive unknowns that every term has together or not at all are one node.
-void Multifrontal::FindNodes(int size, const std::vector<SystemTerm>& terms) {
-  const auto count = static_cast<std::size_t>(size);
-  std::vector<bool> begins(count + 1);
-  std::vector<int> mark(count, -1);
-  for (std::size_t t = 0; t < terms.size(); ++t) {
-    const auto term = static_cast<int>(t);
-    const auto has = [&](int unknown) {
-      return unknown >= 0 && unknown < size && mark[static_cast<std::size_t>(unknown)] == term;
-    };
-    for (const int unknown : terms[t].index) {
-      if (unknown >= 0) mark[static_cast<std::size_t>(unknown)] = term;
+class MultifrontalShape::Nodes {
+ public:
+  Nodes(int size, const std::vector<SystemTerm>& terms) {
+    const std::vector<bool> begins = Begins(size, terms);
+    for (int i = 0; i < size; ++i) {
+      if (i == 0 || begins[At(i)]) begin_.push_back(i);
+      node_of_.push_back(static_cast<int>(begin_.size()) - 1);
     }
-    for (const int unknown : terms[t].index) {
-      if (unknown < 0) continue;
-      if (!has(unknown - 1)) begins[static_cast<std::size_t>(unknown)] = true;
-      if (!has(unknown + 1)) begins[static_cast<std::size_t>(unknown) + 1] = true;
+    begin_.push_back(size);
+    for (std::size_t n = 0; n + 1 < begin_.size(); ++n) {
+      sizes_.push_back(begin_[n + 1] - begin_[n]);
     }
   }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (i == 0 || begins[i]) node_begin_.push_back(static_cast<int>(i));
-    node_of_.push_back(static_cast<int>(node_begin_.size()) - 1);
-  }
-  node_begin_.push_back(size);
-}
 
-void Multifrontal::MakeFactors(const std::vector<SystemTerm>& terms) {
-  std::vector<int> sizes;
-  for (std::size_t n = 0; n + 1 < node_begin_.size(); ++n) {
-    sizes.push_back(node_begin_[n + 1] - node_begin_[n]);
-  }
-  std::vector<std::vector<int>> cliques;
-  for (const SystemTerm& term : terms) {
-    std::vector<int> nodes;
-    for (const int unknown : term.index) {
-      if (unknown < 0) continue;
-      const int node = node_of_[static_cast<std::size_t>(unknown)];
-      if (node_begin_[static_cast<std::size_t>(node)] == unknown) nodes.push_back(node);
-    }
-    cliques.push_back(std::move(nodes));
-  }
-  const EliminationTree tree = MakeEliminationTree(sizes, cliques);
+  const std::vector<int>& sizes() const { return sizes_; }
+  int SizeOf(int node) const { return sizes_[At(node)]; }
+  int FirstOf(int node) const { return begin_[At(node)]; }
 
-  place_.resize(node_of_.size());
-  for (const Front& front : tree.fronts) {
-    for (int i = 0; i < front.own; ++i) {
-      const int node = front.rows[static_cast<std::size_t>(i)];
-      for (int k = 0; k < sizes[static_cast<std::size_t>(node)]; ++k) {
-        const int unknown = node_begin_[static_cast<std::size_t>(node)] + k;
-        place_[static_cast<std::size_t>(unknown)] = static_cast<int>(unknown_.size());
-        unknown_.push_back(unknown);
+  // The nodes of each term.
+  std::vector<std::vector<int>> CliquesOf(const std::vector<SystemTerm>& terms) const {
+    std::vector<std::vector<int>> cliques;
+    for (const SystemTerm& term : terms) {
+      std::vector<int>& nodes = cliques.emplace_back();
+      for (const int unknown : term.index) {
+        if (unknown < 0) continue;
+        const int node = node_of_[At(unknown)];
+        if (FirstOf(node) == unknown) nodes.push_back(node);
       }
     }
+    return cliques;
   }
+
+ private:
+  // Where some term has an unknown but not the one before it, or the other way around.
+  static std::vector<bool> Begins(int size, const std::vector<SystemTerm>& terms) {
+    std::vector<bool> begins(At(size) + 1);
+    std::vector<int> mark(At(size), -1);
+    for (std::size_t t = 0; t < terms.size(); ++t) {
+      const auto term = static_cast<int>(t);
+      const auto has = [&](int unknown) {
+        return unknown >= 0 && unknown < size && mark[At(unknown)] == term;
+      };
+      for (const int unknown : terms[t].index) {
+        if (unknown >= 0) mark[At(unknown)] = term;
+      }
+      for (const int unknown : terms[t].index) {
+        if (unknown < 0) continue;
+        if (!has(unknown - 1)) begins[At(unknown)] = true;
+        if (!has(unknown + 1)) begins[At(unknown) + 1] = true;
+      }
+    }
+    return begins;
+  }
+
+  std::vector<int> node_of_;  // Per unknown.
+  std::vector<int> begin_;    // Per node its first unknown, and the number of unknowns.
+  std::vector<int> sizes_;
+};
+
+MultifrontalShape::MultifrontalShape(int size, const std::vector<SystemTerm>& terms) {
+  const Nodes nodes(size, terms);
+  const EliminationTree tree = MakeEliminationTree(nodes.sizes(), nodes.CliquesOf(terms));
+  position_.resize(At(size));
+  OrderUnknowns(nodes, tree);
+  MakeFronts(nodes, tree);
+  LinkToParents();
+  AssignTerms(terms);
+}
+
+void MultifrontalShape::OrderUnknowns(const Nodes& nodes, const EliminationTree& tree) {
   for (std::size_t f = 0; f < tree.fronts.size(); ++f) {
     for (int i = 0; i < tree.fronts[f].own; ++i) {
-      const auto node = static_cast<std::size_t>(tree.fronts[f].rows[static_cast<std::size_t>(i)]);
-      front_.insert(front_.end(), static_cast<std::size_t>(sizes[node]), static_cast<int>(f));
-    }
-  }
-  children_.resize(tree.fronts.size());
-  for (std::size_t f = 0; f < tree.fronts.size(); ++f) {
-    const Front& front = tree.fronts[f];
-    Factor factor;
-    factor.parent = front.parent;
-    for (std::size_t i = 0; i < front.rows.size(); ++i) {
-      const auto node = static_cast<std::size_t>(front.rows[i]);
-      const int first = place_[static_cast<std::size_t>(node_begin_[node])];
-      for (int k = 0; k < sizes[node]; ++k) factor.rows.push_back(first + k);
-      if (static_cast<int>(i) < front.own) factor.own += sizes[node];
-    }
-    factors_.push_back(std::move(factor));
-    if (front.parent >= 0) {
-      children_[static_cast<std::size_t>(front.parent)].push_back(static_cast<int>(f));
-    }
-  }
-  for (Factor& factor : factors_) {
-    if (factor.parent < 0) continue;
-    const std::vector<int>& above = factors_[static_cast<std::size_t>(factor.parent)].rows;
-    // Both lists ascend.
-    auto found = above.begin();
-    for (std::size_t i = static_cast<std::size_t>(factor.own); i < factor.rows.size(); ++i) {
-      found = std::lower_bound(found, above.end(), factor.rows[i]);
-      factor.in_parent.push_back(static_cast<int>(found - above.begin()));
-    }
-  }
-  for (std::size_t t = 0; t < terms.size(); ++t) {
-    int first = static_cast<int>(place_.size());
-    int node = -1;
-    for (const int unknown : terms[t].index) {
-      if (unknown < 0 || place_[static_cast<std::size_t>(unknown)] >= first) continue;
-      first = place_[static_cast<std::size_t>(unknown)];
-      node = node_of_[static_cast<std::size_t>(unknown)];
-    }
-    if (node < 0) continue;
-    factors_[static_cast<std::size_t>(tree.front_of_node[static_cast<std::size_t>(node)])]
-        .terms.push_back(static_cast<int>(t));
-  }
-}
-
-bool Multifrontal::Factorize(const std::vector<SystemTerm>& terms) {
-  std::vector<Eigen::MatrixXd> left(factors_.size());  // Of fronts whose parent is to come.
-  for (std::size_t f = 0; f < factors_.size(); ++f) {
-    if (!FactorizeFront(terms, &left, f)) return false;
-  }
-  return true;
-}
-
-bool Multifrontal::FactorizeFront(const std::vector<SystemTerm>& terms,
-                                  std::vector<Eigen::MatrixXd>* left,
-                                  std::size_t at) {
-  Factor& factor = factors_[at];
-  const auto size = Index(factor.rows.size());
-  const Eigen::Index own = factor.own;
-  Eigen::MatrixXd F = Eigen::MatrixXd::Zero(size, size);
-  for (Eigen::Index i = 0; i < size; ++i) {
-    local_[static_cast<std::size_t>(factor.rows[static_cast<std::size_t>(i)])] =
-        static_cast<int>(i);
-  }
-  std::vector<int> row;
-  for (const int t : factor.terms) {
-    const SystemTerm& term = terms[static_cast<std::size_t>(t)];
-    row.clear();
-    for (const int unknown : term.index) {
-      row.push_back(
-          unknown < 0
-              ? -1
-              : local_[static_cast<std::size_t>(place_[static_cast<std::size_t>(unknown)])]);
-    }
-    for (std::size_t j = 0; j < row.size(); ++j) {
-      if (row[j] < 0) continue;
-      for (std::size_t i = j; i < row.size(); ++i) {
-        if (row[i] < 0) continue;
-        F(std::max(row[i], row[j]), std::min(row[i], row[j])) += term.H(Index(i), Index(j));
+      const int node = tree.fronts[f].rows[At(i)];
+      for (int k = 0; k < nodes.SizeOf(node); ++k) {
+        const int unknown = nodes.FirstOf(node) + k;
+        position_[At(unknown)] = static_cast<int>(unknowns_.size());
+        unknowns_.push_back(unknown);
+        front_of_position_.push_back(static_cast<int>(f));
       }
     }
   }
-  for (const int child : children_[at]) {
-    const std::vector<int>& to = factors_[static_cast<std::size_t>(child)].in_parent;
-    Eigen::MatrixXd U;
-    U.swap((*left)[static_cast<std::size_t>(child)]);
-    for (std::size_t j = 0; j < to.size(); ++j) {
-      for (std::size_t i = j; i < to.size(); ++i) F(to[i], to[j]) += U(Index(i), Index(j));
+}
+
+void MultifrontalShape::MakeFronts(const Nodes& nodes, const EliminationTree& tree) {
+  for (const Front& of_nodes : tree.fronts) {
+    FrontShape& front = fronts_.emplace_back();
+    front.parent = of_nodes.parent;
+    for (std::size_t i = 0; i < of_nodes.rows.size(); ++i) {
+      const int node = of_nodes.rows[i];
+      const int first = PositionOf(nodes.FirstOf(node));
+      for (int k = 0; k < nodes.SizeOf(node); ++k) front.rows.push_back(first + k);
+      if (static_cast<int>(i) < of_nodes.own) front.own += nodes.SizeOf(node);
     }
   }
-  Eigen::Ref<Eigen::MatrixXd> F_JJ = F.topLeftCorner(own, own);
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(F_JJ);
-  if (llt.info() != Eigen::Success) return false;
-  if (size > own) {
-    auto F_SJ = F.bottomLeftCorner(size - own, own);
-    llt.matrixL().transpose().solveInPlace<Eigen::OnTheRight>(F_SJ);
-    Eigen::MatrixXd& U = (*left)[at];
-    U = F.bottomRightCorner(size - own, size - own);
-    U.selfadjointView<Eigen::Lower>().rankUpdate(F_SJ, -1.0);
-  }
-  factor.L = F.leftCols(own);
-  return true;
 }
 
-Eigen::MatrixXd Multifrontal::Permuted(const Eigen::MatrixXd& b) const {
-  Eigen::MatrixXd x(b.rows(), b.cols());
-  for (std::size_t i = 0; i < place_.size(); ++i) x.row(place_[i]) = b.row(Index(i));
-  return x;
-}
-
-Eigen::MatrixXd Multifrontal::Solve(const Eigen::MatrixXd& b) const {
-  Eigen::MatrixXd x = Permuted(b);
-  for (const Factor& factor : factors_) SolveLower(factor, &x);
-  return BackSubstitute(std::move(x));
-}
-
-void Multifrontal::SolveLower(const Factor& factor, Eigen::MatrixXd* x) const {
-  auto x_J = x->middleRows(factor.rows.front(), factor.own);
-  SolveTriangle(factor.L.topRows(factor.own).triangularView<Eigen::Lower>(), x_J);
-  const Eigen::Index below = factor.L.rows() - factor.own;
-  if (below == 0) return;
-  const Eigen::MatrixXd change = factor.L.bottomRows(below) * x_J;
-  for (Eigen::Index i = 0; i < below; ++i) {
-    x->row(factor.rows[static_cast<std::size_t>(factor.own + i)]) -= change.row(i);
+void MultifrontalShape::LinkToParents() {
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    FrontShape& front = fronts_[f];
+    if (front.parent < 0) continue;
+    FrontShape& parent = fronts_[At(front.parent)];
+    parent.children.push_back(static_cast<int>(f));
+    // Both lists ascend.
+    auto found = parent.rows.begin();
+    for (std::size_t i = At(front.own); i < front.rows.size(); ++i) {
+      found = std::lower_bound(found, parent.rows.end(), front.rows[i]);
+      front.row_in_parent.push_back(static_cast<int>(found - parent.rows.begin()));
+    }
   }
 }
 
-// The fronts of some unknowns and all above them, ascending.
-std::vector<std::size_t> Multifrontal::FrontsAbove(const std::vector<int>& unknowns) const {
+// A term goes to the front that eliminates the first of its unknowns.
+void MultifrontalShape::AssignTerms(const std::vector<SystemTerm>& terms) {
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    auto first = static_cast<int>(position_.size());
+    for (const int unknown : terms[t].index) {
+      if (unknown >= 0) first = std::min(first, PositionOf(unknown));
+    }
+    if (At(first) == position_.size()) continue;
+    fronts_[At(front_of_position_[At(first)])].terms.push_back(static_cast<int>(t));
+  }
+}
+
+std::vector<std::size_t> MultifrontalShape::FrontsAbove(const std::vector<int>& unknowns) const {
   std::vector<std::size_t> fronts;
   for (const int unknown : unknowns) {
-    int front = front_[static_cast<std::size_t>(place_[static_cast<std::size_t>(unknown)])];
-    for (; front >= 0; front = factors_[static_cast<std::size_t>(front)].parent) {
-      fronts.push_back(static_cast<std::size_t>(front));
-    }
+    int front = front_of_position_[At(PositionOf(unknown))];
+    for (; front >= 0; front = fronts_[At(front)].parent) fronts.push_back(At(front));
   }
   std::sort(fronts.begin(), fronts.end());
   fronts.erase(std::unique(fronts.begin(), fronts.end()), fronts.end());
   return fronts;
 }
 
-Eigen::MatrixXd Multifrontal::QuadraticForm(const std::vector<int>& unknowns,
-                                            const Eigen::MatrixXd& weights) const {
-  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(Index(place_.size()), weights.cols());
+// Factors the fronts one after the other.
+class MultifrontalFactor::Factorization {
+ public:
+  Factorization(const std::vector<SystemTerm>& terms, MultifrontalFactor* factor)
+      : shape_(*factor->shape_),
+        terms_(terms),
+        L_(factor->L_),
+        updates_(shape_.fronts().size()),
+        local_(shape_.unknowns().size()) {
+    L_.resize(shape_.fronts().size());
+  }
+
+  // False if a front is not positive definite.
+  bool Run() {
+    for (std::size_t front = 0; front < L_.size(); ++front) {
+      if (!Eliminate(front, Assemble(front))) return false;
+    }
+    return true;
+  }
+
+ private:
+  // The sum of a front's terms and of its children's update matrices.
+  Eigen::MatrixXd Assemble(std::size_t at) {
+    const MultifrontalShape::FrontShape& front = shape_.fronts()[at];
+    const Eigen::Index size = std::ssize(front.rows);
+    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(size, size);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      local_[At(front.rows[static_cast<std::size_t>(i)])] = static_cast<int>(i);
+    }
+    for (const int term : front.terms) AddTerm(terms_[At(term)], &F);
+    for (const int child : front.children) {
+      const std::vector<int>& to = shape_.fronts()[At(child)].row_in_parent;
+      Eigen::MatrixXd U;
+      U.swap(updates_[At(child)]);
+      for (std::size_t j = 0; j < to.size(); ++j) {
+        for (std::size_t i = j; i < to.size(); ++i) F(to[i], to[j]) += U(Index(i), Index(j));
+      }
+    }
+    return F;
+  }
+
+  void AddTerm(const SystemTerm& term, Eigen::MatrixXd* F) {
+    row_.clear();
+    for (const int unknown : term.index) {
+      row_.push_back(unknown < 0 ? -1 : local_[At(shape_.PositionOf(unknown))]);
+    }
+    for (std::size_t j = 0; j < row_.size(); ++j) {
+      if (row_[j] < 0) continue;
+      for (std::size_t i = j; i < row_.size(); ++i) {
+        if (row_[i] < 0) continue;
+        (*F)(std::max(row_[i], row_[j]), std::min(row_[i], row_[j])) += term.H(Index(i), Index(j));
+      }
+    }
+  }
+
+  bool Eliminate(std::size_t at, Eigen::MatrixXd F) {
+    const Eigen::Index own = shape_.fronts()[at].own;
+    const Eigen::Index below = F.rows() - own;
+    Eigen::Ref<Eigen::MatrixXd> F_JJ = F.topLeftCorner(own, own);
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(F_JJ);
+    if (llt.info() != Eigen::Success) return false;
+    if (below > 0) {
+      auto F_SJ = F.bottomLeftCorner(below, own);
+      llt.matrixL().transpose().solveInPlace<Eigen::OnTheRight>(F_SJ);
+      Eigen::MatrixXd& U = updates_[at];
+      U = F.bottomRightCorner(below, below);
+      U.selfadjointView<Eigen::Lower>().rankUpdate(F_SJ, -1.0);
+    }
+    L_[at] = F.leftCols(own);
+    return true;
+  }
+
+  const MultifrontalShape& shape_;
+  const std::vector<SystemTerm>& terms_;
+  std::vector<Eigen::MatrixXd>& L_;
+  std::vector<Eigen::MatrixXd> updates_;  // Of fronts whose parent is to come.
+  std::vector<int> local_;                // Per position its row in the front at hand.
+  std::vector<int> row_;                  // Scratch: rows of a term.
+};
+
+std::shared_ptr<const MultifrontalFactor> MultifrontalFactor::Of(
+    std::shared_ptr<const MultifrontalShape> shape, const std::vector<SystemTerm>& terms) {
+  const std::shared_ptr<MultifrontalFactor> factor(new MultifrontalFactor(std::move(shape)));
+  if (!Factorization(terms, factor.get()).Run()) return nullptr;
+  return factor;
+}
+
+Eigen::MatrixXd MultifrontalFactor::Permuted(const Eigen::MatrixXd& b) const {
+  const std::vector<int>& unknowns = shape_->unknowns();
+  Eigen::MatrixXd x(b.rows(), b.cols());
+  for (std::size_t i = 0; i < unknowns.size(); ++i) x.row(Index(i)) = b.row(unknowns[i]);
+  return x;
+}
+
+Eigen::MatrixXd MultifrontalFactor::Solve(const Eigen::MatrixXd& b) const {
+  Eigen::MatrixXd x = Permuted(b);
+  for (std::size_t front = 0; front < L_.size(); ++front) SolveLower(front, &x);
+  return BackSubstitute(std::move(x));
+}
+
+Eigen::MatrixXd MultifrontalFactor::SolveUpper(const Eigen::MatrixXd& z) const {
+  return BackSubstitute(Permuted(z));
+}
+
+void MultifrontalFactor::SolveLower(std::size_t at, Eigen::MatrixXd* x) const {
+  const MultifrontalShape::FrontShape& front = shape_->fronts()[at];
+  const Eigen::MatrixXd& L = L_[at];
+  auto x_J = x->middleRows(front.rows.front(), front.own);
+  SolveTriangle(L.topRows(front.own).triangularView<Eigen::Lower>(), x_J);
+  const Eigen::Index below = L.rows() - front.own;
+  if (below == 0) return;
+  const Eigen::MatrixXd change = L.bottomRows(below) * x_J;
+  for (Eigen::Index i = 0; i < below; ++i) {
+    x->row(front.rows[static_cast<std::size_t>(front.own + i)]) -= change.row(i);
+  }
+}
+
+Eigen::MatrixXd MultifrontalFactor::QuadraticForm(const std::vector<int>& unknowns,
+                                                  const Eigen::MatrixXd& weights) const {
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(size(), weights.cols());
   for (std::size_t i = 0; i < unknowns.size(); ++i) {
-    x.row(place_[static_cast<std::size_t>(unknowns[i])]) = weights.row(Index(i));
+    x.row(shape_->PositionOf(unknowns[i])) = weights.row(Index(i));
   }
   Eigen::MatrixXd form = Eigen::MatrixXd::Zero(weights.cols(), weights.cols());
-  for (const std::size_t front : FrontsAbove(unknowns)) {
-    const Factor& factor = factors_[front];
-    SolveLower(factor, &x);
-    const auto x_J = x.middleRows(factor.rows.front(), factor.own);
+  for (const std::size_t at : shape_->FrontsAbove(unknowns)) {
+    SolveLower(at, &x);
+    const MultifrontalShape::FrontShape& front = shape_->fronts()[at];
+    const auto x_J = x.middleRows(front.rows.front(), front.own);
     form.noalias() += x_J.transpose() * x_J;
   }
   return form;
 }
 
-Eigen::MatrixXd Multifrontal::SolveUpper(const Eigen::MatrixXd& z) const {
-  return BackSubstitute(Permuted(z));
-}
-
-Eigen::MatrixXd Multifrontal::BackSubstitute(Eigen::MatrixXd x) const {
+Eigen::MatrixXd MultifrontalFactor::BackSubstitute(Eigen::MatrixXd x) const {
   Eigen::MatrixXd x_S;
-  for (std::size_t f = factors_.size(); f-- > 0;) {
-    const Factor& factor = factors_[f];
-    auto x_J = x.middleRows(factor.rows.front(), factor.own);
-    const Eigen::Index below = factor.L.rows() - factor.own;
+  for (std::size_t f = L_.size(); f-- > 0;) {
+    const MultifrontalShape::FrontShape& front = shape_->fronts()[f];
+    const Eigen::MatrixXd& L = L_[f];
+    auto x_J = x.middleRows(front.rows.front(), front.own);
+    const Eigen::Index below = L.rows() - front.own;
     if (below > 0) {
       x_S.resize(below, x.cols());
       for (Eigen::Index i = 0; i < below; ++i) {
-        x_S.row(i) = x.row(factor.rows[static_cast<std::size_t>(factor.own + i)]);
+        x_S.row(i) = x.row(front.rows[static_cast<std::size_t>(front.own + i)]);
       }
-      x_J.noalias() -= factor.L.bottomRows(below).transpose() * x_S;
+      x_J.noalias() -= L.bottomRows(below).transpose() * x_S;
     }
-    SolveTriangle(factor.L.topRows(factor.own).triangularView<Eigen::Lower>().transpose(), x_J);
+    SolveTriangle(L.topRows(front.own).triangularView<Eigen::Lower>().transpose(), x_J);
   }
+  const std::vector<int>& unknowns = shape_->unknowns();
   Eigen::MatrixXd result(x.rows(), x.cols());
-  for (std::size_t i = 0; i < place_.size(); ++i) result.row(Index(i)) = x.row(place_[i]);
+  for (std::size_t i = 0; i < unknowns.size(); ++i) result.row(unknowns[i]) = x.row(Index(i));
   return result;
 }
 
-void Multifrontal::VisitInverse(const InverseVisitor& visitor) const {
-  std::vector<Eigen::MatrixXd> inverse(factors_.size());  // Of fronts with children to come.
-  std::vector<std::size_t> to_come(factors_.size());
-  for (std::size_t f = 0; f < factors_.size(); ++f) to_come[f] = children_[f].size();
+void MultifrontalFactor::VisitInverse(const InverseVisitor& visitor) const {
+  const std::vector<MultifrontalShape::FrontShape>& fronts = shape_->fronts();
+  std::vector<Eigen::MatrixXd> inverse(fronts.size());  // Of fronts with children to come.
+  std::vector<std::size_t> to_come(fronts.size());
+  for (std::size_t f = 0; f < fronts.size(); ++f) to_come[f] = fronts[f].children.size();
   std::vector<int> unknowns;
-  for (std::size_t f = factors_.size(); f-- > 0;) {
-    const Factor& factor = factors_[f];
-    const auto size = Index(factor.rows.size());
-    const Eigen::Index own = factor.own;
+  for (std::size_t f = fronts.size(); f-- > 0;) {
+    const MultifrontalShape::FrontShape& front = fronts[f];
+    const Eigen::MatrixXd& L = L_[f];
+    const Eigen::Index size = std::ssize(front.rows);
+    const Eigen::Index own = front.own;
     const Eigen::Index below = size - own;
     Eigen::MatrixXd Z(size, size);
     Eigen::MatrixXd inverse_L = Eigen::MatrixXd::Identity(own, own);
-    factor.L.topRows(own).triangularView<Eigen::Lower>().solveInPlace(inverse_L);
+    L.topRows(own).triangularView<Eigen::Lower>().solveInPlace(inverse_L);
     Z.topLeftCorner(own, own).noalias() = inverse_L.transpose() * inverse_L;
     if (below > 0) {
-      const auto parent = static_cast<std::size_t>(factor.parent);
+      const std::size_t parent = At(front.parent);
       const Eigen::MatrixXd& above = inverse[parent];
-      Z.bottomRightCorner(below, below) = above(factor.in_parent, factor.in_parent);
-      const Eigen::MatrixXd K = factor.L.bottomRows(below) * inverse_L;
+      Z.bottomRightCorner(below, below) = above(front.row_in_parent, front.row_in_parent);
+      const Eigen::MatrixXd K = L.bottomRows(below) * inverse_L;
       Z.bottomLeftCorner(below, own).noalias() = -(Z.bottomRightCorner(below, below) * K);
       Z.topLeftCorner(own, own).noalias() -= K.transpose() * Z.bottomLeftCorner(below, own);
       Z.topRightCorner(own, below) = Z.bottomLeftCorner(below, own).transpose();
       if (--to_come[parent] == 0) inverse[parent].resize(0, 0);
     }
     unknowns.clear();
-    for (const int place : factor.rows) {
-      unknowns.push_back(unknown_[static_cast<std::size_t>(place)]);
-    }
-    visitor(unknowns, factor.own, Z);
+    for (const int position : front.rows) unknowns.push_back(shape_->unknowns()[At(position)]);
+    visitor(unknowns, front.own, Z);
     if (to_come[f] > 0) inverse[f] = std::move(Z);
   }
-}
-
-double Multifrontal::fill() const {
-  return std::accumulate(factors_.begin(), factors_.end(), 0.0, [](double sum, const Factor& f) {
-    return sum + static_cast<double>(f.rows.size()) * f.own;
-  });
 }
 
 }  // namespace shiftmap

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
+#include <cstddef>
+#include <memory>
 #include <vector>
 
+#include "mapper/graph/cholesky_factor.h"
 #include "mapper/graph/elimination_tree.h"
 
 namespace shiftmap {
@@ -18,79 +20,85 @@ struct SystemTerm {
 /// Σ terms times x, any number of columns.
 Eigen::MatrixXd Times(const std::vector<SystemTerm>& terms, const Eigen::MatrixXd& x);
 
-/// Called with unknowns, how many of them are new, and their block of an inverse.
-using InverseVisitor =
-    std::function<void(const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block)>;
-
-/// Cholesky factor of a sparse sum of dense terms by the multifrontal method (Duff, Reid 1983):
-/// unknowns that couple with the same others are eliminated together in dense algebra, and what is
-/// left of a front is one more term of its parent's. The order is found once for all sums of the
-/// same shape.
-///
-/// One thread; same input, same bits.
-class Multifrontal {
+/// The symbolic factor of all sums of terms over the same unknowns: the order of elimination, and
+/// the fronts in which unknowns that couple with the same others are eliminated together.
+class MultifrontalShape {
  public:
+  struct FrontShape {
+    std::vector<int> rows;  ///< Positions of its unknowns in the order of elimination, ascending.
+    int own = 0;            ///< The first of them, which are eliminated here.
+    int parent = -1;
+    std::vector<int> children;
+    std::vector<int> row_in_parent;  ///< Of the rows after its own.
+    std::vector<int> terms;          ///< Added here.
+  };
+
   /// @param size   Number of unknowns.
   /// @param terms  Their `index` tells the shape; values are not read.
-  Multifrontal(int size, const std::vector<SystemTerm>& terms);
+  MultifrontalShape(int size, const std::vector<SystemTerm>& terms);
 
-  /// Factors Σ terms. False if it is not positive definite.
-  /// @param terms  With the indices that the constructor saw.
-  bool Factorize(const std::vector<SystemTerm>& terms);
+  const std::vector<FrontShape>& fronts() const { return fronts_; }  ///< Children before parents.
+  const std::vector<int>& unknowns() const { return unknowns_; }     ///< By position.
 
-  /// H⁻¹ b, any number of columns.
-  Eigen::MatrixXd Solve(const Eigen::MatrixXd& b) const;
+  int PositionOf(int unknown) const { return position_[static_cast<std::size_t>(unknown)]; }
 
-  /// P L⁻ᵀ z with P L Lᵀ Pᵀ = H: a draw of N(0, H⁻¹) if z is one of N(0, I).
-  Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const;
+  /// The fronts of some unknowns and all above them, ascending.
+  std::vector<std::size_t> FrontsAbove(const std::vector<int>& unknowns) const;
 
-  /// Wᵀ H⁻¹ W = ‖L⁻¹ Pᵀ W‖² of a W that has few rows: only the fronts between those unknowns and
-  /// the roots take part.
-  /// @param unknowns  Of the rows of `weights`; each once.
+ private:
+  class Nodes;
+
+  void OrderUnknowns(const Nodes& nodes, const EliminationTree& tree);
+  void MakeFronts(const Nodes& nodes, const EliminationTree& tree);
+  void LinkToParents();
+  void AssignTerms(const std::vector<SystemTerm>& terms);
+
+  std::vector<int> position_;           // Per unknown in the order of elimination.
+  std::vector<int> unknowns_;           // Per position.
+  std::vector<int> front_of_position_;  // The front that eliminates it.
+  std::vector<FrontShape> fronts_;
+};
+
+/// Cholesky factor of a sparse sum of dense terms by the multifrontal method (Duff, Reid 1983). The
+/// update matrix of a front, what its elimination leaves over its other unknowns, is one more term
+/// of its parent's front.
+///
+/// One thread; same input, same bits.
+class MultifrontalFactor final : public CholeskyFactor {
+ public:
+  /// Factors Σ terms; null if it is not positive definite.
+  /// @param terms  Of the shape.
+  static std::shared_ptr<const MultifrontalFactor> Of(
+      std::shared_ptr<const MultifrontalShape> shape, const std::vector<SystemTerm>& terms);
+
+  int size() const override { return static_cast<int>(shape_->unknowns().size()); }
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& b) const override;
+  Eigen::MatrixXd SolveUpper(const Eigen::MatrixXd& z) const override;
+
+  /// ‖L⁻¹ Pᵀ W‖²: only the fronts between those unknowns and the roots take part.
   Eigen::MatrixXd QuadraticForm(const std::vector<int>& unknowns,
-                                const Eigen::MatrixXd& weights) const;
+                                const Eigen::MatrixXd& weights) const override;
 
-  /// The entries of H⁻¹ where the factor has any, which is in all blocks of all terms, front by
-  /// front (Takahashi, Fagan, Chin 1973):
+  /// The selected inverse (Takahashi, Fagan, Chin 1973), front by front:
   ///
   ///   Z_SJ = -Z_SS K,   Z_JJ = (L_JJ L_JJᵀ)⁻¹ - Kᵀ Z_SJ,   K = L_SJ L_JJ⁻¹
   ///
-  /// with J the front's own unknowns and S the others, of which its parent has told. As costly as
-  /// a factorization. The visitor gets every pair of unknowns of a front of which at least one is
-  /// among the first `own`, over all fronts each once, and others besides.
-  void VisitInverse(const InverseVisitor& visitor) const;
-
-  /// Entries of the factor.
-  double fill() const;
+  /// with J the front's own unknowns and S the others, of which its parent has told. As costly as a
+  /// factorization.
+  void VisitInverse(const InverseVisitor& visitor) const override;
 
  private:
-  struct Factor {
-    Eigen::MatrixXd L;      // Own columns; lower trapezoid.
-    std::vector<int> rows;  // Places of its unknowns in the order of elimination.
-    int own = 0;
-    int parent = -1;
-    std::vector<int> in_parent;  // Of the rows after its own, where they are among the parent's.
-    std::vector<int> terms;      // Added here.
-  };
+  class Factorization;
 
-  void FindNodes(int size, const std::vector<SystemTerm>& terms);
-  void MakeFactors(const std::vector<SystemTerm>& terms);
-  bool FactorizeFront(const std::vector<SystemTerm>& terms,
-                      std::vector<Eigen::MatrixXd>* left,
-                      std::size_t at);
-  std::vector<std::size_t> FrontsAbove(const std::vector<int>& unknowns) const;
-  void SolveLower(const Factor& factor, Eigen::MatrixXd* x) const;
+  explicit MultifrontalFactor(std::shared_ptr<const MultifrontalShape> shape)
+      : shape_(std::move(shape)) {}
+
+  void SolveLower(std::size_t front, Eigen::MatrixXd* x) const;
   Eigen::MatrixXd Permuted(const Eigen::MatrixXd& b) const;
   Eigen::MatrixXd BackSubstitute(Eigen::MatrixXd x) const;
 
-  std::vector<int> node_of_;     // Per unknown.
-  std::vector<int> node_begin_;  // Per node its first unknown, and the number of unknowns.
-  std::vector<int> place_;       // Per unknown its place in the order of elimination.
-  std::vector<int> unknown_;     // Per place.
-  std::vector<int> front_;       // Per place the front that eliminates it.
-  std::vector<Factor> factors_;
-  std::vector<std::vector<int>> children_;
-  mutable std::vector<int> local_;  // Scratch: per place its row in the front at hand.
+  std::shared_ptr<const MultifrontalShape> shape_;
+  std::vector<Eigen::MatrixXd> L_;  // Per front its own columns; lower trapezoid.
 };
 
 }  // namespace shiftmap

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_step.h"
 
 namespace shiftmap {
 

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "mapper/graph/ceres_posterior.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_posterior.h"
 #include "mapper/graph/residuals.h"
 #include "mapper/graph/robust_loss.h"
+#include "mapper/graph/schur_posterior.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -89,11 +89,10 @@ void CountObservations(const Graph& graph,
 }  // namespace
 
 std::unique_ptr<GraphPosterior> LinearizeGraph(const Graph& graph,
-                                               std::vector<std::vector<int>> together) {
-  if (graph.solver == SolverKind::kCeres) return CeresPosterior::Of(graph, std::move(together));
-  auto elimination = std::make_unique<GraphElimination>(graph, std::move(together));
-  if (!elimination->Linearize()) return nullptr;
-  return elimination;
+                                               const std::vector<std::vector<int>>& required_sets) {
+  if (graph.solver == SolverKind::kCeres) return CeresPosterior::Of(graph, required_sets);
+  std::unique_ptr<ReducedSystem> reduced;
+  return SchurPosterior::Of(graph, required_sets, &reduced);
 }
 
 GraphResiduals PresentResiduals(const Graph& graph) {
@@ -138,17 +137,10 @@ std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph&
                                                                     int samples,
                                                                     std::uint64_t seed,
                                                                     GraphSolver* solver) {
-  if (graph.solver == SolverKind::kCeres) {
-    const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
-    if (!posterior) return std::nullopt;
-    return ComputeRunStatistics(graph, *posterior, samples, seed);
-  }
-  GraphElimination elimination(graph, solver != nullptr ? solver->TakeRest() : nullptr);
-  if (!elimination.LinearizeSimilar()) return std::nullopt;
-  std::vector<ResidualStatistics> statistics =
-      ComputeRunStatistics(graph, elimination, samples, seed);
-  if (solver != nullptr) solver->KeepRest(elimination.TakeRest());
-  return statistics;
+  const std::unique_ptr<GraphPosterior> posterior =
+      solver != nullptr ? solver->Linearize(graph) : LinearizeGraph(graph);
+  if (!posterior) return std::nullopt;
+  return ComputeRunStatistics(graph, *posterior, samples, seed);
 }
 
 }  // namespace shiftmap

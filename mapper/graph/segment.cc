@@ -10,7 +10,7 @@ namespace {
 
 // L of L Lᵀ = A by its lower triangle, with the inverse of its diagonal, which is what solving
 // needs. False if A is not positive definite.
-bool Factorize(const Eigen::Matrix3d& A, Eigen::Matrix3d* L) {
+bool FactorizeBlock(const Eigen::Matrix3d& A, Eigen::Matrix3d* L) {
   L->setZero();
   for (int j = 0; j < 3; ++j) {
     double pivot = A(j, j);
@@ -76,7 +76,13 @@ void SegmentSystem::Damp(double share) {
   C.diagonal() *= 1.0 + share;
 }
 
-bool Segment::Eliminate(SegmentSystem* system) {
+std::optional<SegmentFactor> SegmentFactor::Of(SegmentSystem* system) {
+  SegmentFactor factor;
+  if (!factor.Factorize(system)) return std::nullopt;
+  return factor;
+}
+
+bool SegmentFactor::Factorize(SegmentSystem* system) {
   std::vector<Eigen::Matrix3d>& A = system->A;
   L_.resize(A.size());
   F_.resize(system->E.size());
@@ -85,7 +91,7 @@ bool Segment::Eliminate(SegmentSystem* system) {
   const Eigen::Index width = Y_.cols();
   for (std::size_t i = 0; i < A.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(3 * i);
-    if (!Factorize(A[i], &L_[i])) return false;
+    if (!FactorizeBlock(A[i], &L_[i])) return false;
     double* Y = Y_.data() + row * width;
     double* u = u_.data() + row;
     SolveRows(L_[i], width, Y);
@@ -105,7 +111,7 @@ bool Segment::Eliminate(SegmentSystem* system) {
   return true;
 }
 
-void Segment::Eliminate(PoseRows* b, Eigen::MatrixXd* c) const {
+void SegmentFactor::Eliminate(PoseRows* b, Eigen::MatrixXd* c) const {
   const Eigen::Index width = b->cols();
   for (std::size_t i = 0; i < L_.size(); ++i) {
     double* rows = b->data() + static_cast<Eigen::Index>(3 * i) * width;
@@ -115,8 +121,8 @@ void Segment::Eliminate(PoseRows* b, Eigen::MatrixXd* c) const {
   if (!L_.empty()) c->noalias() -= Y_.transpose() * *b;
 }
 
-Eigen::VectorXd Segment::BackSubstitute(const Eigen::VectorXd& u,
-                                        const Eigen::VectorXd& boundary) const {
+Eigen::VectorXd SegmentFactor::BackSubstitute(const Eigen::VectorXd& u,
+                                              const Eigen::VectorXd& boundary) const {
   Eigen::VectorXd x = u;
   x.noalias() -= Y_ * boundary;
   for (std::size_t i = L_.size(); i-- > 0;) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 namespace shiftmap {
@@ -9,11 +10,11 @@ namespace shiftmap {
 /// A matrix whose rows are in one piece each: the three rows of a pose are worked through together.
 using PoseRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// The normal equations of a stretch of consecutive poses, before any is eliminated. Its boundary
-/// is everything else that the stretch's factors touch: the poses before and after it, its run's
-/// calibration, the modes seen from it.
+/// The normal equations of a segment of consecutive poses, before any is eliminated. Its boundary
+/// is everything else that the segment's residuals depend on: the poses before and after it, its
+/// run's calibration, the modes seen from it.
 struct SegmentSystem {
-  /// @param poses     Poses in the stretch; there may be none.
+  /// @param poses     Poses in the segment; there may be none.
   /// @param boundary  Dimension of the boundary.
   SegmentSystem(int poses, int boundary);
 
@@ -28,24 +29,24 @@ struct SegmentSystem {
   Eigen::VectorXd c;               ///< -gradient of the boundary.
 };
 
-/// A stretch of poses eliminated onto its boundary: the Cholesky factor of a block-tridiagonal
+/// A segment of poses eliminated onto its boundary: the Cholesky factor of a block-tridiagonal
 /// system, from the first pose to the last.
 ///
 ///   L Lᵀ = A,   Y = L⁻¹ B,   u = L⁻¹ b,   boundary: C - YᵀY, c - Yᵀu.
 ///
 /// Linear in the poses, quadratic in the boundary.
-class Segment {
+class SegmentFactor {
  public:
-  /// Takes the system apart; the marginal system of the boundary is left in system->C, system->c.
-  /// False if the poses are not determined.
-  bool Eliminate(SegmentSystem* system);
+  /// Takes the system apart; the Schur complement of the boundary is left in system->C, system->c.
+  /// Nothing if the poses are not determined.
+  static std::optional<SegmentFactor> Of(SegmentSystem* system);
 
   int poses() const { return static_cast<int>(L_.size()); }
 
   /// bᵀ A⁻¹ b of the poses alone.
   double Decrease() const { return u_.squaredNorm(); }
 
-  /// The same for other right sides, a column each: b := L⁻¹ b, c := c - Yᵀ b.
+  /// Eliminates other right sides, a column each: b := L⁻¹ b, c := c - Yᵀ b.
   void Eliminate(PoseRows* b, Eigen::MatrixXd* c) const;
 
   /// The poses' step, given the boundary's: L⁻ᵀ (u - Y y), three rows a pose.
@@ -57,6 +58,8 @@ class Segment {
   Eigen::VectorXd BackSubstitute(const Eigen::VectorXd& u, const Eigen::VectorXd& boundary) const;
 
  private:
+  bool Factorize(SegmentSystem* system);
+
   std::vector<Eigen::Matrix3d> L_;  // Diagonal blocks; of their own diagonal the inverse.
   std::vector<Eigen::Matrix3d> F_;  // L_i⁻¹ E_i, the transposed blocks below the diagonal.
   PoseRows Y_;

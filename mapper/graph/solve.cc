@@ -6,9 +6,10 @@
 #include <utility>
 
 #include "localizer/models/observation_model.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/open_chain.h"
+#include "mapper/graph/schur_posterior.h"
+#include "mapper/graph/schur_system.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -20,11 +21,11 @@ constexpr double kRounding = 1e-5;
 // A step that does not help is halved as often; then steps are damped.
 constexpr int kMaxHalvings = 3;
 
-// Takes the rigid motion of the modes as a whole out of a step, and out of the poses with it. No
-// residual changes by a rigid motion of everything, but a long one is none: modes go straight where
-// they ought to turn. A step that holds the first pose of one run has one whenever the start of
-// that run, by which it hangs on everything else, is turned against it.
-void TakeOutRigidMotion(const Graph& graph, GraphStep* step) {
+// Removes the rigid motion of all modes from a step, of modes and poses. No residual changes by a
+// rigid motion of everything, but a long linear step is none: modes go straight where they ought to
+// turn. A step with the first pose of one run fixed has one whenever the start of that run turns
+// against everything else.
+void RemoveRigidMotion(const Graph& graph, GraphStep* step) {
   const auto count = static_cast<double>(graph.modes.size());
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
   Eigen::Vector2d shift = Eigen::Vector2d::Zero();
@@ -59,7 +60,7 @@ void TakeOutRigidMotion(const Graph& graph, GraphStep* step) {
 }
 
 // Moves everything rigidly so that the pose that fixes the frame is where it was.
-void HoldFrame(const Se2& T_map_anchor, Graph* graph) {
+void RestoreFrame(const Se2& T_map_anchor, Graph* graph) {
   Se2& anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
   const Se2 T_map_moved = T_map_anchor * anchor.Inverse();
   for (GraphRun& run : graph->runs) {
@@ -70,11 +71,11 @@ void HoldFrame(const Se2& T_map_anchor, Graph* graph) {
 }
 
 // A step that is expected to lower the cost by a smaller share is near the minimum: the curvature
-// of the loss leads on from there.
+// of the loss takes the place of its weights from there on.
 constexpr double kNearMinimum = 1e-2;
 
-// Steps that go down by more than expected, as where outliers make up their minds, are followed by
-// longer ones. No longer than that: in other directions it is too far.
+// If the cost falls more than the quadratic model predicts, as where outliers are being
+// down-weighted, the next steps are up to so many times as long.
 constexpr double kMaxLength = 1.5;
 
 // Everything continuous in a graph.
@@ -108,25 +109,20 @@ class GraphValues {
 // Gauss-Newton steps until the cost stays.
 class GaussNewton {
  public:
-  /// @param near_minimum  The graph is to begin with; then, whether it is where this ends.
-  GaussNewton(const SolverLimits& limits,
-              bool* near_minimum,
-              GraphElimination* elimination,
-              Graph* graph,
-              GraphSummary* summary)
+  /// @param near_minimum  Of the graph to begin with.
+  GaussNewton(const SolverLimits& limits, bool near_minimum, SchurSystem* system, Graph* graph)
       : limits_(limits),
-        near_minimum_(*near_minimum),
-        elimination_(*elimination),
+        near_minimum_(near_minimum),
+        system_(*system),
         graph_(*graph),
-        summary_(*summary),
-        floats_(graph->priors.empty() && !graph->modes.empty()) {
+        frame_is_free_(graph->priors.empty() && !graph->modes.empty()) {
     if (graph->open) open_chain_.emplace(*graph);
   }
 
   // The first linearization. False if a segment is not determined.
   bool Start() {
     if (!Linearize()) return false;
-    summary_.initial_cost = summary_.final_cost = elimination_.cost();
+    summary_.initial_cost = summary_.final_cost = system_.cost();
     return true;
   }
 
@@ -134,29 +130,40 @@ class GaussNewton {
   // that step.
   bool Run() {
     while (summary_.iterations < limits_.max_iterations && !summary_.converged) {
-      std::optional<GraphStep> step = elimination_.SimilarStep();
-      if (!step) return false;
-      const double expected = elimination_.ExpectedDecrease();
-      near_minimum_ = expected <= kNearMinimum * summary_.final_cost;
-      if (!near_minimum_) length_ = 1.0;
-      if (length_ > 1.0) step = Scaled(*std::move(step), length_);
-      if (floats_ && !open_chain_) TakeOutRigidMotion(graph_, &*step);
+      std::optional<SchurSystem::Step> found = system_.Solve();
+      if (!found) return false;
+      const double expected = found->expected_decrease;
+      const GraphStep step = Adjusted(*std::move(found));
       const GraphValues before(graph_);
-      Move(*step);
+      Move(step);
       ++summary_.iterations;
       if (IsLast(expected) && Ends()) return true;
-      if (!GoDown(before, *std::move(step))) return false;
-      const double decrease = summary_.final_cost - elimination_.cost();
+      if (!GoDown(before, step)) return false;
+      const double decrease = summary_.final_cost - system_.cost();
       length_ = NextLength(expected, decrease);
-      summary_.converged = decrease <= limits_.cost_tolerance * elimination_.cost();
-      summary_.final_cost = elimination_.cost();
+      summary_.converged = decrease <= limits_.cost_tolerance * system_.cost();
+      summary_.final_cost = system_.cost();
     }
     return true;
   }
 
+  const GraphSummary& summary() const { return summary_; }
+  bool near_minimum() const { return near_minimum_; }
+
  private:
   bool Linearize() {
-    return near_minimum_ ? elimination_.LinearizeNearMinimum() : elimination_.LinearizeSegments();
+    return system_.Linearize(near_minimum_ ? LossWeighting::kStepCurvature
+                                           : LossWeighting::kWeights);
+  }
+
+  // A step as it is taken: longer near the minimum, and without what moves the frame.
+  GraphStep Adjusted(SchurSystem::Step found) {
+    near_minimum_ = found.expected_decrease <= kNearMinimum * summary_.final_cost;
+    if (!near_minimum_) length_ = 1.0;
+    GraphStep step = std::move(found.step);
+    if (length_ > 1.0) step = Scaled(std::move(step), length_);
+    if (frame_is_free_ && !open_chain_) RemoveRigidMotion(graph_, &step);
+    return step;
   }
 
   // Nothing is linearized after the last step.
@@ -166,7 +173,7 @@ class GaussNewton {
   }
 
   bool Ends() {
-    const double cost = elimination_.PresentCost();
+    const double cost = system_.PresentCost();
     const bool converged = summary_.final_cost - cost <= limits_.cost_tolerance * cost;
     if (!(cost <= summary_.final_cost * (1.0 + kRounding))) return false;
     if (!converged && summary_.iterations < limits_.max_iterations) return false;
@@ -185,12 +192,12 @@ class GaussNewton {
 
   // Linearizes where a step has led, or halfway.
   bool GoDown(const GraphValues& before, GraphStep step) {
-    if (Linearize() && elimination_.cost() <= summary_.final_cost * (1.0 + kRounding)) return true;
+    if (Linearize() && system_.cost() <= summary_.final_cost * (1.0 + kRounding)) return true;
     for (int i = 0; i < kMaxHalvings; ++i) {
       before.CopyTo(&graph_);
       step = Scaled(std::move(step), 0.5);
       Move(step);
-      if (Linearize() && elimination_.cost() <= summary_.final_cost) return true;
+      if (Linearize() && system_.cost() <= summary_.final_cost) return true;
     }
     before.CopyTo(&graph_);
     return false;
@@ -205,11 +212,11 @@ class GaussNewton {
   }
 
   SolverLimits limits_;
-  bool& near_minimum_;
-  GraphElimination& elimination_;
+  bool near_minimum_;
+  SchurSystem& system_;
   Graph& graph_;
-  GraphSummary& summary_;
-  bool floats_;
+  GraphSummary summary_;
+  bool frame_is_free_;
   std::optional<OpenChain> open_chain_;
   double length_ = 1.0;
 };
@@ -217,9 +224,9 @@ class GaussNewton {
 constexpr double kFirstDamping = 1e-3;
 
 // Levenberg and Marquardt, from where steps of Gauss-Newton do not go down: until the cost stays.
-// Where no step goes down however short, that is a minimum up to rounding.
+// If no step reduces the cost, the point counts as converged.
 void DampedGaussNewton(const SolverLimits& limits,
-                       GraphElimination* elimination,
+                       SchurSystem* system,
                        Graph* graph,
                        GraphSummary* summary) {
   constexpr double kMaxDamping = 1e6;
@@ -230,23 +237,23 @@ void DampedGaussNewton(const SolverLimits& limits,
       summary->converged = true;
       return;
     }
-    std::optional<GraphStep> step;
-    if (elimination->LinearizeSegments(damping)) step = elimination->SimilarStep();
+    std::optional<SchurSystem::Step> found;
+    if (system->Linearize(LossWeighting::kWeights, damping)) found = system->Solve();
     ++summary->iterations;
-    if (!step) {
+    if (!found) {
       damping *= kFactor;
       continue;
     }
     const GraphValues before(*graph);
-    Apply(*step, graph);
-    if (!elimination->LinearizeSegments() || elimination->cost() > summary->final_cost) {
+    Apply(found->step, graph);
+    if (!system->Linearize(LossWeighting::kWeights) || system->cost() > summary->final_cost) {
       before.CopyTo(graph);
       damping *= kFactor;
       continue;
     }
     summary->converged =
-        summary->final_cost - elimination->cost() <= limits.cost_tolerance * elimination->cost();
-    summary->final_cost = elimination->cost();
+        summary->final_cost - system->cost() <= limits.cost_tolerance * system->cost();
+    summary->final_cost = system->cost();
     damping /= kFactor;
   }
 }
@@ -256,27 +263,30 @@ void DampedGaussNewton(const SolverLimits& limits,
 GraphSolver::GraphSolver() = default;
 GraphSolver::~GraphSolver() = default;
 
-std::unique_ptr<RestSystem> GraphSolver::TakeRest() { return std::move(rest_); }
-
-void GraphSolver::KeepRest(std::unique_ptr<RestSystem> rest) { rest_ = std::move(rest); }
+std::unique_ptr<GraphPosterior> GraphSolver::Linearize(const Graph& graph) {
+  if (graph.solver == SolverKind::kCeres) return LinearizeGraph(graph);
+  return SchurPosterior::Of(graph, {}, &reduced_);
+}
 
 GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   if (graph->solver == SolverKind::kCeres) return SolveGraphByCeres(limits, graph);
-  GraphElimination elimination(*graph, std::move(rest_));
-  GraphSummary summary;
+  SchurSystem system(*graph, std::move(reduced_));
   const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
-  GaussNewton gauss_newton(limits, &near_minimum_, &elimination, graph, &summary);
+  GaussNewton gauss_newton(limits, near_minimum_, &system, graph);
   if (!gauss_newton.Start()) {
     // What damping does not determine is in no finite numbers, of which Ceres would write pages.
-    if (!elimination.LinearizeSegments(kFirstDamping)) {
-      summary.initial_cost = summary.final_cost = std::numeric_limits<double>::infinity();
-      return summary;
+    if (!system.Linearize(LossWeighting::kWeights, kFirstDamping)) {
+      constexpr double kNone = std::numeric_limits<double>::infinity();
+      return {kNone, kNone};
     }
     return SolveGraphByCeres(limits, graph);
   }
-  if (!gauss_newton.Run()) DampedGaussNewton(limits, &elimination, graph, &summary);
-  if (graph->priors.empty()) HoldFrame(T_map_anchor, graph);
-  rest_ = elimination.TakeRest();
+  const bool solved = gauss_newton.Run();
+  near_minimum_ = gauss_newton.near_minimum();
+  GraphSummary summary = gauss_newton.summary();
+  if (!solved) DampedGaussNewton(limits, &system, graph, &summary);
+  if (graph->priors.empty()) RestoreFrame(T_map_anchor, graph);
+  reduced_ = system.TakeReduced();
   return summary;
 }
 

@@ -5,7 +5,7 @@ namespace shiftmap {
 
 /// What minimizes graphs and tells their posterior.
 enum class SolverKind {
-  kSchur,  ///< Nested elimination of the chains of poses (elimination.h).
+  kSchur,  ///< Nested elimination of the chains of poses (schur_system.h).
   kCeres,  ///< Ceres throughout: minimum, residuals and Jacobians of the posterior.
 };
 

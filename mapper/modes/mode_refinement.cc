@@ -14,7 +14,7 @@
 #include "mapper/parallel.h"
 #include "mapper/problem/sightings.h"
 #include "mapper/selection/selector.h"
-#include "mapper/selection/sequence_builders.h"
+#include "mapper/selection/visit_sequence.h"
 #include "mapstore/map/mode_chain.h"
 #include "mapstore/map/vehicle_records.h"
 

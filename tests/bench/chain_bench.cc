@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
-#include "mapper/chain/simulate_chain.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap {
 namespace {

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/incremental/incremental_mapper.h"
+#include "tools/experiment/incremental/incremental_mapper.h"
 
 namespace shiftmap {
 namespace {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "mapper/selection/selector.h"
-#include "mapper/selection/sequence_builders.h"
 #include "mapper/selection/viterbi.h"
+#include "tools/experiment/incremental/observation_sequence.h"
 
 namespace shiftmap {
 namespace {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The graph's own solver beside Ceres, Eigen and CHOLMOD: a recorded run of 340 s (SHIFTMAP_DATA),
-// and simulated runs of 1,300 key frames on a floor: 8 of them, and 77 with SHIFTMAP_BENCH_LARGE=1.
+// and simulated runs of 1,300 key frames on a floor: 1, 7 and 30 of them, and 77 with
+// SHIFTMAP_BENCH_LARGE=1.
 // The first argument is the number of runs, 0 for the recorded one. Counters: `key_frames`,
 // `peak_mib` above what the process had before, `cost`, and `off_mm`, the largest distance of a
 // mode from where the own solver has it after it went on to 1e-9.
@@ -27,8 +28,8 @@
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/ceres_problem.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/schur_posterior.h"
 #include "mapper/mapper.h"
 #include "mapper/submaps/single_run.h"
 #include "tools/convert/utias.h"
@@ -245,8 +246,8 @@ void BM_FactorSchur(benchmark::State& state) {
   if (graph == nullptr) return;
   const double before = ResetPeak();
   for (auto _ : state) {
-    GraphElimination elimination(*graph);
-    benchmark::DoNotOptimize(elimination.Linearize());
+    std::unique_ptr<ReducedSystem> reduced;
+    benchmark::DoNotOptimize(SchurPosterior::Of(*graph, {}, &reduced));
   }
   state.counters["peak_mib"] = ResidentMib("VmHWM:") - before;
 }
@@ -291,7 +292,7 @@ void BM_Build(benchmark::State& state, SolverKind solver) {
 }
 
 void Sizes(benchmark::internal::Benchmark* bench) {
-  bench->Unit(benchmark::kMillisecond)->Arg(0)->Arg(8);
+  bench->Unit(benchmark::kMillisecond)->Arg(0)->Arg(1)->Arg(7)->Arg(30);
   if (std::getenv("SHIFTMAP_BENCH_LARGE") != nullptr) bench->Arg(77);
 }
 

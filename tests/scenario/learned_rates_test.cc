@@ -9,11 +9,11 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "mapper/chain/simulate_chain.h"
 #include "mapstore/map_store.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 #include "tests/support/random_map.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap::testing {
 namespace {

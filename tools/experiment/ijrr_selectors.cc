@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "mapper/parallel.h"
-#include "mapper/selection/sequence_builders.h"
 #include "mapper/selection/viterbi.h"
 #include "mapstore/geometry/covariance.h"
 #include "tools/experiment/ijrr_slam.h"
+#include "tools/experiment/incremental/observation_sequence.h"
 #include "tools/experiment/processor_time.h"
 #include "tools/experiment/sample_mean.h"
 

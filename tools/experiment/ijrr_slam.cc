@@ -5,8 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "mapper/incremental/incremental_mapper.h"
 #include "proto/core/check.h"
+#include "tools/experiment/incremental/incremental_mapper.h"
 
 namespace shiftmap {
 namespace {

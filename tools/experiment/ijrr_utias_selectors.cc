@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "mapper/incremental/incremental_mapper.h"
+#include "tools/experiment/incremental/incremental_mapper.h"
 
 namespace shiftmap {
 namespace {

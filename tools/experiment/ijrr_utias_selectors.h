@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "mapper/incremental/incremental_options.h"
 #include "proto/core/status.h"
 #include "tools/experiment/ijrr_utias_data.h"
 #include "tools/experiment/ijrr_utias_score.h"
 #include "tools/experiment/ijrr_utias_static.h"
+#include "tools/experiment/incremental/incremental_options.h"
 
 namespace shiftmap {
 

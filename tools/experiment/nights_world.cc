@@ -7,9 +7,9 @@
 #include <random>
 #include <utility>
 
-#include "mapper/chain/simulate_chain.h"
 #include "mapstore/map/mode_chain.h"
 #include "tools/experiment/dice.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap {
 namespace {

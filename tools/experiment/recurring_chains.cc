@@ -9,8 +9,8 @@
 
 #include "mapper/chain/chain_expectations.h"
 #include "mapper/chain/learn_rhythm.h"
-#include "mapper/chain/simulate_chain.h"
 #include "tools/experiment/recurring_product.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap {
 namespace {

@@ -9,7 +9,6 @@
 #include <limits>
 #include <map>
 
-#include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -366,8 +365,7 @@ TEST(BuildMap, ARunThatDoesNotFitThePriorIsAnError) {
 // The errors that are left after alignment are those of the inner-constraint datum, in which the
 // map states its covariance; the sensors of these worlds know how long a metre is.
 TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
-  double nees = 0.0;
-  int count = 0;
+  testing::MapConsistency maps;
   MapperOptions mapper;
   mapper.sd_range_scale = 0.0;
   mapper.sd_run_range_scale = 0.0;
@@ -379,16 +377,11 @@ TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
     const SimulatedWorld world = Simulate(options);
     const StatusOr<MapperResult> result = BuildMap(testing::Inputs(world), std::nullopt, mapper);
     ASSERT_THAT(result, IsOk());
-    for (const MatchedMode& match : MatchModes(result->content, world)) {
-      const Mode& mode = result->content.groups[match.group].modes[match.mode];
-      nees += SquaredMahalanobis(match.error, mode.cov_p_map_landmark);
-      ++count;
-    }
+    maps.Add(testing::MeasureConsistency(result->content, world));
   }
-  RecordProperty("mean_nees", std::to_string(nees / count));
-  EXPECT_GT(count, 380);
-  EXPECT_LT(nees / count, 2.4);
-  EXPECT_GT(nees / count, 1.4);
+  RecordProperty("nees_per_landmark", std::to_string(maps.PerLandmark()));
+  EXPECT_GT(maps.modes, 380);
+  testing::ExpectRightVariances(maps);
 }
 
 // Where every landmark of a world is in the first place that it has, to `sd_m`, each by itself.
@@ -433,8 +426,7 @@ TEST(BuildMap, MisreadSignaturesMakeNoModesAndMoveNone) {
   MapperOptions mapper;
   mapper.sd_range_scale = 0.0;  // All sensors know how long a metre is.
   mapper.sd_run_range_scale = 1e-6;
-  double nees = 0.0;
-  int count = 0;
+  testing::MapConsistency maps;
   double scale_error = 0.0;  // Mean over the maps.
   for (std::uint64_t seed = 201; seed <= 204; ++seed) {
     OpenWorldOptions options = SmallWorld(seed);
@@ -450,17 +442,15 @@ TEST(BuildMap, MisreadSignaturesMakeNoModesAndMoveNone) {
     ASSERT_THAT(result.status(), IsOk());
     EXPECT_TRUE(result->rejected.empty());
     for (const MatchedMode& match : MatchModes(result->content, world)) {
-      const Mode& mode = result->content.groups[match.group].modes[match.mode];
       EXPECT_LT(match.error.norm(), 1.0) << seed;
-      nees += SquaredMahalanobis(match.error, mode.cov_p_map_landmark);
-      ++count;
     }
+    maps.Add(testing::MeasureConsistency(result->content, world));
     scale_error += 0.25 * testing::ErrorsOf(result->content, world).Scale();
   }
-  RecordProperty("mean_nees", std::to_string(nees / count));
+  RecordProperty("nees_per_landmark", std::to_string(maps.PerLandmark()));
   RecordProperty("scale_error", std::to_string(scale_error));
-  EXPECT_GT(count, 250);
-  EXPECT_LT(nees / count, 2.6);
+  EXPECT_GT(maps.modes, 250);
+  testing::ExpectRightVariances(maps);
   EXPECT_NEAR(scale_error, 0.0, 4e-4);
 }
 

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/unit/mapper/mapper_test_util.h"
 
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <set>
 
 #include "mapper/covariance/datum.h"
+#include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::testing {
@@ -150,6 +154,38 @@ ModeErrors ErrorsOf(const MapContent& content, const SimulatedWorld& world) {
     result.errors.segment<2>(row) = match.error;
   }
   return result;
+}
+
+void MapConsistency::Add(const MapConsistency& other) {
+  nees += other.nees;
+  dof += other.dof;
+  squared_error += other.squared_error;
+  modes += other.modes;
+}
+
+MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world) {
+  constexpr int kDatum = 3;
+  const auto [positions, error] = ErrorsOf(content, world);
+  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(error.size(), error.size()) - G * G.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+      Symmetrized(projector * content.covariance.Dense() * projector));
+  MapConsistency result;
+  for (Eigen::Index i = kDatum; i < error.size(); ++i) {
+    result.nees += std::pow(solver.eigenvectors().col(i).dot(error), 2) / solver.eigenvalues()[i];
+  }
+  result.dof = static_cast<int>(error.size()) - kDatum;
+  result.squared_error = error.squaredNorm();
+  result.modes = static_cast<int>(positions.size());
+  return result;
+}
+
+void ExpectRightVariances(const MapConsistency& maps) {
+  const double most = ChiSquareQuantile(0.9995, maps.dof);
+  EXPECT_GT(maps.nees, ChiSquareQuantile(0.0005, maps.dof)) << maps.dof << " degrees of freedom";
+  EXPECT_LT(maps.nees, most) << maps.dof << " degrees of freedom";
+  EXPECT_GT(maps.nees / 0.75, most) << "too few maps to see variances that are too small";
 }
 
 }  // namespace shiftmap::testing

@@ -69,4 +69,23 @@ struct ModeErrors {
 
 ModeErrors ErrorsOf(const MapContent& content, const SimulatedWorld& world);
 
+/// The errors of maps in standard deviations of their joint covariances, both relative to the
+/// positions as a whole, which is what a map's covariance is about.
+struct MapConsistency {
+  double nees = 0.0;  ///< χ² of `dof` degrees of freedom if the covariance is right.
+  int dof = 0;
+  double squared_error = 0.0;  ///< [m²]
+  int modes = 0;
+
+  double PerLandmark() const { return 2.0 * nees / dof; }
+
+  void Add(const MapConsistency& other);
+};
+
+MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world);
+
+/// Expects the NEES within the 99.9 % interval of its χ², and that it would be outside of it with
+/// variances that are 25 % smaller.
+void ExpectRightVariances(const MapConsistency& maps);
+
 }  // namespace shiftmap::testing

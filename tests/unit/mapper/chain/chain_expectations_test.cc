@@ -6,9 +6,9 @@
 #include <cmath>
 #include <random>
 
-#include "mapper/chain/simulate_chain.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap::testing {
 namespace {

@@ -9,8 +9,8 @@
 #include <random>
 #include <string>
 
-#include "mapper/chain/simulate_chain.h"
 #include "tests/support/random_map.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap::testing {
 namespace {

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "mapper/chain/simulate_chain.h"
+#include "tools/sim/simulate_chain.h"
 #include "tests/support/random_map.h"
 
 namespace shiftmap::testing {

@@ -74,10 +74,10 @@ TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
       all.push_back(r);
     }
     constexpr double kScale = 0.02;
-    const auto elimination = LinearizeForMap(graph);
-    const Eigen::MatrixXd common = MapCovariance(graph, *elimination, {kScale}).Dense();
-    const Eigen::MatrixXd own = MapCovariance(graph, *elimination, {0.0, kScale, {all}}).Dense();
-    const Eigen::MatrixXd neither = MapCovariance(graph, *elimination, {}).Dense();
+    const auto posterior = LinearizeForMap(graph);
+    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}).Dense();
+    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}).Dense();
     EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
   }
 }
@@ -85,8 +85,8 @@ TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
 TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;
-  const auto elimination = LinearizeForMap(graph);
-  const JointCovariance blocks = MapCovariance(graph, *elimination, {kScale});
+  const auto posterior = LinearizeForMap(graph);
+  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale});
   const Eigen::MatrixXd dense = AddScaleUncertainty(
       graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
   for (int i = 0; i < blocks.size(); ++i) {

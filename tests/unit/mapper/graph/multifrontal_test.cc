@@ -5,6 +5,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <memory>
 #include <random>
 #include <set>
 #include <utility>
@@ -64,16 +65,21 @@ System RandomSystem(int nodes, int terms, bool local, std::mt19937_64& random) {
   return system;
 }
 
+std::shared_ptr<const MultifrontalFactor> FactorOf(const System& system) {
+  return MultifrontalFactor::Of(std::make_shared<MultifrontalShape>(system.size, system.terms),
+                                system.terms);
+}
+
 TEST(Multifrontal, SolvesLikeADenseMatrix) {
   std::mt19937_64 random(testing::TestSeed(71));
   for (const bool local : {true, false}) {
     const System system = RandomSystem(60, 80, local, random);
-    Multifrontal factor(system.size, system.terms);
-    ASSERT_TRUE(factor.Factorize(system.terms));
+    const auto factor = FactorOf(system);
+    ASSERT_TRUE(factor);
     const Eigen::MatrixXd inverse = system.dense.inverse();
     const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(system.size, system.size);
-    EXPECT_LT((factor.Solve(unit) - inverse).norm(), 1e-9 * inverse.norm());
-    const Eigen::MatrixXd root = factor.SolveUpper(unit);
+    EXPECT_LT((factor->Solve(unit) - inverse).norm(), 1e-9 * inverse.norm());
+    const Eigen::MatrixXd root = factor->SolveUpper(unit);
     EXPECT_LT((root * root.transpose() - inverse).norm(), 1e-9 * inverse.norm());
   }
 }
@@ -82,33 +88,34 @@ TEST(Multifrontal, QuadraticFormIsThatOfTheInverse) {
   std::mt19937_64 random(testing::TestSeed(74));
   for (const bool local : {true, false}) {
     const System system = RandomSystem(60, 80, local, random);
-    Multifrontal factor(system.size, system.terms);
-    ASSERT_TRUE(factor.Factorize(system.terms));
+    const auto factor = FactorOf(system);
+    ASSERT_TRUE(factor);
     const Eigen::MatrixXd inverse = system.dense.inverse();
     const std::vector<int> unknowns = {system.size - 1, 3, system.size / 2};
     const Eigen::MatrixXd weights = Eigen::MatrixXd::Random(3, 2);
     const Eigen::MatrixXd expected = weights.transpose() * inverse(unknowns, unknowns) * weights;
-    EXPECT_LT((factor.QuadraticForm(unknowns, weights) - expected).norm(), 1e-9 * expected.norm());
+    EXPECT_LT((factor->QuadraticForm(unknowns, weights) - expected).norm(), 1e-9 * expected.norm());
   }
 }
 
 TEST(Multifrontal, InverseHasEveryPairOfEveryTermOnce) {
   std::mt19937_64 random(testing::TestSeed(72));
   const System system = RandomSystem(60, 80, true, random);
-  Multifrontal factor(system.size, system.terms);
-  ASSERT_TRUE(factor.Factorize(system.terms));
+  const auto factor = FactorOf(system);
+  ASSERT_TRUE(factor);
   const Eigen::MatrixXd inverse = system.dense.inverse();
   std::set<std::pair<int, int>> pairs;
-  factor.VisitInverse([&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
-    for (int i = 0; i < own; ++i) {
-      for (int j = i; j < static_cast<int>(unknowns.size()); ++j) {
-        const std::pair<int, int> pair = std::minmax(unknowns[static_cast<std::size_t>(i)],
-                                                     unknowns[static_cast<std::size_t>(j)]);
-        EXPECT_TRUE(pairs.insert(pair).second) << pair.first << " " << pair.second;
-        EXPECT_NEAR(block(i, j), inverse(pair.first, pair.second), 1e-9);
-      }
-    }
-  });
+  factor->VisitInverse(
+      [&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
+        for (int i = 0; i < own; ++i) {
+          for (int j = i; j < static_cast<int>(unknowns.size()); ++j) {
+            const std::pair<int, int> pair = std::minmax(unknowns[static_cast<std::size_t>(i)],
+                                                         unknowns[static_cast<std::size_t>(j)]);
+            EXPECT_TRUE(pairs.insert(pair).second) << pair.first << " " << pair.second;
+            EXPECT_NEAR(block(i, j), inverse(pair.first, pair.second), 1e-9);
+          }
+        }
+      });
   for (const SystemTerm& term : system.terms) {
     for (const int a : term.index) {
       for (const int b : term.index) EXPECT_TRUE(pairs.contains(std::minmax(a, b)));
@@ -120,9 +127,8 @@ TEST(Multifrontal, InverseHasEveryPairOfEveryTermOnce) {
 TEST(Multifrontal, SaysWhatIsNotPositiveDefinite) {
   std::mt19937_64 random(testing::TestSeed(73));
   System system = RandomSystem(20, 20, true, random);
-  Multifrontal factor(system.size, system.terms);
   system.terms[3].H *= -1000.0;
-  EXPECT_FALSE(factor.Factorize(system.terms));
+  EXPECT_FALSE(FactorOf(system));
 }
 
 }  // namespace

@@ -5,11 +5,12 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <cmath>
+#include <memory>
 #include <random>
 
 #include "localizer/models/observation_model.h"
-#include "mapper/graph/elimination.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
 #include "mapstore/geometry/angle.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
@@ -219,14 +220,14 @@ TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
   }
 }
 
-TEST_F(Posterior, ModesFollowAScaleThatIsHeldAsInTheDenseProblem) {
+TEST_F(Posterior, ModesFollowAScaleThatIsFixedAsInTheDenseProblem) {
   Graph graph = RandomGraph({}, random_);
   GraphRun& run = graph.runs.front();
   run.sensor_bias_sd[kLogRangeScale] = 1e-9;
   ASSERT_TRUE(SolveGraph({100}, &graph).converged);
-  GraphElimination elimination(graph);
-  ASSERT_TRUE(elimination.Linearize());
-  const Eigen::MatrixXd followed = elimination.ModesByRangeScale({{0}});
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  ASSERT_TRUE(posterior);
+  const Eigen::MatrixXd followed = posterior->ModesByRangeScale({{0}});
 
   const DenseGraph dense(graph);
   Eigen::MatrixXd J = dense.Jacobian();

@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/graph/schur_posterior.h"
+
+#include <cstddef>
+#include <utility>
+
+#include "mapper/graph/random_signs.h"
+#include "mapper/parallel.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+
+std::unique_ptr<SchurPosterior> SchurPosterior::Of(
+    const Graph& graph,
+    const std::vector<std::vector<int>>& required_sets,
+    std::unique_ptr<ReducedSystem>* reduced) {
+  SchurSystem system(graph, std::move(*reduced), required_sets);
+  if (!system.Linearize(LossWeighting::kCurvature)) return nullptr;
+  std::shared_ptr<const CholeskyFactor> factor = system.Factorize();
+  if (!factor) return nullptr;
+  *reduced = system.TakeReduced();
+  return std::unique_ptr<SchurPosterior>(
+      new SchurPosterior(graph, std::move(system), std::move(factor)));
+}
+
+// Jᵀ ε of one segment, a column of the right sides for each of several ε.
+class SchurPosterior::Gradients {
+ public:
+  Gradients(const GraphSegment& segment, PoseRows* poses, Eigen::MatrixXd* boundary)
+      : segment_(segment), poses_(*poses), boundary_(*boundary) {}
+
+  void AddMotion(Eigen::Index column,
+                 int frame,
+                 const MotionResidual::Linear& linear,
+                 const Eigen::Vector3d& noise) {
+    AddPose(column, frame, linear.J_i.transpose() * noise);
+    AddPose(column, frame + 1, linear.J_j.transpose() * noise);
+    boundary_.block<4, 1>(kCorrectionColumn, column) += linear.J_calibration.transpose() * noise;
+  }
+
+  void AddObservation(Eigen::Index column,
+                      int frame,
+                      int mode_column,
+                      const ObservationResidual::Linear& linear,
+                      const Eigen::Vector2d& noise) {
+    AddPose(column, frame, linear.J_pose.transpose() * noise);
+    boundary_.block<3, 1>(kBiasColumn, column) += linear.J_bias.transpose() * noise;
+    boundary_.block<2, 1>(mode_column, column) += linear.J_landmark.transpose() * noise;
+  }
+
+ private:
+  void AddPose(Eigen::Index column, int frame, const Eigen::Vector3d& gradient) {
+    const SegmentVariable at = PoseVariable(segment_, frame);
+    if (at.pose >= 0) {
+      poses_.block<3, 1>(Eigen::Index{3} * at.pose, column) += gradient;
+    } else {
+      boundary_.block<3, 1>(at.column, column) += gradient;
+    }
+  }
+
+  const GraphSegment& segment_;
+  PoseRows& poses_;
+  Eigen::MatrixXd& boundary_;
+};
+
+// H⁻¹ Jᵀ ε of separators, calibrations and modes.
+// @param reduced  Jᵀ ε of the priors, a column each.
+// @param inside   Per segment what its poses follow from, given the boundary.
+Eigen::MatrixXd SchurPosterior::SolveNoise(const AddNoise& add_noise,
+                                           Eigen::MatrixXd reduced,
+                                           std::vector<PoseRows>* inside) const {
+  const std::vector<GraphSegment>& segments = system_.segments().all();
+  inside->resize(segments.size());
+  std::vector<Eigen::MatrixXd> boundaries(segments.size());
+  ForEachIndex(segments.size(), graph_.threads, [&](std::size_t i) {
+    const GraphSegment& segment = segments[i];
+    PoseRows& poses = (*inside)[i];
+    poses.setZero(Eigen::Index{3} * segment.poses(), reduced.cols());
+    boundaries[i].setZero(std::ssize(segment.boundary), reduced.cols());
+    Gradients gradients(segment, &poses, &boundaries[i]);
+    add_noise(segment, &gradients);
+    system_.factor(i).Eliminate(&poses, &boundaries[i]);
+  });
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    for (std::size_t row = 0; row < segments[i].boundary.size(); ++row) {
+      const int unknown = segments[i].boundary[row];
+      if (unknown >= 0) reduced.row(unknown) += boundaries[i].row(static_cast<Eigen::Index>(row));
+    }
+  }
+  return factor_->Solve(reduced);
+}
+
+std::vector<ResidualSample> SchurPosterior::SampleResiduals(int count,
+                                                            std::mt19937_64& random) const {
+  RandomSigns signs(&random);
+  std::vector<ResidualSample> samples(static_cast<std::size_t>(count));
+  for (ResidualSample& sample : samples) {
+    for (const GraphRun& run : graph_.runs)
+      signs.Fill(std::ssize(run.motions), &sample.noise.motions.emplace_back());
+    signs.Fill(std::ssize(graph_.observations), &sample.noise.observations);
+  }
+  const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
+    const auto r = static_cast<std::size_t>(segment.run);
+    system_.linearizer().Visit(
+        segment,
+        LossWeighting::kCurvature,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          for (Eigen::Index k = 0; k < count; ++k) {
+            const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
+            gradients->AddMotion(k, frame, linear, noise.motions[r].col(frame));
+          }
+        },
+        [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
+          const int index = segment.observations[i];
+          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          for (Eigen::Index k = 0; k < count; ++k) {
+            const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
+            gradients->AddObservation(
+                k, frame, segment.mode_columns[i], linear, root * noise.observations.col(index));
+          }
+        });
+  };
+  std::vector<PoseRows> inside;
+  const Eigen::MatrixXd reduced = SolveNoise(add_noise, PriorNoise(count, random), &inside);
+  for (int k = 0; k < count; ++k) {
+    samples[static_cast<std::size_t>(k)].step =
+        system_.Complete(reduced.col(k), [&](std::size_t i, const Eigen::VectorXd& boundary) {
+          return system_.factor(i).BackSubstitute(inside[i].col(k), boundary);
+        });
+  }
+  return samples;
+}
+
+std::vector<GraphResiduals> SchurPosterior::DrawFitResiduals(int count,
+                                                             std::mt19937_64& random) const {
+  return FitResiduals(SampleResiduals(count, random));
+}
+
+// ε - J x of each sample.
+std::vector<GraphResiduals> SchurPosterior::FitResiduals(
+    const std::vector<ResidualSample>& samples) const {
+  std::vector<GraphResiduals> left;
+  for (const ResidualSample& sample : samples) left.push_back(sample.noise);
+  for (const GraphSegment& segment : system_.segments().all()) {
+    const auto r = static_cast<std::size_t>(segment.run);
+    const auto pose = [&](const GraphStep& step, int frame) {
+      return step.poses[r].segment<3>(Eigen::Index{3} * frame);
+    };
+    system_.linearizer().Visit(
+        segment,
+        LossWeighting::kCurvature,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          for (std::size_t k = 0; k < samples.size(); ++k) {
+            const GraphStep& step = samples[k].step;
+            left[k].motions[r].col(frame) -= linear.J_i * pose(step, frame) +
+                                             linear.J_j * pose(step, frame + 1) +
+                                             linear.J_calibration * step.calibrations[r].head<4>();
+          }
+        },
+        [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
+          const int index = segment.observations[i];
+          const GraphObservation& item = graph_.observations[static_cast<std::size_t>(index)];
+          for (std::size_t k = 0; k < samples.size(); ++k) {
+            const GraphStep& step = samples[k].step;
+            left[k].observations.col(index) -=
+                root * (linear.J_pose * pose(step, item.frame) +
+                        linear.J_bias * step.calibrations[r].tail<3>() +
+                        linear.J_landmark * step.modes.segment<2>(Eigen::Index{2} * item.mode));
+          }
+        });
+  }
+  return left;
+}
+
+Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals,
+                                                 const FrameBlocks& block_of_frame,
+                                                 int blocks) const {
+  const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
+    const auto r = static_cast<std::size_t>(segment.run);
+    const auto block = [&](int frame) {
+      return block_of_frame[r][static_cast<std::size_t>(frame)];
+    };
+    system_.linearizer().Visit(
+        segment,
+        LossWeighting::kCurvature,
+        [&](int frame, const MotionResidual::Linear& linear) {
+          gradients->AddMotion(block(frame), frame, linear, residuals.motions[r].col(frame));
+        },
+        [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
+          const int index = segment.observations[i];
+          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          gradients->AddObservation(block(frame),
+                                    frame,
+                                    segment.mode_columns[i],
+                                    linear,
+                                    root * residuals.observations.col(index));
+        });
+  };
+  std::vector<PoseRows> inside;
+  return SolveNoise(add_noise, Eigen::MatrixXd::Zero(factor_->size(), blocks), &inside)
+      .bottomRows(ModeRows());
+}
+
+// Jᵀ ε of the priors, a column a sample, over the reduced system.
+Eigen::MatrixXd SchurPosterior::PriorNoise(int count, std::mt19937_64& random) const {
+  RandomSigns signs(&random);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), count);
+  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+    const GraphRun& run = graph_.runs[r];
+    Eigen::Matrix<double, kRunCalibration, Eigen::Dynamic> noise;
+    signs.Fill(count, &noise);
+    const Eigen::Index row =
+        system_.segments().first_calibration() + kRunCalibration * static_cast<Eigen::Index>(r);
+    right.middleRows<3>(row) =
+        run.correction_prior_sd.cwiseInverse().asDiagonal() * noise.topRows<3>();
+    right.middleRows<3>(row + 3) =
+        run.sensor_bias_sd.cwiseInverse().asDiagonal() * noise.bottomRows<3>();
+  }
+  for (const GraphPrior& prior : graph_.priors) {
+    Eigen::MatrixXd noise(prior.sqrt_information.rows(), count);
+    signs.Fill(count, &noise);
+    right(system_.segments().UnknownsOf(prior.modes), Eigen::all) +=
+        prior.sqrt_information.transpose() * noise;
+  }
+  return right;
+}
+
+// The inverse of the calibrations' block of H⁻¹.
+Eigen::MatrixXd SchurPosterior::CalibrationInformationTimes(const Eigen::MatrixXd& weights) const {
+  return factor_
+      ->CovarianceBlock(system_.segments().first_calibration(), static_cast<int>(weights.rows()))
+      .llt()
+      .solve(weights);
+}
+
+Eigen::MatrixXd SchurPosterior::ModeCovariance() const {
+  return factor_->CovarianceBlock(system_.segments().first_mode(), ModeRows());
+}
+
+Eigen::MatrixXd SchurPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weights) const {
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), weights.cols());
+  right.bottomRows(weights.rows()) = weights;
+  return factor_->Solve(right).bottomRows(weights.rows());
+}
+
+// A scale that is fixed with the information w goes where it is pushed by w times its way, and all
+// others follow.
+Eigen::MatrixXd SchurPosterior::ModesByRangeScale(
+    const std::vector<std::vector<std::size_t>>& runs) const {
+  constexpr int kRangeScale = 3 + kLogRangeScale;  // After the correction.
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(runs));
+  for (std::size_t column = 0; column < runs.size(); ++column) {
+    for (const std::size_t r : runs[column]) {
+      const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
+      right(system_.segments().first_calibration() +
+                kRunCalibration * static_cast<Eigen::Index>(r) + kRangeScale,
+            static_cast<Eigen::Index>(column)) = 1.0 / (sd * sd);
+    }
+  }
+  return factor_->Solve(right).bottomRows(ModeRows());
+}
+
+Eigen::Matrix2d SchurPosterior::ModeDifferenceCovariance(int a, int b) const {
+  Eigen::Matrix<double, 4, 2> difference;
+  difference << Eigen::Matrix2d::Identity(), -Eigen::Matrix2d::Identity();
+  return factor_->QuadraticForm(system_.segments().UnknownsOf({a, b}), difference);
+}
+
+Eigen::MatrixXd SchurPosterior::DrawModes(int draws, std::mt19937_64& random) const {
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd z(factor_->size(), draws);
+  for (double& value : z.reshaped()) value = normal(random);
+  return factor_->SolveUpper(z).bottomRows(ModeRows());
+}
+
+void SchurPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
+  const int first_mode = system_.segments().first_mode();
+  std::vector<std::pair<Eigen::Index, int>> modes;  // Row in the block, mode.
+  factor_->VisitInverse(
+      [&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
+        modes.clear();
+        for (std::size_t i = 0; i < unknowns.size(); ++i) {
+          const int offset = unknowns[i] - first_mode;
+          if (offset < 0 || offset % 2 != 0) continue;
+          modes.emplace_back(static_cast<Eigen::Index>(i), offset / 2);
+        }
+        for (std::size_t a = 0; a < modes.size() && modes[a].first < own; ++a) {
+          const auto [row, mode] = modes[a];
+          const Eigen::Matrix2d marginal = block.block<2, 2>(row, row);
+          visitor(mode, mode, Symmetrized(marginal));
+          for (std::size_t b = a + 1; b < modes.size(); ++b) {
+            visitor(mode, modes[b].second, block.block<2, 2>(row, modes[b].first));
+          }
+        }
+      });
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "mapper/graph/graph.h"
+#include "mapper/graph/graph_segments.h"
+#include "mapper/graph/residuals.h"
+#include "mapper/graph/robust_loss.h"
+#include "mapper/graph/segment.h"
+
+namespace shiftmap {
+
+/// What the square of an observation's residual is multiplied by in the matrix of the normal
+/// equations (robust_loss.h). The gradient is the same for all.
+enum class LossWeighting {
+  kWeights,        ///< Iteratively reweighted least squares: a majorant of the loss.
+  kStepCurvature,  ///< For steps near a minimum: weights leave a fifth of the way and more.
+  kCurvature,      ///< For the Gaussian around a minimum.
+};
+
+/// The residuals of a graph, linearized at its values, segment by segment.
+class SegmentLinearizer {
+ public:
+  /// @param graph  Must outlive this; its values may change, its shape may not.
+  explicit SegmentLinearizer(const Graph& graph);
+
+  double WeightOf(LossWeighting weighting, double squared_residual) const;
+
+  /// Adds a segment's normal equations up. Returns half the sum of its losses.
+  double Linearize(const GraphSegment& segment,
+                   LossWeighting weighting,
+                   SegmentSystem* system) const;
+
+  /// The same sum alone.
+  double Cost(const GraphSegment& segment) const;
+
+  /// Calls add_motion(frame, linear) for each motion of a segment, and add_observation(i, root,
+  /// linear) for its i-th observation, with the root of its weight.
+  template <typename AddMotion, typename AddObservation>
+  void Visit(const GraphSegment& segment,
+             LossWeighting weighting,
+             const AddMotion& add_motion,
+             const AddObservation& add_observation) const {
+    const Rotations R_map_vehicle = RotationsOf(segment);
+    for (int i = segment.first; i < segment.last; ++i) {
+      add_motion(i, MotionAt(segment, R_map_vehicle, i));
+    }
+    for (std::size_t i = 0; i < segment.observations.size(); ++i) {
+      const ObservationResidual::Linear linear =
+          ObservationAt(segment, R_map_vehicle, segment.observations[i]);
+      add_observation(i, std::sqrt(WeightOf(weighting, linear.r.squaredNorm())), linear);
+    }
+  }
+
+ private:
+  using Rotations = std::vector<Eigen::Matrix2d>;  // Per frame of a segment.
+
+  Rotations RotationsOf(const GraphSegment& segment) const;
+  MotionResidual::Linear MotionAt(const GraphSegment& segment,
+                                  const Rotations& R_map_vehicle,
+                                  int frame) const;
+  ObservationResidual::Linear ObservationAt(const GraphSegment& segment,
+                                            const Rotations& R_map_vehicle,
+                                            int observation) const;
+
+  const Graph& graph_;
+  RobustLoss loss_;
+  std::vector<std::vector<MotionResidual>> motions_;
+  std::vector<ObservationResidual> observations_;
+};
+
+}  // namespace shiftmap
