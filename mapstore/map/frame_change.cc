@@ -81,6 +81,15 @@ double MedianDistance(const std::vector<ModePair>& pairs) {
   return Quantile(std::move(distances), 0.5);
 }
 
+// Leaves the marginals of the modes.
+void ForgetCorrelations(MapContent* content) {
+  std::vector<Eigen::Matrix2d> diagonal;
+  for (const LandmarkGroup& group : content->groups) {
+    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
+  }
+  content->covariance = JointCovariance(std::move(diagonal), {});
+}
+
 // What the motion left of rounding.
 void Settle(const std::vector<ModePair>& pairs, MapContent* from, const MapContent& to) {
   for (const ModePair& pair : pairs) {
@@ -148,11 +157,7 @@ MapContent WithNames(MapContent from,
   std::sort(from.groups.begin(), from.groups.end(), [](const auto& a, const auto& b) {
     return a.signature < b.signature;
   });
-  std::vector<Eigen::Matrix2d> diagonal;
-  for (const LandmarkGroup& group : from.groups) {
-    for (const Mode& mode : group.modes) diagonal.push_back(mode.cov_p_map_landmark);
-  }
-  from.covariance = JointCovariance(std::move(diagonal), {});
+  ForgetCorrelations(&from);
   return from;
 }
 
@@ -175,6 +180,7 @@ CarriedMap CarryMap(const MapContent& from,
   const std::vector<ModePair> moved_pairs = CommonModes(&moved, to);
   if (2.0 * MedianDistance(moved_pairs) >= MedianDistance(pairs)) return carried;
   Settle(moved_pairs, &moved, to);
+  ForgetCorrelations(&moved);
   content = std::move(moved);
   carried.moved = T_to_from;
   return carried;

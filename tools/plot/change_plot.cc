@@ -284,8 +284,8 @@ void AddCarried(const EarlierMap& from, Legend* legend) {
 std::string FrameText(const Se2& T_to_from) {
   const std::string moved =
       fmt::format("moved by ({:.2f}, {:.2f}) m", T_to_from.x(), T_to_from.y());
-  if (T_to_from.yaw() == 0.0) return moved;
   const double degrees = T_to_from.yaw() * 180.0 / std::numbers::pi;
+  if (std::abs(degrees) < 0.005) return moved;
   return fmt::format("turned by {:.2f}° about the origin and {}", degrees, moved);
 }
 

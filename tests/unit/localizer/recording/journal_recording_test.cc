@@ -98,8 +98,8 @@ TEST_F(JournalRecordingTest, IsTheRecordingOfTheShiftWhileItWasDriven) {
 }
 
 TEST_F(JournalRecordingTest, AnotherMapIsRefusedAndAStopLeavesNothing) {
-  EXPECT_THAT(Make(Snapshot(MakeTwoModeMap(24, 15.0, 4))),
-              StatusIs(StatusCode::kFailedPrecondition, "content hash"));
+  const MapSnapshot other(map_->area(), map_->version(), "another", map_->content());
+  EXPECT_THAT(Make(other), StatusIs(StatusCode::kFailedPrecondition, "content hash another"));
   stop_ = true;
   EXPECT_THAT(Make(*map_), StatusIs(StatusCode::kAborted, "stopped"));
   EXPECT_FALSE(std::filesystem::exists(path_));

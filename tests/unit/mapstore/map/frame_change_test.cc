@@ -9,6 +9,7 @@
 
 #include "mapstore/map/map_diff.h"
 #include "tests/support/random_map.h"
+#include "tests/support/status_matchers.h"
 #include "tests/unit/mapstore/map/edit_test_util.h"
 
 namespace shiftmap::testing {
@@ -42,6 +43,7 @@ class FrameChangeTest : public ::testing::Test {
 TEST_F(FrameChangeTest, AMapThatMovedAsAWholeDiffersInItsFrameOnly) {
   const CarriedMap carried = Carry();
   ASSERT_TRUE(carried.moved);
+  EXPECT_THAT(ValidateMapContent(carried.content), IsOk());
   ExpectNear(*carried.moved, T_to_from_, 1e-9);
   EXPECT_TRUE(DiffMaps(carried.content, to_).empty());
   ExpectNear(FitFrame(from_, to_), T_to_from_, 1e-9);
