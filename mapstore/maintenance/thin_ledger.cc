@@ -76,8 +76,10 @@ class SummedRows {
       end_ = sure.row.end;
       return;
     }
-    // A row of another vehicle may be older than the one before it, in a gap that counts already.
-    const double gap_s = GapTo(sure);
+    // A row of another vehicle may be older than the one before it: then it lies before them all,
+    // or in a gap that counts already.
+    const double gap_s =
+        std::max(GapTo(sure), ToSecondsSinceEpoch(begin_) - ToSecondsSinceEpoch(sure.row.end));
     if (gap_s > 0.0) {
       gap_s_ += gap_s;
       squares_s2_ += gap_s * gap_s;
@@ -97,8 +99,10 @@ class SummedRows {
   // @param seen  Whether the state is one that the landmark is seen at.
   void Finish(double rate_per_s, bool seen, ThinnedRows* thinned) const {
     if (rows_.size() < 2) return;
-    const double told = squares_s2_ > 0.0 ? gap_s_ * gap_s_ / squares_s2_ : 1.0;
-    const double needed = std::ceil(rate_per_s * gap_s_ / kMoved);
+    // Between two visits no more time passes than from the first to the last one.
+    const double gap_s = std::min(gap_s_, ToSecondsSinceEpoch(end_) - ToSecondsSinceEpoch(begin_));
+    const double told = squares_s2_ > 0.0 ? gap_s * gap_s / squares_s2_ : 1.0;
+    const double needed = std::ceil(rate_per_s * gap_s / kMoved);
     const double most = static_cast<double>(visits_ - 1);
     const double steps = std::clamp(std::round(std::min(told, needed)), 1.0, most);
     ThinnedRows::Summary sum;
@@ -107,7 +111,7 @@ class SummedRows {
     sum.row.end = end_;
     sum.observations = seen ? visits_ : 0;
     sum.log_likelihoods = least_.log_likelihoods;
-    sum.summary = {visits_, static_cast<std::int64_t>(steps), gap_s_};
+    sum.summary = {visits_, static_cast<std::int64_t>(steps), gap_s};
     thinned->summaries.push_back(std::move(sum));
     thinned->gone.insert(thinned->gone.end(), rows_.begin(), rows_.end());
   }
