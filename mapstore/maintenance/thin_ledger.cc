@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -62,33 +63,20 @@ struct ThinnedRows {
 // Sure rows of one stretch that one row will stand for.
 class SummedRows {
  public:
+  // @param sure  Of several vehicles, hence not strictly in the order of time.
   void Add(const SureRow& sure) {
     rows_.push_back(sure.row);
     visits_ += sure.summary.visits;
-    gap_s_ += sure.summary.gap_s;
-    if (sure.summary.steps > 0) {
-      squares_s2_ +=
-          sure.summary.gap_s * sure.summary.gap_s / static_cast<double>(sure.summary.steps);
-    }
-    if (rows_.size() == 1) {
-      least_ = sure;
-      begin_ = sure.row.begin;
-      end_ = sure.row.end;
-      return;
-    }
-    // A row of another vehicle may be older than the one before it, in a gap that counts already.
-    const double gap_s = GapTo(sure);
-    if (gap_s > 0.0) {
-      gap_s_ += gap_s;
-      squares_s2_ += gap_s * gap_s;
-    }
-    begin_ = std::min(begin_, sure.row.begin);
-    end_ = std::max(end_, sure.row.end);
-    if (sure.margin < least_.margin) least_ = sure;
+    // In seconds: stamps of a damaged store lie further apart than nanoseconds count.
+    parts_.push_back(
+        {ToSecondsSinceEpoch(sure.row.begin), ToSecondsSinceEpoch(sure.row.end), sure.summary});
+    const bool first = rows_.size() == 1;
+    begin_ = first ? sure.row.begin : std::min(begin_, sure.row.begin);
+    end_ = first ? sure.row.end : std::max(end_, sure.row.end);
+    if (first || sure.margin < least_.margin) least_ = sure;
   }
 
-  // From the last of them to another one. In seconds: stamps of a damaged store lie further apart
-  // than nanoseconds count.
+  // From the last of them to another one. [s]
   double GapTo(const SureRow& sure) const {
     if (rows_.empty()) return 0.0;
     return ToSecondsSinceEpoch(sure.row.begin) - ToSecondsSinceEpoch(end_);
@@ -97,8 +85,9 @@ class SummedRows {
   // @param seen  Whether the state is one that the landmark is seen at.
   void Finish(double rate_per_s, bool seen, ThinnedRows* thinned) const {
     if (rows_.size() < 2) return;
-    const double told = squares_s2_ > 0.0 ? gap_s_ * gap_s_ / squares_s2_ : 1.0;
-    const double needed = std::ceil(rate_per_s * gap_s_ / kMoved);
+    const Gaps gaps = CountGaps();
+    const double told = gaps.squares_s2 > 0.0 ? gaps.sum_s * gaps.sum_s / gaps.squares_s2 : 1.0;
+    const double needed = std::ceil(rate_per_s * gaps.sum_s / kMoved);
     const double most = static_cast<double>(visits_ - 1);
     const double steps = std::clamp(std::round(std::min(told, needed)), 1.0, most);
     ThinnedRows::Summary sum;
@@ -107,19 +96,52 @@ class SummedRows {
     sum.row.end = end_;
     sum.observations = seen ? visits_ : 0;
     sum.log_likelihoods = least_.log_likelihoods;
-    sum.summary = {visits_, static_cast<std::int64_t>(steps), gap_s_};
+    sum.summary = {visits_, static_cast<std::int64_t>(steps), gaps.sum_s};
     thinned->summaries.push_back(std::move(sum));
     thinned->gone.insert(thinned->gone.end(), rows_.begin(), rows_.end());
   }
 
  private:
+  struct Part {
+    double begin_s = 0.0;
+    double end_s = 0.0;
+    LedgerSummary summary;
+  };
+
+  struct Gaps {
+    double sum_s = 0.0;
+    double squares_s2 = 0.0;
+  };
+
+  // The gaps between the rows and within summaries, each time once.
+  Gaps CountGaps() const {
+    std::vector<Part> parts = parts_;
+    std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
+      return std::tie(a.begin_s, a.end_s) < std::tie(b.begin_s, b.end_s);
+    });
+    Gaps gaps;
+    double end_s = parts.front().begin_s;
+    for (const Part& part : parts) {
+      const double gap_s = std::max(0.0, part.begin_s - end_s);
+      gaps.sum_s += gap_s;
+      gaps.squares_s2 += gap_s * gap_s;
+      const double new_s = part.end_s - std::max(part.begin_s, end_s);
+      if (new_s > 0.0 && part.summary.steps > 0) {
+        const double inner_s = part.summary.gap_s * new_s / (part.end_s - part.begin_s);
+        gaps.sum_s += inner_s;
+        gaps.squares_s2 += inner_s * part.summary.gap_s / static_cast<double>(part.summary.steps);
+      }
+      end_s = std::max(end_s, part.end_s);
+    }
+    return gaps;
+  }
+
   std::vector<LedgerKey> rows_;
+  std::vector<Part> parts_;
   SureRow least_;
   Stamp begin_;
   Stamp end_;
   std::int64_t visits_ = 0;
-  double gap_s_ = 0.0;
-  double squares_s2_ = 0.0;
 };
 
 // The rows of one landmark, in the order of time, as far as they say the same.
