@@ -29,7 +29,7 @@ constexpr std::int64_t kLogCopies = 2;
 // Graphs alive at a time: a run's own, the common one, and the one that it is copied from.
 constexpr std::int64_t kGraphCopies = 3;
 
-// What a segment couples with beside modes: its two separators and its run's calibration.
+// What a segment couples with in addition to modes: its two separators and its run's calibration.
 constexpr std::int64_t kSegmentEnds = 2 * 3 + kRunCalibration;
 
 // Per key frame of a segment and column of its boundary, rows of Y; per key frame its factor.
@@ -37,9 +37,9 @@ constexpr std::int64_t kSegmentEnds = 2 * 3 + kRunCalibration;
 constexpr std::int64_t kSegmentRow = 3 * 8;
 constexpr std::int64_t kSegmentFactor = 2 * 72;
 
-// Per pair of columns of a segment's boundary: its term in the system of the rest, what is left of
-// that without chains, its place in it, and the fronts that take it up. [bytes]
-constexpr std::int64_t kSegmentPair = 8 + 8 + 4 + 4;
+// Per pair of columns of a segment's boundary: its term in the reduced system, and two entries of
+// fronts, since calibrations widen those that take it up. [bytes]
+constexpr std::int64_t kSegmentPair = 8 + 2 * 8;
 
 // Dense matrices over the positions of all modes alive at a time while the joint covariance is
 // referred to the datum, and the blocks of it that the map keeps; of a large map over those of

@@ -7,7 +7,7 @@
 namespace shiftmap {
 
 /// One group's mode sequence as a hidden Markov chain, IJRR (19): T steps, n states. A step is a
-/// visit, or one observation where IJRR's experiments are repeated; see visit_sequence.h.
+/// visit, or one observation where IJRR's experiments are repeated.
 ///
 /// Probabilities are natural logarithms; -∞ is allowed, +∞ and NaN are not.
 struct ModeSequenceProblem {
