@@ -7,6 +7,7 @@
 #include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
+#include "tools/experiment/layout_pairs_command.h"
 #include "tools/experiment/lidar_repeatability_command.h"
 #include "tools/experiment/lidar_run_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
@@ -33,6 +34,7 @@ void AddExperiments(Application* application) {
   AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
+  AddLayoutPairsExperiment(application);
   AddLidarRepeatabilityExperiment(application);
   AddLidarRunExperiment(application);
   AddLocalizerConsistencyExperiment(application);
