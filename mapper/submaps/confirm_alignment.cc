@@ -73,7 +73,8 @@ bool FewAgree(const ConfirmationOptions& options,
   std::set<int> common(evidence.groups().begin(), evidence.groups().end());
   std::set<int> agreeing(consensus.signatures.begin(), consensus.signatures.end());
   if (evidence.matches().size() <= kMaxMatches) {
-    for (const MatchSet& body : RigidBodies(evidence, options.prior).clusters()) {
+    const RigidBodies rigid(evidence, options.prior);
+    for (const MatchSet& body : rigid.clusters()) {
       KeepOne(evidence, body, &common);
       KeepOne(evidence, body, &agreeing);
     }
