@@ -72,8 +72,9 @@ struct ChainOptions {
 struct ConfirmationOptions {
   bool enabled = true;  ///< If not, every run is placed where most landmarks agree.
 
-  /// Few agree in a consensus of fewer signatures, or of this share of those in common or less: the
-  /// explanation then says which landmarks stayed, else FindDisplaced().
+  /// Few agree in a consensus of fewer signatures, or of this share of those in common or less, the
+  /// landmarks of one body counted as one: the explanation then says which landmarks stayed, else
+  /// FindDisplaced().
   int min_signatures = 5;
   double min_share = 0.5;
 

@@ -172,14 +172,9 @@ std::vector<int> Deciding(const AlignmentEvidence& evidence, const Frame& x, con
 
 }  // namespace
 
-std::optional<Explanations> Explain(const JointPoints& reference,
-                                    const JointPoints& other,
-                                    double area_m2,
-                                    const MovePrior& prior,
-                                    const ExplanationLimits& limits) {
-  const AlignmentEvidence evidence(reference, other, area_m2, prior);
-  if (evidence.matches().size() > kMaxMatches || evidence.groups().size() < 2) return std::nullopt;
-  const std::vector<Hypothesis> hypotheses = SearchHypotheses(evidence, prior, limits);
+Explanations SumToExplanations(const AlignmentEvidence& evidence,
+                               const std::vector<Hypothesis>& hypotheses,
+                               const ExplanationLimits& limits) {
   const std::vector<Frame> frames = SumToFrames(evidence, hypotheses, limits.same_frame_m);
   Explanations explanations;
   for (const Frame& frame : frames) {
@@ -188,6 +183,16 @@ std::optional<Explanations> Explain(const JointPoints& reference,
   }
   if (frames.size() > 1) explanations.deciding = Deciding(evidence, frames[0], frames[1]);
   return explanations;
+}
+
+std::optional<Explanations> Explain(const JointPoints& reference,
+                                    const JointPoints& other,
+                                    double area_m2,
+                                    const MovePrior& prior,
+                                    const ExplanationLimits& limits) {
+  const AlignmentEvidence evidence(reference, other, area_m2, prior);
+  if (evidence.matches().size() > kMaxMatches || evidence.groups().size() < 2) return std::nullopt;
+  return SumToExplanations(evidence, SearchHypotheses(evidence, prior, limits), limits);
 }
 
 }  // namespace shiftmap

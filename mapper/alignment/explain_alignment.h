@@ -33,6 +33,11 @@ struct Explanations {
   double nothing_stayed = 0.0;  ///< Probability that fewer than two landmarks stayed.
 };
 
+/// The frames of hypotheses, which have probabilities.
+Explanations SumToExplanations(const AlignmentEvidence& evidence,
+                               const std::vector<Hypothesis>& hypotheses,
+                               const ExplanationLimits& limits);
+
 /// Explains the difference of two maps of one place, where landmarks may have moved in between:
 /// which frames the other map may have in the reference, each with its probability
 /// (mapper/METHOD.md, 6). Both covariances must be honest: with one four times too small, two in a

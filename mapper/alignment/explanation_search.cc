@@ -5,38 +5,28 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
+#include <optional>
 #include <queue>
 #include <unordered_set>
 #include <utility>
 
 #include "mapper/alignment/all_moved.h"
+#include "mapper/alignment/moved_bodies.h"
+#include "mapper/alignment/rigid_bodies.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr double kNever = -std::numeric_limits<double>::infinity();
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
-
-// Fewer do not show that they moved together: any two landmarks and any transform agree.
-constexpr int kMinTogether = 3;
 
 // Of two landmarks that stayed the distances agree to this, in standard deviations.
 constexpr double kPairGate = 4.0;
 
-// Bodies that move go on facing about the same way in half of all cases. [rad]
-constexpr double kSameHeadingSd = 0.2;
-
 // Of more matches, a pair that a maximum contains starts no search of its own.
 constexpr int kManyMatches = 15;
 
-// Landmarks that agree and may have moved together.
-struct Body {
-  MatchSet matches;
-  SimilarityFit fit;
-  double log_density = 0.0;       // Of the prior and all positions, were it anywhere.
-  double against_anywhere = 0.0;  // The same, against each landmark anywhere by itself.
-};
+// Bodies that are looked for together.
+constexpr std::size_t kMaxBodies = 6;
 
 class Search {
  public:
@@ -44,6 +34,7 @@ class Search {
       : e_(evidence),
         prior_(prior),
         limits_(limits),
+        rigid_(evidence, prior),
         matches_(static_cast<int>(evidence.matches().size())),
         landmarks_(static_cast<int>(evidence.groups().size())) {}
 
@@ -56,24 +47,20 @@ class Search {
       found.push_back({stayed, {}, score.fit, score.log_score, 0.0});
     }
     const double first = Best();
-    double total = kNever;
     for (Hypothesis& hypothesis : found) {
-      const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
-      if (!hypothesis.stayed.empty() &&
-          (maximum || hypothesis.log_score > first - limits_.window)) {
-        hypothesis.log_score += LogBodies(hypothesis.stayed,
-                                          &hypothesis.fit,
-                                          scores_.at(hypothesis.stayed).log_moved,
-                                          &hypothesis.together);
+      if (!hypothesis.stayed.empty()) {
+        const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
+        const double singly = hypothesis.log_score - e_.LogStaying(hypothesis.stayed.Count());
+        const bool is_likely = maximum || hypothesis.log_score > first - limits_.window;
+        hypothesis.log_score =
+            singly + (is_likely ? LogBodies({hypothesis.stayed,
+                                             &hypothesis.fit,
+                                             scores_.at(hypothesis.stayed).log_moved},
+                                            &hypothesis.together)
+                                : rigid_.LogStaying(hypothesis.stayed, {}));
       }
-      total = LogSum(total, hypothesis.log_score);
     }
-    for (Hypothesis& hypothesis : found) {
-      hypothesis.probability = std::exp(hypothesis.log_score - total);
-    }
-    std::sort(found.begin(), found.end(), [](const Hypothesis& x, const Hypothesis& y) {
-      return x.probability != y.probability ? x.probability > y.probability : x.stayed < y.stayed;
-    });
+    NormalizeAndSort(&found);
     return found;
   }
 
@@ -178,38 +165,6 @@ class Search {
     }
   }
 
-  // Just these landmarks moved together, each from any of its modes. A body is compact: it has a
-  // landmark as its centre, takes in the nearest ones, and most of these go along.
-  double LogTogether(const MatchSet& together) const {
-    double log_modes = 0.0;
-    double radius = std::numeric_limits<double>::infinity();
-    int centre = 0;
-    const std::vector<int> members = together.Members();
-    for (const int c : members) {
-      log_modes += std::log(static_cast<double>(e_.ModesOf(c)));
-      double reach = 0.0;
-      for (const int k : members) reach = std::max(reach, DistanceInReference(c, k));
-      if (reach < radius) {
-        radius = reach;
-        centre = c;
-      }
-    }
-    const auto count = static_cast<int>(members.size());
-    double others = 0.0;  // Within reach; those of several modes by as many as are.
-    for (int k = 0; k < matches_; ++k) {
-      if (together.Intersects(e_.Rivals(k)) || DistanceInReference(centre, k) > radius) continue;
-      others += 1.0 / e_.ModesOf(k);
-    }
-    return -std::log(static_cast<double>(landmarks_)) +
-           (count + others - kMinTogether) * std::log(prior_.group_continue) +
-           std::log1p(-prior_.group_continue) + count * std::log(prior_.group_along) +
-           others * std::log1p(-prior_.group_along) - log_modes;
-  }
-
-  double DistanceInReference(int j, int k) const {
-    return (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
-  }
-
   // All matches that some rule out, and these.
   MatchSet RivalsOf(const MatchSet& matches) const {
     MatchSet rivals;
@@ -217,88 +172,83 @@ class Search {
     return rivals;
   }
 
-  // log density of where a body went, against anywhere in the area and any heading.
-  double LogWent(const SimilarityFit& body, const SimilarityFit& map) const {
-    constexpr double kNoVariance = 1e-4;  // [m²]
-    const double turn = std::remainder(body.yaw_rad - map.yaw_rad, kTwoPi);
-    const double same_heading =
-        std::exp(-0.5 * std::pow(turn / kSameHeadingSd, 2)) * std::sqrt(kTwoPi) / kSameHeadingSd;
-    return e_.LogMovedBy(body.centre_other - map * body.centre_reference,
-                         kNoVariance * Eigen::Matrix2d::Identity()) +
-           e_.log_area() + std::log(0.5 + 0.5 * same_heading);
-  }
-
   // Sets that agree and leave out the landmarks of `taken`, the most telling ones.
   const std::vector<Body>& BodiesBeside(const MatchSet& taken) {
     constexpr double kWindow = 20.0;  // [nats]
     const auto known = bodies_.find(taken);
     if (known != bodies_.end()) return known->second;
-    std::vector<Body> bodies;
+    std::vector<std::pair<double, Body>> rated;  // By what they gain against each landmark alone.
     std::unordered_set<MatchSet> tried;
     const MatchSet ruled_out = RivalsOf(taken);
-    for (const MatchSet& maximum : maxima_) {
-      const MatchSet together = maximum.Without(ruled_out);
+    const auto add = [&](const MatchSet& together) {
       const int count = together.Count();
-      if (count < kMinTogether || !tried.insert(together).second) continue;
+      if (count < RigidBodies::kMinSize || !tried.insert(together).second) return;
       const SetScore& score = Score(together);
-      const double log_density =
-          score.log_evidence + LogTogether(together) + std::log(prior_.group_share);
-      if (!std::isfinite(log_density)) continue;
-      bodies.push_back({together, score.fit, log_density, log_density - count * e_.log_anywhere()});
+      const double gain =
+          score.log_evidence + rigid_.LogProbability(together) - count * e_.log_anywhere();
+      if (std::isfinite(gain)) rated.push_back({gain, {together, score.fit, score.log_evidence}});
+    };
+    for (const MatchSet& maximum : maxima_) {
+      const MatchSet agreeing = maximum.Without(ruled_out);
+      add(agreeing);
+      MatchSet beside = agreeing;
+      for (const MatchSet& cluster : rigid_.clusters()) {
+        add(agreeing & cluster);
+        beside = beside.Without(cluster);
+      }
+      add(beside);
     }
-    std::sort(bodies.begin(), bodies.end(), [](const Body& x, const Body& y) {
-      return x.against_anywhere != y.against_anywhere ? x.against_anywhere > y.against_anywhere
-                                                      : x.matches < y.matches;
+    std::sort(rated.begin(), rated.end(), [](const auto& x, const auto& y) {
+      return x.first != y.first ? x.first > y.first : x.second.matches < y.second.matches;
     });
-    bodies.erase(std::find_if(bodies.begin(),
-                              bodies.end(),
-                              [&](const Body& body) {
-                                return body.against_anywhere <
-                                       bodies.front().against_anywhere - kWindow;
-                              }),
-                 bodies.end());
+    std::vector<Body> bodies;
+    for (const auto& [gain, body] : rated) {
+      if (gain < rated.front().first - kWindow) break;
+      bodies.push_back(body);
+    }
     return bodies_.emplace(taken, std::move(bodies)).first->second;
   }
 
-  // log of how much likelier it makes the landmarks that are not in `taken` that some of them moved
-  // as bodies: none or several, each further one as probable as the first. Beside all but the
-  // likeliest no further one is looked for.
-  // @param map        The transform of what stayed; null if it does not tell where bodies moved.
-  // @param log_moved  Per landmark the log density of its position if it moved by itself.
-  // @param together   The likeliest body if that is likelier than none. May be null.
-  double LogBodies(const MatchSet& taken,
-                   const SimilarityFit* map,
-                   const std::vector<double>& log_moved,
-                   MatchSet* together) {
-    if (prior_.group_share <= 0.0) return 0.0;
-    const double log_no_more = std::log1p(-prior_.group_share);
-    double others = kNever;
-    double best = kNever;
-    MatchSet best_matches;
-    for (const Body& body : BodiesBeside(taken)) {
-      double gain = body.log_density + (map == nullptr ? 0.0 : LogWent(body.fit, *map));
-      for (const int k : body.matches.Members()) {
-        gain -= log_moved[static_cast<std::size_t>(e_.LandmarkOf(k))];
+  // log of the prior that just these stayed, with how much likelier it makes the positions of the
+  // others that some of them moved as bodies: none or several. Beside all but the likeliest no
+  // further one is looked for.
+  // @param together  The likeliest body if that is likelier than none. May be null.
+  double LogBodies(const StayedLandmarks& stayed, MatchSet* together) {
+    constexpr double kHopeless = 12.0;  // [nats]
+    MovedBodies moved(e_, prior_, rigid_, stayed);
+    MatchSet taken = stayed.matches;
+    double present = moved.LogScore();
+    double total = present;
+    if (prior_.group_share <= 0.0) return total;
+    while (moved.matches().size() < kMaxBodies) {
+      double best = kNever;
+      std::optional<MovedBodies> likeliest;
+      for (const Body& body : BodiesBeside(taken)) {
+        MovedBodies more = moved.With(body);
+        const double log_score = more.LogScore();
+        total = LogSum(total, log_score);
+        if (log_score <= best) continue;
+        best = log_score;
+        likeliest = std::move(more);
       }
-      others = LogSum(others, std::min(best, gain));
-      if (gain <= best) continue;
-      best = gain;
-      best_matches = body.matches;
+      // Of two that changed places the first alone is not likely yet.
+      const bool first = moved.matches().empty();
+      if (best < present - (first ? kHopeless : 0.0)) break;
+      moved = *std::move(likeliest);
+      if (together != nullptr && first && best > present) *together = moved.matches().front();
+      present = best;
+      taken = taken | moved.matches().back();
     }
-    if (best <= 0.0) return LogSum(log_no_more, log_no_more + LogSum(others, best));
-    if (together != nullptr) *together = best_matches;
-    const double more = LogBodies(taken | best_matches, map, log_moved, nullptr);
-    return LogSum(LogSum(log_no_more, log_no_more + others), best + more);
+    return total;
   }
 
   // Fewer than two landmarks stayed: all are anywhere, or near where they were under some
   // transform, or some moved together.
   Hypothesis NothingStayed() {
-    const double near =
-        LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + std::log1p(-prior_.group_share);
-    const std::vector<double> anywhere(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
-    const double bodies =
-        landmarks_ * e_.log_anywhere() + LogBodies({}, nullptr, anywhere, nullptr);
+    const double near = LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + rigid_.LogAllMoved({});
+    StayedLandmarks none;
+    none.log_moved.assign(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
+    const double bodies = landmarks_ * e_.log_anywhere() + LogBodies(none, nullptr);
     Hypothesis nothing;
     nothing.log_score = LogSum(near, bodies) + std::log(prior_.none_stayed);
     return nothing;
@@ -320,6 +270,7 @@ class Search {
   const AlignmentEvidence& e_;
   const MovePrior& prior_;
   const ExplanationLimits& limits_;
+  RigidBodies rigid_;
   int matches_;
   int landmarks_;
   std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
@@ -329,6 +280,17 @@ class Search {
 };
 
 }  // namespace
+
+void NormalizeAndSort(std::vector<Hypothesis>* hypotheses) {
+  double total = kNever;
+  for (const Hypothesis& hypothesis : *hypotheses) total = LogSum(total, hypothesis.log_score);
+  for (Hypothesis& hypothesis : *hypotheses) {
+    hypothesis.probability = std::exp(hypothesis.log_score - total);
+  }
+  std::sort(hypotheses->begin(), hypotheses->end(), [](const Hypothesis& x, const Hypothesis& y) {
+    return x.probability != y.probability ? x.probability > y.probability : x.stayed < y.stayed;
+  });
+}
 
 std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
                                          const MovePrior& prior,

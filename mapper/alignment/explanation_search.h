@@ -29,6 +29,9 @@ struct Hypothesis {
   double probability = 0.0;
 };
 
+/// Makes probabilities of the scores, and sorts by them.
+void NormalizeAndSort(std::vector<Hypothesis>* hypotheses);
+
 /// Searches the sets of matches that explain two maps, best first (mapper/METHOD.md, 6):
 /// from each pair of matches whose distances agree by single changes to a maximum of the score,
 /// then from the maxima outward through all sets within the window. Deterministic.

@@ -18,12 +18,18 @@ struct MovePrior {
   /// u is |u|² N(u; s²I) / 2s², which vanishes at zero: a move by nothing is none. [m]
   std::array<double, 4> near_sd_m = {0.25, 0.5, 1.0, 2.0};
 
-  /// Probability that some of the landmarks that moved did so together, as one rigid body; that a
-  /// body which reaches over three landmarks or more reaches over one more; and that one within its
-  /// reach goes along.
+  /// Rigid bodies, racks for instance, that are expected at a site; each takes in three landmarks,
+  /// and one more with this probability, again and again. They stand as a Gaussian of one of these
+  /// sizes, equally likely, standard deviations per axis. [m]
   double group_share = 0.03;
   double group_continue = 0.6;
-  double group_along = 0.8;
+  std::array<double, 3> body_sd_m = {0.25, 0.5, 1.0};
+
+  /// Probability that a body falls apart: that its landmarks stay or move each by itself.
+  double body_apart = 0.1;
+
+  /// Probability that of two bodies that moved each is where the other was.
+  double exchange_share = 0.5;
 
   /// Of the scale of one map against the other. [-]
   double sd_scale = 0.02;

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/alignment/rigid_bodies.h"
 #include "mapper/submaps/variance_factor.h"
 
 namespace shiftmap {
@@ -49,21 +50,38 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
   return map;
 }
 
+// Takes out all groups of a body but one of those that are there.
+void KeepOne(const AlignmentEvidence& evidence, const MatchSet& body, std::set<int>* groups) {
+  bool is_first = true;
+  for (const int k : body.Members()) {
+    const auto found = groups->find(evidence.GroupOf(k));
+    if (found == groups->end()) continue;
+    if (!std::exchange(is_first, false)) groups->erase(found);
+  }
+}
+
 }  // namespace
 
 bool FewAgree(const ConfirmationOptions& options,
               const std::vector<AlignmentPoint>& reference,
+              double area_m2,
               const Submap& submap,
               const Alignment& consensus) {
-  std::set<int> in_reference;
-  for (const AlignmentPoint& point : reference) in_reference.insert(point.group);
-  std::set<int> common;
-  for (const AlignmentPoint& point : submap.points) {
-    if (in_reference.count(point.group) > 0) common.insert(point.group);
+  const JointPoints of_reference{reference, {}};
+  const JointPoints of_submap{submap.points, {}};
+  const AlignmentEvidence evidence(of_reference, of_submap, area_m2, options.prior);
+  std::set<int> common(evidence.groups().begin(), evidence.groups().end());
+  std::set<int> agreeing(consensus.signatures.begin(), consensus.signatures.end());
+  if (evidence.matches().size() <= kMaxMatches) {
+    const RigidBodies rigid(evidence, options.prior);
+    for (const MatchSet& body : rigid.clusters()) {
+      KeepOne(evidence, body, &common);
+      KeepOne(evidence, body, &agreeing);
+    }
   }
-  const auto agreeing = static_cast<double>(consensus.signatures.size());
-  return agreeing < options.min_signatures ||
-         agreeing <= options.min_share * static_cast<double>(common.size());
+  return std::ssize(agreeing) < options.min_signatures ||
+         static_cast<double>(agreeing.size()) <=
+             options.min_share * static_cast<double>(common.size());
 }
 
 bool NeedsConfirmation(const MapperOptions& options,
@@ -71,7 +89,8 @@ bool NeedsConfirmation(const MapperOptions& options,
                        double area_m2,
                        const Submap& submap,
                        const std::optional<Alignment>& consensus) {
-  if (!consensus || FewAgree(options.confirmation, reference, submap, *consensus)) return true;
+  if (!consensus || FewAgree(options.confirmation, reference, area_m2, submap, *consensus))
+    return true;
   if (!IsStiff(submap)) return false;
   std::vector<AlignmentPoint> others;
   for (const AlignmentPoint& point : submap.points) {
@@ -120,11 +139,12 @@ bool IsSamePlace(const ConfirmationOptions& options,
 
 bool IsDecided(const ConfirmationOptions& options,
                const std::vector<AlignmentPoint>& reference,
+               double area_m2,
                const Submap& submap,
                const std::optional<Alignment>& consensus,
                const Explanation& best) {
   if (best.nothing_stayed()) return false;
-  const bool most = consensus && !FewAgree(options, reference, submap, *consensus) &&
+  const bool most = consensus && !FewAgree(options, reference, area_m2, submap, *consensus) &&
                     IsSamePlace(options, submap, best.alignment, *consensus);
   return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
 }

@@ -11,10 +11,13 @@
 
 namespace shiftmap {
 
-/// Whether few landmarks agree in a consensus (ConfirmationOptions).
+/// Whether few landmarks agree in a consensus (ConfirmationOptions). Those of one body count as
+/// one: a rack that was moved agrees with itself.
 /// @param reference  Modes of the map.
+/// @param area_m2    That the map takes. [m²]
 bool FewAgree(const ConfirmationOptions& options,
               const std::vector<AlignmentPoint>& reference,
+              double area_m2,
               const Submap& submap,
               const Alignment& consensus);
 
@@ -56,6 +59,7 @@ bool IsSamePlace(const ConfirmationOptions& options,
 /// @param best  The likeliest one.
 bool IsDecided(const ConfirmationOptions& options,
                const std::vector<AlignmentPoint>& reference,
+               double area_m2,
                const Submap& submap,
                const std::optional<Alignment>& consensus,
                const Explanation& best);

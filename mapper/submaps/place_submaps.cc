@@ -183,7 +183,7 @@ std::optional<SubmapAlignment> Locate(const MapperOptions& options,
   std::optional<Explanations> found = ExplainSubmap(options, prior, problem, area_m2, submap);
   if (!found) return aligned;
   const Explanation& best = found->frames.front();
-  if (!IsDecided(options.confirmation, reference, submap, consensus, best)) {
+  if (!IsDecided(options.confirmation, reference, area_m2, submap, consensus, best)) {
     if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
     return std::nullopt;
   }
@@ -191,7 +191,7 @@ std::optional<SubmapAlignment> Locate(const MapperOptions& options,
   const bool same =
       consensus && IsSamePlace(options.confirmation, submap, best.alignment, *consensus);
   if (!same) aligned.emplace().alignment = best.alignment;
-  if (!same || FewAgree(options.confirmation, reference, submap, *consensus)) {
+  if (!same || FewAgree(options.confirmation, reference, area_m2, submap, *consensus)) {
     aligned->stayed = Stayed(best, submap, problem);
   }
   return aligned;

@@ -80,7 +80,7 @@ class PairScore {
     best_ = explanations->frames.front();
     outcome_.probability = best_.probability;
     outcome_.is_right = IsRight(best_);
-    if (IsDecided(options, pair_.reference.points, submap_, std::nullopt, best_)) {
+    if (IsDecided(options, pair_.reference.points, pair_.area_m2, submap_, std::nullopt, best_)) {
       answer.right = outcome_.is_right;
     }
     for (const Explanation& frame : explanations->frames) {
@@ -109,7 +109,12 @@ class PairScore {
     answer = Of(AlignmentMethod::kConsensusSure);
     if (answer.right) return;
     answer.seconds += Of(AlignmentMethod::kPosterior).seconds;
-    if (IsDecided(options_.confirmation, pair_.reference.points, submap_, consensus, best_)) {
+    if (IsDecided(options_.confirmation,
+                  pair_.reference.points,
+                  pair_.area_m2,
+                  submap_,
+                  consensus,
+                  best_)) {
       answer.right = outcome_.is_right;
     }
   }

@@ -178,40 +178,42 @@ class PairDraw {
   }
 
   void DrawPrior(std::size_t count) {
-    Scatter(count);
     scale_sd_ = prior_.sd_scale;
-    std::vector<std::size_t> body;
-    std::vector<std::size_t> moved;
-    // Of what does not fit together all is drawn again.
+    const std::size_t in_body = dice_.Coin(prior_.group_share) ? ScatterBody(count) : 0;
+    Scatter(count);
+    // What moves as one: a body if it does not fall apart, and each other landmark.
+    std::vector<std::vector<std::size_t>> units;
+    if (in_body > 0 && !dice_.Coin(prior_.body_apart)) {
+      units.emplace_back(in_body);
+      std::iota(units.back().begin(), units.back().end(), 0U);
+    }
+    for (std::size_t i = units.empty() ? 0 : in_body; i < count; ++i) units.push_back({i});
+    const bool none = dice_.Coin(prior_.none_stayed);
+    std::vector<std::size_t> order;
+    std::size_t units_that_stay = 0;
     do {
-      const std::size_t stayed = dice_.Coin(prior_.none_stayed) ? Integer(0, 1) : Integer(2, count);
-      moved = Order(count);
-      moved.resize(count - stayed);
-      body.clear();
-    } while (dice_.Coin(prior_.group_share) && !DrawBody(moved, &body));
-    for (const std::size_t i : moved) after_[i] = MovedAsPrior(before_[i]);
-    moved_ = moved.size();
-    if (body.empty()) return;
-    const Eigen::Vector2d from = before_[body.front()];
-    const double turn = dice_.Coin(0.5) ? 0.2 * dice_.Normal() : dice_.Uniform(-kPi, kPi);
-    MoveBody(body, from, MovedAsPrior(from), turn);
+      order = Order(units.size());
+      units_that_stay = Integer(0, none ? 1 : units.size());
+      moved_ = count;
+      for (std::size_t i = 0; i < units_that_stay; ++i) moved_ -= units[order[i]].size();
+    } while ((count - moved_ < 2) != none);
+    for (std::size_t i = units_that_stay; i < units.size(); ++i) {
+      const std::vector<std::size_t>& unit = units[order[i]];
+      const Eigen::Vector2d from = before_[unit.front()];
+      const double turn = dice_.Coin(0.5) ? 0.2 * dice_.Normal() : dice_.Uniform(-kPi, kPi);
+      MoveBody(unit, from, MovedAsPrior(from), turn);
+    }
   }
 
-  // A centre and most of the nearest landmarks; false if that is no body of some that moved.
-  bool DrawBody(const std::vector<std::size_t>& moved, std::vector<std::size_t>* body) {
-    std::vector<std::size_t> nearest = Order(before_.size());
-    const std::size_t centre = nearest.front();
-    SortByDistance(before_[centre], &nearest);
-    std::size_t reach = 3;
-    while (dice_.Coin(prior_.group_continue)) ++reach;
-    if (reach > nearest.size()) return false;
-    for (std::size_t i = 0; i < reach; ++i) {
-      if (dice_.Coin(prior_.group_along)) body->push_back(nearest[i]);
-    }
-    return body->size() >= 3 && body->front() == centre &&
-           std::all_of(body->begin(), body->end(), [&](std::size_t i) {
-             return std::find(moved.begin(), moved.end(), i) != moved.end();
-           });
+  // Landmarks of one body, the first ones; none if they are more than there are. Returns how many.
+  std::size_t ScatterBody(std::size_t count) {
+    std::size_t size = 3;
+    while (dice_.Coin(prior_.group_continue)) ++size;
+    if (size > count) return 0;
+    const Eigen::Vector2d centre = Anywhere();
+    const double sd = prior_.body_sd_m[Integer(0, prior_.body_sd_m.size() - 1)];
+    for (std::size_t i = 0; i < size; ++i) before_.push_back(centre + sd * dice_.Normal2());
+    return size;
   }
 
   void SortByDistance(const Eigen::Vector2d& from, std::vector<std::size_t>* landmarks) {

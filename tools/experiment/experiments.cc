@@ -7,6 +7,7 @@
 #include "tools/experiment/groupings_command.h"
 #include "tools/experiment/ijrr_selectors_command.h"
 #include "tools/experiment/ijrr_utias_command.h"
+#include "tools/experiment/layout_pairs_command.h"
 #include "tools/experiment/ledger_years_command.h"
 #include "tools/experiment/lidar_repeatability_command.h"
 #include "tools/experiment/lidar_run_command.h"
@@ -34,6 +35,7 @@ void AddExperiments(Application* application) {
   AddGroupingsExperiment(application);
   AddIjrrSelectorsExperiment(application);
   AddIjrrUtiasExperiment(application);
+  AddLayoutPairsExperiment(application);
   AddLedgerYearsExperiment(application);
   AddLidarRepeatabilityExperiment(application);
   AddLidarRunExperiment(application);

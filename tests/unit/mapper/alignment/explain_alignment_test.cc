@@ -14,6 +14,7 @@
 #include <random>
 #include <vector>
 
+#include "mapper/alignment/enumerate_hypotheses.h"
 #include "tests/support/random_map.h"
 
 namespace shiftmap {
@@ -269,6 +270,23 @@ TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFindsOfSeveralModesInBothMa
   }
 }
 
+// The oracle: all subsets of eight landmarks, each with all pairs of bodies.
+TEST(ExplainAlignmentTest, ProbabilitiesOfFramesAreThoseOfEnumerationWithBodies) {
+  std::mt19937_64 random(Seed());
+  const MovePrior prior;
+  const ExplanationLimits limits;
+  for (int round = 0; round < 8; ++round) {
+    const Pair pair = DrawPair(8, 5 + round % 3, &random, 3 + round % 2);
+    const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
+    const Explanations all =
+        SumToExplanations(evidence, EnumerateHypotheses(evidence, prior), limits);
+    const Explanations found = ExplainPair(pair);
+    EXPECT_NEAR(found.frames.front().probability, all.frames.front().probability, 2e-3)
+        << "round " << round << ", seed " << Seed();
+    EXPECT_EQ(found.frames.front().alignment.signatures, all.frames.front().alignment.signatures);
+  }
+}
+
 // Four places of two landmarks mostly decide where all others stand elsewhere.
 TEST(ExplainAlignmentTest, WhereALandmarkStoodAtTwoTimesIsTwoPlaces) {
   std::mt19937_64 random(Seed());
@@ -456,6 +474,61 @@ TEST(ExplainAlignmentTest, TwoRacksThatMovedAreTwoBodies) {
   EXPECT_THAT(explanations.frames[0].alignment.signatures, ElementsAre(0, 1, 2, 3));
   EXPECT_GT(explanations.frames[0].probability, 0.9);
   EXPECT_THAT(explanations.frames[0].together, SizeIs(5));
+}
+
+// By a half turn about the middle between them two racks change places as one body does.
+class SwappedRacksTest : public ::testing::Test {
+ protected:
+  static constexpr double kSide = 20.0;
+
+  // @param stayed  Of eight other landmarks.
+  Explanations ExplainSwap(std::size_t stayed, double turn_rad) const {
+    std::vector<Eigen::Vector2d> before = {{1.0, 2.0},
+                                           {18.2, 8.0},
+                                           {4.2, 18.0},
+                                           {18.6, 16.4},
+                                           {10.4, 0.8},
+                                           {0.4, 11.0},
+                                           {13.2, 19.2},
+                                           {17.6, 1.4}};
+    const std::vector<Eigen::Vector2d> moves = {
+        {-2.4, 3.1}, {4.2, 0.9}, {-0.7, -5.1}, {3.3, 3.2}, {-4.5, 0.2}, {1.2, -3.6}};
+    std::vector<Eigen::Vector2d> after = before;
+    for (std::size_t i = stayed; i < after.size(); ++i) after[i] += moves[i - stayed];
+    const Eigen::Vector2d centres[] = {{5.0, 7.0}, {14.0, 12.0}};
+    const Eigen::Matrix2d R = Se2(0.0, 0.0, turn_rad).Rotation();
+    for (const int rack : {0, 1}) {
+      for (const Eigen::Vector2d& offset : kRack) {
+        before.emplace_back(centres[rack] + offset);
+        after.emplace_back(centres[1 - rack] + R * offset);
+      }
+    }
+    return Explain(Points(before, 0.01), Points(after, 0.01), kSide * kSide, {}, {}).value();
+  }
+
+  const std::vector<Eigen::Vector2d> kRack = {
+      {-0.6, -0.5}, {0.5, -0.4}, {-0.3, 0.4}, {0.6, 0.5}, {0.0, 0.1}};
+};
+
+TEST_F(SwappedRacksTest, AreNotTakenForWhatStayed) {
+  for (const double turn_rad : {0.0, std::numbers::pi}) {
+    for (const std::size_t stayed : {2U, 3U, 4U, 5U}) {
+      const Explanation best = ExplainSwap(stayed, turn_rad).frames.front();
+      const bool is_right = !best.alignment.signatures.empty() &&
+                            best.alignment.signatures.front() == 0 &&
+                            best.alignment.signatures.back() < 8;
+      EXPECT_TRUE(is_right || best.probability < kDecided)
+          << stayed << " stayed, turned by " << turn_rad << ": " << best.probability;
+    }
+  }
+}
+
+TEST_F(SwappedRacksTest, AreTwoBodiesWhereFiveOthersStayed) {
+  for (const double turn_rad : {0.0, std::numbers::pi}) {
+    const Explanation best = ExplainSwap(5, turn_rad).frames.front();
+    EXPECT_GT(best.probability, kDecided) << turn_rad;
+    EXPECT_THAT(best.alignment.signatures, ElementsAre(0, 1, 2, 3, 4)) << turn_rad;
+  }
 }
 
 // Landmarks of the reference may have several modes, and stay at any.

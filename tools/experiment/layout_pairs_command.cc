@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/experiment/layout_pairs_command.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mapper/alignment/enumerate_hypotheses.h"
+#include "mapper/alignment/explain_alignment.h"
+#include "mapper/calibration/noise_calibration.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/submaps/single_run.h"
+#include "mapper/submaps/submap.h"
+#include "mapper/submaps/variance_factor.h"
+#include "mapstore/run/trajectory.h"
+#include "tools/convert/utias.h"
+#include "tools/experiment/experiment_output.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kRobots = 5;
+
+struct Arguments {
+  std::string data;
+  std::string output;
+};
+
+// A recorded run, mapped by itself.
+struct LayoutRun {
+  std::string name;
+  JointPoints map;
+  Se2 T_survey_map;
+};
+
+// Two maps of different layouts, explained one way.
+struct PairResult {
+  double probability = 0.0;  // Of the likeliest frame,
+  bool is_right = false;     // which is right.
+  double of_right = 0.0;     // Of all frames that are right.
+};
+
+StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int dataset) {
+  const MapperOptions options;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto places, ReadUtiasLandmarks(dataset_dir));
+  std::vector<Signature> signatures;
+  for (const auto& [signature, place] : places) signatures.push_back(signature);
+  std::vector<LayoutRun> runs;
+  for (int robot = 1; robot <= kRobots; ++robot) {
+    if (!std::filesystem::exists(fmt::format("{}/Robot{}_Measurement.dat", dataset_dir, robot))) {
+      continue;
+    }
+    UtiasOptions utias;
+    utias.dataset_dir = dataset_dir;
+    utias.robot = robot;
+    SHIFTMAP_ASSIGN_OR_RETURN(const UtiasRun recorded, ReadUtias(utias));
+    const MappingRun run = MakeMappingRun(recorded.run, signatures, options.front_end);
+    std::vector<MapProblem> problems = {MapSingleRun(run, signatures.size(), options)};
+    RaiseNoiseByVehicle(&problems);
+    const std::optional<Submap> submap = MakeSubmap(options, std::move(problems.front()));
+    if (!submap) continue;
+    std::vector<PointPair> pairs;
+    for (const AlignmentPoint& point : submap->points) {
+      pairs.push_back(
+          {places.at(signatures[static_cast<std::size_t>(point.group)]), point.position});
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_survey_map, AlignRigid2d(pairs));
+    const double factor = VarianceFactor(options, submap->problem);
+    runs.push_back({fmt::format("set {} robot {}", dataset, robot),
+                    {submap->points, factor * submap->covariance},
+                    T_survey_map});
+  }
+  return runs;
+}
+
+PairResult Judge(const LayoutRun& reference,
+                 const LayoutRun& other,
+                 double same_frame_m,
+                 const Explanations& explanations) {
+  const Se2 T_reference_other = reference.T_survey_map.Inverse() * other.T_survey_map;
+  const auto is_right = [&](const Explanation& frame) {
+    return !frame.nothing_stayed() &&
+           std::all_of(
+               other.map.points.begin(), other.map.points.end(), [&](const AlignmentPoint& point) {
+                 return (frame.alignment.T_reference_other * point.position -
+                         T_reference_other * point.position)
+                            .norm() < same_frame_m;
+               });
+  };
+  PairResult result{explanations.frames.front().probability, is_right(explanations.frames.front())};
+  for (const Explanation& frame : explanations.frames) {
+    if (is_right(frame)) result.of_right += frame.probability;
+  }
+  return result;
+}
+
+// One mode of each landmark, that of least variance: all that is enumerated.
+JointPoints OneModeEach(const JointPoints& map) {
+  std::map<int, std::size_t> best;
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    const auto [known, is_first] = best.emplace(map.points[i].group, i);
+    if (!is_first && map.points[i].cov.trace() < map.points[known->second].cov.trace()) {
+      known->second = i;
+    }
+  }
+  JointPoints one;
+  std::vector<Eigen::Index> rows;
+  for (const auto& [group, i] : best) {
+    one.points.push_back(map.points[i]);
+    for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
+  }
+  one.covariance = map.covariance(rows, rows);
+  return one;
+}
+
+void AddPair(const LayoutRun& reference, const LayoutRun& other, ResultTable* table) {
+  const ConfirmationOptions options;
+  LayoutRun a = reference;
+  LayoutRun b = other;
+  a.map = OneModeEach(a.map);
+  b.map = OneModeEach(b.map);
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : a.map.points) positions.push_back(point.position);
+  const AlignmentEvidence evidence(a.map, b.map, OccupiedArea(positions), options.prior);
+  const double tolerance_m = options.limits.same_frame_m;
+  const PairResult searched = Judge(
+      a,
+      b,
+      tolerance_m,
+      SumToExplanations(
+          evidence, SearchHypotheses(evidence, options.prior, options.limits), options.limits));
+  const PairResult all = Judge(
+      a,
+      b,
+      tolerance_m,
+      SumToExplanations(evidence, EnumerateHypotheses(evidence, options.prior), options.limits));
+  table->AddRow({reference.name,
+                 other.name,
+                 static_cast<double>(evidence.groups().size()),
+                 searched.probability,
+                 static_cast<double>(searched.is_right),
+                 searched.of_right,
+                 all.probability,
+                 static_cast<double>(all.is_right),
+                 all.of_right});
+}
+
+Status ExplainLayouts(const Arguments& arguments, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      ExperimentOutput output,
+      ExperimentOutput::Create("layout-pairs", arguments.output, context.dry_run()));
+  std::vector<std::vector<LayoutRun>> layouts;
+  for (const int dataset : {1, 2}) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        layouts.emplace_back(),
+        MapLayout(fmt::format("{}/MRCLAM_Dataset{}", arguments.data, dataset), dataset));
+  }
+  ResultTable table({"reference",
+                     "other",
+                     "landmarks",
+                     "probability",
+                     "is_right",
+                     "probability_of_right",
+                     "enumerated_probability",
+                     "enumerated_is_right",
+                     "enumerated_probability_of_right"});
+  const std::unique_ptr<Progress> progress = context.MakeProgress();
+  const std::size_t pairs = 2 * layouts[0].size() * layouts[1].size();
+  std::size_t done = 0;
+  for (const std::size_t first : {0U, 1U}) {
+    for (const LayoutRun& reference : layouts[first]) {
+      for (const LayoutRun& other : layouts[1 - first]) {
+        progress->Update(reference.name + ", " + other.name,
+                         static_cast<double>(done++) / static_cast<double>(pairs));
+        AddPair(reference, other, &table);
+      }
+    }
+  }
+  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(Json::object(), table));
+  context.Report(document, table.ToText());
+  return OkStatus();
+}
+
+}  // namespace
+
+void AddLayoutPairsExperiment(Application* application) {
+  auto arguments = std::make_shared<Arguments>();
+  application
+      ->AddCommand("layout-pairs",
+                   "Frames that explain recorded runs in two layouts, by search and enumeration",
+                   [arguments](Context& context) { return ExplainLayouts(*arguments, context); })
+      .Option("--output", &arguments->output, "Folder for CSV and JSON")
+      .Required()
+      .Option("--data", &arguments->data, "Folder with MRCLAM_Dataset1 and MRCLAM_Dataset2")
+      .Required()
+      .Writes();
+}
+
+}  // namespace shiftmap
