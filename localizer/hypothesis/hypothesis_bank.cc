@@ -59,6 +59,7 @@ void BankEvents::Clear() {
 
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
+  agreed_ = {};
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
 }
 
@@ -83,9 +84,26 @@ const BankEvents& HypothesisBank::Correct(const Scan& scan, const LidarView* lid
     if (!visit.seen) Miss(visit.group);
   }
   tree_.Reduce();
+  for (Visit& visit : tree_.visits()) visit.confirmed = IsConfirmed(visit);
   tree_.Test(snapshot_.groups(), stamp_, &events_.decisions);
   tree_.ReleaseAgreedBeliefs();
   return events_;
+}
+
+void HypothesisBank::NoteAgreement(int group) {
+  const auto same = [&](const Agreement& agreement) { return agreement.group == group; };
+  const auto known = std::find_if(agreed_.begin(), agreed_.end() - 1, same);
+  std::move_backward(agreed_.begin(), known, known + 1);
+  agreed_.front() = {group, stamp_};
+}
+
+bool HypothesisBank::IsConfirmed(const Visit& visit) const {
+  if (!visit.doubted_since) return true;
+  const auto confirming =
+      std::count_if(agreed_.begin(), agreed_.end(), [&](const Agreement& agreement) {
+        return agreement.group != visit.group && agreement.stamp >= *visit.doubted_since;
+      });
+  return confirming >= kConfirming;
 }
 
 std::vector<VisitEvidence> HypothesisBank::EndVisits() {

@@ -81,6 +81,9 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
       visit = tree_.FindVisit(group);
     }
   }
+  if (outcome.gated) NoteAgreement(group);
+  if (!visit->doubted_since && outcome.state != visit->Favourite()) visit->doubted_since = stamp_;
+  visit->explained = outcome.gated_any;
   visit->end = stamp_;
   visit->seen = true;
   ++visit->observations;
