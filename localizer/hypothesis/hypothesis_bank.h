@@ -155,7 +155,9 @@ class HypothesisBank {
   void OpenVisitsInView(const Scan& scan);
   void Take(const Observation& observation, std::size_t index, int group);
   ObservationOutcome Judge(const SeenObservation& seen);
-  void NoteAgreement(int group);
+  // Takes in whether an observation agrees with the pose, and whether it doubts the map or that.
+  void JudgePose(const ObservationOutcome& outcome, Visit* visit);
+  int CountAgreeing(Stamp since, int except) const;
   // Whether others have agreed with the pose since a visit contradicts the map.
   bool IsConfirmed(const Visit& visit) const;
   double ViewWeight(Visit* visit) const;
@@ -193,6 +195,8 @@ class HypothesisBank {
     Stamp stamp = Stamp::min();
   };
   std::array<Agreement, kConfirming + 1> agreed_;
+  Se2 T_odom_confirmed_;                    // Dead-reckoned, where the pose was confirmed last.
+  std::optional<Stamp> unconfirmed_since_;  // First observation too far from there.
   double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
 };
 

@@ -81,8 +81,7 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
       visit = tree_.FindVisit(group);
     }
   }
-  if (outcome.gated) NoteAgreement(group);
-  if (!visit->doubted_since && outcome.state != visit->Favourite()) visit->doubted_since = stamp_;
+  JudgePose(outcome, visit);
   visit->explained = outcome.gated_any;
   visit->end = stamp_;
   visit->seen = true;

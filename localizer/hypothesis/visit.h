@@ -31,7 +31,8 @@ struct Visit {
   std::optional<int> decided;  ///< State; the last decision, if it was revised.
   int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
 
-  /// First observation that its likeliest state of `log_prior` does not explain.
+  /// First observation that its likeliest state of `log_prior` does not explain, with a pose that
+  /// rests on odometry alone.
   std::optional<Stamp> doubted_since;
 
   /// Other landmarks have agreed with the pose since then. A landmark that alone contradicts the
