@@ -210,7 +210,7 @@ TEST(HypothesisBank, AfterABlindDriveALandmarkAloneDoesNotContradictTheMap) {
     ASSERT_NE(of_group, evidence.end());
     if (alone) {
       EXPECT_TRUE(of_first.empty());
-      for (const ModeEvidence& mode : of_group->modes) EXPECT_EQ(mode.log_likelihood, 0.0);
+      for (const auto& mode : of_group->modes) EXPECT_EQ(mode.log_likelihood, 0.0);
     } else {
       ASSERT_EQ(of_first.size(), 1u);
       EXPECT_EQ(of_first[0].decision.mode, ModeNumber(2));
