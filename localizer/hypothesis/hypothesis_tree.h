@@ -342,7 +342,8 @@ void HypothesisTree<LeafType>::Test(const Groups& groups,
              &visit,
              decisions);
     }
-    if (!outcome.hopeless.empty()) GiveUp(outcome.hopeless, log_alive, index, &visit);
+    if (!outcome.hopeless.empty() && visit.confirmed)
+      GiveUp(outcome.hopeless, log_alive, index, &visit);
   }
 }
 
