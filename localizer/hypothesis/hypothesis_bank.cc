@@ -15,6 +15,10 @@
 namespace shiftmap {
 namespace {
 
+// What odometry is trusted with where nothing that is seen agrees.
+constexpr double kTrustedDistance = 0.3;  // [m]
+constexpr double kTrustedTurn = 0.1;      // [rad]
+
 Eigen::Vector2d EdgeOfView(const SensorCalibration& sensor) {
   const double bearing = std::min(sensor.max_bearing_rad, std::numbers::pi);
   return {std::cos(bearing), std::sin(bearing)};
@@ -59,6 +63,9 @@ void BankEvents::Clear() {
 
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
+  agreed_ = {};
+  T_odom_confirmed_ = T_odom_vehicle_;
+  unconfirmed_since_.reset();
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
 }
 
@@ -83,9 +90,40 @@ const BankEvents& HypothesisBank::Correct(const Scan& scan, const LidarView* lid
     if (!visit.seen) Miss(visit.group);
   }
   tree_.Reduce();
+  for (Visit& visit : tree_.visits()) visit.confirmed = IsConfirmed(visit);
   tree_.Test(snapshot_.groups(), stamp_, &events_.decisions);
   tree_.ReleaseAgreedBeliefs();
   return events_;
+}
+
+// Wheels slip where nothing is seen: a pose that has moved on is confirmed by two landmarks.
+void HypothesisBank::JudgePose(const ObservationOutcome& outcome, Visit* visit) {
+  const Se2 moved = T_odom_confirmed_.Inverse() * T_odom_vehicle_;
+  const bool far =
+      moved.translation().norm() > kTrustedDistance || std::abs(moved.yaw()) > kTrustedTurn;
+  if (far && !unconfirmed_since_) unconfirmed_since_ = stamp_;
+  if (far && !visit->doubted_since && outcome.state != visit->Favourite()) {
+    visit->doubted_since = stamp_;
+  }
+  if (!outcome.gated) return;
+  const auto same = [&](const Agreement& other) { return other.group == outcome.group; };
+  const auto known = std::find_if(agreed_.begin(), agreed_.end() - 1, same);
+  std::move_backward(agreed_.begin(), known, known + 1);
+  agreed_.front() = {outcome.group, stamp_};
+  if (far && CountAgreeing(*unconfirmed_since_, -1) < kConfirming) return;
+  T_odom_confirmed_ = T_odom_vehicle_;
+  unconfirmed_since_.reset();
+}
+
+int HypothesisBank::CountAgreeing(Stamp since, int except) const {
+  return static_cast<int>(
+      std::count_if(agreed_.begin(), agreed_.end(), [&](const Agreement& agreement) {
+        return agreement.group >= 0 && agreement.group != except && agreement.stamp >= since;
+      }));
+}
+
+bool HypothesisBank::IsConfirmed(const Visit& visit) const {
+  return !visit.doubted_since || CountAgreeing(*visit.doubted_since, visit.group) >= kConfirming;
 }
 
 std::vector<VisitEvidence> HypothesisBank::EndVisits() {

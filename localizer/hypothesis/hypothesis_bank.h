@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -106,6 +107,9 @@ class HypothesisBank {
   int leaves_max() const { return tree_.leaves_max(); }
 
  private:
+  // Landmarks that confirm a pose.
+  static constexpr int kConfirming = 2;
+
   // An observation against a mode of a leaf.
   struct ModeScore {
     KnownMapFilter::Prediction prediction;
@@ -151,6 +155,11 @@ class HypothesisBank {
   void OpenVisitsInView(const Scan& scan);
   void Take(const Observation& observation, std::size_t index, int group);
   ObservationOutcome Judge(const SeenObservation& seen);
+  // Takes in whether an observation agrees with the pose, and whether it doubts the map or that.
+  void JudgePose(const ObservationOutcome& outcome, Visit* visit);
+  int CountAgreeing(Stamp since, int except) const;
+  // Whether others have agreed with the pose since a visit contradicts the map.
+  bool IsConfirmed(const Visit& visit) const;
   double ViewWeight(Visit* visit) const;
   void Observe(const SeenObservation& seen, double weight);
   void Branch(const SeenObservation& seen, double weight, bool heaviest, Leaf* leaf);
@@ -180,6 +189,14 @@ class HypothesisBank {
   BankEvents events_;
   std::vector<int> nearby_;                       // Scratch.
   std::vector<std::optional<ModeScore>> judged_;  // Of the heaviest leaf, by state.
+  // Landmarks that agreed with the pose last, the latest first.
+  struct Agreement {
+    int group = -1;
+    Stamp stamp = Stamp::min();
+  };
+  std::array<Agreement, kConfirming + 1> agreed_;
+  Se2 T_odom_confirmed_;                    // Dead-reckoned, where the pose was confirmed last.
+  std::optional<Stamp> unconfirmed_since_;  // First observation too far from there.
   double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
 };
 

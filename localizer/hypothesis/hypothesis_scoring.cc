@@ -81,6 +81,8 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
       visit = tree_.FindVisit(group);
     }
   }
+  JudgePose(outcome, visit);
+  visit->explained = outcome.gated_any;
   visit->end = stamp_;
   visit->seen = true;
   ++visit->observations;

@@ -262,9 +262,11 @@ VisitEvidence HypothesisTree<LeafType>::CloseVisit(std::size_t visit_index, cons
   must_agree_.clear();
   const Visit visit = visits_[visit_index];
   const std::size_t index = BeliefIndex(visit.group);
-  const StateValues log_posterior = LogPosterior(visit, MarginalLogProbability(leaves_, index));
+  const StateValues log_posterior =
+      visit.confirmed ? LogPosterior(visit, MarginalLogProbability(leaves_, index))
+                      : visit.log_prior;
   visits_.erase(visits_.begin() + static_cast<std::ptrdiff_t>(visit_index));
-  if (LeavesAgree(index)) {
+  if (!visit.confirmed || LeavesAgree(index)) {
     PosteriorOf(visit.group) = {Floored(Exponential(log_posterior)), visit.end};
     EraseBelief(index);
   } else {
@@ -328,8 +330,10 @@ void HypothesisTree<LeafType>::Test(const Groups& groups,
     const std::size_t index = BeliefIndex(visit.group);
     const StateValues log_alive = MarginalLogProbability(leaves_, index);
     const TestOutcome outcome = TestStates(AsVector(log_alive), threshold_);
-    const bool seen_there =
-        outcome.decided.value_or(0) == 0 || best().beliefs[index].resolved == *outcome.decided;
+    const bool seen_there = outcome.decided.value_or(0) == 0
+                                ? !visit.explained
+                                : best().beliefs[index].resolved == *outcome.decided;
+    if (!visit.confirmed && outcome.decided != visit.Favourite()) continue;
     if (outcome.decided && outcome.decided != visit.decided && seen_there) {
       Decide(*outcome.decided,
              outcome.log_odds,
@@ -338,7 +342,8 @@ void HypothesisTree<LeafType>::Test(const Groups& groups,
              &visit,
              decisions);
     }
-    if (!outcome.hopeless.empty()) GiveUp(outcome.hopeless, log_alive, index, &visit);
+    if (!outcome.hopeless.empty() && visit.confirmed)
+      GiveUp(outcome.hopeless, log_alive, index, &visit);
   }
 }
 
@@ -365,10 +370,8 @@ void HypothesisTree<LeafType>::Decide(int state,
                                       Visit* visit,
                                       std::vector<TreeDecision>* decisions) const {
   visit->decided = state;
-  int favourite = 0;
-  AsVector(visit->log_prior).maxCoeff(&favourite);
   decisions->push_back(
-      {{landmark.signature, landmark.NumberOf(state), now, log_odds}, favourite != state});
+      {{landmark.signature, landmark.NumberOf(state), now, log_odds}, visit->Favourite() != state});
 }
 
 template <class LeafType>

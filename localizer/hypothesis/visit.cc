@@ -15,13 +15,19 @@ constexpr int kMaxContradictions = 5;
 
 }  // namespace
 
+int Visit::Favourite() const {
+  int favourite = 0;
+  AsVector(log_prior).maxCoeff(&favourite);
+  return favourite;
+}
+
 bool Visit::IsOverturnedBy(bool agrees) {
   contradictions = agrees ? 0 : contradictions + 1;
   return contradictions >= kMaxContradictions;
 }
 
 bool Visit::Settled() const {
-  if (!decided) return false;
+  if (!decided || !confirmed) return false;
   for (std::size_t i = 0; i < given_up.size(); ++i) {
     const bool alive = !given_up[i];
     if (alive != (static_cast<int>(i) == *decided)) return false;

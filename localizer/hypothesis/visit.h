@@ -31,6 +31,19 @@ struct Visit {
   std::optional<int> decided;  ///< State; the last decision, if it was revised.
   int contradictions = 0;      ///< Observations in a row that disagree with `decided`.
 
+  /// First observation that its likeliest state of `log_prior` does not explain, with a pose that
+  /// rests on odometry alone.
+  std::optional<Stamp> doubted_since;
+
+  /// Other landmarks have agreed with the pose since then. A landmark that alone contradicts the
+  /// map may as well say that the pose is wrong: wheels slip where nothing is seen.
+  bool confirmed = true;
+
+  bool explained = false;  ///< The last observation, by some mode: it does not say `absent`.
+
+  /// State that was likeliest before the visit.
+  int Favourite() const;
+
   /// Counts the observations in a row that contradict the decision; one that agrees ends the row.
   /// True when the row is long: the landmark moved in view, or the decision was wrong.
   bool IsOverturnedBy(bool agrees);
@@ -45,6 +58,7 @@ StateValues LogPosterior(const Visit& visit, const StateValues& log_alive);
 
 /// What the visit says about the group, prior excluded: log posterior - log prior, shifted so that
 /// the largest entry is 0, none below -50. A state that was given up counts with its value of then.
+/// A visit that is not confirmed says nothing.
 /// @param log_posterior  Of LogPosterior.
 VisitEvidence EvidenceOf(const Visit& visit,
                          const StateValues& log_posterior,

@@ -49,6 +49,7 @@ const std::vector<Program>& Programs() {
         "lidar-run",
         "localizer-consistency",
         "localizer-decisions",
+        "localizer-recorded",
         "localizer-states",
         "localizer-utias",
         "papers",

@@ -48,6 +48,16 @@ Status ExperimentOutput::WriteTable(const ResultTable& table) {
   return Write(name_ + ".csv", table.ToCsv());
 }
 
+Status ExperimentOutput::WritePage(const std::string& title, const ResultTable& table) {
+  return Write(name_ + ".md",
+               fmt::format("# {}\n\nWritten by `shiftmap-experiment {}`; its options are in "
+                           "`{}.json`.\n\n{}",
+                           title,
+                           name_,
+                           name_,
+                           table.ToMarkdown()));
+}
+
 Status ExperimentOutput::WriteFigure(const std::string& figure, const Chart& chart) {
   return WritePicture(figure, DrawChart(chart));
 }

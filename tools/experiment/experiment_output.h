@@ -25,6 +25,9 @@ class ExperimentOutput {
   /// `<name>.csv`. Errors: kUnavailable. So have all below.
   Status WriteTable(const ResultTable& table);
 
+  /// `<name>.md`: the table for people, under a title.
+  Status WritePage(const std::string& title, const ResultTable& table);
+
   /// `<name>-<figure>.svg`.
   Status WriteFigure(const std::string& figure, const Chart& chart);
 

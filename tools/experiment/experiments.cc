@@ -13,6 +13,7 @@
 #include "tools/experiment/lidar_run_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
 #include "tools/experiment/localizer_decisions_command.h"
+#include "tools/experiment/localizer_recorded_command.h"
 #include "tools/experiment/localizer_states_command.h"
 #include "tools/experiment/localizer_utias_command.h"
 #include "tools/experiment/nights_command.h"
@@ -41,6 +42,7 @@ void AddExperiments(Application* application) {
   AddLidarRunExperiment(application);
   AddLocalizerConsistencyExperiment(application);
   AddLocalizerDecisionsExperiment(application);
+  AddLocalizerRecordedExperiment(application);
   AddLocalizerUtiasExperiment(application);
   AddLocalizerStatesExperiment(application);
   AddNightsExperiment(application);

@@ -46,6 +46,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                      static_cast<double>(table.rows().size()) / static_cast<double>(sds.size()));
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(output.WritePage("Consistency of the pose on an uncertain map", table));
   const Chart chart{.title = "Consistency of the pose on an uncertain map",
                     .x_label = "standard deviation of the map [m]",
                     .y_label = "mean NEES, 3 if consistent",
@@ -67,7 +68,7 @@ void AddLocalizerConsistencyExperiment(Application* application) {
       ->AddCommand("localizer-consistency",
                    "Error of the pose against its covariance on uncertain maps",
                    [arguments](Context& context) { return Measure(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Option("--output", &arguments->output, "Folder for CSV, JSON, SVG and a page")
       .Required()
       .Option("--runs", &arguments->runs, "Simulated drives per row")
       .InRange(2, 1000000)

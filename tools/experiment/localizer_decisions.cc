@@ -87,7 +87,7 @@ std::vector<VisitDecision> DecideVisit(const SimulatedVisit& visit,
   HypothesisBank bank(snapshot, options, visit.start, VisitStamp(-1));
   std::vector<VisitDecision> first;
   for (std::size_t i = 0; i < visit.scans.size(); ++i) {
-    bank.Predict(visit.motions[i], kVisitScanPeriod);
+    bank.Predict(visit.motions[i], visit.elapsed_s[i]);
     for (const auto& [decision, surprising] : bank.Correct(visit.scans[i]).decisions) {
       const int group = snapshot.GroupIndex(decision.signature);
       const bool again = std::any_of(first.begin(), first.end(), [&](const VisitDecision& other) {

@@ -20,6 +20,9 @@ struct Arguments {
   int groups = 3;
   double sd_mode_m = 0.05;
   double misjudged_share = 0.0;
+  bool blind = false;
+  double slip_share = 0.0;
+  int alone_scans = 10;
   std::uint64_t seed = 1;
   int max_leaves = HypothesisOptions().max_leaves;
 
@@ -41,8 +44,30 @@ struct Row {
   DecisionTally tally;
 };
 
+// Visits that begin after a stretch without sightings, with one landmark in view.
+std::vector<VisitScene> BlindScenes(const Arguments& arguments) {
+  std::vector<VisitScene> scenes;
+  for (const double blind_s : {5.0, 15.0, 30.0, 60.0}) {
+    for (const std::int64_t modes : Chosen(arguments.modes, {2, 3, 4})) {
+      VisitScene scene;
+      scene.blind_s = blind_s;
+      scene.slip_share = arguments.slip_share;
+      scene.alone_scans = arguments.alone_scans;
+      scene.sd_pose_m = arguments.sd_pose_m.value_or(scene.sd_pose_m);
+      scene.sd_mode_m = arguments.sd_mode_m;
+      scene.groups = arguments.groups;
+      scene.modes = static_cast<int>(modes);
+      scene.clutter_density_per_m2 = arguments.clutter_per_m2.value_or(1e-4);
+      scene.misjudged_share = arguments.misjudged_share;
+      scenes.push_back(scene);
+    }
+  }
+  return scenes;
+}
+
 std::vector<VisitScene> Scenes(const Arguments& arguments) {
   std::vector<VisitScene> scenes;
+  if (arguments.blind) return BlindScenes(arguments);
   for (const double sd_pose : Chosen(arguments.sd_pose_m, {0.02, 0.1, 0.3, 1.0})) {
     for (const std::int64_t modes : Chosen(arguments.modes, {2, 3, 4})) {
       for (const double clutter : Chosen(arguments.clutter_per_m2, {1e-4, 1e-3})) {
@@ -63,6 +88,7 @@ std::vector<VisitScene> Scenes(const Arguments& arguments) {
 
 ResultTable MakeTable(const std::vector<Row>& rows) {
   ResultTable table({"alpha",
+                     "blind_s",
                      "sd_pose_m",
                      "modes",
                      "clutter_per_m2",
@@ -77,6 +103,7 @@ ResultTable MakeTable(const std::vector<Row>& rows) {
   for (const Row& row : rows) {
     const Interval wrong = IntervalOf(row.tally.Wrong());
     table.AddRow({row.alpha,
+                  row.scene.blind_s,
                   row.scene.sd_pose_m,
                   static_cast<double>(row.scene.modes),
                   row.scene.clutter_density_per_m2,
@@ -133,13 +160,18 @@ Status Measure(const Arguments& arguments, Context& context) {
   }
   const ResultTable table = MakeTable(rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(
+      output.WritePage("Wrong decisions and their delay over simulated visits", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));
   const Json options{{"visits", arguments.visits},
                      {"seed", arguments.seed},
                      {"max_leaves", arguments.max_leaves},
                      {"groups", arguments.groups},
                      {"sd_mode_m", arguments.sd_mode_m},
-                     {"misjudged_share", arguments.misjudged_share}};
+                     {"misjudged_share", arguments.misjudged_share},
+                     {"blind", arguments.blind},
+                     {"slip_share", arguments.slip_share},
+                     {"alone_scans", arguments.alone_scans}};
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
   context.Report(document, table.ToText());
   return OkStatus();
@@ -153,7 +185,7 @@ void AddLocalizerDecisionsExperiment(Application* application) {
       ->AddCommand("localizer-decisions",
                    "Share of wrong decisions and their delay over simulated visits",
                    [arguments](Context& context) { return Measure(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Option("--output", &arguments->output, "Folder for CSV, JSON, SVG and a page")
       .Required()
       .Option("--visits", &arguments->visits, "Simulated visits per row")
       .InRange(1, 10000000)
@@ -163,6 +195,11 @@ void AddLocalizerDecisionsExperiment(Application* application) {
       .InRange(1e-3, 1.0)
       .Option("--misjudged-share", &arguments->misjudged_share, "Share of detections at six sigma")
       .InRange(0.0, 0.5)
+      .Flag("--blind", &arguments->blind, "Visits after 5 to 60 s without a sighting")
+      .Option("--slip-share", &arguments->slip_share, "Of these stretches: in which wheels slip")
+      .InRange(0.0, 1.0)
+      .Option("--alone-scans", &arguments->alone_scans, "And after them: with one landmark in view")
+      .InRange(0, 40)
       .Option("--alpha", &arguments->alpha, "This bound on wrong decisions alone; default: three")
       .InRange(1e-6, 0.4)
       .Option("--sd-pose-m", &arguments->sd_pose_m, "This start alone; default: four [m]")

@@ -94,6 +94,8 @@ Status RunLocalizerStates(const Arguments& arguments, Context& context) {
   }
   const ResultTable table = MakeTable(tallies);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(
+      output.WritePage("Shifts by what the localizer reported, the worst after the cause", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePicture("matrix", DrawMatrix(tallies)));
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
                             output.WriteDocument(OptionsJson(arguments), table));
@@ -110,7 +112,7 @@ void AddLocalizerStatesExperiment(Application* application) {
           "localizer-states",
           "States that the localizer reports, over simulated shifts with known causes",
           [arguments](Context& context) { return RunLocalizerStates(*arguments, context); })
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Option("--output", &arguments->output, "Folder for CSV, JSON, SVG and a page")
       .Required()
       .Option("--shifts", &arguments->shifts, "Shifts per cause")
       .InRange(1, 100000)

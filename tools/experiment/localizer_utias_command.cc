@@ -98,6 +98,8 @@ Status Measure(const Arguments& arguments, Context& context) {
     progress->Update("runs", (layout + 1.0) / static_cast<double>(kDatasets.size()));
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(
+      output.WritePage("Recorded robots with the wrong layout believed", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", chart));
   const UtiasShiftOptions& shift = arguments.options;
   const Json options{{"robot", arguments.robot},
@@ -123,7 +125,7 @@ void AddLocalizerUtiasExperiment(Application* application) {
                    [arguments](Context& context) { return Measure(*arguments, context); })
       .Option("--data", &arguments->data, "Folder with MRCLAM_Dataset1, 2, 3 and 6")
       .Required()
-      .Option("--output", &arguments->output, "Folder for CSV, JSON and SVG")
+      .Option("--output", &arguments->output, "Folder for CSV, JSON, SVG and a page")
       .Required()
       .Option("--robot", &arguments->robot, "Robot that is localized")
       .InRange(1, 5)

@@ -29,6 +29,19 @@ std::string CsvLine(const std::vector<ResultTable::Cell>& cells) {
   return line + '\n';
 }
 
+std::string MarkdownLine(const std::vector<std::string>& fields) {
+  std::string line = "|";
+  for (const std::string& field : fields) {
+    line += ' ';
+    for (const char c : field) {
+      if (c == '|' || c == '<') line += '\\';
+      line += c;
+    }
+    line += " |";
+  }
+  return line + '\n';
+}
+
 std::vector<std::string> RowText(const std::vector<ResultTable::Cell>& row) {
   std::vector<std::string> fields;
   for (const ResultTable::Cell& cell : row) fields.push_back(CellText(cell));
@@ -49,6 +62,13 @@ std::string ResultTable::ToCsv() const {
   std::string csv = CsvLine({columns_.begin(), columns_.end()});
   for (const std::vector<Cell>& row : rows_) csv += CsvLine(row);
   return csv;
+}
+
+std::string ResultTable::ToMarkdown() const {
+  std::string page = MarkdownLine(columns_);
+  page += MarkdownLine(std::vector<std::string>(columns_.size(), "---"));
+  for (const std::vector<Cell>& row : rows_) page += MarkdownLine(RowText(row));
+  return page;
 }
 
 std::string ResultTable::ToText() const {

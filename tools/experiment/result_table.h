@@ -24,6 +24,9 @@ class ResultTable {
   /// left empty. Text with commas, quotes or line ends is quoted as in RFC 4180.
   std::string ToCsv() const;
 
+  /// As Markdown; bars are escaped.
+  std::string ToMarkdown() const;
+
   /// For people: the same with aligned columns.
   std::string ToText() const;
 

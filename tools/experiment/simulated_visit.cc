@@ -15,6 +15,11 @@ constexpr double kSpeed = 0.5;        // [m/s]
 constexpr double kMaxYawRate = 0.15;  // [rad/s]
 constexpr double kMisjudgedSigmas = 6.0;
 
+// Of the odometry of recorded robots, once their scales are known.
+constexpr double kCalibratedLogScale = 0.025;
+constexpr double kCalibratedYawNoise = 0.03;  // [rad/√s]
+constexpr double kMaxSlip = 5.0;              // [s]
+
 bool TooNear(const std::vector<Mode>& modes, const Eigen::Vector2d& p, double spacing) {
   for (const Mode& mode : modes) {
     if ((mode.p_map_landmark - p).norm() < spacing) return true;
@@ -60,6 +65,10 @@ MapContent DrawMap(const VisitScene& scene, Dice* dice) {
   sensor.detection_probability = scene.detection_probability;
   sensor.clutter_density_per_m2 = scene.clutter_density_per_m2;
   sensor.new_landmark_density_per_m2 = scene.clutter_density_per_m2;
+  if (scene.blind_s > 0.0) {
+    content.calibration.odometry.sd_log_scale = kCalibratedLogScale;
+    content.calibration.odometry.noise_omega = kCalibratedYawNoise;
+  }
   std::vector<Eigen::Matrix2d> marginals;
   for (int i = 0; i < scene.groups; ++i) {
     content.groups.push_back(DrawGroup(scene, i, dice));
@@ -139,17 +148,36 @@ SimulatedVisit SimulateVisit(const VisitScene& scene, std::uint64_t seed) {
   Se2 T_map_vehicle = Se2::Exp(dice.Normal3(visit.start.cov_T_map_vehicle));
 
   const double yaw_rate = dice.Uniform(-kMaxYawRate, kMaxYawRate);
+  const Eigen::Vector3d twist(
+      kSpeed * std::exp(truth.log_scale.x()), 0.0, yaw_rate * std::exp(truth.log_scale.y()));
+  MotionIncrement blind;
+  if (scene.blind_s > 0.0) {
+    // By odometry it ends where the landmarks are drawn from.
+    AppendMotion(kSpeed, yaw_rate, FromSeconds(scene.blind_s), calibration.odometry, &blind);
+    visit.start.T_map_vehicle = blind.T_begin_end.Inverse();
+    double driven_s = scene.blind_s;
+    if (dice.Coin(scene.slip_share)) {
+      driven_s -= dice.Uniform(0.0, std::min(kMaxSlip, scene.blind_s));
+    }
+    T_map_vehicle = visit.start.T_map_vehicle * T_map_vehicle * Se2::Exp(driven_s * twist) *
+                    Se2::Exp(dice.Normal3(blind.cov));
+  }
   for (int i = 0; i < scene.scans; ++i) {
     MotionIncrement motion;
     AppendMotion(kSpeed, yaw_rate, FromSeconds(kVisitScanPeriod), calibration.odometry, &motion);
-    const Eigen::Vector3d twist(
-        kSpeed * std::exp(truth.log_scale.x()), 0.0, yaw_rate * std::exp(truth.log_scale.y()));
     T_map_vehicle =
         T_map_vehicle * Se2::Exp(kVisitScanPeriod * twist) * Se2::Exp(dice.Normal3(motion.cov));
+    visit.elapsed_s.push_back(kVisitScanPeriod);
+    if (i == 0 && scene.blind_s > 0.0) {
+      AppendMotion(kSpeed, yaw_rate, FromSeconds(kVisitScanPeriod), calibration.odometry, &blind);
+      motion = blind;
+      visit.elapsed_s.back() += scene.blind_s;
+    }
     visit.motions.push_back(motion);
     visit.T_map_vehicle.push_back(T_map_vehicle);
     visit.scans.emplace_back().stamp = VisitStamp(i);
-    for (int group = 0; group < scene.groups; ++group) {
+    const int seen = i < scene.alone_scans ? 1 : scene.groups;
+    for (int group = 0; group < seen; ++group) {
       LookAt(scene, truth, group, &visit, &dice);
     }
   }

@@ -27,6 +27,12 @@ struct VisitScene {
   /// Share of detections whose noise has six times the standard deviation.
   double misjudged_share = 0.0;
   int scans = 40;
+
+  /// Before the first scan the vehicle drives for as long without a sighting, with the odometry of
+  /// a vehicle that has been calibrated. [s]
+  double blind_s = 0.0;
+  double slip_share = 0.0;  ///< Of blind drives, those in which wheels slip for up to five seconds.
+  int alone_scans = 0;      ///< In the first scans the first landmark alone is seen.
 };
 
 /// One drive past a few landmarks: what a localizer gets, and the truth.
@@ -34,6 +40,7 @@ struct SimulatedVisit {
   MapContent content;
   PoseWithCovariance start;
   std::vector<MotionIncrement> motions;  ///< Before each scan.
+  std::vector<double> elapsed_s;         ///< And its duration. [s]
   std::vector<Scan> scans;               ///< Each signature at most once.
 
   std::vector<int> true_states;              ///< By group.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -157,19 +158,88 @@ TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
   EXPECT_NEAR(evidence[0].modes[0].log_likelihood, 0.0, 1e-6);
 }
 
+// Where a landmark is seen from T_map_vehicle.
+Observation Sighting(const MapContent& content,
+                     std::size_t group,
+                     const Eigen::Vector2d& p_map,
+                     const Se2& T_map_vehicle) {
+  const Eigen::Vector2d q = T_map_vehicle.Inverse() * p_map;
+  Observation observation;
+  observation.signature = content.groups[group].signature;
+  observation.z = {q.norm(), std::atan2(q.y(), q.x())};
+  return observation;
+}
+
+// A landmark at (7, 0) or (7, 2.5), the first more likely, and two that stand.
+MapContent ThreeGroups() {
+  MapContent content = MakeTwoModeMap(3, 10.0, 1);
+  content.groups[0].modes[0].p_map_landmark = {7.0, 0.0};
+  content.groups[0].modes[1].p_map_landmark = {7.0, 2.5};
+  content.groups[1].modes[0].p_map_landmark = {8.0, -2.0};
+  content.groups[2].modes[0].p_map_landmark = {8.0, -3.5};
+  for (std::size_t i = 1; i < 3; ++i) content.groups[i].modes[1].p_map_landmark = {500.0, 0.0};
+  return content;
+}
+
+// After a drive without sightings a landmark is seen at its less likely mode, alone or with others.
+TEST(HypothesisBank, AfterABlindDriveALandmarkAloneDoesNotContradictTheMap) {
+  const MapContent content = ThreeGroups();
+  for (const bool alone : {true, false}) {
+    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+    MotionIncrement blind;
+    blind.T_begin_end = Se2(3.0, 0.0, 0.0);
+    blind.cov = Eigen::Vector3d(0.01, 0.01, 0.0004).asDiagonal();
+    bank.Predict(blind, 10.0);
+    std::vector<TreeDecision> of_first;
+    for (int i = 0; i < 20; ++i) {
+      Scan scan;
+      scan.stamp = StampFromSeconds(1010.0 + 0.3 * i);
+      scan.observations.push_back(Sighting(content, 0, {7.0, 2.5}, blind.T_begin_end));
+      for (std::size_t other = 1; other < 3 && !alone; ++other) {
+        const Eigen::Vector2d& p = content.groups[other].modes[0].p_map_landmark;
+        scan.observations.push_back(Sighting(content, other, p, blind.T_begin_end));
+      }
+      for (const TreeDecision& made : bank.Correct(scan).decisions) {
+        if (made.decision.signature == content.groups[0].signature) of_first.push_back(made);
+      }
+    }
+    const std::vector<VisitEvidence> evidence = bank.EndVisits();
+    const auto of_group = std::find_if(evidence.begin(), evidence.end(), [&](const auto& visit) {
+      return visit.signature == content.groups[0].signature;
+    });
+    ASSERT_NE(of_group, evidence.end());
+    if (alone) {
+      EXPECT_TRUE(of_first.empty());
+      for (const auto& mode : of_group->modes) EXPECT_EQ(mode.log_likelihood, 0.0);
+    } else {
+      ASSERT_EQ(of_first.size(), 1u);
+      EXPECT_EQ(of_first[0].decision.mode, ModeNumber(2));
+      EXPECT_LT(of_group->modes[1].log_likelihood, -9.0);
+    }
+  }
+}
+
 TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
-  const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
+  const MapContent content = ThreeGroups();
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
   std::vector<TreeDecision> decisions;
   MotionIncrement ahead;
   ahead.T_begin_end = Se2(0.05, 0.0, 0.0);
   for (int i = 0; i < 60; ++i) {
-    const Eigen::Vector2d q(4.0 - 0.05 * i, -3.9);
     bank.Predict(ahead, 0.3);
-    const BankEvents events =
-        bank.Correct(ScanOf(content, 0.3 * i, {q.norm(), std::atan2(q.y(), q.x())}));
+    const Se2 T_map_vehicle(0.05 * (i + 1), 0.0, 0.0);
+    Scan scan;
+    scan.stamp = StampFromSeconds(1000.0 + 0.3 * i);
+    scan.observations.push_back(Sighting(content, 0, {6.0, 5.0}, T_map_vehicle));
+    for (std::size_t other = 1; other < 3; ++other) {
+      const Eigen::Vector2d& p = content.groups[other].modes[0].p_map_landmark;
+      scan.observations.push_back(Sighting(content, other, p, T_map_vehicle));
+    }
+    const BankEvents events = bank.Correct(scan);
     EXPECT_FALSE(events.outcomes[0].gated_any);
-    decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
+    for (const TreeDecision& made : events.decisions) {
+      if (made.decision.signature == content.groups[0].signature) decisions.push_back(made);
+    }
   }
   ASSERT_FALSE(decisions.empty());
   EXPECT_EQ(decisions[0].decision.mode, kAbsent);
