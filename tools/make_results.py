@@ -37,6 +37,7 @@ EXPERIMENTS = {
     "groupings": ("the same days built every night, every few, or in one batch", "shiftmap-experiment groupings --worlds 2 --groups 20 --size-m 25 --duration-s 60 --output OUT --work WORK"),
     "incremental": ("time of a step of the frame-by-frame mapper", "shiftmap_incremental_bench " + BENCH.format("incremental_bench")),
     "ledger": ("a year of 20 vehicles in one store: time and bytes of a report", "SHIFTMAP_LONG_TESTS=1 shiftmap_ledger_bench"),
+    "ledger-years": ("size and time of a ledger over years", "shiftmap-experiment ledger-years --output OUT --work WORK"),
     "lidar-run": ("buildings mapped by corners that a lidar sees", "shiftmap-experiment lidar-run --data DATA/lidar --output OUT"),
     "localizer-consistency": ("error of the pose against its covariance on uncertain maps", "shiftmap-experiment localizer-consistency --output OUT"),
     "localizer-decisions": ("share of wrong decisions, and their delay", "shiftmap-experiment localizer-decisions --output OUT"),
