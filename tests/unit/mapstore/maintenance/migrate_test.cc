@@ -62,7 +62,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 8; 'shiftmap-inspect migrate'"));
+                             ", this build reads 9; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
