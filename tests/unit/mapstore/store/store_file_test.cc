@@ -155,11 +155,11 @@ TEST_F(StoreFileTest, OtherDatabasesAreNotMapStores) {
 
 TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   MakeStore();
-  ExecuteRaw("PRAGMA user_version = 9");
+  ExecuteRaw("PRAGMA user_version = 10");
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
                        "map store '" + path_ +
-                           "': schema version 9, this build reads 8; it needs a newer build"));
+                           "': schema version 10, this build reads 9; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {
