@@ -53,8 +53,7 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
                       query.Text(0),
                       ToSecondsSinceEpoch(row.evidence.begin));
     }
-    SHIFTMAP_RETURN_IF_ERROR(
-        view.Split(name, query.Int64(4), query.Int64(9), &row.evidence.modes));
+    SHIFTMAP_RETURN_IF_ERROR(view.Split(name, query.Int64(4), query.Int64(9), &row.evidence.modes));
     rows.push_back(std::move(row));
   }
   // The names of renamed landmarks are elsewhere in the order.
