@@ -63,8 +63,7 @@ StatusOr<std::vector<EvidenceRow>> ReadLineEvidence(Database& database,
                       query.Text(0),
                       ToSecondsSinceEpoch(row.evidence.begin));
     }
-    SHIFTMAP_RETURN_IF_ERROR(
-        view.Split(name, query.Int64(4), query.Int64(9), &row.evidence.modes));
+    SHIFTMAP_RETURN_IF_ERROR(view.Split(name, query.Int64(4), query.Int64(9), &row.evidence.modes));
     const auto summary = summaries.empty() ? summaries.end() : summaries.find(KeyOfRow(query));
     if (summary == summaries.end()) {
       rows.push_back(std::move(row));

@@ -163,9 +163,9 @@ Status CopyEdits(Database& snapshot, std::int64_t area_id) {
           "INSERT INTO main.map_edit SELECT * FROM source.map_edit WHERE area_id = ?1",
           area_id));
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("UPDATE main.map_edit SET kept_version_id = NULL"));
-  SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute(
-      "INSERT INTO main.split_run SELECT * FROM source.split_run "
-      "WHERE edit_id IN (SELECT edit_id FROM main.map_edit)"));
+  SHIFTMAP_RETURN_IF_ERROR(
+      snapshot.Execute("INSERT INTO main.split_run SELECT * FROM source.split_run "
+                       "WHERE edit_id IN (SELECT edit_id FROM main.map_edit)"));
   return snapshot.Execute(
       "INSERT INTO main.version_edit SELECT * FROM source.version_edit "
       "WHERE version_id IN (SELECT version_id FROM main.version)");

@@ -243,7 +243,10 @@ void AddRunCommands(Application* application) {
   AddStoreOptions(&arguments->store, &command);
   command.Option("ACTION", &arguments->action, "What to do")
       .OneOf({kList, kExclude, kInclude, kHold})
-      .Option("RUN", &arguments->runs, "SHA-256 of a log, or UUID of a report, or how it begins; or the name of a mapped log")
+      .Option(
+          "RUN",
+          &arguments->runs,
+          "SHA-256 of a log, or UUID of a report, or how it begins; or the name of a mapped log")
       .Option("--vehicle", &arguments->vehicle, "All runs of a vehicle")
       .Time("--since", &arguments->since_s, "Of these: that begin then or later")
       .Option("--reason", &arguments->reason, "For the audit log; to exclude or hold")
