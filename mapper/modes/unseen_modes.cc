@@ -17,23 +17,13 @@ namespace {
 // A visit of a landmark in an older run.
 using VisitKey = std::tuple<std::string, Signature, Stamp, Stamp>;
 
-// What the ledger has of the older runs.
-struct OlderRows {
-  std::map<Signature, Stamp> last_seen;
+std::set<VisitKey> VisitsOf(const std::vector<EvidenceRow>& ledger) {
   std::set<VisitKey> visits;
-};
-
-OlderRows RowsOf(const std::vector<EvidenceRow>& ledger) {
-  OlderRows rows;
   for (const EvidenceRow& row : ledger) {
     const VisitEvidence& visit = row.evidence;
-    if (visit.observations > 0) {
-      Stamp& last = rows.last_seen.try_emplace(visit.signature, visit.end).first->second;
-      last = std::max(last, visit.end);
-    }
-    rows.visits.emplace(row.source, visit.signature, visit.begin, visit.end);
+    visits.emplace(row.source, visit.signature, visit.begin, visit.end);
   }
-  return rows;
+  return visits;
 }
 
 // The poses of a run from which a place was well in view.
@@ -69,12 +59,10 @@ std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
                                            const SensorCalibration& sensor,
                                            const MissedDetectionOptions& options) {
   std::vector<OlderEvidence> result;
-  const OlderRows rows = RowsOf(ledger);
+  const std::set<VisitKey> visits = VisitsOf(ledger);
   for (const OlderRun& run : runs) {
     std::map<Signature, VisitEvidence> by_landmark;
     for (const NewMode& mode : modes) {
-      const auto last_seen = rows.last_seen.find(mode.signature);
-      if (last_seen != rows.last_seen.end() && run.begin < last_seen->second) continue;
       const Passes passes = PassesOf(run, mode.p_map_landmark, FromSeconds(pass_gap_s), sensor);
       if (passes.counts.empty()) continue;
       const double missed = LogMissedPasses(passes.counts, mode.scans, sensor, options);
@@ -90,7 +78,7 @@ std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
     result.back().run.trajectory.clear();
     for (auto& [signature, visit] : by_landmark) {
       // Two rows of a run about a landmark and the same time would be one.
-      const bool taken = rows.visits.contains({run.sha256, signature, visit.begin, visit.end});
+      const bool taken = visits.contains({run.sha256, signature, visit.begin, visit.end});
       if (taken && visit.begin > run.begin) visit.begin -= Duration(1);
       result.back().evidence.push_back(std::move(visit));
     }

@@ -44,8 +44,7 @@ struct NewMode {
 /// sighting, IJRR (28): against `absent` the mode loses LogMissedPasses(). So a landmark that was
 /// away and then at a place that nobody knew was away, and not there already.
 ///
-/// Runs that began before the ledger's last sighting of the landmark say nothing more: it was seen
-/// elsewhere after them.
+/// A run that saw the landmark has such a visit too: where the landmark was, it was not there.
 /// @param modes       By signature and number.
 /// @param ledger      Rows of older runs by OlderRun::sha256; others do not matter.
 /// @param pass_gap_s  A place that was out of view for longer is in view anew. [s]

@@ -59,18 +59,15 @@ TEST(FindUnseenModes, APlaceOutOfViewSaysNothing) {
           .empty());
 }
 
-TEST(FindUnseenModes, RunsBeforeTheLastSightingSayNothingMore) {
+TEST(FindUnseenModes, VisitsOfOneRunDifferInTime) {
   EvidenceRow row{"hash", {Signature("A"), At(1.0), At(2.0), {}, 3}, "truck"};
   const auto find = [&] {
     return FindUnseenModes({RunAlongX(0.0, 20.0)}, {ModeAt(12.0, 1.0)}, {row}, 10.0, Sensor(), {});
   };
-  EXPECT_TRUE(find().empty());
-  row.evidence.observations = 0;
-  EXPECT_EQ(find().size(), 1u);
-  // Rows of one run about one time would be one.
-  row.evidence.begin = find()[0].evidence[0].begin;
-  row.evidence.end = find()[0].evidence[0].end;
-  EXPECT_NE(find()[0].evidence[0].begin, row.evidence.begin);
+  const VisitEvidence alone = find()[0].evidence[0];
+  row.evidence.begin = alone.begin;
+  row.evidence.end = alone.end;
+  EXPECT_NE(find()[0].evidence[0].begin, alone.begin);
 }
 
 TEST(FindUnseenModes, ModesOfALandmarkShareAVisit) {
