@@ -112,7 +112,7 @@ StatusOr<RecordedResult> LocalizeRecorded(const MapSnapshot& map,
   std::vector<PoseEstimate> estimates;
   std::optional<Stamp> begin;
   RecordedResult result;
-  SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(run, [&](const RunEvent& event) -> Status {
+  const auto take = [&](const RunEvent& event) -> Status {
     if (!begin) begin = StampOf(event);
     const bool waits = !localizer.Estimate();
     SHIFTMAP_RETURN_IF_ERROR(localizer.Process(event));
@@ -120,7 +120,8 @@ StatusOr<RecordedResult> LocalizeRecorded(const MapSnapshot& map,
     const auto& fresh = localizer.new_estimates();
     estimates.insert(estimates.end(), fresh.begin(), fresh.end());
     return OkStatus();
-  }));
+  };
+  SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(run, take));
   localizer.Finish();
   if (estimates.empty()) return InvalidArgument("the run is never localized");
   std::vector<StampedPose> trajectory;
