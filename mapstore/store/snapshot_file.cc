@@ -218,8 +218,10 @@ Status WriteSnapshotFile(Database& source,
                          const VersionRow& version,
                          const MapContent& content,
                          Stamp latest,
+                         std::chrono::milliseconds wait,
                          const std::string& path) {
   Database::Options options;
+  options.busy_timeout = wait;
   options.mode = Database::Mode::kReadWriteCreate;
   SHIFTMAP_ASSIGN_OR_RETURN(Database snapshot, OpenStoreFile(path, options));
   // The caller syncs the whole file once, before anybody sees it.
@@ -228,6 +230,12 @@ Status WriteSnapshotFile(Database& source,
   {
     SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
                               Transaction::Begin(snapshot, Transaction::Kind::kWrite));
+    // From here on the second reader is in, until the end of the transaction.
+    const Status read = snapshot.QueryInt64("SELECT count(*) FROM source.area").status();
+    if (read.code() == StatusCode::kUnavailable) {
+      return MakeStatus(StatusCode::kAborted, "{}", Message(read));
+    }
+    SHIFTMAP_RETURN_IF_ERROR(read);
     SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot, area_id, version, content, latest));
     SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 
@@ -19,11 +20,14 @@ StatusOr<bool> IsSnapshot(Database& database);
 /// that these were reported against the version rows. Published there, compact, not yet durable.
 /// @param source  Inside a read transaction.
 /// @param latest  The checkpoint holds no visit that begins later.
+/// @param wait    For a writer that lets no second reader in. Errors: kAborted if it does not go on
+///                meanwhile; it may wait for the transaction of `source`.
 Status WriteSnapshotFile(Database& source,
                          std::int64_t area_id,
                          const VersionRow& version,
                          const MapContent& content,
                          Stamp latest,
+                         std::chrono::milliseconds wait,
                          const std::string& path);
 
 }  // namespace shiftmap
