@@ -13,6 +13,7 @@ struct SiteArguments {
   std::string output;
   std::string work;
   int worlds = 2;
+  int control_points = 0;  ///< Of a second copy of each site; 0: no copies.
   NightsOptions nights;
 };
 
