@@ -149,11 +149,14 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
     Status written;
     SHIFTMAP_ASSIGN_OR_RETURN(
         areas,
-        DriveFleet(sites, arguments.work + "/fleet", {}, [&](const std::vector<NightsResult>& now) {
-          const auto night = static_cast<double>(now.front().nights.size());
-          progress->Update("fleet", night / arguments.nights.nights);
-          if (written.ok()) written = output.WriteTable(FleetTable(now));
-        }));
+        DriveFleet(sites,
+                   arguments.work + "/fleet",
+                   {"--judge-shifts", std::to_string(arguments.judge_shifts)},
+                   [&](const std::vector<NightsResult>& now) {
+                     const auto night = static_cast<double>(now.front().nights.size());
+                     progress->Update("fleet", night / arguments.nights.nights);
+                     if (written.ok()) written = output.WriteTable(FleetTable(now));
+                   }));
     SHIFTMAP_RETURN_IF_ERROR(written);
     SHIFTMAP_RETURN_IF_ERROR(WriteFigures(areas, &output));
     if (pairs) SHIFTMAP_RETURN_IF_ERROR(WriteFrames(areas, &output));
@@ -166,7 +169,8 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
                      {"groups", arguments.nights.groups},
                      {"size_m", arguments.nights.size_m},
                      {"duration_s", arguments.nights.duration_s},
-                     {"control_points", arguments.control_points}};
+                     {"control_points", arguments.control_points},
+                     {"judge_shifts", arguments.judge_shifts}};
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
   context.Report(document, table.ToText());
   return OkStatus();
@@ -189,6 +193,10 @@ void AddFleetNightsExperiment(Application* application) {
               "After each area the same once more, with so many landmarks surveyed after its first "
               "night; 0: without")
       .InRange(0, 1000)
+      .Option("--judge-shifts",
+              &arguments->judge_shifts,
+              "Shifts that each night replays to judge its maps, and as many of its own")
+      .InRange(1, 1000)
       .Writes();
 }
 

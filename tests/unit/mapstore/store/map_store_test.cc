@@ -284,7 +284,10 @@ TEST_P(SnapshotBesideAWriterTest, SnapshotsAndReportsAtOneTimeDoNotBlockEachOthe
     }
   });
   while (returned == 0) std::this_thread::yield();
-  MapStore reader = *MapStore::Open(path_, GetParam());
+  MapStore::OpenOptions options;
+  options.access = GetParam();
+  options.lock_timeout = std::chrono::seconds(60);
+  MapStore reader = *MapStore::Open(path_, options);
   for (int i = 0; i < 15; ++i) {
     EXPECT_THAT(reader.ExportSnapshot("level 1", dir_.File("s.db")), IsOk());
   }
