@@ -312,11 +312,12 @@ StatusOr<std::vector<UnplacedRun>> MapStore::WaitingRuns(const std::string& area
     SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->PublishedRow(area, area_row));
     SHIFTMAP_ASSIGN_OR_RETURN(known, ReadRunIdentities(database, row.version_id));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto entries, ReadAudit(database, area_row.area_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto entries,
+                            ReadAudit(database, area_row.area_id, {AuditAction::kWait}));
   std::vector<UnplacedRun> waiting;
   for (const AuditEntry& entry : entries) {
     const std::size_t blank = entry.subject.find(' ');
-    if (entry.action != kWaitAction || blank == std::string::npos) continue;
+    if (blank == std::string::npos) continue;
     UnplacedRun run{entry.subject.substr(blank + 1), entry.subject.substr(0, blank), entry.written};
     if (known.insert(run.sha256).second) waiting.push_back(std::move(run));
   }
@@ -378,11 +379,12 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
   return names;
 }
 
-StatusOr<std::vector<AuditEntry>> MapStore::AuditLog(const std::optional<std::string>& area) {
+StatusOr<std::vector<AuditEntry>> MapStore::AuditLog(const std::optional<std::string>& area,
+                                                     const std::vector<AuditAction>& only) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  if (!area) return ReadAudit(state_->database, std::nullopt);
+  if (!area) return ReadAudit(state_->database, std::nullopt, only);
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, *area));
-  return ReadAudit(state_->database, area_row.area_id);
+  return ReadAudit(state_->database, area_row.area_id, only);
 }
 
 StatusOr<std::vector<UnmappedSighting>> MapStore::Sightings(const std::string& area) {

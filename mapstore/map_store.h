@@ -284,7 +284,12 @@ class MapStore {
   StatusOr<VersionNumber> WithEditsInForce(const std::string& area, VersionNumber version);
 
   /// Every write, oldest first; of one area, or of the whole store.
-  StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt);
+  /// @param only  Those of some kinds; empty: all.
+  StatusOr<std::vector<AuditEntry>> AuditLog(const std::optional<std::string>& area = std::nullopt,
+                                             const std::vector<AuditAction>& only = {});
+
+  /// When reports of an area, and run logs of any, came, by time of receipt.
+  StatusOr<std::vector<ReceivedRun>> ReceivedRuns(const std::string& area);
 
   /// Unmapped sightings of an area, newest first.
   StatusOr<std::vector<UnmappedSighting>> Sightings(const std::string& area);

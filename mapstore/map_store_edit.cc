@@ -182,12 +182,15 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
   EditResult result;
   result.edit = edit.id;
   if (dry_run) return result;
-  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
-      database, area_id, "edit", Subject(edit.id, edit, edit.reason, edit.author), edit.made));
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                       area_id,
+                                       AuditAction::kEdit,
+                                       Subject(edit.id, edit, edit.reason, edit.author),
+                                       edit.made));
   SHIFTMAP_ASSIGN_OR_RETURN(
       const VersionRow version,
       state_->AddEdited(area_id, published, map, fmt::format("edit {}", edit.id.value())));
-  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, version, kPublishAction));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, version, AuditAction::kPublish));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   state_->MakeCheckpoints(area, area_id, version);
   result.version = CommitResult{version.number, version.content_hash};
@@ -220,8 +223,11 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
   undo.when = state_->clock();
   if (!dry_run) {
     SHIFTMAP_RETURN_IF_ERROR(EndEdit(database, id, undo));
-    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
-        database, area_id, "undo", Subject(id, *edit, undo.reason, undo.author), undo.when));
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                         area_id,
+                                         AuditAction::kUndo,
+                                         Subject(id, *edit, undo.reason, undo.author),
+                                         undo.when));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
@@ -249,7 +255,7 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
       SHIFTMAP_ASSIGN_OR_RETURN(
           version,
           state_->AddEdited(area_id, published, *map, fmt::format("edit {} undone", id.value())));
-      SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, *version, kPublishAction));
+      SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_id, *version, AuditAction::kPublish));
     }
   }
   if (dry_run) return result;

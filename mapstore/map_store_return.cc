@@ -16,8 +16,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr const char* kReturnAction = "return";
-
 // What an audit entry says of the caller of a server.
 std::string By(const std::string& subject, const std::string& by) {
   return by.empty() ? subject : fmt::format("{} by {}", subject, by);
@@ -83,7 +81,7 @@ StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
                                            checkpoint_rows,
                                            owner));
   SHIFTMAP_RETURN_IF_ERROR(
-      InsertAudit(database, area_row.area_id, kReturnAction, By(report.uuid, by)));
+      InsertAudit(database, area_row.area_id, AuditAction::kReturn, By(report.uuid, by)));
   return result;
 }
 
@@ -137,8 +135,37 @@ std::vector<StatusOr<ReturnResult>> MapStore::ReturnAll(
 
 Status MapStore::NoteUpload(const std::string& log, const std::string& by) {
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Write());
-  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(state_->database, std::nullopt, kUploadAction, By(log, by)));
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
+      state_->database, std::nullopt, AuditAction::kUpload, By(log, by), state_->clock()));
   return transaction.Commit();
+}
+
+StatusOr<std::vector<ReceivedRun>> MapStore::ReceivedRuns(const std::string& area) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare(
+          "SELECT r.identity, r.vehicle, r.begin_ns, r.end_ns, r.received_ns, "
+          "iif(r.run_hash = '', v.number, NULL) FROM shift_report r JOIN version v "
+          "USING (version_id) WHERE v.area_id = ?1 UNION ALL "
+          "SELECT substr(subject, 1, 64), '', 0, 0, written_ns, NULL FROM audit WHERE action = ?2 "
+          "ORDER BY 5, 1"));
+  query.Bind(area_row.area_id, ToString(AuditAction::kUpload));
+  std::vector<ReceivedRun> received;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return received;
+    ReceivedRun run{query.Text(0),
+                    query.Text(1),
+                    StampFromNanoseconds(query.Int64(2)),
+                    StampFromNanoseconds(query.Int64(3)),
+                    StampFromNanoseconds(query.Int64(4)),
+                    std::nullopt};
+    if (!query.IsNull(5)) run.driven_on = VersionNumber(query.Int64(5));
+    received.push_back(std::move(run));
+  }
 }
 
 StatusOr<std::int64_t> MapStore::DataVersion() {
@@ -164,9 +191,9 @@ StatusOr<StoreChanges> MapStore::ChangesSince(std::int64_t position) {
           "AND EXISTS (SELECT 1 FROM exclusion e WHERE e.held AND e.included_ns IS NULL)) "
           "FROM area a LEFT JOIN version p ON p.version_id = a.published_version_id "
           "LEFT JOIN (SELECT area_id, max(audit_id) AS last FROM audit WHERE audit_id > ?1 "
-          "AND action NOT IN ('commit', ?2) GROUP BY area_id) u ON u.area_id = a.area_id "
+          "AND action NOT IN (?2, ?3) GROUP BY area_id) u ON u.area_id = a.area_id "
           "ORDER BY a.name"));
-  query.Bind(position, kWaitAction);
+  query.Bind(position, ToString(AuditAction::kCommit), ToString(AuditAction::kWait));
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
     if (!row) return changes;

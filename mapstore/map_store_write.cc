@@ -104,7 +104,7 @@ Status InsertWaiting(Database& database,
                      const std::vector<UnplacedRun>& runs) {
   for (const UnplacedRun& run : runs) {
     SHIFTMAP_RETURN_IF_ERROR(
-        InsertAudit(database, area_id, kWaitAction, run.sha256 + " " + run.name));
+        InsertAudit(database, area_id, AuditAction::kWait, run.sha256 + " " + run.name));
   }
   return OkStatus();
 }
@@ -128,13 +128,13 @@ StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
     SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
   }
   SHIFTMAP_RETURN_IF_ERROR(
-      InsertAudit(database, area_id, "commit", std::to_string(version.number.value())));
+      InsertAudit(database, area_id, AuditAction::kCommit, std::to_string(version.number.value())));
   return version;
 }
 
 Status MapStore::State::MovePublished(std::int64_t area_id,
                                       const VersionRow& version,
-                                      const char* action) {
+                                      AuditAction action) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement update,
       database.Prepare("UPDATE area SET published_version_id = ?2 WHERE area_id = ?1"));
@@ -224,7 +224,8 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
     SHIFTMAP_RETURN_IF_ERROR(InsertVersionEdit(database, version.version_id, edit, false));
   }
   if (options.publish) {
-    SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, version, kPublishAction));
+    SHIFTMAP_RETURN_IF_ERROR(
+        state_->MovePublished(area_row.area_id, version, AuditAction::kPublish));
   }
   SHIFTMAP_RETURN_IF_ERROR(InsertWaiting(database, area_row.area_id, options.waiting));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
@@ -248,7 +249,8 @@ Status MapStore::AddNote(const std::optional<std::string>& area,
     SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, *area));
     area_id = area_row.area_id;
   }
-  const char* const action = note == NightNote::kRefused ? kRefuseAction : kLocateAction;
+  const AuditAction action =
+      note == NightNote::kRefused ? AuditAction::kRefuse : AuditAction::kLocate;
   SHIFTMAP_RETURN_IF_ERROR(
       InsertAudit(state_->database, area_id, action, subject, state_->clock()));
   return transaction.Commit();
@@ -276,7 +278,7 @@ Status MapStore::Publish(const std::string& area,
   }
   if (!row.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return OkStatus();
-  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, kPublishAction));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, row, AuditAction::kPublish));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   state_->MakeCheckpoints(area, area_row.area_id, row);
   return OkStatus();
@@ -306,7 +308,7 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   }
   if (!at.content_stored) return FailedPrecondition("{}: its content was compacted away", owner);
   if (dry_run) return at.number;
-  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, kRollbackAction));
+  SHIFTMAP_RETURN_IF_ERROR(state_->MovePublished(area_row.area_id, at, AuditAction::kRollback));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   state_->MakeCheckpoints(area, area_row.area_id, at);
   return at.number;
@@ -354,9 +356,9 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
       database,
       area_row.area_id,
-      !exclude         ? "include"
-      : exclusion.held ? "hold"
-                       : "exclude",
+      !exclude         ? AuditAction::kInclude
+      : exclusion.held ? AuditAction::kHold
+                       : AuditAction::kExclude,
       exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason)));
   std::optional<VersionRow> published;
   if (area_row.published) {

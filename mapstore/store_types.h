@@ -235,16 +235,53 @@ struct ReportSummary {
 
 /// What a nightly job concludes and keeps in the audit log.
 enum class NightNote {
-  kRefused,  ///< "refuse": a version is not published.
-  kLocated,  ///< "locate": the area of a log that names none.
+  kRefused,  ///< AuditAction::kRefuse.
+  kLocated,  ///< AuditAction::kLocate.
 };
+
+/// What a write did, and what its subject is.
+enum class AuditAction {
+  kCommit,    ///< A version was made; its number.
+  kPublish,   ///< Vehicles get a version from then on; its number.
+  kRollback,  ///< The same, of one that was published before.
+  kReturn,    ///< A report came; its UUID, and who handed it in.
+  kUpload,    ///< A run log came over a network; its hash, and who handed it in.
+  kWait,      ///< A run waits for another build; its log's hash, a blank and its name.
+  kRefuse,    ///< A nightly job does not publish a version; its number, a blank and the reasons.
+  kLocate,    ///< The area of a log that names none was looked for; as the nightly job has it.
+  kExclude,   ///< `run <identity>` or `vehicle '<name>'`, a colon and the reason.
+  kHold,      ///< The same.
+  kInclude,   ///< The same, without a reason.
+  kEdit,      ///< An edit was made; its words.
+  kUndo,      ///< An edit was taken back; its words.
+  kCompact,   ///< What became of it.
+  kMigrate,   ///< The two schemas.
+};
+
+/// The word that stands for it in the store, e.g. "publish".
+const char* ToString(AuditAction action);
 
 /// A write.
 struct AuditEntry {
   Stamp written;
   std::string area;     ///< Empty if it was about the whole store.
-  std::string action;   ///< E.g. "commit", "publish", "rollback", "return".
-  std::string subject;  ///< Version number, UUID of the report, or hash and name of the run.
+  std::string action;   ///< As ToString(AuditAction) gives it.
+  std::string subject;  ///< See AuditAction.
+
+  bool Is(AuditAction of) const { return action == ToString(of); }
+};
+
+/// A log that came over a network, or a report about a run, by two clocks: stamps are the
+/// vehicle's, the time of receipt is the store's.
+struct ReceivedRun {
+  std::string run;      ///< RunRecord::identity; of an upload the log's hash.
+  std::string vehicle;  ///< Empty of an upload.
+  Stamp begin;          ///< Of the report; of an upload that of Unix time.
+  Stamp end;
+  Stamp received;
+
+  /// Of a report about a live stream: the version driven on, which was there before the shift.
+  std::optional<VersionNumber> driven_on;
 };
 
 }  // namespace shiftmap

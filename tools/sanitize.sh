@@ -4,7 +4,8 @@
 # Usage: tools/sanitize.sh asan            all tests, address and undefined-behaviour sanitizers
 #        tools/sanitize.sh tsan            the tests that run threads, thread sanitizer
 #        tools/sanitize.sh fuzz [MINUTES [TARGET...]]   libFuzzer targets, each for MINUTES (10) of
-#                                          processor time; corpora and findings stay in build/fuzz
+#                                          processor time; corpora and findings stay in build/fuzz.
+#                                          Of a target with parts one is TARGET.PART
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -20,14 +21,16 @@ build() {
 }
 
 # fuzz_target <seconds> <target>: runs one until it has used the processor for so long, or found
-# something. libFuzzer itself counts the time on the wall.
+# something. libFuzzer itself counts the time on the wall. Memory is of the last round: when its
+# inputs were read, and at the end.
 fuzz_target() {
-  local left_ms=$((1000 * $1)) target=$2 runs=0 user system
+  local left_ms=$((1000 * $1)) target=$2 runs=0 user system memory
+  if [[ $target == *.* ]]; then export SHIFTMAP_FUZZ_PART=${target#*.}; fi
   local corpus=build/fuzz/corpus/$target log=build/fuzz/$target.log
   local TIMEFORMAT='%3U %3S'
   mkdir -p "$corpus" build/fuzz/findings
   while ((left_ms > 0)); do
-    if ! { time "build/fuzz/tests/fuzz/$target" "$corpus" -max_len=4096 -rss_limit_mb=2048 \
+    if ! { time "build/fuzz/tests/fuzz/${target%%.*}" "$corpus" -max_len=4096 -rss_limit_mb=2048 \
       -timeout=20 -max_total_time=$((left_ms / 1000 + 1)) -print_final_stats=1 \
       -artifact_prefix="build/fuzz/findings/$target-" >"$log" 2>&1; } 2>"$log.time"; then
       echo "FAILED: $target, see $log"
@@ -37,7 +40,8 @@ fuzz_target() {
     left_ms=$((left_ms - 10#${user/./} - 10#${system/./}))
     runs=$((runs + $(sed -n 's/stat::number_of_executed_units: *//p' "$log")))
   done
-  echo "ok: $target, $1 s, $runs runs"
+  memory=$(sed -n 's/.*\bINITED\b.* rss: *\([0-9]*\)Mb.*/\1/p; s/stat::peak_rss_mb: */to /p' "$log" | tr '\n' ' ')
+  echo "ok: $target, $1 s, $runs runs, ${memory}MiB"
 }
 
 case ${1:-} in
@@ -61,7 +65,8 @@ case ${1:-} in
       mapfile -t targets < <(ctest --test-dir build/fuzz --label-regex fuzz --show-only |
         sed -n 's/.*Test *#[0-9]*: //p')
     fi
-    build fuzz --target "${targets[@]}"
+    mapfile -t binaries < <(printf '%s\n' "${targets[@]%%.*}" | sort --unique)
+    build fuzz --target "${binaries[@]}"
     export -f fuzz_target
     printf '%s\n' "${targets[@]}" |
       xargs --max-procs="$(nproc)" -I{} bash -c 'fuzz_target "$@"' fuzz "$seconds" {}

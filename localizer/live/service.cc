@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/service.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,6 +11,7 @@
 #include <utility>
 
 #include "localizer/live/codec/journal_codec.h"
+#include "mapstore/core/lock_file.h"
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 
@@ -45,13 +44,13 @@ Status MakeFolder(const char* folder, const std::string& path) {
 
 // Held as long as the descriptor is open, so that it ends with the process.
 StatusOr<OwnedFd> Lock(const std::string& folder) {
-  constexpr mode_t kFileAccess = 0640;
-  OwnedFd fd(open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess));
-  if (fd.get() < 0) return FolderError("state", folder, "write");
-  if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
-    return Unavailable("state folder '{}': in use by another process", folder);
+  StatusOr<std::optional<OwnedFd>> lock = LockFile(folder + "/lock");
+  if (!lock.ok()) {
+    return MakeStatus(
+        lock.status().code(), "state folder '{}': {}", folder, Message(lock.status()));
   }
-  return fd;
+  if (*lock) return **std::move(lock);
+  return Unavailable("state folder '{}': in use by another process", folder);
 }
 
 Status CheckHash(const MapSnapshot& map, const std::string& expected) {

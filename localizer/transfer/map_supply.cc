@@ -20,7 +20,7 @@ std::optional<FolderMap> WithHash(const std::vector<FolderMap>& maps, const std:
 }  // namespace
 
 Status MapSupply::Fetch(const std::stop_token& stop) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder folder, MapFolder::Open(options_.maps));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder folder, MapFolder::Open(options_.maps, options_.folder));
   SHIFTMAP_ASSIGN_OR_RETURN(MapClient client, MapClient::Create(options_.server, stop));
   SHIFTMAP_ASSIGN_OR_RETURN(FolderMap map, Brought(&folder, &client));
   next_.reset();
@@ -62,7 +62,7 @@ StatusOr<FolderMap> MapSupply::Brought(MapFolder* folder, MapClient* client) {
 
 Status MapSupply::Enable() {
   if (!next_) return OkStatus();
-  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder folder, MapFolder::Open(options_.maps));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapFolder folder, MapFolder::Open(options_.maps, options_.folder));
   Status taken = NotFound("no service");
   if (!options_.socket.empty()) taken = EnableBetweenShifts(options_.socket, *next_);
   if (taken.code() == StatusCode::kNotFound) {

@@ -24,6 +24,7 @@ struct MapSupplyOptions {
   std::vector<std::string> keys;  ///< PEM files of SnapshotKeys; read anew with each snapshot.
   double max_bytes_per_s = 0.0;   ///< 0: as fast as it comes. [B/s]
   int kept_maps = 3;              ///< Of the area, the enabled one among them; at least 1.
+  MapFolderOptions folder;
 
   std::function<void(const std::string&)> inform;
   std::function<void()> alive;  ///< Called while a snapshot comes.

@@ -2,7 +2,6 @@
 #include "localizer/transfer/outbox.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,6 +19,7 @@
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/lock_file.h"
 
 namespace shiftmap::transfer {
 namespace {
@@ -100,18 +100,13 @@ const char* ToString(OutboxState state) {
 }
 
 StatusOr<Outbox> Outbox::Open(const OutboxOptions& options) {
-  const std::string path = options.record + "/outbox.lock";
-  OwnedFd lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
-  if (lock.get() < 0) {
-    return MakeStatus(errno == ENOENT ? StatusCode::kNotFound : StatusCode::kUnavailable,
-                      "outbox '{}': cannot be opened: {}",
-                      options.record,
-                      std::strerror(errno));
+  StatusOr<std::optional<OwnedFd>> lock = LockFile(options.record + "/outbox.lock");
+  if (!lock.ok()) {
+    return MakeStatus(
+        lock.status().code(), "outbox '{}': {}", options.record, Message(lock.status()));
   }
-  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    return Unavailable("outbox '{}': another process has it", options.record);
-  }
-  Outbox outbox(options, std::move(lock));
+  if (!*lock) return Unavailable("outbox '{}': another process has it", options.record);
+  Outbox outbox(options, **std::move(lock));
   SHIFTMAP_RETURN_IF_ERROR(outbox.Load());
   return outbox;
 }

@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <vector>
 
+#include "mapstore/codec/snapshot_json.h"
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/input_file.h"
 
@@ -52,21 +52,7 @@ StatusOr<OwnedFd> OpenLocked(const std::string& path) {
 }
 
 std::string Description(const SnapshotInfo& snapshot) {
-  Json signatures = Json::array();
-  for (const SnapshotSignature& signature : snapshot.signatures) {
-    // Bytes, as numbers.
-    const std::vector<std::uint8_t> bytes(signature.signature.begin(), signature.signature.end());
-    signatures.push_back({{"key_sha256", signature.key_sha256}, {"signature", bytes}});
-  }
-  return Json{{"area", snapshot.area},
-              {"version", snapshot.version.value()},
-              {"content_hash", snapshot.content_hash},
-              {"ledger_sequence", snapshot.ledger_sequence.value()},
-              {"sha256", snapshot.sha256},
-              {"size_bytes", snapshot.size_bytes},
-              {"signatures", signatures}}
-             .dump(2, ' ', false, Json::error_handler_t::replace) +
-         "\n";
+  return SnapshotJson(snapshot).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 // Nothing if it is no description: whoever has the bytes begins anew then.
@@ -74,22 +60,7 @@ std::optional<SnapshotInfo> ReadDescription(const std::string& path) {
   const StatusOr<std::string> text = ReadInputFile("description", path, kMaxDescriptionBytes);
   if (!text.ok()) return std::nullopt;
   try {
-    const Json json = Json::parse(*text);
-    SnapshotInfo snapshot{
-        .area = json.at("area").get<std::string>(),
-        .version = VersionNumber(json.at("version").get<std::int64_t>()),
-        .content_hash = json.at("content_hash").get<std::string>(),
-        .ledger_sequence = LedgerPosition(json.at("ledger_sequence").get<std::int64_t>()),
-        .created = {},
-        .sha256 = json.at("sha256").get<std::string>(),
-        .size_bytes = json.at("size_bytes").get<std::int64_t>(),
-        .signatures = {}};
-    for (const Json& signature : json.at("signatures")) {
-      const auto bytes = signature.at("signature").get<std::vector<std::uint8_t>>();
-      snapshot.signatures.push_back(
-          {signature.at("key_sha256").get<std::string>(), std::string(bytes.begin(), bytes.end())});
-    }
-    return snapshot;
+    return SnapshotFromJson(Json::parse(*text));
   } catch (const Json::exception&) {
     return std::nullopt;
   }

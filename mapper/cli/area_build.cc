@@ -399,34 +399,18 @@ Status CheckOutputs(const AreaBuildOptions& options) {
   return MapStore::CheckWritable(options.store);
 }
 
-// Adds the version, or where all runs wait only notes that.
-StatusOr<std::optional<CommitResult>> Write(const AreaBuildOptions& options,
-                                            const PriorMap& prior,
-                                            const MapperResult& result,
-                                            const Context& context) {
-  if (options.trajectories && !result.runs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      MapStore store,
-      OpenStore(
-          options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
-  if (result.runs.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(store.NoteWaiting(options.area, Unplaced(result)));
-    return std::optional<CommitResult>();
-  }
-  CommitOptions commit_options;
-  commit_options.parent = prior.version;
-  commit_options.expected = prior.published;
-  commit_options.publish = !options.no_publish;
-  commit_options.replace = options.prior == "none";
-  commit_options.states_probabilities = false;
-  commit_options.waiting = Unplaced(result);
-  if (!result.chains.empty()) commit_options.without_edits = prior.edits.undone_rates;
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      CommitResult commit,
-      store.Commit(options.area, result.content, MakeProvenance(options, result), commit_options));
-  return std::optional(std::move(commit));
+CommitOptions MakeCommitOptions(const AreaBuildOptions& options,
+                                const PriorMap& prior,
+                                const MapperResult& result) {
+  CommitOptions commit;
+  commit.parent = prior.version;
+  commit.expected = prior.published;
+  commit.publish = !options.no_publish;
+  commit.replace = options.prior == "none";
+  commit.states_probabilities = false;
+  commit.waiting = Unplaced(result);
+  if (!result.chains.empty()) commit.without_edits = prior.edits.undone_rates;
+  return commit;
 }
 
 }  // namespace
@@ -462,7 +446,7 @@ StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
   }
 }
 
-StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context) {
+StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context) {
   const Stamp now = SystemNow();
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
@@ -497,9 +481,30 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
   WarnOfDuplicates(build.result, context);
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(build.commit, Write(options, prior, build.result, context));
+  build.provenance = MakeProvenance(options, build.result);
+  build.commit_options = MakeCommitOptions(options, prior, build.result);
+  return build;
+}
+
+Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaBuild* build) {
+  const MapperResult& result = build->result;
+  if (options.trajectories && !result.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));
   }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      MapStore store,
+      OpenStore(
+          options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
+  if (result.runs.empty()) return store.NoteWaiting(options.area, build->commit_options.waiting);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      build->commit,
+      store.Commit(options.area, result.content, build->provenance, build->commit_options));
+  return OkStatus();
+}
+
+StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context) {
+  SHIFTMAP_ASSIGN_OR_RETURN(AreaBuild build, MakeAreaBuild(options, context));
+  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CommitArea(options, context, &build));
   return build;
 }
 

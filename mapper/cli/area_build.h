@@ -65,13 +65,26 @@ struct AreaBuild {
   MapperResult result;
   std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
   std::vector<UnplacedRun> not_given;               ///< That wait, but not of this build.
-  std::optional<CommitResult> commit;  ///< Nothing if every run waits, or in a dry run.
+
+  // What CommitArea adds to the store with the map.
+  Provenance provenance;
+  CommitOptions commit_options;
+
+  std::optional<CommitResult> commit;  ///< Nothing if every run waits, or before CommitArea.
 };
 
-/// Builds a map version of an area from run logs, on the map that the store has of it, and adds it
-/// to the store.
-/// Errors: as LoadRuns, BuildMap and MapStore::Commit; kCancelled if a signal came (StopSignals),
-/// nothing is written then.
+/// Builds a map of an area from run logs, on the map that the store has of it, in memory. The
+/// store gets nothing but the version that holds the edits in force (MapStore::WithEditsInForce).
+/// Errors: as LoadRuns and BuildMap; kCancelled if a signal came (StopSignals).
+/// Precondition: a StopSignals lives.
+StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context);
+
+/// Adds a build to the store as a version, and sets `commit`; where all of its runs wait, only
+/// notes that. Errors: as MapStore::Commit.
+Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaBuild* build);
+
+/// Both, the second unless it is a dry run.
+/// Errors: as theirs; after kCancelled nothing is written.
 /// Precondition: a StopSignals lives.
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context);
 

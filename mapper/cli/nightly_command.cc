@@ -193,6 +193,11 @@ void AddJudgeOptions(NightOptions* night, Command* command) {
               "Shifts of earlier days that are replayed on the old and the new map, and as many of "
               "the night's")
       .InRange(1, 1000)
+      .Option("--judge-folds",
+              &night->judge.max_folds,
+              "Builds without a part of the runs, which judge it where no other shifts are there; "
+              "below 2 none")
+      .InRange(0, 10)
       .Flag("--no-judge", &night->no_judge, "Publish what was built, whatever it is worth");
 }
 
@@ -249,7 +254,8 @@ void AddNightlyCommand(Application* application) {
       .Option("--area",
               &night.area,
               "Only this area, which is that of logs that name none; by default all, and such logs "
-              "are of the only one there is, or of the one whose map they fit");
+              "are of the only one there is, or of the one whose map they fit. The site file's key "
+              "`area` counts in [nightly] alone");
   AddFolderOptions(&night, &command);
   AddJudgeOptions(&night, &command);
   AddBuildOptions(&night.build, &command);

@@ -43,7 +43,8 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
   if (!*published) return known;
   SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, **published));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit, store->AuditLog(area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit,
+                            store->AuditLog(area, {AuditAction::kPublish, AuditAction::kRollback}));
   for (const VersionNumber version : RolledBackVersions(versions, audit)) {
     SHIFTMAP_ASSIGN_OR_RETURN(const auto identities, store->RunIdentities(area, version));
     for (const std::string& run : identities) known.rolled_back.emplace(run, version);

@@ -9,10 +9,11 @@
 #include <set>
 #include <utility>
 
-#include "mapper/cli/build_report.h"
+#include "mapper/cli/area_build.h"
 #include "mapper/cli/stop_signals.h"
+#include "mapper/nightly/candidate.h"
+#include "mapper/nightly/since_published.h"
 #include "mapstore/cli/store_access.h"
-#include "mapstore/cli/version.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -26,47 +27,10 @@ Status CheckStopped() {
   return MakeStatus(StatusCode::kCancelled, "night stopped by {}", StopSignals::Received());
 }
 
-// Since the version that is published now became so.
-struct SincePublished {
-  Stamp published = Stamp::min();
-  std::map<std::string, std::string> refused;  // Reasons by version number.
-  std::set<std::string> included;              // Subjects of "include", of the whole past.
-};
-
-StatusOr<SincePublished> ReadSincePublished(const std::string& area, MapStore* store) {
-  SincePublished since;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit, store->AuditLog(area));
-  for (const AuditEntry& entry : audit) {
-    if (entry.action == "publish" || entry.action == "rollback") {
-      since.published = entry.written;
-      since.refused.clear();
-    } else if (entry.action == "refuse") {
-      const std::size_t blank = entry.subject.find(' ');
-      since.refused[entry.subject.substr(0, blank)] =
-          blank == std::string::npos ? "" : entry.subject.substr(blank + 1);
-    } else if (entry.action == "include") {
-      since.included.insert(entry.subject.substr(0, entry.subject.find(": ")));
-    }
-  }
-  return since;
-}
-
-// A version that waits to be judged or published.
-struct Candidate {
-  VersionNumber version;
-  std::string content_hash;
-  BuildOutcome outcome;
-  std::set<std::string> runs;  // Identities and hashes.
-
-  bool Has(const LogHead& log) const {
-    return runs.contains(log.identity()) || runs.contains(log.sha256);
-  }
-};
-
 class Area {
  public:
   Area(const NightOptions& options, const std::string& area, const AreaLogs& logs, Context* context)
-      : options_(options), logs_(logs), context_(*context) {
+      : options_(options), logs_(logs), context_(*context), candidates_(options, area, context) {
     night_.area = area;
     night_.runs_new = logs.fresh.size();
   }
@@ -74,31 +38,35 @@ class Area {
   StatusOr<AreaNight> Run();
 
  private:
+  enum class Step { kDone, kAgain };
+
   StatusOr<MapStore> Open(MapStore::Access access) const {
     return OpenStore(options_.build.store, access, context_, options_.build.clock_tolerance_s);
   }
   Status HoldOut();
-  StatusOr<std::optional<Candidate>> FindCandidate(const std::string& night) const;
-  StatusOr<std::optional<Candidate>> MakeCandidate(const std::vector<LogHead>& given);
   StatusOr<Judgement> JudgeCandidate(const Candidate& candidate,
                                      const std::vector<LogHead>& given) const;
   Status Hold(const LogHead& log, const std::string& reason);
   StatusOr<bool> HoldSuspects(const Judgement& judgement, std::vector<LogHead>* given);
   StatusOr<bool> BuildWithoutWorst(const Judgement& judgement, const std::vector<LogHead>& given);
-  Status Publish(const Candidate& candidate);
-  Status Refuse(const Candidate& candidate, const Judgement& judgement);
+  Status WriteHolds();
+  Status NoteWaiting();
+  Status Commit(bool publish, Candidate* candidate);
+  Status Publish(Candidate* candidate);
+  Status Refuse(const Judgement& judgement, Candidate* candidate);
   StatusOr<bool> LeaveOut(const Candidate& candidate);
+  StatusOr<Step> Build();
   void Say(const std::string& line);
-  void Take(const Candidate& candidate) {
-    night_.version = candidate.version;
-    night_.content_hash = candidate.content_hash;
-  }
+  void Take(const Candidate& candidate);
 
   const NightOptions& options_;
   const AreaLogs& logs_;
   Context& context_;
+  const CandidateBuilder candidates_;
   std::vector<LogHead> held_out_;
   std::vector<LogHead> given_;
+  std::vector<UnplacedRun> waiting_;  // Of builds that were made anew without them.
+  std::vector<Exclusion> holds_;      // Of an area that the store does not have yet.
   AreaNight night_;
 };
 
@@ -131,75 +99,30 @@ Status Area::HoldOut() {
   return OkStatus();
 }
 
-StatusOr<std::optional<Candidate>> Area::FindCandidate(const std::string& night) const {
-  std::error_code error;
-  if (!std::filesystem::exists(options_.build.store, error)) return std::optional<Candidate>();
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  const StatusOr<std::vector<VersionSummary>> versions = store.Versions(night_.area);
-  if (versions.status().code() == StatusCode::kNotFound) return std::optional<Candidate>();
-  if (!versions.ok()) return versions.status();
-  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
-  for (auto at = versions->rbegin(); at != versions->rend(); ++at) {
-    if (at->published || at->created < since.published || !at->content_stored) break;
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store.LoadProvenance(night_.area, at->version));
-    BuildOutcome outcome = ReadOutcome(provenance.configuration);
-    if (outcome.night != night) continue;
-    Candidate candidate{at->version, at->content_hash, std::move(outcome), {}};
-    for (const RunRecord& run : provenance.runs) {
-      candidate.runs.insert(run.identity());
-      candidate.runs.insert(run.sha256);
-    }
-    return std::optional(std::move(candidate));
-  }
-  return std::optional<Candidate>();
-}
-
-// Nothing if there is no version; the reasons then say why.
-StatusOr<std::optional<Candidate>> Area::MakeCandidate(const std::vector<LogHead>& given) {
-  const std::string night = NightKey(given, options_.build);
-  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> found, FindCandidate(night));
-  if (found) return found;
-  AreaBuildOptions build = options_.build;
-  build.area = night_.area;
-  build.night = night;
-  build.no_publish = true;
-  for (const LogHead& log : given) build.logs.push_back(log.path);
-  const StatusOr<AreaBuild> built = BuildArea(build, context_);
-  if (built.status().code() == StatusCode::kCancelled) return built.status();
-  if (!built.ok()) {
-    night_.reasons.push_back(Message(built.status()));
-    return std::optional<Candidate>();
-  }
-  if (!built->commit) {
-    for (const auto& lines : {LeftOutLines(built->result), WaitingLines(built->result)}) {
-      night_.reasons.insert(night_.reasons.end(), lines.begin(), lines.end());
-    }
-    return std::optional<Candidate>();
-  }
-  return FindCandidate(night);
-}
-
 StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
                                          const std::vector<LogHead>& given) const {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  return Judge(night_.area,
-               candidate.version,
-               {given, held_out_, logs_.mapped},
-               options_.judge,
-               &store,
-               CheckStopped);
+  std::optional<MapStore> store;
+  if (candidate.version.parent) {
+    SHIFTMAP_ASSIGN_OR_RETURN(store, Open(MapStore::Access::kReadOnly));
+  }
+  return Judge(
+      night_.area,
+      candidate.version,
+      {given, held_out_, logs_.mapped},
+      options_.judge,
+      [this](const std::vector<LogHead>& logs) { return candidates_.BuildFold(logs); },
+      store ? &*store : nullptr,
+      CheckStopped);
 }
 
 // A run that somebody took in again by hand is not held any more.
 Status Area::Hold(const LogHead& log, const std::string& reason) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
   Exclusion hold;
   hold.run = log.identity();
   hold.reason = "nightly: " + reason;
   hold.held = true;
-  const Status held = store.Exclude(night_.area, hold);
-  if (!held.ok() && held.code() != StatusCode::kAlreadyExists) return held;
+  holds_.push_back(std::move(hold));
+  SHIFTMAP_RETURN_IF_ERROR(WriteHolds());
   night_.reasons.push_back(fmt::format(
       "'{}' is left out of the map and held: {}; to decide: shiftmap-inspect runs include {}, or "
       "exclude",
@@ -209,11 +132,28 @@ Status Area::Hold(const LogHead& log, const std::string& reason) {
   return OkStatus();
 }
 
+// As soon as the store has the area.
+Status Area::WriteHolds() {
+  std::error_code error;
+  if (holds_.empty() || !std::filesystem::exists(options_.build.store, error)) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
+    return area.area == night_.area;
+  });
+  if (!known) return OkStatus();
+  for (const Exclusion& hold : std::exchange(holds_, {})) {
+    const Status held = store.Exclude(night_.area, hold);
+    if (!held.ok() && held.code() != StatusCode::kAlreadyExists) return held;
+  }
+  return OkStatus();
+}
+
 // Whether any run was held. They are no more among those given.
 StatusOr<bool> Area::HoldSuspects(const Judgement& judgement, std::vector<LogHead>* given) {
   if (judgement.suspects.empty()) return false;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since,
+                            ReadSincePublished(night_.area, options_.build.store, context_));
   bool any = false;
   for (const Judgement::Suspect& suspect : judgement.suspects) {
     const auto log = std::find_if(
@@ -248,7 +188,8 @@ StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
     return true;
   });
   if (without.empty() || blamed.empty()) return false;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Candidate> candidate, MakeCandidate(without));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> candidate,
+                            candidates_.Make(without, &night_.reasons, &waiting_));
   if (!candidate) return false;
   SHIFTMAP_ASSIGN_OR_RETURN(Judgement again, JudgeCandidate(*candidate, without));
   if (!again.worse.empty() || !again.suspects.empty()) return false;
@@ -257,7 +198,7 @@ StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
         Hold(log, "the map with it is worse for others: " + judgement.worse.front()));
   }
   night_.judgement = std::move(again);
-  SHIFTMAP_RETURN_IF_ERROR(Publish(*candidate));
+  SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
   return true;
 }
 
@@ -271,7 +212,7 @@ void Area::Say(const std::string& line) {
 StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   std::vector<LogHead> out;
   std::erase_if(given_, [&](const LogHead& log) {
-    if (candidate.Has(log)) return false;
+    if (candidate.version.Has(log)) return false;
     out.push_back(log);
     return true;
   });
@@ -289,86 +230,129 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   }
   for (const std::string& line : candidate.outcome.waiting) Say(line);
   night_.runs_waiting = std::max(night_.runs_waiting, candidate.outcome.waiting.size());
+  if (candidate.build) {
+    const std::vector<UnplacedRun>& wait = candidate.build->commit_options.waiting;
+    waiting_.insert(waiting_.end(), wait.begin(), wait.end());
+  }
   return !out.empty();
 }
 
-Status Area::Publish(const Candidate& candidate) {
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
-  const Status status = store.Publish(night_.area, candidate.version, published);
-  if (!status.ok() && status.code() != StatusCode::kAlreadyExists) return status;
-  Take(candidate);
+// The only place where a version of the night is written.
+// Errors: kAborted if another version was published since the build began.
+Status Area::Commit(bool publish, Candidate* candidate) {
+  AreaBuild& build = *candidate->build;
+  build.commit_options.publish = publish;
+  std::vector<UnplacedRun>& waiting = build.commit_options.waiting;
+  for (const UnplacedRun& run : waiting_) {
+    const bool known = std::any_of(
+        waiting.begin(), waiting.end(), [&](const auto& of) { return of.sha256 == run.sha256; });
+    if (!known) waiting.push_back(run);
+  }
+  SHIFTMAP_RETURN_IF_ERROR(CommitArea(candidates_.BuildOptions(given_), context_, &build));
+  candidate->version.number = build.commit->version;
+  return WriteHolds();
+}
+
+Status Area::Publish(Candidate* candidate) {
+  if (candidate->build) {
+    SHIFTMAP_RETURN_IF_ERROR(Commit(true, candidate));
+  } else {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
+    SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
+    const Status status = store.Publish(night_.area, *candidate->version.number, published);
+    if (!status.ok() && status.code() != StatusCode::kAlreadyExists) return status;
+  }
+  Take(*candidate);
   night_.published = true;
   return OkStatus();
 }
 
-Status Area::Refuse(const Candidate& candidate, const Judgement& judgement) {
-  Take(candidate);
+// Kept, so that somebody can look at it and publish it all the same.
+Status Area::Refuse(const Judgement& judgement, Candidate* candidate) {
+  if (candidate->build) SHIFTMAP_RETURN_IF_ERROR(Commit(false, candidate));
+  Take(*candidate);
   const std::string reasons = fmt::format("{}", fmt::join(judgement.worse, "; "));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
-  return store.AddNote(
-      night_.area, NightNote::kRefused, fmt::format("{} {}", candidate.version.value(), reasons));
+  return store.AddNote(night_.area,
+                       NightNote::kRefused,
+                       fmt::format("{} {}", candidate->version.number->value(), reasons));
+}
+
+void Area::Take(const Candidate& candidate) {
+  night_.version = candidate.version.number;
+  night_.content_hash = candidate.version.map.content_hash();
+  if (night_.judgement) night_.judgement->after = night_.version;
+}
+
+// Of builds that left no version.
+Status Area::NoteWaiting() {
+  std::error_code error;
+  const bool stored = std::filesystem::exists(options_.build.store, error);
+  if (night_.version || waiting_.empty() || !stored || context_.dry_run()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
+  const Status noted = store.NoteWaiting(night_.area, waiting_);
+  return noted.code() == StatusCode::kNotFound ? OkStatus() : noted;
+}
+
+// Builds what is given once, and judges it.
+StatusOr<Area::Step> Area::Build() {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> candidate,
+                            candidates_.Make(given_, &night_.reasons, &waiting_));
+  if (!candidate) return Step::kDone;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
+  if (less) return Step::kAgain;
+  if (options_.no_judge) {
+    SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
+    return Step::kDone;
+  }
+  if (candidate->version.number) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since,
+                              ReadSincePublished(night_.area, options_.build.store, context_));
+    if (since.refused.contains(std::to_string(candidate->version.number->value()))) {
+      Take(*candidate);
+      return Step::kDone;
+    }
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Judgement judgement, JudgeCandidate(*candidate, given_));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool held, HoldSuspects(judgement, &given_));
+  if (held) return Step::kAgain;
+  for (const std::string& doubt : judgement.doubts) Say(doubt);
+  night_.judgement = judgement;
+  if (judgement.worse.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
+    return Step::kDone;
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool done, BuildWithoutWorst(judgement, given_));
+  if (!done) SHIFTMAP_RETURN_IF_ERROR(Refuse(judgement, &*candidate));
+  return Step::kDone;
 }
 
 StatusOr<AreaNight> Area::Run() {
   SHIFTMAP_RETURN_IF_ERROR(HoldOut());
-  for (int build = 0; build < kMaxBuilds && !given_.empty(); ++build) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Candidate> candidate, MakeCandidate(given_));
-    if (!candidate) break;
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
-    if (less) continue;
-    if (options_.no_judge) {
-      SHIFTMAP_RETURN_IF_ERROR(Publish(*candidate));
-      break;
-    }
-    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-    SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
-    if (since.refused.contains(std::to_string(candidate->version.value()))) {
-      Take(*candidate);
-      break;
-    }
-    SHIFTMAP_ASSIGN_OR_RETURN(Judgement judgement, JudgeCandidate(*candidate, given_));
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool held, HoldSuspects(judgement, &given_));
-    if (held) continue;
-    night_.judgement = judgement;
-    if (judgement.worse.empty()) {
-      SHIFTMAP_RETURN_IF_ERROR(Publish(*candidate));
-      break;
-    }
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool done, BuildWithoutWorst(judgement, given_));
-    if (!done) SHIFTMAP_RETURN_IF_ERROR(Refuse(*candidate, judgement));
-    break;
+  for (int build = 1; build <= kMaxBuilds && !given_.empty(); ++build) {
+    const StatusOr<Step> step = Build();
+    // Somebody published another version meanwhile: what is built goes on from that one.
+    if (step.status().code() == StatusCode::kAborted && build < kMaxBuilds) continue;
+    if (!step.ok()) return step.status();
+    if (*step == Step::kDone) break;
   }
+  SHIFTMAP_RETURN_IF_ERROR(NoteWaiting());
   return night_;
 }
 
 }  // namespace
-
-std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build) {
-  std::set<std::string> runs;
-  for (const LogHead& log : logs) runs.insert(log.identity());
-  Sha256 hash;
-  hash.Update(SoftwareRevision() + (build.no_learned_rates ? " default\n" : " learned\n"));
-  for (const std::string& run : runs) hash.Update(run + "\n");
-  return hash.HexDigest();
-}
 
 StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
                                  const std::string& area,
                                  const AreaLogs& logs,
                                  Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(AreaNight night, Area(options, area, logs, &context).Run());
-  std::error_code error;
-  if (!std::filesystem::exists(options.build.store, error)) return night;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.build.store, MapStore::Access::kReadOnly, context));
-  const StatusOr<SincePublished> since = ReadSincePublished(area, &store);
-  if (since.status().code() == StatusCode::kNotFound) return night;
-  if (!since.ok()) return since.status();
-  night.refused_in_a_row = static_cast<int>(since->refused.size());
+  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since,
+                            ReadSincePublished(area, options.build.store, context));
+  night.refused_in_a_row = static_cast<int>(since.refused.size());
   if (night.version && !night.published) {
-    const auto refused = since->refused.find(std::to_string(night.version->value()));
-    if (refused != since->refused.end()) {
+    const auto refused = since.refused.find(std::to_string(night.version->value()));
+    if (refused != since.refused.end()) {
       night.reasons.insert(
           night.reasons.begin(),
           fmt::format("version {} is not published: {}; to take it all the same: shiftmap-inspect "

@@ -32,19 +32,16 @@ struct AreaNight {
   bool alarm() const { return refused_in_a_row >= kAlarmRefusals; }
 };
 
-/// What tells the build of some logs from others: AreaBuildOptions::night.
-std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build);
-
 /// Builds the new logs of an area on its published version, judges the version and publishes it if
 /// it is not worse. A run of the build that fits neither map is held, and the area built without
 /// it. Where the version is worse and no run is suspect, the area is built once more without the
 /// vehicle that fits the old map worst; if that is not worse, its runs are held. Else the version
-/// stays, with the reasons in the audit log.
+/// stays, with the reasons in the audit log. Nothing but the version that stands is written, once
+/// it is judged.
 ///
-/// Whatever was written stays good if the process ends in between: a version of the same logs is
-/// taken up where it is, and one that was refused is not judged again.
-/// Errors: kCancelled if a signal came; those of the store. A build that fails is a reason.
-/// Precondition: a StopSignals lives.
+/// Whatever was written stays good if the process ends in between: runs that are held stay so, and
+/// a version that was refused is neither built nor judged again. Errors: kCancelled if a signal
+/// came; those of the store. A build that fails is a reason. Precondition: a StopSignals lives.
 StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
                                  const std::string& area,
                                  const AreaLogs& logs,

@@ -5,14 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
-#include <set>
+#include <map>
 #include <utility>
 
-#include "mapstore/cli/context.h"
+#include "mapper/nightly/clock_check.h"
 #include "mapstore/codec/run_log.h"
-#include "mapstore/core/clock.h"
-#include "mapstore/core/inert_text.h"
 #include "mapstore/core/quantile.h"
 #include "mapstore/map/map_diff.h"
 
@@ -21,16 +18,6 @@ namespace {
 
 // A displacement that chance gives once in so many modes is no chance.
 constexpr double kMovedProbability = 1e-4;
-
-StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
-                                                VersionNumber version,
-                                                MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (const VersionSummary& summary : versions) {
-    if (summary.version == version) return summary.parent;
-  }
-  return NotFound("area '{}': no version {}", area, version.value());
-}
 
 StatusOr<std::optional<double>> CostOf(const std::string& area,
                                        VersionNumber version,
@@ -76,10 +63,22 @@ void CountChanges(const MapContent& before, const MapContent& after, Judgement* 
   }
 }
 
-// One-sided; what a run that made the map gains on it is no proof.
-double Difference(const JudgedShift& shift, const std::function<double(const ShiftScore&)>& of) {
-  const double d = of(shift.after) - of(*shift.before);
-  return shift.in_build ? std::max(0.0, d) : d;
+// By how much the new map is worse for each shift. One-sided; what a run that made the map gains on
+// it is no proof, and what it loses counts in folds too.
+std::vector<double> Differences(const Judgement& judgement,
+                                const std::function<double(const ShiftScore&)>& of) {
+  const bool folds = judgement.judged_by == JudgedBy::kFolds;
+  std::map<std::string, double> own;
+  std::vector<double> differences;
+  for (const JudgedShift& shift : judgement.shifts) {
+    if (!shift.before) continue;
+    const double d = of(shift.after) - of(*shift.before);
+    if (shift.in_build) own[shift.run] = d;
+    if (!folds) differences.push_back(shift.in_build ? std::max(0.0, d) : d);
+    // The build's own shifts come first.
+    if (folds && shift.fold > 0) differences.push_back(std::max(d, own[shift.run]));
+  }
+  return differences;
 }
 
 void Test(const JudgeOptions& options, Judgement* judgement) {
@@ -103,11 +102,8 @@ void Test(const JudgeOptions& options, Judgement* judgement) {
        options.decision_margin,
        [](const ShiftScore& score) { return score.wrong_share(); }}};
   for (const Measure& measure : measures) {
-    std::vector<double> differences;
-    for (const JudgedShift& shift : judgement->shifts) {
-      if (shift.before) differences.push_back(Difference(shift, measure.of));
-    }
-    const PairedTestResult result = PairedTest(differences, {.margin = measure.margin});
+    const PairedTestResult result =
+        PairedTest(Differences(*judgement, measure.of), {.margin = measure.margin});
     judgement->tests.push_back({measure.name, result});
     if (result.not_worse()) continue;
     judgement->worse.push_back(
@@ -148,7 +144,7 @@ void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
     std::vector<double> other_nis;
     std::vector<double> other_lost;
     for (const JudgedShift& other : judgement->shifts) {
-      if (other.run == shift.run) continue;
+      if (other.run == shift.run || other.fold > 0) continue;
       other_nis.push_back(Least(other, nis));
       other_lost.push_back(Least(other, lost));
     }
@@ -176,61 +172,41 @@ void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
   }
 }
 
-// A vehicle is in one run at a time.
-void FindWrongClocks(const std::vector<RunRecord>& runs,
-                     const std::vector<EvidenceRow>& rows,
-                     const std::vector<LogHead>& logs,
-                     Judgement* judgement) {
-  for (const RunRecord& run : runs) {
-    if (run.vehicle.empty()) continue;
-    const auto other = std::find_if(rows.begin(), rows.end(), [&](const EvidenceRow& row) {
-      return row.vehicle == run.vehicle && row.source != run.sha256 &&
-             row.evidence.begin < run.end && row.evidence.end > run.begin;
-    });
-    if (other == rows.end()) continue;
-    const auto log = std::find_if(logs.begin(), logs.end(), [&](const LogHead& of) {
-      return of.identity() == run.identity() || of.identity() == run.sha256;
-    });
-    if (log == logs.end()) continue;
-    judgement->suspects.push_back(
-        {log->path,
-         fmt::format("its clock is wrong: vehicle '{}' was in another run at {} UTC",
-                     InertLine(run.vehicle),
-                     FormatUtc(other->evidence.begin))});
-  }
-}
-
 class Replays {
  public:
-  Replays(std::optional<MapSnapshot> before,
-          MapSnapshot after,
-          std::vector<EvidenceRow> rows,
+  // @param rows  Of the version that is judged.
+  Replays(const std::optional<MapSnapshot>& before,
+          const std::vector<EvidenceRow>& rows,
           const std::function<Status()>& go_on)
-      : before_(std::move(before)),
-        after_(std::move(after)),
-        rows_(std::move(rows)),
-        go_on_(go_on) {}
+      : before_(before), rows_(rows), go_on_(go_on) {}
 
   // Of a log that can be replayed no more nothing comes.
-  Status Add(const LogHead& log, bool in_build, std::vector<JudgedShift>* shifts) const {
+  Status Add(const LogHead& log,
+             const JudgedVersion& after,
+             bool in_build,
+             int fold,
+             std::vector<JudgedShift>* shifts) const {
     SHIFTMAP_RETURN_IF_ERROR(go_on_());
     const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
     if (!read.ok()) return OkStatus();
     const Run& run = read->run;
-    JudgedShift shift{log.path, log.identity(), run.info.vehicle, in_build, {}, {}, {}};
-    const FoundModes found = FindModes(rows_, read->sha256);
+    JudgedShift shift{log.path, log.identity(), run.info.vehicle, in_build, fold, {}, {}, {}};
+    FoundModes found = FindModes(rows_, read->sha256);
+    if (fold > 0 && before_) KeepModesOf(*before_, &found);
+    const auto replay = [&](const MapSnapshot& map) {
+      return Replay(run, KnownBefore(map, after.rows, log.begin), found, go_on_);
+    };
     if (before_ && in_build) {
-      const MapSnapshot mixed = KnownBefore(WithCalibrationOf(after_, *before_), rows_, log.begin);
-      const auto score = Replay(run, mixed, found, go_on_);
+      const auto score = replay(WithCalibrationOf(after.map, *before_));
       if (!score.ok()) return Stopped(score.status());
       shift.as_calibrated_before = *score;
     }
     if (before_) {
-      const auto score = Replay(run, KnownBefore(*before_, rows_, log.begin), found, go_on_);
+      const auto score = replay(*before_);
       if (!score.ok()) return Stopped(score.status());
       shift.before = *score;
     }
-    const auto score = Replay(run, KnownBefore(after_, rows_, log.begin), found, go_on_);
+    const auto score = replay(after.map);
     if (!score.ok()) return Stopped(score.status());
     shift.after = *score;
     shifts->push_back(std::move(shift));
@@ -242,97 +218,114 @@ class Replays {
     return status.code() == StatusCode::kInvalidArgument ? OkStatus() : status;
   }
 
-  std::optional<MapSnapshot> before_;
-  MapSnapshot after_;
-  std::vector<EvidenceRow> rows_;
+  // Leaves the landmarks that stood where the map has a mode.
+  static void KeepModesOf(const MapSnapshot& map, FoundModes* found) {
+    std::erase_if(*found, [&](const auto& of) {
+      const int group = map.GroupIndex(of.first);
+      return group < 0 ||
+             map.groups()[static_cast<std::size_t>(group)].CarriedStateOf(of.second) < 0;
+    });
+  }
+
+  const std::optional<MapSnapshot>& before_;
+  const std::vector<EvidenceRow>& rows_;
   const std::function<Status()>& go_on_;
 };
 
-Status ReplayAll(const JudgedLogs& logs,
-                 const std::set<std::string>& built,
+// The logs that the version was built from, the newest first.
+std::vector<LogHead> Used(const JudgedVersion& version, const JudgedLogs& logs, std::size_t count) {
+  std::vector<LogHead> used = logs.built;
+  std::erase_if(used, [&](const LogHead& log) { return !version.Has(log); });
+  return Newest(std::move(used), count);
+}
+
+Status ReplayAll(const JudgedVersion& version,
+                 const JudgedLogs& logs,
                  std::size_t max_shifts,
                  const Replays& replays,
                  Judgement* judgement) {
   // All that the build took are looked at; half of the others at least come from older days.
-  std::vector<LogHead> used = logs.built;
-  std::erase_if(used, [&](const LogHead& log) {
-    return !built.contains(log.identity()) && !built.contains(log.sha256);
-  });
-  for (const LogHead& log : Newest(std::move(used), max_shifts)) {
-    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, true, &judgement->shifts));
+  for (const LogHead& log : Used(version, logs, max_shifts)) {
+    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, true, 0, &judgement->shifts));
   }
   const std::vector<LogHead> unseen = Newest(logs.held_out, max_shifts / 2 + 1);
   for (const LogHead& log : unseen) {
-    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, false, &judgement->shifts));
+    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, false, 0, &judgement->shifts));
   }
   for (const LogHead& log : Newest(logs.mapped, max_shifts - std::min(max_shifts, unseen.size()))) {
-    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, false, &judgement->shifts));
+    SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, false, 0, &judgement->shifts));
   }
   return OkStatus();
 }
 
-std::vector<std::string> Lines(const Json& document, const char* key) {
-  std::vector<std::string> lines;
-  const auto found = document.find(key);
-  if (found == document.end() || !found->is_array()) return lines;
-  for (const Json& line : *found) {
-    if (line.is_string()) lines.push_back(line.get<std::string>());
+// Replays the build's shifts on maps that are built without them.
+Status ReplayFolds(const JudgedVersion& version,
+                   const JudgedLogs& logs,
+                   const JudgeOptions& options,
+                   const FoldBuilder& build,
+                   const Replays& replays,
+                   Judgement* judgement) {
+  const std::vector<LogHead> used = Used(version, logs, logs.built.size());
+  const std::size_t folds =
+      std::min(static_cast<std::size_t>(std::max(0, options.max_folds)), used.size());
+  if (folds < 2) return OkStatus();
+  std::size_t left = static_cast<std::size_t>(options.max_shifts);
+  for (std::size_t fold = 0; fold < folds; ++fold) {
+    std::vector<LogHead> without;
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (i % folds != fold) without.push_back(used[i]);
+    }
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<JudgedVersion> map, build(without));
+    if (!map) continue;
+    for (std::size_t i = fold; i < used.size() && left > 0; i += folds, --left) {
+      SHIFTMAP_RETURN_IF_ERROR(
+          replays.Add(used[i], *map, false, static_cast<int>(fold) + 1, &judgement->shifts));
+    }
   }
-  return lines;
+  return OkStatus();
+}
+
+bool AnyShift(const Judgement& judgement, bool in_build, bool in_fold) {
+  return std::any_of(judgement.shifts.begin(), judgement.shifts.end(), [&](const auto& shift) {
+    return shift.before && shift.in_build == in_build && (shift.fold > 0) == in_fold;
+  });
+}
+
+JudgedBy BasisOf(const Judgement& judgement) {
+  if (AnyShift(judgement, false, false)) return JudgedBy::kShifts;
+  if (AnyShift(judgement, false, true)) return JudgedBy::kFolds;
+  return AnyShift(judgement, true, false) ? JudgedBy::kOwnShifts : JudgedBy::kNothing;
 }
 
 }  // namespace
 
-BuildOutcome ReadOutcome(const std::string& configuration) {
-  BuildOutcome outcome;
-  const Json document = Json::parse(configuration, nullptr, false);
-  if (!document.is_object()) return outcome;
-  if (document.contains("night") && document["night"].is_string()) {
-    outcome.night = document["night"].get<std::string>();
-  }
-  const Json said = document.value("outcome", Json::object());
-  if (!said.is_object()) return outcome;
-  const Json chi2 = said.value("chi2", Json());
-  const Json observations = said.value("observations", Json());
-  const Json outliers = said.value("outliers", Json());
-  if (chi2.is_number() && observations.is_number() && outliers.is_number()) {
-    const double used = observations.get<double>() - outliers.get<double>();
-    if (used > 0.0) outcome.cost = chi2.get<double>() / used;
-  }
-  outcome.left_out = Lines(said, "left_out");
-  outcome.waiting = Lines(said, "waiting");
-  return outcome;
-}
-
 StatusOr<Judgement> Judge(const std::string& area,
-                          VersionNumber version,
+                          const JudgedVersion& version,
                           const JudgedLogs& logs,
                           const JudgeOptions& options,
+                          const FoldBuilder& build,
                           MapStore* store,
                           const std::function<Status()>& go_on) {
   Judgement judgement;
-  judgement.after = version;
-  SHIFTMAP_ASSIGN_OR_RETURN(judgement.before, ParentOf(area, version, store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store->LoadProvenance(area, version));
-  const BuildOutcome outcome = ReadOutcome(provenance.configuration);
-  judgement.cost_after = outcome.cost;
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot after, store->LoadVersion(area, version));
+  judgement.after = version.number;
+  judgement.before = version.parent;
+  judgement.cost_after = ReadOutcome(version.provenance.configuration).cost;
   std::optional<MapSnapshot> before;
   if (judgement.before) {
     SHIFTMAP_ASSIGN_OR_RETURN(before, store->LoadVersion(area, *judgement.before));
     SHIFTMAP_ASSIGN_OR_RETURN(judgement.cost_before, CostOf(area, *judgement.before, store));
-    CountChanges(before->content(), after.content(), &judgement);
+    CountChanges(before->content(), version.map.content(), &judgement);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<EvidenceRow> rows, store->Evidence(area, version));
-  std::set<std::string> built;
-  for (const RunRecord& run : provenance.runs) {
-    built.insert(run.identity());
-    built.insert(run.sha256);
-  }
-  FindWrongClocks(provenance.runs, rows, logs.built, &judgement);
-  const Replays replays(std::move(before), after, std::move(rows), go_on);
+  SHIFTMAP_RETURN_IF_ERROR(CheckClocks(area, version, logs.built, store, &judgement));
+  const Replays replays(before, version.rows, go_on);
   SHIFTMAP_RETURN_IF_ERROR(
-      ReplayAll(logs, built, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
+      ReplayAll(version, logs, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
+  FindSuspects(options, &judgement);
+  // One that is built again anyway needs no other judge.
+  if (before && judgement.suspects.empty() && !AnyShift(judgement, false, false)) {
+    SHIFTMAP_RETURN_IF_ERROR(ReplayFolds(version, logs, options, build, replays, &judgement));
+  }
+  judgement.judged_by = BasisOf(judgement);
   Test(options, &judgement);
   if (judgement.cost_before && judgement.cost_after &&
       *judgement.cost_after > options.cost_factor * std::max(*judgement.cost_before, 1.0)) {
@@ -345,7 +338,6 @@ StatusOr<Judgement> Judge(const std::string& area,
                                           judgement.landmarks_removed,
                                           judgement.modes_removed));
   }
-  FindSuspects(options, &judgement);
   return judgement;
 }
 

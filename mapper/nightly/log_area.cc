@@ -59,7 +59,7 @@ std::optional<LogAreas> KnownAreas(const std::string& run,
                                    const std::vector<AuditEntry>& audit) {
   // The newest.
   const auto entry = std::find_if(audit.rbegin(), audit.rend(), [&](const AuditEntry& of) {
-    return of.action == "locate" && of.subject.starts_with(run + " ");
+    return of.Is(AuditAction::kLocate) && of.subject.starts_with(run + " ");
   });
   if (entry == audit.rend()) return std::nullopt;
   const std::string rest = entry->subject.substr(run.size() + 1);

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/night.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -18,6 +16,7 @@
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/lock_file.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -133,7 +132,7 @@ StatusOr<std::optional<std::string>> LogSorter::AreaOf(const LogHead& log) {
   SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(log.identity()));
   if (ignored) return std::optional<std::string>();
   if (!audit_) {
-    SHIFTMAP_ASSIGN_OR_RETURN(audit_, store_->AuditLog());
+    SHIFTMAP_ASSIGN_OR_RETURN(audit_, store_->AuditLog(std::nullopt, {AuditAction::kLocate}));
   }
   std::optional<LogAreas> areas = KnownAreas(log.identity(), published_, *audit_);
   if (!areas) {
@@ -255,11 +254,8 @@ int NightResult::versions() const {
 }
 
 StatusOr<OwnedFd> LockNight(const std::string& store) {
-  constexpr mode_t kFileAccess = 0640;
-  const std::string path = store + ".nightly";
-  OwnedFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileAccess));
-  if (fd.get() < 0) return Unavailable("lock '{}': cannot be written", path);
-  if (flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<OwnedFd> lock, LockFile(store + ".nightly"));
+  if (lock) return *std::move(lock);
   return Unavailable("map store '{}': another night is under way", store);
 }
 

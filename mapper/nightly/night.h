@@ -31,7 +31,7 @@ struct NightResult {
 };
 
 /// One night at a time on a store: the lock ends with what is returned.
-/// Errors: kUnavailable if another night has it, or the file cannot be written.
+/// Errors: kUnavailable if another night has it; as LockFile.
 StatusOr<OwnedFd> LockNight(const std::string& store);
 
 /// Returns the reports that the store does not have, and finds the logs, each of one area. A log

@@ -29,6 +29,20 @@ Json OrNull(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
+const char* Word(JudgedBy basis) {
+  switch (basis) {
+    case JudgedBy::kNothing:
+      return "nothing";
+    case JudgedBy::kShifts:
+      return "shifts";
+    case JudgedBy::kFolds:
+      return "folds";
+    case JudgedBy::kOwnShifts:
+      return "own_shifts";
+  }
+  return "";
+}
+
 Json JudgementJson(const Judgement& judgement) {
   Json tests = Json::array();
   for (const Judgement::NamedTest& test : judgement.tests) {
@@ -46,6 +60,7 @@ Json JudgementJson(const Judgement& judgement) {
          {"run", shift.run},
          {"vehicle", shift.vehicle},
          {"in_build", shift.in_build},
+         {"fold", shift.fold > 0 ? Json(shift.fold) : Json(nullptr)},
          {"before", shift.before ? ScoreJson(*shift.before) : Json(nullptr)},
          {"after", ScoreJson(shift.after)},
          {"as_calibrated_before",
@@ -56,7 +71,8 @@ Json JudgementJson(const Judgement& judgement) {
     suspects.push_back({{"log", suspect.path}, {"reason", suspect.reason}});
   }
   return {{"against", judgement.before ? Json(judgement.before->value()) : Json(nullptr)},
-          {"version", judgement.after.value()},
+          {"version", judgement.after ? Json(judgement.after->value()) : Json(nullptr)},
+          {"judged_by", Word(judgement.judged_by)},
           {"cost_per_observation",
            {{"before", OrNull(judgement.cost_before)}, {"after", OrNull(judgement.cost_after)}}},
           {"landmarks_made", judgement.landmarks_made},
@@ -68,6 +84,7 @@ Json JudgementJson(const Judgement& judgement) {
           {"tests", tests},
           {"worse", judgement.worse},
           {"suspects", suspects},
+          {"doubts", judgement.doubts},
           {"shifts", shifts}};
 }
 

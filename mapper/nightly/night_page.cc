@@ -147,6 +147,21 @@ std::string Words(const std::string& measure) {
   return "share of landmarks not decided for the mode that the mapper found";
 }
 
+// What the tests rest on, for people.
+std::string BasisWords(const std::string& judged_by) {
+  if (judged_by == "shifts") return "Judged by shifts that the build did not take, beside its own.";
+  if (judged_by == "folds") {
+    return "No shift was there that the build did not take: each of its own is judged on a map "
+           "that "
+           "was built without its fold.";
+  }
+  if (judged_by == "own_shifts") {
+    return "Judged by the build's own shifts alone: others were not there, and no fold could be "
+           "built. What they gain counts nothing.";
+  }
+  return "There was nothing to judge it by.";
+}
+
 std::string JudgementHtml(const Json& judgement) {
   std::string html = fmt::format(
       "<p>Judged against {}. Cost per observation {} (before {}). {} landmarks and {} modes made, "
@@ -159,6 +174,7 @@ std::string JudgementHtml(const Json& judgement) {
       judgement["modes_made"].get<int>(),
       judgement["modes_merged"].get<int>(),
       judgement["modes_removed"].get<int>());
+  html += fmt::format("<p>{}</p>\n", BasisWords(Text(judgement["judged_by"])));
   if (!judgement["moved"].empty()) {
     html += "<p>Moved beyond their covariance, which blocks nothing: ";
     for (const Json& name : judgement["moved"]) html += Html(Text(name)) + " ";
@@ -186,7 +202,9 @@ std::string JudgementHtml(const Json& judgement) {
     html += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>{}</tr>\n",
                         Html(std::filesystem::path(Text(shift["log"])).filename().string()),
                         Html(Text(shift["vehicle"])),
-                        shift["in_build"].get<bool>() ? "yes" : "no",
+                        !shift["fold"].is_null()        ? "fold " + Text(shift["fold"])
+                        : shift["in_build"].get<bool>() ? "yes"
+                                                        : "no",
                         Cells(shift["before"], shift["after"]));
   }
   return html + "</table>\n";

@@ -19,8 +19,8 @@ std::set<VersionNumber> RolledBackVersions(const std::vector<VersionSummary>& ve
   std::set<VersionNumber> back;
   std::optional<VersionNumber> current;
   for (const AuditEntry& entry : audit) {
-    const bool rollback = entry.action == "rollback";
-    if (!rollback && entry.action != "publish") continue;
+    const bool rollback = entry.Is(AuditAction::kRollback);
+    if (!rollback && !entry.Is(AuditAction::kPublish)) continue;
     const std::optional<std::int64_t> number = ParseWhole<std::int64_t>(entry.subject);
     if (!number) continue;
     const VersionNumber target(*number);

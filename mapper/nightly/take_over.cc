@@ -150,12 +150,12 @@ Status TakeEntry(const std::string& area,
                  const AuditEntry& entry,
                  const AreaBase& base,
                  MapStore* to) {
-  if (entry.action == "wait") {
+  if (entry.Is(AuditAction::kWait)) {
     const auto [hash, name] = Split(entry.subject, " ");
     return to->NoteWaiting(area, {{name, hash, {}}});
   }
-  if (entry.action == "refuse") return to->AddNote(area, NightNote::kRefused, entry.subject);
-  if (entry.action == "hold") {
+  if (entry.Is(AuditAction::kRefuse)) return to->AddNote(area, NightNote::kRefused, entry.subject);
+  if (entry.Is(AuditAction::kHold)) {
     const auto [run, reason] = Split(entry.subject.substr(std::string("run ").size()), ": ");
     Exclusion hold;
     hold.run = run;
@@ -163,7 +163,7 @@ Status TakeEntry(const std::string& area,
     hold.held = true;
     return to->Exclude(area, hold);
   }
-  if (entry.action == "publish") {
+  if (entry.Is(AuditAction::kPublish)) {
     VersionNumber::Value number = 0;
     std::from_chars(entry.subject.data(), entry.subject.data() + entry.subject.size(), number);
     return to->Publish(area, VersionNumber(number), base.published);

@@ -63,6 +63,10 @@ const std::vector<std::string>& SharedKeys() {
   return *kKeys;
 }
 
+bool IsOfOwnTable(const std::string& command, const std::string& key) {
+  return command == "nightly" && key == "area";
+}
+
 std::string EnvironmentNameOf(const std::string& key) {
   const std::vector<std::string>& keys = SharedKeys();
   if (std::find(keys.begin(), keys.end(), key) == keys.end()) return "";

@@ -21,6 +21,11 @@ const std::vector<ProgramCommands>& AllPrograms();
 /// top of a site file, whoever reads it.
 const std::vector<std::string>& SharedKeys();
 
+/// Whether a command takes a key from its own table of the site file alone: neither from the top,
+/// where it is meant for other commands, nor from the environment. So no night is kept from an
+/// area.
+bool IsOfOwnTable(const std::string& command, const std::string& key);
+
 /// The environment variable that has the value of a shared key, `SHIFTMAP_STORE` for `store`; empty
 /// for any other key.
 std::string EnvironmentNameOf(const std::string& key);

@@ -263,7 +263,7 @@ StatusOr<CompactResult> CompactStore(const std::string& path,
     }
     SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
                                          std::nullopt,
-                                         "compact",
+                                         AuditAction::kCompact,
                                          fmt::format("{} versions, {} evidence rows, {} thinned",
                                                      result.versions,
                                                      result.evidence_rows,

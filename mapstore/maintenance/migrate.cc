@@ -96,8 +96,10 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
         StatusCode::kAborted, "{}: another process migrated it meanwhile", database.name());
   }
   SHIFTMAP_RETURN_IF_ERROR(Migrate(database, result.from));
-  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
-      database, std::nullopt, "migrate", fmt::format("schema {} to {}", result.from, result.to)));
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                       std::nullopt,
+                                       AuditAction::kMigrate,
+                                       fmt::format("schema {} to {}", result.from, result.to)));
   SHIFTMAP_RETURN_IF_ERROR(Check(database));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   return result;

@@ -2,7 +2,6 @@
 #include "mapstore/server/snapshot_folder.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -11,12 +10,13 @@
 #include <set>
 #include <utility>
 
+#include "mapstore/codec/snapshot_json.h"
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/file_name.h"
 #include "mapstore/core/folder.h"
-#include "mapstore/core/hex.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/lock_file.h"
 #include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap::server {
@@ -26,39 +26,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMaxIndexBytes = std::size_t{16} << 20;
 constexpr const char* kUnfinished = "new-";
-
-Json ToJson(const SnapshotInfo& info) {
-  Json signatures = Json::array();
-  for (const SnapshotSignature& each : info.signatures) {
-    signatures.push_back({{"key_sha256", each.key_sha256}, {"signature", ToHex(each.signature)}});
-  }
-  return {{"area", info.area},
-          {"version", info.version.value()},
-          {"content_hash", info.content_hash},
-          {"ledger_sequence", info.ledger_sequence.value()},
-          {"created_ns", ToNanoseconds(info.created)},
-          {"sha256", info.sha256},
-          {"file", info.sha256 + ".db"},
-          {"size_bytes", info.size_bytes},
-          {"signatures", signatures}};
-}
-
-// Throws what nlohmann::json throws.
-SnapshotInfo FromJson(const Json& json) {
-  SnapshotInfo info;
-  info.area = json.at("area").get<std::string>();
-  info.version = VersionNumber(json.at("version").get<std::int64_t>());
-  info.content_hash = json.at("content_hash").get<std::string>();
-  info.ledger_sequence = LedgerPosition(json.at("ledger_sequence").get<std::int64_t>());
-  info.created = StampFromNanoseconds(json.at("created_ns").get<std::int64_t>());
-  info.sha256 = json.at("sha256").get<std::string>();
-  info.size_bytes = json.at("size_bytes").get<std::int64_t>();
-  for (const Json& each : json.at("signatures")) {
-    info.signatures.push_back({each.at("key_sha256").get<std::string>(),
-                               FromHex(each.at("signature").get<std::string>()).value_or("")});
-  }
-  return info;
-}
 
 std::int64_t SizeOf(const std::string& path) {
   std::error_code error;
@@ -74,10 +41,9 @@ StatusOr<std::unique_ptr<SnapshotFolder>> SnapshotFolder::Open(const std::string
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(path));
   std::unique_ptr<SnapshotFolder> folder(new SnapshotFolder(path, std::move(signers), keep_s));
   // Not on the folder itself, which whoever makes a store in it locks for a moment.
-  folder->lock_ = OwnedFd(open((path + "/.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
-  if (folder->lock_.get() < 0 || flock(folder->lock_.get(), LOCK_EX | LOCK_NB) != 0) {
-    return Unavailable("folder '{}': another server has it", path);
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<OwnedFd> lock, LockFile(path + "/.lock"));
+  if (!lock) return Unavailable("folder '{}': another server has it", path);
+  folder->lock_ = *std::move(lock);
   SHIFTMAP_RETURN_IF_ERROR(folder->TakeUp());
   return folder;
 }
@@ -91,11 +57,11 @@ Status SnapshotFolder::TakeUp() {
     // What does not read is made anew.
     try {
       const Json json = Json::parse(*text);
-      Area area{{FromJson(json), std::nullopt, std::make_shared<int>()},
+      Area area{{SnapshotFromJson(json), std::nullopt, std::make_shared<int>()},
                 json.at("change").get<std::int64_t>(),
                 {}};
       for (const Json& old : json.at("older")) {
-        area.older.push_back({FromJson(old),
+        area.older.push_back({SnapshotFromJson(old),
                               StampFromNanoseconds(old.at("superseded_ns").get<std::int64_t>()),
                               std::make_shared<int>()});
       }
@@ -143,11 +109,11 @@ std::int64_t SnapshotFolder::Change(const std::string& area) const {
 }
 
 Status SnapshotFolder::WriteIndex(const std::string& name, const Area& area) const {
-  Json json = ToJson(area.newest.info);
+  Json json = SnapshotJson(area.newest.info);
   json["change"] = area.change;
   json["older"] = Json::array();
   for (const Kept& old : area.older) {
-    Json entry = ToJson(old.info);
+    Json entry = SnapshotJson(old.info);
     entry["superseded_ns"] = ToNanoseconds(*old.superseded);
     json["older"].push_back(std::move(entry));
   }

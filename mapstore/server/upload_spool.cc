@@ -8,7 +8,10 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/core/atomic_file.h"
@@ -24,6 +27,9 @@ namespace {
 constexpr const char* kSpoolFolder = "/.uploads/";
 constexpr const char* kPart = ".part";
 constexpr const char* kDone = ".done";
+
+// Logs of which it is known how far they came, beyond those that are on their way.
+constexpr std::size_t kKnownTurns = 1024;
 
 // For how long it is known that a log was whole. [s]
 constexpr double kRememberedS = 90 * 86'400.0;
@@ -67,6 +73,18 @@ double AgeS(const std::filesystem::path& path) {
   return ToSecondsSinceEpoch(SystemNow()) - static_cast<double>(info.st_mtim.tv_sec);
 }
 
+// The hash of the bytes of a part so far, to go on with.
+StatusOr<Sha256> HashOfPart(const std::string& path) {
+  Sha256 hash;
+  std::ifstream file(path, std::ios::binary);
+  std::vector<char> block(std::size_t{1} << 20);
+  while (file.read(block.data(), static_cast<std::streamsize>(block.size())) || file.gcount() > 0) {
+    hash.Update({block.data(), static_cast<std::size_t>(file.gcount())});
+  }
+  if (file.eof()) return hash;
+  return Failed(path, "read");
+}
+
 // The head of a log, of which the rest need not be whole.
 StatusOr<RunInfo> ReadRunInfo(const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, /*lidar_scans=*/false));
@@ -76,10 +94,44 @@ StatusOr<RunInfo> ReadRunInfo(const std::string& path) {
 
 }  // namespace
 
-// Who of several uploads of one log may write.
+// What uploads of one log share: who of them may write, and the hash of what is here. It outlives
+// them, so that an upload that goes on hashes only what is new.
 struct UploadSpool::Upload::Turn {
   std::mutex mutex;
   std::int64_t last = 0;
+  std::optional<Sha256> hash;  // Of the first `hashed_bytes`.
+  std::int64_t hashed_bytes = 0;
+
+  // Under UploadSpool::mutex_.
+  std::string client;
+  std::int64_t reserved_bytes = 0;  // That are to come.
+  std::int64_t reserved_by = 0;     // Upload::number_.
+};
+
+// Quota that an upload has reserved and not used; returned with the upload.
+class UploadSpool::Upload::Room {
+ public:
+  Room(UploadSpool* spool, std::shared_ptr<Turn> turn, std::int64_t number)
+      : spool_(*spool), turn_(std::move(turn)), number_(number) {}
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+  ~Room() {
+    const std::lock_guard lock(spool_.mutex_);
+    // Another upload may have taken its place.
+    if (turn_->reserved_by == number_) turn_->reserved_bytes = 0;
+  }
+
+  // Bytes that came.
+  void Use(std::int64_t bytes) {
+    const std::lock_guard lock(spool_.mutex_);
+    spool_.folder_bytes_ += bytes;
+    if (turn_->reserved_by == number_) turn_->reserved_bytes -= bytes;
+  }
+
+ private:
+  UploadSpool& spool_;
+  const std::shared_ptr<Turn> turn_;
+  const std::int64_t number_;
 };
 
 StatusOr<std::unique_ptr<UploadSpool>> UploadSpool::Open(const std::string& logs,
@@ -104,9 +156,20 @@ StatusOr<UploadProgress> UploadSpool::Progress(const std::string& client,
   return UploadProgress{info.st_size, false};
 }
 
-Status UploadSpool::CheckQuotas(const std::string& client, std::int64_t more_bytes) const {
+// Checks the quotas, with what uploads that are under way may still write, and reserves the bytes
+// for the turn's next upload.
+Status UploadSpool::Reserve(const std::string& client,
+                            std::int64_t more_bytes,
+                            Upload::Turn* turn) {
+  const std::lock_guard lock(mutex_);
   const std::string name = FileNameOf(client);
-  const std::int64_t of_client = BytesIn(logs_ + "/" + name) + BytesIn(logs_ + kSpoolFolder + name);
+  std::int64_t of_client = BytesIn(logs_ + "/" + name) + BytesIn(logs_ + kSpoolFolder + name);
+  std::int64_t of_folder = folder_bytes_;
+  for (const auto& [path, other] : turns_) {
+    if (other.get() == turn) continue;
+    of_folder += other->reserved_bytes;
+    if (other->client == client) of_client += other->reserved_bytes;
+  }
   if (of_client + more_bytes > limits_.max_client_bytes) {
     return MakeStatus(StatusCode::kResourceExhausted,
                       "logs of '{}': {} bytes and {} more, the quota is {}",
@@ -115,10 +178,10 @@ Status UploadSpool::CheckQuotas(const std::string& client, std::int64_t more_byt
                       more_bytes,
                       limits_.max_client_bytes);
   }
-  if (folder_bytes_ + more_bytes > limits_.max_folder_bytes) {
+  if (of_folder + more_bytes > limits_.max_folder_bytes) {
     return MakeStatus(StatusCode::kResourceExhausted,
                       "the log folder has {} bytes, {} more are beyond its quota",
-                      folder_bytes_.load(),
+                      of_folder,
                       more_bytes);
   }
   std::error_code error;
@@ -129,15 +192,20 @@ Status UploadSpool::CheckQuotas(const std::string& client, std::int64_t more_byt
                       "the disk of the log folder has {} bytes left",
                       space.available);
   }
+  turn->reserved_bytes = more_bytes;
+  turn->reserved_by = turn->last + 1;
   return OkStatus();
 }
 
-std::shared_ptr<UploadSpool::Upload::Turn> UploadSpool::TurnOf(const std::string& path) {
+std::shared_ptr<UploadSpool::Upload::Turn> UploadSpool::TurnOf(const std::string& client,
+                                                               const std::string& path) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(turns_, [](const auto& each) { return each.second.expired(); });
-  std::weak_ptr<Upload::Turn>& known = turns_[path];
-  std::shared_ptr<Upload::Turn> turn = known.lock();
-  if (!turn) known = turn = std::make_shared<Upload::Turn>();
+  if (turns_.size() >= kKnownTurns) {
+    std::erase_if(turns_, [](const auto& each) { return each.second.use_count() == 1; });
+  }
+  std::shared_ptr<Upload::Turn>& turn = turns_[path];
+  if (!turn) turn = std::make_shared<Upload::Turn>();
+  turn->client = client;
   return turn;
 }
 
@@ -149,22 +217,18 @@ StatusOr<UploadSpool::Upload> UploadSpool::Begin(const std::string& client,
     return InvalidArgument(
         "run log of {} bytes: expected at most {}", size_bytes, limits_.max_log_bytes);
   }
-  SHIFTMAP_RETURN_IF_ERROR(CheckQuotas(client, size_bytes - offset_bytes));
   Upload upload;
-  upload.spool_ = this;
   upload.sha256_ = sha256;
   upload.path_ = PathOf(client, sha256);
   upload.size_bytes_ = size_bytes;
-  upload.turn_ = TurnOf(upload.path_);
+  upload.turn_ = TurnOf(client, upload.path_);
   const std::lock_guard lock(upload.turn_->mutex);
   const std::string part = upload.path_ + kPart;
   if (!Exists(part) && Exists(upload.path_ + kDone)) {
     return MakeStatus(StatusCode::kAlreadyExists, "run log {}: is here already", sha256);
   }
-  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(std::filesystem::path(part).parent_path()));
-  upload.fd_ = OwnedFd(open(part.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0640));
   struct stat info {};
-  if (upload.fd_.get() < 0 || fstat(upload.fd_.get(), &info) != 0) return Failed(part, "opened");
+  if (stat(part.c_str(), &info) != 0 && errno != ENOENT) return Failed(part, "opened");
   if (info.st_size != offset_bytes) {
     return MakeStatus(StatusCode::kOutOfRange,
                       "offset_bytes {}: {} bytes of run log {} are here",
@@ -172,8 +236,17 @@ StatusOr<UploadSpool::Upload> UploadSpool::Begin(const std::string& client,
                       info.st_size,
                       sha256);
   }
-  upload.stored_bytes_ = offset_bytes;
+  SHIFTMAP_RETURN_IF_ERROR(Reserve(client, size_bytes - offset_bytes, upload.turn_.get()));
   upload.number_ = ++upload.turn_->last;
+  upload.room_ = std::make_shared<Upload::Room>(this, upload.turn_, upload.number_);
+  SHIFTMAP_RETURN_IF_ERROR(MakeFolder(std::filesystem::path(part).parent_path()));
+  upload.fd_ = OwnedFd(open(part.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0640));
+  if (upload.fd_.get() < 0) return Failed(part, "opened");
+  upload.stored_bytes_ = offset_bytes;
+  if (!upload.turn_->hash || upload.turn_->hashed_bytes != offset_bytes) {
+    SHIFTMAP_ASSIGN_OR_RETURN(upload.turn_->hash, HashOfPart(part));
+    upload.turn_->hashed_bytes = offset_bytes;
+  }
   return upload;
 }
 
@@ -189,9 +262,11 @@ Status UploadSpool::Upload::Append(std::string_view bytes) {
     const ssize_t written = write(fd_.get(), bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) return Failed(path_, "written");
+    turn_->hash->Update(bytes.substr(0, static_cast<std::size_t>(written)));
+    turn_->hashed_bytes += written;
     bytes.remove_prefix(static_cast<std::size_t>(written));
     stored_bytes_ += written;
-    spool_->folder_bytes_ += written;
+    room_->Use(written);
   }
   return OkStatus();
 }
@@ -218,7 +293,7 @@ StatusOr<UploadProgress> UploadSpool::Finish(Upload upload,
   if (upload.turn_->last != upload.number_ || upload.stored_bytes_ < upload.size_bytes_) {
     return UploadProgress{upload.stored_bytes_, false};
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::string sha256, HashFile(part));
+  const std::string sha256 = std::exchange(upload.turn_->hash, std::nullopt)->HexDigest();
   if (sha256 != upload.sha256_) {
     Remove(part);
     return DataLoss("run log {}: what came has the hash {}", upload.sha256_, sha256);

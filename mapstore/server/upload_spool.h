@@ -54,13 +54,14 @@ class UploadSpool {
    private:
     friend class UploadSpool;
     struct Turn;
-    UploadSpool* spool_ = nullptr;
+    class Room;
     std::string sha256_;
     std::string path_;  // Of the part, without its extension.
     std::int64_t size_bytes_ = 0;
     std::int64_t stored_bytes_ = 0;
     std::shared_ptr<Turn> turn_;
     std::int64_t number_ = 0;  // Of this upload among those that took turns.
+    std::shared_ptr<Room> room_;
     OwnedFd fd_;
   };
 
@@ -90,15 +91,15 @@ class UploadSpool {
       : logs_(std::move(logs)), limits_(limits) {}
 
   std::string PathOf(const std::string& client, const std::string& sha256) const;
-  Status CheckQuotas(const std::string& client, std::int64_t more_bytes) const;
-  std::shared_ptr<Upload::Turn> TurnOf(const std::string& path);
+  Status Reserve(const std::string& client, std::int64_t more_bytes, Upload::Turn* turn);
+  std::shared_ptr<Upload::Turn> TurnOf(const std::string& client, const std::string& path);
   StatusOr<std::string> Place(const Upload& upload, const RunInfo& info) const;
 
   const std::string logs_;
   const UploadLimits limits_;
   std::atomic<std::int64_t> folder_bytes_ = 0;
   std::mutex mutex_;
-  std::map<std::string, std::weak_ptr<Upload::Turn>> turns_;  // By path.
+  std::map<std::string, std::shared_ptr<Upload::Turn>> turns_;  // By path.
 };
 
 }  // namespace shiftmap::server

@@ -13,29 +13,12 @@
 
 namespace shiftmap {
 
-/// Of a run that waits; its subject is the log's hash, a blank and the run's name.
-inline constexpr const char* kWaitAction = "wait";
-
-/// Of a version that vehicles get from then on; its subject is the version's number.
-inline constexpr const char* kPublishAction = "publish";
-inline constexpr const char* kRollbackAction = "rollback";
-
-/// Of a version that a nightly job does not publish; its subject is the version's number, a blank
-/// and the reasons.
-inline constexpr const char* kRefuseAction = "refuse";
-
-/// Of a log that names no area, and where it was found to be; the subject is the job's own.
-inline constexpr const char* kLocateAction = "locate";
-
-/// Of a run log that came over a network; its subject is the log's hash and who handed it in.
-inline constexpr const char* kUploadAction = "upload";
-
 /// Adds an entry to the audit log, inside the transaction of what it is about.
 /// @param area_id  Nothing: it is about the whole store.
 /// @param written  By the clock of this machine.
 Status InsertAudit(Database& database,
                    std::optional<std::int64_t> area_id,
-                   const char* action,
+                   AuditAction action,
                    const std::string& subject,
                    Stamp written = SystemNow());
 
@@ -44,8 +27,11 @@ StatusOr<std::optional<VersionNumber>> PublishedBy(Database& database,
                                                    std::int64_t area_id,
                                                    Stamp at);
 
-/// All entries, oldest first. @param area_id  Of one area only.
+/// All entries, oldest first.
+/// @param area_id  Of one area only.
+/// @param only     Of these actions; empty: of all.
 StatusOr<std::vector<AuditEntry>> ReadAudit(Database& database,
-                                            std::optional<std::int64_t> area_id);
+                                            std::optional<std::int64_t> area_id,
+                                            const std::vector<AuditAction>& only = {});
 
 }  // namespace shiftmap

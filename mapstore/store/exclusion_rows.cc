@@ -86,8 +86,8 @@ StatusOr<std::string> FindRun(Database& database, const std::string& text) {
   query.Bind(text);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
-    // A log that has not come yet.
-    if (IsSha256Hex(text)) return text;
+    // A run that has not come yet.
+    if (IsSha256Hex(text) || IsUuid(text)) return text;
     return NotFound(
         "{}: no run '{}': expected the UUID of a run or a report, a log's SHA-256, how it begins, "
         "or the name of a log that a build has mapped",

@@ -2,9 +2,9 @@
 #include "mapstore/store/snapshot_file.h"
 
 #include <set>
+#include <utility>
 
 #include "mapstore/schema/store_file.h"
-#include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/edit_rows.h"
 #include "mapstore/store/ledger_view.h"
@@ -43,6 +43,12 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
     SHIFTMAP_RETURN_IF_ERROR(Run(snapshot, sql, version_id));
   }
   return OkStatus();
+}
+
+// A writer that waits for other readers keeps one out that comes then.
+Status MetWriter(const Status& status) {
+  if (status.code() != StatusCode::kUnavailable) return status;
+  return MakeStatus(StatusCode::kAborted, "{}", Message(status));
 }
 
 // What the ledger of a snapshot refers to.
@@ -217,26 +223,33 @@ StatusOr<bool> IsSnapshot(Database& database) {
   return written == 0;
 }
 
-Status WriteSnapshotFile(Database& source,
-                         std::int64_t area_id,
-                         const VersionRow& version,
-                         const MapContent& content,
-                         Stamp latest,
-                         const std::string& path) {
+StatusOr<SnapshotWriter> SnapshotWriter::Open(const Database& source,
+                                              const std::string& path,
+                                              std::chrono::milliseconds wait) {
   Database::Options options;
+  options.busy_timeout = wait;
   options.mode = Database::Mode::kReadWriteCreate;
   SHIFTMAP_ASSIGN_OR_RETURN(Database snapshot, OpenStoreFile(path, options));
   // The caller syncs the whole file once, before anybody sees it.
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("PRAGMA synchronous=OFF"));
-  SHIFTMAP_RETURN_IF_ERROR(Run(snapshot, "ATTACH ?1 AS source", source.read_uri()));
-  {
-    SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
-                              Transaction::Begin(snapshot, Transaction::Kind::kWrite));
-    SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot, area_id, version, content, latest));
-    SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
-  }
-  SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("DETACH source"));
-  return snapshot.Execute("VACUUM");
+  SHIFTMAP_RETURN_IF_ERROR(MetWriter(Run(snapshot, "ATTACH ?1 AS source", source.read_uri())));
+  return SnapshotWriter(std::move(snapshot));
+}
+
+Status SnapshotWriter::Begin() {
+  SHIFTMAP_RETURN_IF_ERROR(MetWriter(snapshot_.Execute("BEGIN IMMEDIATE")));
+  return MetWriter(snapshot_.QueryInt64("SELECT count(*) FROM source.area").status());
+}
+
+Status SnapshotWriter::Write(Database& source,
+                             std::int64_t area_id,
+                             const VersionRow& version,
+                             const MapContent& content,
+                             Stamp latest) {
+  SHIFTMAP_RETURN_IF_ERROR(CopyRows(source, snapshot_, area_id, version, content, latest));
+  SHIFTMAP_RETURN_IF_ERROR(snapshot_.Execute("COMMIT"));
+  SHIFTMAP_RETURN_IF_ERROR(snapshot_.Execute("DETACH source"));
+  return snapshot_.Execute("VACUUM");
 }
 
 }  // namespace shiftmap

@@ -79,6 +79,9 @@ struct MapStore::State {
   /// @param what  That a snapshot does not do.
   Status RefuseSnapshot(const char* what);
 
+  /// MapStore::ExportWithIdentity, once. Errors also: kAborted if a writer came in between.
+  StatusOr<ExportedSnapshot> Export(const std::string& area, const std::string& path);
+
   /// MapStore::Exclude and Include.
   Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);
 
@@ -123,7 +126,7 @@ struct MapStore::State {
                                  const std::string& tool);
 
   /// Moves the published pointer inside a transaction. @param action  For the audit log.
-  Status MovePublished(std::int64_t area_id, const VersionRow& version, const char* action);
+  Status MovePublished(std::int64_t area_id, const VersionRow& version, AuditAction action);
 };
 
 /// "version 3", or "no version".

@@ -69,6 +69,10 @@ class NightJudgementTest : public ::testing::Test {
     return published ? store.LoadVersion(area, *published)->content_hash() : "nothing";
   }
 
+  std::size_t Versions(const std::string& site) const {
+    return MapStore::Open(Store(site), MapStore::Access::kReadOnly)->Versions("floor")->size();
+  }
+
   World world_{{"--seed",
                 "5",
                 "--shifts",
@@ -151,6 +155,8 @@ TEST_P(PoisonedNightTest, LeavesTheMapOfTheNightWithoutTheLog) {
   EXPECT_EQ(again.exit_code, kAttention);
   EXPECT_NE(again.err.find("poisoned"), std::string::npos) << again.err;
   EXPECT_EQ(Published("with"), Published("without"));
+  // What it was built with is not stored.
+  EXPECT_EQ(Versions("with"), 2u);
 }
 
 INSTANTIATE_TEST_SUITE_P(All,
@@ -160,6 +166,39 @@ INSTANTIATE_TEST_SUITE_P(All,
                                            Poison{"HalfADayBehind", HalfADayBehind},
                                            Poison{"NeverSet", NeverSet}),
                          [](const auto& test) { return std::string(test.param.name); });
+
+// The oracle is the store of the same nights without the logs that are left out.
+TEST_F(NightJudgementTest, TheStoreGrowsByOneVersionANightWhateverIsLeftOut) {
+  FirstNight("with");
+  FirstNight("without");
+  std::vector<double> growth;
+  for (int night = 1; night <= 6; ++night) {
+    for (const char* const site : {"with", "without"}) {
+      const auto size = [&] { return static_cast<double>(fs::file_size(Store(site))); };
+      const double before = size();
+      Bring(site, kVehicles + night, fmt::format("day{}", night));
+      if (site == std::string("with")) {
+        Bring(site, kVehicles + night, fmt::format("poisoned{}", night), [&](shiftmap::Run* run) {
+          run->info.uuid[0] = 'f';
+          Frozen()(run);
+          for (OdometrySample& sample : run->odometry) sample.stamp += std::chrono::hours(1);
+          for (Scan& scan : run->scans) scan.stamp += std::chrono::hours(1);
+        });
+      }
+      Night(site, {"--judge-shifts", "2"});
+      EXPECT_EQ(Versions(site), static_cast<std::size_t>(night) + 1) << site;
+      if (site == std::string("with")) growth.push_back(size() - before);
+    }
+    EXPECT_EQ(Published("with"), Published("without")) << night;
+  }
+  const auto size = [&](const char* site) {
+    return static_cast<double>(fs::file_size(Store(site)));
+  };
+  EXPECT_LT(size("with"), 1.1 * size("without"));
+  const double first = growth[0] + growth[1] + growth[2];
+  const double second = growth[3] + growth[4] + growth[5];
+  EXPECT_LT(second, 1.5 * first);
+}
 
 // A log without an area goes to the one map that it fits, and that is found out once.
 TEST_F(NightJudgementTest, ALogWithoutAnAreaGoesWhereItFits) {
@@ -248,6 +287,7 @@ TEST_F(NightJudgementTest, AKilledNightGoesOnWhereItWas) {
   ASSERT_EQ(Night("alone").exit_code, kAttention);
   int kills = 0;
   int exit_code = 128 + SIGKILL;
+  double wait_us = 20'000.0;
   for (int attempt = 1; exit_code == 128 + SIGKILL && attempt < 60; ++attempt) {
     BackgroundCommand night("shiftmap-mapper",
                             {"nightly",
@@ -258,7 +298,8 @@ TEST_F(NightJudgementTest, AKilledNightGoesOnWhereItWas) {
                              "--min-age-s",
                              "0",
                              "--json"});
-    usleep(static_cast<useconds_t>(attempt) * 20'000 * kSlowdown);
+    usleep(static_cast<useconds_t>(wait_us * kSlowdown));
+    wait_us *= 1.15;
     exit_code = night.End(SIGKILL);
     kills += exit_code == 128 + SIGKILL ? 1 : 0;
   }

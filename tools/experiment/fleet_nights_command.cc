@@ -69,6 +69,25 @@ void AddLine(const std::vector<NightsResult>& areas,
   }
 }
 
+// How far the frames of pairs of areas move, the second of each with control points.
+Status WriteFrames(const std::vector<NightsResult>& areas, ExperimentOutput* output) {
+  Chart shift{"Shift of the map's frame since the first night", "night", "m"};
+  Chart turn{"Turn of the map's frame since the first night", "night", "rad"};
+  for (std::size_t area = 0; area < areas.size(); ++area) {
+    const std::string name = area % 2 == 0 ? "no control points" : "control points";
+    const std::string of_area = areas.size() > 2 ? fmt::format("{}, {}", area / 2, name) : name;
+    for (const NightResult& night : areas[area].nights) {
+      SeriesNamed(of_area, &shift).points.emplace_back(night.night, night.frame_shift_m);
+      SeriesNamed(of_area, &turn).points.emplace_back(night.night, night.frame_turn_rad);
+    }
+  }
+  for (Chart* const chart : {&shift, &turn}) {
+    for (ChartSeries& series : chart->series) series.marker_radius = 1.0;
+  }
+  SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure("frame-shift", shift));
+  return output->WriteFigure("frame-turn", turn);
+}
+
 Status WriteFigures(const std::vector<NightsResult>& areas, ExperimentOutput* output) {
   Chart errors{"Errors by night, over all areas", "night", "error [m], share [-]"};
   errors.log_y = true;
@@ -109,6 +128,7 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       ExperimentOutput output,
       ExperimentOutput::Create("fleet-nights", arguments.output, context.dry_run()));
+  const bool pairs = arguments.control_points > 0;
   std::vector<NightsOptions> sites;
   for (int i = 0; i < arguments.worlds; ++i) {
     NightsOptions site = arguments.nights;
@@ -118,6 +138,9 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
     site.fault_night = (site.nights + 1) / 2;
     site.fault_nights = i == 0 ? 1 : 0;
     sites.push_back(site);
+    if (!pairs) continue;
+    site.control_points = arguments.control_points;
+    sites.push_back(site);
   }
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   std::vector<NightsResult> areas;
@@ -126,13 +149,17 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
     Status written;
     SHIFTMAP_ASSIGN_OR_RETURN(
         areas,
-        DriveFleet(sites, arguments.work + "/fleet", {}, [&](const std::vector<NightsResult>& now) {
-          const auto night = static_cast<double>(now.front().nights.size());
-          progress->Update("fleet", night / arguments.nights.nights);
-          if (written.ok()) written = output.WriteTable(FleetTable(now));
-        }));
+        DriveFleet(sites,
+                   arguments.work + "/fleet",
+                   {"--judge-shifts", std::to_string(arguments.judge_shifts)},
+                   [&](const std::vector<NightsResult>& now) {
+                     const auto night = static_cast<double>(now.front().nights.size());
+                     progress->Update("fleet", night / arguments.nights.nights);
+                     if (written.ok()) written = output.WriteTable(FleetTable(now));
+                   }));
     SHIFTMAP_RETURN_IF_ERROR(written);
     SHIFTMAP_RETURN_IF_ERROR(WriteFigures(areas, &output));
+    if (pairs) SHIFTMAP_RETURN_IF_ERROR(WriteFrames(areas, &output));
   }
   const ResultTable table = FleetTable(areas);
   const Json options{{"seed", arguments.nights.seed},
@@ -141,7 +168,9 @@ Status RunFleetNights(const SiteArguments& arguments, Context& context) {
                      {"vehicles", arguments.nights.vehicles},
                      {"groups", arguments.nights.groups},
                      {"size_m", arguments.nights.size_m},
-                     {"duration_s", arguments.nights.duration_s}};
+                     {"duration_s", arguments.nights.duration_s},
+                     {"control_points", arguments.control_points},
+                     {"judge_shifts", arguments.judge_shifts}};
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
   context.Report(document, table.ToText());
   return OkStatus();
@@ -159,6 +188,15 @@ void AddFleetNightsExperiment(Application* application) {
   AddSiteOptions(arguments.get(), &command);
   command.Option("--nights", &arguments->nights.nights, "Days, and nights after them")
       .InRange(1, 300)
+      .Option("--control-points",
+              &arguments->control_points,
+              "After each area the same once more, with so many landmarks surveyed after its first "
+              "night; 0: without")
+      .InRange(0, 1000)
+      .Option("--judge-shifts",
+              &arguments->judge_shifts,
+              "Shifts that each night replays to judge its maps, and as many of its own")
+      .InRange(1, 1000)
       .Writes();
 }
 

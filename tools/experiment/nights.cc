@@ -25,6 +25,7 @@
 #include "mapstore/map_store.h"
 #include "tools/eval/map_error.h"
 #include "tools/eval/trajectory_error.h"
+#include "tools/inspect/inspect_commands.h"
 #include "tools/sim/world_files.h"
 
 namespace shiftmap {
@@ -88,6 +89,9 @@ class Site {
   // What the night after it made of the map.
   Status CountNight(int night, NightResult* result);
 
+  // After the first night: makes control points of the map, by `shiftmap-inspect edit`.
+  Status Survey() const;
+
   std::vector<Removal> Removals() const;
 
  private:
@@ -121,6 +125,7 @@ class Site {
   Status CountRecovery(int index, const ShiftReport& report, NightResult* result);
   void CountModes(const TruthMap& map, NightResult* result) const;
   void CountFrame(const Se2& T_truth_map, NightResult* result);
+  bool NeverMoves(std::size_t group) const;
   std::size_t TruthIndex(const Signature& signature) const;
   int TrueState(const TruthMap& map, std::size_t group, const LandmarkGroup& known, int run) const;
 
@@ -404,6 +409,46 @@ Status Site::CountNight(int night, NightResult* result) {
   return OkStatus();
 }
 
+bool Site::NeverMoves(std::size_t group) const {
+  const ModeNumber first = run(0).active_mode[group];
+  return first != kAbsent &&
+         std::all_of(world_.world.runs.begin(), world_.world.runs.end(), [&](const auto& of) {
+           return of.active_mode[group] == first;
+         });
+}
+
+Status Site::Survey() const {
+  constexpr const char* kSurveySdM = "0.01";
+  const int last = options_.vehicles - 1;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<TruthMap> map, LoadMap(last, std::nullopt));
+  if (!map) return OkStatus();
+  int left = options_.control_points;
+  for (std::size_t g = 0; g < world_.world.groups.size() && left > 0; ++g) {
+    const SimulatedGroup& group = world_.world.groups[g];
+    if (!NeverMoves(g) || map->map.GroupIndex(group.signature) < 0) continue;
+    const ModeNumber stands = run(0).active_mode[g];
+    const Eigen::Vector2d place =
+        map->T_truth_map.Inverse() * group.modes[static_cast<std::size_t>(stands.value()) - 1];
+    SHIFTMAP_RETURN_IF_ERROR(RunInProcess(AddEditCommands,
+                                          {"edit",
+                                           "control",
+                                           group.signature.text(),
+                                           fmt::format("{:.4f},{:.4f}", place.x(), place.y()),
+                                           "--sd",
+                                           kSurveySdM,
+                                           "--reason",
+                                           "survey",
+                                           "--store",
+                                           store(),
+                                           "--area",
+                                           area_},
+                                          {ExitCode::kDone})
+                                 .status());
+    --left;
+  }
+  return OkStatus();
+}
+
 Status Site::Start() const {
   SHIFTMAP_RETURN_IF_ERROR(MakeFolder(logs()));
   return WriteWorld(world_.world, fmt::format("{}/world/{}", folder_, area_)).status();
@@ -478,6 +523,7 @@ StatusOr<std::vector<NightsResult>> DriveSites(
       SHIFTMAP_RETURN_IF_ERROR(RunNight(folder, night_words, results));
       for (std::size_t i = 0; i < sites->size(); ++i) {
         SHIFTMAP_RETURN_IF_ERROR((*sites)[i].CountNight(night, results[i]));
+        if (night == 1) SHIFTMAP_RETURN_IF_ERROR((*sites)[i].Survey());
       }
     }
     progress(all);

@@ -13,6 +13,8 @@ struct SiteArguments {
   std::string output;
   std::string work;
   int worlds = 2;
+  int control_points = 0;  ///< Of a second copy of each site; 0: no copies.
+  int judge_shifts = 12;   ///< As `nightly --judge-shifts`.
   NightsOptions nights;
 };
 

@@ -30,6 +30,10 @@ struct NightsOptions {
   /// Whether a vehicle hands its report in at the end of its shift, else at night.
   bool return_at_once = false;
 
+  /// Landmarks that never move and that somebody surveys after the first night, in the frame of its
+  /// map; as many as there are, if they are fewer.
+  int control_points = 0;
+
   /// The first vehicle has the fault for `fault_nights` from `fault_night` on.
   VehicleFault fault = VehicleFault::kNone;
   int fault_night = 6;

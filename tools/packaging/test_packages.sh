@@ -59,6 +59,9 @@ in_root python3 -c 'import shiftmap; print(len(shiftmap.Store("/var/lib/shiftmap
 for page in shiftmap-inspect shiftmap-mapper-build shiftmap-localizer-serve; do
   [[ -s $root/usr/share/man/man1/$page.1.gz ]] || fail "no manual page $page"
 done
+for example in shiftmap-localizer/examples/vda5050_client.py shiftmap-server/examples/fetch_and_submit.py; do
+  in_root python3 -c 'import ast, sys; ast.parse(open(sys.argv[1]).read())' "/usr/share/doc/$example" || fail "no example $example"
+done
 in_root bash -c 'source /usr/share/bash-completion/completions/shiftmap-inspect && complete -p shiftmap-inspect' >/dev/null
 
 in_root apt-get remove -y -qq "${packages[@]}" >>"$debs/root.log" 2>&1 || fail "cannot be removed: $debs/root.log"

@@ -52,6 +52,7 @@ MapSupplyOptions MapSupplyOptionsOf(const SyncArguments& arguments, const Contex
   options.spool = arguments.outbox;
   options.socket = arguments.socket;
   options.keys = arguments.snapshot_keys;
+  options.folder.max_bytes = arguments.maps_quota_mib << 20;
   options.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
   options.inform = [&context](const std::string& line) { context.Inform(line); };
   return options;

@@ -14,6 +14,9 @@
 namespace shiftmap {
 namespace {
 
+// Closeness of a command's own table; larger is closer.
+constexpr int kOwnTable = 2;
+
 constexpr const char* kVariable = "SHIFTMAP_CONFIG";
 constexpr std::string_view kPrefix = "shiftmap-";
 constexpr const char* kSiteFile = "/etc/shiftmap/shiftmap.toml";
@@ -82,7 +85,7 @@ int Closeness(const ReadingProgram& program,
   const auto [first, second] = SplitAtDot(section);
   if (first == program.name && second.empty()) return 1;
   const bool named = !command.name.empty();
-  if (named && second.empty() && first == command.name) return 2;
+  if (named && second.empty() && first == command.name) return kOwnTable;
   return named && first == program.name && second == command.name ? 3 : -1;
 }
 
@@ -169,12 +172,14 @@ std::vector<Setting> SiteConfig::SettingsOf(const ReadingProgram& program,
   for (const ConfigEntry& entry : entries_) {
     if (!Contains(command.keys, entry.key)) continue;
     const int closeness = Closeness(program, command, entry.section);
-    if (closeness < 0 || closeness < found[entry.key].closeness) continue;
+    const int least = IsOfOwnTable(command.name, entry.key) ? kOwnTable : 0;
+    if (closeness < least || closeness < found[entry.key].closeness) continue;
     found[entry.key] = {{entry.key, entry.values, fmt::format("{}:{}", path_, entry.line)},
                         closeness};
   }
   std::vector<Setting> settings;
   for (const std::string& key : command.keys) {
+    if (IsOfOwnTable(command.name, key)) continue;
     const std::string variable = EnvironmentNameOf(key);
     const char* const value = variable.empty() ? nullptr : std::getenv(variable.c_str());
     if (value != nullptr && *value != '\0') found[key] = {{key, {value}, variable}, 0};

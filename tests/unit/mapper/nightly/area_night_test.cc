@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "mapper/cli/stop_signals.h"
+#include "mapper/nightly/candidate.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
@@ -156,6 +158,42 @@ TEST_F(AreaNightTest, AVersionThatWaitsToBeJudgedIsTakenUpAndNotBuiltAgain) {
   const AreaNight night = Night(fresh, mapped);
   EXPECT_EQ(night.version, waits);
   EXPECT_TRUE(night.published);
+}
+
+// Logs of earlier days are gone: each of the night's own shifts is judged on a map without it.
+TEST_F(AreaNightTest, WhereNoOtherShiftsAreThereFoldsAreTheJudge) {
+  ASSERT_TRUE(Night({Log(0), Log(1)}).published);
+  const AreaNight night = Night({Log(2), Log(3), Log(4)});
+  EXPECT_TRUE(night.published) << (night.reasons.empty() ? "" : night.reasons.front());
+  ASSERT_TRUE(night.judgement);
+  EXPECT_EQ(night.judgement->judged_by, JudgedBy::kFolds);
+  std::map<std::string, int> folds;
+  for (const JudgedShift& shift : night.judgement->shifts) {
+    if (shift.fold > 0) folds[shift.run] = shift.fold;
+  }
+  EXPECT_EQ(folds.size(), 3u);
+  for (const auto& test : night.judgement->tests) EXPECT_EQ(test.result.shifts, 3) << test.name;
+  // What folds are built for is not stored.
+  EXPECT_EQ(Store().Versions("floor")->size(), 2u);
+}
+
+// Folds say nothing of a version that is not what its logs give.
+TEST_F(AreaNightTest, FoldsExcuseNoVersionThatIsWorse) {
+  ASSERT_TRUE(Night({Log(0), Log(1)}).published);
+  const std::vector<LogHead> fresh = {Log(2), Log(3)};
+  CommitMoved(fresh, 1.0);
+  const AreaNight night = Night(fresh);
+  EXPECT_FALSE(night.published);
+  ASSERT_TRUE(night.judgement);
+  EXPECT_EQ(night.judgement->judged_by, JudgedBy::kFolds);
+}
+
+TEST_F(AreaNightTest, OneRunAloneIsItsOwnJudge) {
+  ASSERT_TRUE(Night({Log(0), Log(1)}).published);
+  const AreaNight night = Night({Log(2)});
+  EXPECT_TRUE(night.published);
+  ASSERT_TRUE(night.judgement);
+  EXPECT_EQ(night.judgement->judged_by, JudgedBy::kOwnShifts);
 }
 
 }  // namespace

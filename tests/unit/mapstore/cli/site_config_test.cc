@@ -39,7 +39,8 @@ struct Mapper {
         .Option("--selector", &selector, "");
     application.AddCommand("nightly", "", [](Context&) { return OkStatus(); })
         .Option("--logs", &logs, "")
-        .Option("--store", &nightly_store, "");
+        .Option("--store", &nightly_store, "")
+        .Option("--area", &area, "");
     application.AddConfigCommand();
   }
 
@@ -54,6 +55,7 @@ struct Mapper {
   std::string nightly_store;
   std::string selector = "viterbi";
   std::string logs;
+  std::string area = "all";
   std::ostringstream out;
   std::ostringstream err;
 };
@@ -84,6 +86,22 @@ TEST_F(SiteConfigTest, TheCloserTableWins) {
   Mapper nightly;
   ASSERT_EQ(nightly.Run({"nightly", "--config", path_}), 0) << nightly.err.str();
   EXPECT_EQ(nightly.nightly_store, "command");
+}
+
+// A key that is meant for other commands must not change what a night does.
+TEST_F(SiteConfigTest, SomeOptionsAreSetInTheCommandsOwnTableAlone) {
+  const auto area_of = [this](const std::string& toml, std::vector<std::string> words = {}) {
+    Write(toml);
+    Mapper mapper;
+    words.insert(words.begin(), {"nightly", "--config", path_});
+    EXPECT_EQ(mapper.Run(words), 0) << mapper.err.str();
+    return mapper.area;
+  };
+  const ScopedVariable variable("SHIFTMAP_AREA", "of the environment");
+  EXPECT_EQ(area_of("area = 'top'\n[mapper]\narea = 'program'\n"), "all");
+  EXPECT_EQ(area_of("area = 'top'\n[nightly]\narea = 'own'\n"), "own");
+  EXPECT_EQ(area_of("area = 'top'\n[mapper.nightly]\narea = 'full'\n"), "full");
+  EXPECT_EQ(area_of("area = 'top'\n", {"--area", "given"}), "given");
 }
 
 TEST_F(SiteConfigTest, KeysOfOtherProgramsAreTheirs) {

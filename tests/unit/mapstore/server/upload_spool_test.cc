@@ -146,6 +146,71 @@ TEST_F(UploadSpoolTest, QuotasRefuseBeforeAByteIsTaken) {
   EXPECT_EQ(Open(limits_)->Progress("client", Sha256Of(log))->stored_bytes, 0);
 }
 
+// What is on its way counts as if it were there.
+TEST_F(UploadSpoolTest, UploadsAtOneTimeStayWithinTheQuotaTogether) {
+  const std::string log = Log(kUuid);
+  const std::string other = Log("", 2.0);
+  const auto size = static_cast<std::int64_t>(log.size());
+  const auto other_size = static_cast<std::int64_t>(other.size());
+  const auto begin = [&](UploadSpool& spool, const std::string& client) {
+    return spool.Begin(client, Sha256Of(other), other_size, 0).status();
+  };
+  for (const bool of_client : {true, false}) {
+    UploadLimits limits = limits_;
+    (of_client ? limits.max_client_bytes : limits.max_folder_bytes) = size + other_size - 1;
+    const auto spool = Open(limits);
+    {
+      auto upload = spool->Begin("client", Sha256Of(log), size, 0);
+      ASSERT_THAT(upload, IsOk());
+      EXPECT_THAT(begin(*spool, "client"), StatusIs(StatusCode::kResourceExhausted, "quota"));
+      const Status of_another = begin(*spool, "another");
+      EXPECT_EQ(of_another.ok(), of_client) << Message(of_another);
+      ASSERT_THAT(upload->Append(log.substr(0, 10)), IsOk());
+      EXPECT_THAT(begin(*spool, "client"), StatusIs(StatusCode::kResourceExhausted, "quota"));
+    }
+    // It was cut: what it had reserved is free again.
+    EXPECT_THAT(begin(*spool, "client"), IsOk());
+    std::filesystem::remove_all(logs_);
+  }
+}
+
+// The hash is kept while bytes come. The oracle is that of the whole file.
+TEST_F(UploadSpoolTest, ManyUploadsOfOneLogGiveItsHashAlsoAfterARestart) {
+  const std::string log = Log(kUuid);
+  std::unique_ptr<UploadSpool> spool = Open(limits_);
+  const std::size_t step = log.size() / 7 + 1;
+  for (std::size_t at = 0; at < log.size(); at += step) {
+    if (at == 3 * step) spool = Open(limits_);
+    const auto sent = Send(*spool, log, at, std::min(log.size(), at + step));
+    ASSERT_THAT(sent, IsOk());
+    EXPECT_EQ(sent->complete, at + step >= log.size());
+  }
+  EXPECT_EQ(ReadFile(logs_ + "/truck=2F7/" + kUuid + ".mcap"), log);
+}
+
+TEST_F(UploadSpoolTest, ALogWithAnotherHashIsDroppedWholeOrPieceByPiece) {
+  const std::string log = Log(kUuid);
+  std::string wrong = log;
+  wrong[log.size() / 2] = static_cast<char>(wrong[log.size() / 2] ^ 1);
+  const auto size = static_cast<std::int64_t>(log.size());
+  for (const std::size_t cut : {log.size(), log.size() / 3}) {
+    const auto spool = Open(limits_);
+    StatusOr<UploadProgress> sent = UploadProgress();
+    for (std::size_t at = 0; at < log.size(); at = at < cut ? cut : log.size()) {
+      auto upload = spool->Begin("client", Sha256Of(log), size, static_cast<std::int64_t>(at));
+      ASSERT_THAT(upload, IsOk());
+      ASSERT_THAT(upload->Append(wrong.substr(at, at < cut ? cut - at : std::string::npos)),
+                  IsOk());
+      sent = spool->Finish(*std::move(upload), [](const RunInfo&) { return OkStatus(); });
+    }
+    EXPECT_THAT(sent.status(), StatusIs(StatusCode::kDataLoss, "has the hash"));
+    EXPECT_EQ(spool->Progress("client", Sha256Of(log))->stored_bytes, 0);
+    // What comes next begins anew.
+    EXPECT_TRUE(Send(*spool, log, 0, log.size())->complete);
+    std::filesystem::remove_all(logs_);
+  }
+}
+
 TEST_F(UploadSpoolTest, APartThatNobodyGoesOnWithIsRemovedAfterItsTime) {
   const std::string log = Log(kUuid);
   ASSERT_THAT(Send(*Open(limits_), log, 0, 100), IsOk());

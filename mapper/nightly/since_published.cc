@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/nightly/since_published.h"
+
+#include <filesystem>
+#include <system_error>
+#include <vector>
+
+#include "mapstore/cli/store_access.h"
+
+namespace shiftmap {
+
+StatusOr<SincePublished> ReadSincePublished(const std::string& area, MapStore* store) {
+  SincePublished since;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit,
+                            store->AuditLog(area,
+                                            {AuditAction::kPublish,
+                                             AuditAction::kRollback,
+                                             AuditAction::kRefuse,
+                                             AuditAction::kInclude}));
+  for (const AuditEntry& entry : audit) {
+    if (entry.Is(AuditAction::kRefuse)) {
+      const std::size_t blank = entry.subject.find(' ');
+      since.refused[entry.subject.substr(0, blank)] =
+          blank == std::string::npos ? "" : entry.subject.substr(blank + 1);
+    } else if (entry.Is(AuditAction::kInclude)) {
+      since.included.insert(entry.subject.substr(0, entry.subject.find(": ")));
+    } else {
+      since.published = entry.written;
+      since.refused.clear();
+    }
+  }
+  return since;
+}
+
+StatusOr<SincePublished> ReadSincePublished(const std::string& area,
+                                            const std::string& store,
+                                            const Context& context) {
+  std::error_code error;
+  if (!std::filesystem::exists(store, error)) return SincePublished();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore opened,
+                            OpenStore(store, MapStore::Access::kReadOnly, context));
+  StatusOr<SincePublished> since = ReadSincePublished(area, &opened);
+  if (since.status().code() == StatusCode::kNotFound) return SincePublished();
+  return since;
+}
+
+}  // namespace shiftmap

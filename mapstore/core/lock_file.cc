@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapstore/core/lock_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+namespace shiftmap {
+
+StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path) {
+  constexpr mode_t kAccess = 0640;
+  OwnedFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kAccess));
+  if (fd.get() < 0) {
+    const std::error_code error(errno, std::generic_category());
+    return MakeStatus(error == std::errc::no_such_file_or_directory ? StatusCode::kNotFound
+                                                                    : StatusCode::kUnavailable,
+                      "lock '{}': cannot be opened: {}",
+                      path,
+                      error.message());
+  }
+  if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) return std::optional<OwnedFd>();
+  return std::optional(std::move(fd));
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "mapstore/core/owned_fd.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+
+/// Makes a file unless it is there, and holds it against others, in this process and in others, as
+/// long as the descriptor is open, so at most as long as the process. Waits for nobody: nothing if
+/// somebody else holds it. The file stays.
+/// Errors: kNotFound if there is no such folder; kUnavailable if the file cannot be opened.
+/// Messages start with `lock '<path>': `.
+StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path);
+
+}  // namespace shiftmap
