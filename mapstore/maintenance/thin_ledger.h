@@ -28,9 +28,9 @@ namespace shiftmap {
 /// of squares, which a chain's fit reads to the second order of rate times gap, and no more than
 /// take the probability of a move to 0.005 each. What is lost:
 ///
-///   within a stretch a probability is up to 0.1 off: that of a summary holds throughout;
-///   rates are up to 0.5 % larger, as the landmark may have left and come back unseen;
-///   hours at which the landmark stayed count alike, for a rhythm;
+///   within a stretch a probability is that of hindsight, as a summary holds throughout: a reader
+///   of the past sees less doubt than there was; rates are up to 0.5 % larger, as the landmark may
+///   have left and come back unseen; hours at which the landmark stayed count alike, for a rhythm;
 ///   good turns of a vehicle are fewer than they were, and its trust is learned from less;
 ///   if a run is excluded later, rows of others that said the same do not come back, and what a
 ///   summary of its first visit stands for goes with it;
