@@ -82,7 +82,8 @@ bool FrameChunk::Eliminate(const Window& window, const CarriedSystem& before) {
           LinearizeObservation(window, frame, observation), i, observation.factor.mode, &system);
     }
   }
-  if (!segment_.Eliminate(&system)) return false;
+  segment_ = SegmentFactor::Of(&system);
+  if (!segment_) return false;
   carried_ = {std::move(system.C), std::move(system.c)};
   return true;
 }
@@ -90,7 +91,7 @@ bool FrameChunk::Eliminate(const Window& window, const CarriedSystem& before) {
 void FrameChunk::BackSubstitute(const Eigen::VectorXd& steps, Window* window) const {
   Eigen::VectorXd boundary = steps.head(carried_.b.size());
   boundary.segment<3>(kPoseColumn) = window->frames[static_cast<std::size_t>(end_)].step;
-  const Eigen::VectorXd poses = segment_.Solve(boundary);
+  const Eigen::VectorXd poses = segment_->Solve(boundary);
   for (int f = first_; f < end_; ++f) {
     WindowFrame& frame = window->frames[static_cast<std::size_t>(f)];
     frame.step = poses.segment<3>(3 * Eigen::Index{f - first_});

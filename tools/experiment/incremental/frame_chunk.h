@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "mapper/graph/segment.h"
 #include "tools/experiment/incremental/window.h"
@@ -41,7 +42,7 @@ class FrameChunk {
  private:
   int first_;
   int end_;
-  Segment segment_;
+  std::optional<SegmentFactor> segment_;  // Of the last Eliminate().
   CarriedSystem carried_;
 };
 
