@@ -319,8 +319,8 @@ TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
               StatusIs(StatusCode::kInvalidArgument, "either a run or a vehicle"));
   EXPECT_THAT(store_.Exclude("a", {Hash(2), "", {}, "", {}}),
               StatusIs(StatusCode::kInvalidArgument, "a reason"));
-  EXPECT_THAT(store_.Exclude("a", {"run 1", "", {}, "why", {}}),
-              StatusIs(StatusCode::kNotFound, "no run 'run 1'"));
+  EXPECT_THAT(store_.Exclude("a", {"run 9", "", {}, "why", {}}),
+              StatusIs(StatusCode::kNotFound, "no run 'run 9'"));
   EXPECT_THAT(store_.Exclude("a", {"0000000", "", {}, "why", {}}),
               StatusIs(StatusCode::kInvalidArgument, "more than one run"));
   EXPECT_EQ(At1(At(900.0)), without);
