@@ -7,8 +7,8 @@
 #include <random>
 #include <vector>
 
-#include "tools/sim/simulate_chain.h"
 #include "tests/support/random_map.h"
+#include "tools/sim/simulate_chain.h"
 
 namespace shiftmap::testing {
 namespace {
