@@ -12,8 +12,8 @@ namespace shiftmap {
 /// Makes a file unless it is there, and holds it against others, in this process and in others, as
 /// long as the descriptor is open, so at most as long as the process. Waits for nobody: nothing if
 /// somebody else holds it. The file stays.
-/// Errors: kNotFound if there is no such folder; kUnavailable if the file cannot be opened.
-/// Messages start with `lock '<path>': `.
+/// Errors: kNotFound if there is no such folder; kInvalidArgument for a path that can be no file's;
+/// kUnavailable if the file cannot be opened. Messages start with `lock 'PATH': `.
 StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path);
 
 }  // namespace shiftmap
