@@ -249,7 +249,7 @@ enum class AuditAction {
   kWait,      ///< A run waits for another build; its log's hash, a blank and its name.
   kRefuse,    ///< A nightly job does not publish a version; its number, a blank and the reasons.
   kLocate,    ///< The area of a log that names none was looked for; as the nightly job has it.
-  kExclude,   ///< `run <identity>` or `vehicle '<name>'`, a colon and the reason.
+  kExclude,   ///< `run <identity>` or `vehicle NAME`, a colon and the reason.
   kHold,      ///< The same.
   kInclude,   ///< The same, without a reason.
   kEdit,      ///< An edit was made; its words.
