@@ -176,14 +176,15 @@ TEST_F(NightJudgementTest, TheStoreGrowsByOneVersionANightWhateverIsLeftOut) {
     for (const char* const site : {"with", "without"}) {
       const auto size = [&] { return static_cast<double>(fs::file_size(Store(site))); };
       const double before = size();
-      Bring(site, kVehicles + night, fmt::format("day{}", night));
+      Bring(site, kVehicles + night - 1, fmt::format("day{}", night));
       if (site == std::string("with")) {
-        Bring(site, kVehicles + night, fmt::format("poisoned{}", night), [&](shiftmap::Run* run) {
-          run->info.uuid[0] = 'f';
-          Frozen()(run);
-          for (OdometrySample& sample : run->odometry) sample.stamp += std::chrono::hours(1);
-          for (Scan& scan : run->scans) scan.stamp += std::chrono::hours(1);
-        });
+        Bring(
+            site, kVehicles + night - 1, fmt::format("poisoned{}", night), [&](shiftmap::Run* run) {
+              run->info.uuid[0] = 'f';
+              Frozen()(run);
+              for (OdometrySample& sample : run->odometry) sample.stamp += std::chrono::hours(1);
+              for (Scan& scan : run->scans) scan.stamp += std::chrono::hours(1);
+            });
       }
       Night(site, {"--judge-shifts", "2"});
       EXPECT_EQ(Versions(site), static_cast<std::size_t>(night) + 1) << site;
