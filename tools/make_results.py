@@ -107,8 +107,8 @@ def make(name, bins, data):
         for path in sorted(out.rglob("*")):
             if path.is_file() and path.stat().st_size <= MAX_BYTES:
                 text = path.read_text(encoding="utf-8")
-                for place, word in ((str(out), "OUT"), (str(work), "WORK"), (str(data), "DATA")):
-                    text = text.replace(place, word)
+                for place, word in ((str(out), "OUT"), (str(work), "WORK"), (data, "DATA")):
+                    text = text.replace(place, word) if place else text
                 (folder / path.name).write_text(without_host(text), encoding="utf-8")
         source = {"command": command, "commit": git("rev-parse", "--short", "HEAD"), "processors": os.cpu_count(), "load": round(load, 1)}
         (folder / "source.json").write_text(json.dumps(source, indent=2) + "\n", encoding="utf-8")
@@ -151,6 +151,9 @@ def main():
     unknown = sorted(set(arguments.names) - set(EXPERIMENTS))
     if unknown:
         print(f"no such result: {', '.join(unknown)}; --list has all")
+        return 2
+    if not arguments.data and any("DATA/" in EXPERIMENTS[name][1] for name in arguments.names):
+        print("recorded data is needed: --data or SHIFTMAP_DATA")
         return 2
     build = ROOT / "build" / "dev"
     bins = arguments.bin or [str(build / "bin"), str(build / "tests" / "bench"), str(build / "tests" / "scenario")]

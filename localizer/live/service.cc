@@ -20,17 +20,6 @@ namespace {
 
 constexpr std::size_t kLongestFileName = 128;  // In the state folder.
 
-// What another attempt does not mend is told apart from a disk that is full or not yet mounted.
-Status FolderError(const char* folder, const std::string& path, const char* action) {
-  StatusCode code = StatusCode::kUnavailable;
-  if (errno == ENOENT) code = StatusCode::kNotFound;
-  if (errno == ENOTDIR || errno == ENAMETOOLONG || errno == ELOOP || errno == EINVAL) {
-    code = StatusCode::kInvalidArgument;
-  }
-  return MakeStatus(
-      code, "{} folder '{}': cannot {}: {}", folder, path, action, std::strerror(errno));
-}
-
 Status MakeFolder(const char* folder, const std::string& path) {
   constexpr mode_t kAccess = 0750;
   constexpr std::size_t kLongestPath = PATH_MAX - kLongestFileName;
@@ -39,7 +28,12 @@ Status MakeFolder(const char* folder, const std::string& path) {
         "{} folder: path of {} bytes, expected at most {}", folder, path.size(), kLongestPath);
   }
   if (mkdir(path.c_str(), kAccess) == 0 || errno == EEXIST) return OkStatus();
-  return FolderError(folder, path, "make it");
+  const int error = errno;
+  return MakeStatus(PathErrorCode(error),
+                    "{} folder '{}': cannot make it: {}",
+                    folder,
+                    path,
+                    std::strerror(error));
 }
 
 // Held as long as the descriptor is open, so that it ends with the process.

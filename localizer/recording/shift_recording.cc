@@ -76,6 +76,16 @@ StatusOr<ShiftRecording> Read(const std::string& path) {
 
 }  // namespace
 
+NisSum GatedNis(const ScanInnovations& scan) {
+  NisSum nis;
+  for (const RecordedInnovation& innovation : scan.innovations) {
+    if (innovation.mode == kAbsent) continue;
+    nis.sum += innovation.nis;
+    ++nis.updates;
+  }
+  return nis;
+}
+
 StatusOr<ShiftRecording> ReadShiftRecording(const std::string& path) {
   StatusOr<ShiftRecording> recording = Read(path);
   if (recording.ok()) return recording;

@@ -23,6 +23,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -70,6 +71,13 @@ struct ScanInnovations {
   double quality = 1.0;  ///< InnovationQuality::p_value() after the scan.
   std::vector<RecordedInnovation> innovations;
 };
+
+/// Of the innovations of a scan that gated with a mode.
+struct NisSum {
+  double sum = 0.0;
+  std::int64_t updates = 0;  ///< 2 dof each.
+};
+NisSum GatedNis(const ScanInnovations& scan);
 
 struct HypothesesSample {
   Stamp stamp;

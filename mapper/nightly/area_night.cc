@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <set>
+#include <map>
+#include <optional>
 #include <utility>
 
 #include "mapper/cli/area_build.h"
@@ -75,8 +76,7 @@ Status Area::HoldOut() {
   given_ = logs_.fresh;
   const std::size_t count =
       given_.size() * static_cast<std::size_t>(options_.hold_out_percent) / 100;
-  std::error_code error;
-  if (count > 0 && std::filesystem::exists(options_.build.store, error)) {
+  if (count > 0 && HasStore(options_)) {
     SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
     SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
     if (published) {
@@ -134,8 +134,7 @@ Status Area::Hold(const LogHead& log, const std::string& reason) {
 
 // As soon as the store has the area.
 Status Area::WriteHolds() {
-  std::error_code error;
-  if (holds_.empty() || !std::filesystem::exists(options_.build.store, error)) return OkStatus();
+  if (holds_.empty() || !HasStore(options_)) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
   const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
@@ -248,7 +247,9 @@ Status Area::Commit(bool publish, Candidate* candidate) {
         waiting.begin(), waiting.end(), [&](const auto& of) { return of.sha256 == run.sha256; });
     if (!known) waiting.push_back(run);
   }
-  SHIFTMAP_RETURN_IF_ERROR(CommitArea(candidates_.BuildOptions(given_), context_, &build));
+  AreaBuildOptions options = options_.build;
+  options.area = night_.area;
+  SHIFTMAP_RETURN_IF_ERROR(CommitArea(options, context_, &build));
   candidate->version.number = build.commit->version;
   return WriteHolds();
 }
@@ -286,9 +287,8 @@ void Area::Take(const Candidate& candidate) {
 
 // Of builds that left no version.
 Status Area::NoteWaiting() {
-  std::error_code error;
-  const bool stored = std::filesystem::exists(options_.build.store, error);
-  if (night_.version || waiting_.empty() || !stored || context_.dry_run()) return OkStatus();
+  const bool nothing = night_.version || waiting_.empty();
+  if (nothing || !HasStore(options_) || context_.dry_run()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
   const Status noted = store.NoteWaiting(night_.area, waiting_);
   return noted.code() == StatusCode::kNotFound ? OkStatus() : noted;

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/candidate.h"
 
-#include <filesystem>
 #include <set>
-#include <system_error>
 #include <utility>
 
 #include "mapper/cli/build_report.h"
@@ -32,8 +30,7 @@ AreaBuildOptions CandidateBuilder::BuildOptions(const std::vector<LogHead>& logs
 }
 
 StatusOr<std::optional<Candidate>> CandidateBuilder::Find(const std::string& night) const {
-  std::error_code error;
-  if (!std::filesystem::exists(options_.build.store, error)) return std::optional<Candidate>();
+  if (!HasStore(options_)) return std::optional<Candidate>();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options_.build.store, MapStore::Access::kReadOnly, context_));
   const StatusOr<std::vector<VersionSummary>> versions = store.Versions(area_);
@@ -42,11 +39,11 @@ StatusOr<std::optional<Candidate>> CandidateBuilder::Find(const std::string& nig
   SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(area_, &store));
   for (auto at = versions->rbegin(); at != versions->rend(); ++at) {
     if (at->published || at->created < since.published || !at->content_stored) break;
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store.LoadProvenance(area_, at->version));
+    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store.LoadProvenance(area_, at->version));
     BuildOutcome outcome = ReadOutcome(provenance.configuration);
     if (outcome.night != night) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(JudgedVersion version, LoadJudged(area_, at->version, &store));
+    SHIFTMAP_ASSIGN_OR_RETURN(JudgedVersion version,
+                              LoadJudged(area_, *at, std::move(provenance), &store));
     return std::optional(Candidate{std::move(version), std::move(outcome), std::nullopt});
   }
   return std::optional<Candidate>();
@@ -54,15 +51,13 @@ StatusOr<std::optional<Candidate>> CandidateBuilder::Find(const std::string& nig
 
 StatusOr<JudgedVersion> CandidateBuilder::JudgedOf(const AreaBuild& build) const {
   std::optional<MapStore> store;
-  std::error_code error;
-  if (std::filesystem::exists(options_.build.store, error)) {
+  if (HasStore(options_)) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         store, OpenStore(options_.build.store, MapStore::Access::kReadOnly, context_));
   }
   return JudgedBuild(area_, build, store ? &*store : nullptr);
 }
 
-// Nothing if there is no map; the reasons then say why.
 StatusOr<std::optional<Candidate>> CandidateBuilder::Make(const std::vector<LogHead>& logs,
                                                           std::vector<std::string>* reasons,
                                                           std::vector<UnplacedRun>* waiting) const {

@@ -22,7 +22,7 @@ struct Candidate {
   std::optional<AreaBuild> build;  ///< Nothing: the version is in the store.
 };
 
-/// What tells the build of some logs from others: AreaBuildOptions::night.
+/// Identifies the build of a set of logs: AreaBuildOptions::night.
 std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build);
 
 /// Makes the maps that a night judges for an area, and writes none.
@@ -33,8 +33,6 @@ class CandidateBuilder {
   /// @param options  Outlive this, as does the context.
   CandidateBuilder(const NightOptions& options, std::string area, Context* context)
       : options_(options), area_(std::move(area)), context_(*context) {}
-
-  AreaBuildOptions BuildOptions(const std::vector<LogHead>& logs) const;
 
   /// The version of these logs that the store has since the last one was published, or else a
   /// build.
@@ -48,6 +46,7 @@ class CandidateBuilder {
   StatusOr<std::optional<JudgedVersion>> BuildFold(const std::vector<LogHead>& logs) const;
 
  private:
+  AreaBuildOptions BuildOptions(const std::vector<LogHead>& logs) const;
   StatusOr<std::optional<Candidate>> Find(const std::string& night) const;
   StatusOr<JudgedVersion> JudgedOf(const AreaBuild& build) const;
 

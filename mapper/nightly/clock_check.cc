@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -40,6 +41,10 @@ std::string Quoted(const std::string& vehicle) {
   return fmt::format("vehicle '{}'", InertLine(vehicle));
 }
 
+bool Same(const RunRecord& run, const std::string& id) {
+  return id == run.identity() || id == run.sha256;
+}
+
 class ClockCheck {
  public:
   ClockCheck(std::string area, const JudgedVersion& version, MapStore* store)
@@ -53,7 +58,7 @@ class ClockCheck {
   }
 
   // Why a run's clock is wrong; nothing: it is not, as far as is known.
-  StatusOr<std::optional<std::string>> Wrong(const RunRecord& run, const LogHead& log) const {
+  StatusOr<std::optional<std::string>> Wrong(const RunRecord& run, const LogHead& log) {
     if (std::optional<std::string> other = InTwoRuns(run)) return other;
     const std::optional<Stamp> handed_in = HandedIn(run, log);
     if (handed_in && run.end > *handed_in + FromSeconds(kToleranceS)) {
@@ -81,10 +86,6 @@ class ClockCheck {
   }
 
  private:
-  static bool Same(const RunRecord& run, const std::string& id) {
-    return id == run.identity() || id == run.sha256;
-  }
-
   std::optional<Stamp> HandedIn(const RunRecord& run, const LogHead& log) const {
     std::optional<Stamp> first = ChangedAt(log.path);
     for (const ReceivedRun& of : received_) {
@@ -128,7 +129,7 @@ class ClockCheck {
     return Median(std::move(delays));
   }
 
-  StatusOr<std::optional<std::string>> BeforeItsMap(const RunRecord& run) const {
+  StatusOr<std::optional<std::string>> BeforeItsMap(const RunRecord& run) {
     const auto report = std::find_if(received_.begin(), received_.end(), [&](const auto& of) {
       return of.driven_on && Same(run, of.run);
     });
@@ -143,15 +144,21 @@ class ClockCheck {
                     Utc(*made)));
   }
 
-  // From when on a version can have been driven on.
-  StatusOr<std::optional<Stamp>> MadeAt(const RunRecord& run, VersionNumber version) const {
+  // When most runs of a version had ended: one wrong clock among them makes no other wrong.
+  StatusOr<std::optional<Stamp>> MostEnded(VersionNumber version) {
+    if (const auto known = ended_.find(version); known != ended_.end()) return known->second;
     SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store_->LoadProvenance(area_, version));
-    // One wrong clock among the runs of the map makes no other wrong.
     std::vector<Stamp> ends;
     for (const RunRecord& of : provenance.runs) ends.push_back(of.end);
     std::sort(ends.begin(), ends.end());
-    std::optional<Stamp> made;
-    if (!ends.empty()) made = ends[(ends.size() - 1) / 2];
+    std::optional<Stamp>& ended = ended_[version];
+    if (!ends.empty()) ended = ends[(ends.size() - 1) / 2];
+    return ended;
+  }
+
+  // From when on a version can have been driven on.
+  StatusOr<std::optional<Stamp>> MadeAt(const RunRecord& run, VersionNumber version) {
+    SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Stamp> made, MostEnded(version));
     const std::optional<double> usual = UsualDelay(run);
     if (!usual || *usual > kLiveS) return made;
     for (const VersionSummary& of : versions_) {
@@ -165,6 +172,7 @@ class ClockCheck {
   MapStore* store_;
   std::vector<ReceivedRun> received_;
   std::vector<VersionSummary> versions_;
+  std::map<VersionNumber, std::optional<Stamp>> ended_;  // Of versions that were driven on.
 };
 
 }  // namespace
@@ -177,9 +185,8 @@ Status CheckClocks(const std::string& area,
   ClockCheck check(area, version, store);
   SHIFTMAP_RETURN_IF_ERROR(check.Start());
   for (const RunRecord& run : version.provenance.runs) {
-    const auto log = std::find_if(logs.begin(), logs.end(), [&](const LogHead& of) {
-      return of.identity() == run.identity() || of.identity() == run.sha256;
-    });
+    const auto log = std::find_if(
+        logs.begin(), logs.end(), [&](const LogHead& of) { return Same(run, of.identity()); });
     if (log == logs.end()) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> wrong, check.Wrong(run, *log));
     if (wrong) {

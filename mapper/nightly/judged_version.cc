@@ -53,19 +53,13 @@ bool JudgedVersion::Has(const LogHead& log) const {
 }
 
 StatusOr<JudgedVersion> LoadJudged(const std::string& area,
-                                   VersionNumber version,
+                                   const VersionSummary& version,
+                                   Provenance provenance,
                                    MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  const auto summary = std::find_if(
-      versions.begin(), versions.end(), [&](const auto& of) { return of.version == version; });
-  if (summary == versions.end()) {
-    return NotFound("area '{}': no version {}", area, version.value());
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, store->LoadVersion(area, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, version));
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<EvidenceRow> rows, store->Evidence(area, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapSnapshot map, store->LoadVersion(area, version.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<EvidenceRow> rows, store->Evidence(area, version.version));
   return JudgedVersion{
-      version, summary->parent, std::move(map), std::move(provenance), std::move(rows)};
+      version.version, version.parent, std::move(map), std::move(provenance), std::move(rows)};
 }
 
 StatusOr<JudgedVersion> JudgedBuild(const std::string& area,

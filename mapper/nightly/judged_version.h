@@ -24,8 +24,11 @@ struct JudgedVersion {
   bool Has(const LogHead& log) const;
 };
 
-/// One that is in the store. Errors: those of the store.
-StatusOr<JudgedVersion> LoadJudged(const std::string& area, VersionNumber version, MapStore* store);
+/// One that is in the store, with its provenance. Errors: those of the store.
+StatusOr<JudgedVersion> LoadJudged(const std::string& area,
+                                   const VersionSummary& version,
+                                   Provenance provenance,
+                                   MapStore* store);
 
 /// One that CommitArea would add. Errors: those of the store.
 StatusOr<JudgedVersion> JudgedBuild(const std::string& area,

@@ -25,11 +25,6 @@ namespace {
 // A clock that is behind this was never set.
 constexpr Stamp kFirstPlausibleStamp = Stamp(std::chrono::seconds(315532800));  // 1980.
 
-bool HasStore(const NightOptions& options) {
-  std::error_code error;
-  return std::filesystem::exists(options.build.store, error);
-}
-
 StatusOr<MapStore> Open(const NightOptions& options,
                         MapStore::Access access,
                         const Context& context) {

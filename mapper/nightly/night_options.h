@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <system_error>
 
 #include "mapper/cli/area_build.h"
 #include "mapper/nightly/judge.h"
@@ -33,5 +35,11 @@ struct NightOptions {
 
   AreaBuildOptions build;  ///< Of each area; `area` and `logs` are set there.
 };
+
+/// Whether the store is there.
+inline bool HasStore(const NightOptions& options) {
+  std::error_code error;
+  return std::filesystem::exists(options.build.store, error);
+}
 
 }  // namespace shiftmap

@@ -9,10 +9,8 @@
 #include <utility>
 
 namespace shiftmap {
-namespace {
 
-// What another attempt does not mend is told apart from a disk that is full or not yet mounted.
-StatusCode CodeOf(int error) {
+StatusCode PathErrorCode(int error) {
   switch (error) {
     case ENOENT:
       return StatusCode::kNotFound;
@@ -26,15 +24,13 @@ StatusCode CodeOf(int error) {
   }
 }
 
-}  // namespace
-
 StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path) {
   constexpr mode_t kAccess = 0640;
   OwnedFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kAccess));
   if (fd.get() < 0) {
     const std::error_code error(errno, std::generic_category());
     return MakeStatus(
-        CodeOf(error.value()), "lock '{}': cannot be opened: {}", path, error.message());
+        PathErrorCode(error.value()), "lock '{}': cannot be opened: {}", path, error.message());
   }
   if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) return std::optional<OwnedFd>();
   return std::optional(std::move(fd));

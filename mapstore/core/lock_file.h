@@ -9,6 +9,10 @@
 
 namespace shiftmap {
 
+/// Of an errno about a path: kNotFound, or kInvalidArgument for a path that can be no file's;
+/// another attempt mends neither. Else kUnavailable: a disk that is full or not yet mounted.
+StatusCode PathErrorCode(int error);
+
 /// Makes a file unless it is there, and holds it against others, in this process and in others, as
 /// long as the descriptor is open, so at most as long as the process. Waits for nobody: nothing if
 /// somebody else holds it. The file stays.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/layout_pairs_command.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <map>
@@ -35,7 +37,7 @@ struct Arguments {
 // A recorded run, mapped by itself.
 struct LayoutRun {
   std::string name;
-  JointPoints map;
+  JointPoints map;  // One mode of each landmark.
   Se2 T_survey_map;
 };
 
@@ -45,6 +47,25 @@ struct PairResult {
   bool is_right = false;     // which is right.
   double of_right = 0.0;     // Of all frames that are right.
 };
+
+// One mode of each landmark, that of least variance: all that is enumerated.
+JointPoints OneModeEach(const JointPoints& map) {
+  std::map<int, std::size_t> best;
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    const auto [known, is_first] = best.emplace(map.points[i].group, i);
+    if (!is_first && map.points[i].cov.trace() < map.points[known->second].cov.trace()) {
+      known->second = i;
+    }
+  }
+  JointPoints one;
+  std::vector<Eigen::Index> rows;
+  for (const auto& [group, i] : best) {
+    one.points.push_back(map.points[i]);
+    for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
+  }
+  one.covariance = map.covariance(rows, rows);
+  return one;
+}
 
 StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int dataset) {
   const MapperOptions options;
@@ -73,7 +94,7 @@ StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int d
     SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_survey_map, AlignRigid2d(pairs));
     const double factor = VarianceFactor(options, submap->problem);
     runs.push_back({fmt::format("set {} robot {}", dataset, robot),
-                    {submap->points, factor * submap->covariance},
+                    OneModeEach({submap->points, factor * submap->covariance}),
                     T_survey_map});
   }
   return runs;
@@ -100,44 +121,22 @@ PairResult Judge(const LayoutRun& reference,
   return result;
 }
 
-// One mode of each landmark, that of least variance: all that is enumerated.
-JointPoints OneModeEach(const JointPoints& map) {
-  std::map<int, std::size_t> best;
-  for (std::size_t i = 0; i < map.points.size(); ++i) {
-    const auto [known, is_first] = best.emplace(map.points[i].group, i);
-    if (!is_first && map.points[i].cov.trace() < map.points[known->second].cov.trace()) {
-      known->second = i;
-    }
-  }
-  JointPoints one;
-  std::vector<Eigen::Index> rows;
-  for (const auto& [group, i] : best) {
-    one.points.push_back(map.points[i]);
-    for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
-  }
-  one.covariance = map.covariance(rows, rows);
-  return one;
-}
-
 void AddPair(const LayoutRun& reference, const LayoutRun& other, ResultTable* table) {
   const ConfirmationOptions options;
-  LayoutRun a = reference;
-  LayoutRun b = other;
-  a.map = OneModeEach(a.map);
-  b.map = OneModeEach(b.map);
   std::vector<Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : a.map.points) positions.push_back(point.position);
-  const AlignmentEvidence evidence(a.map, b.map, OccupiedArea(positions), options.prior);
+  for (const AlignmentPoint& point : reference.map.points) positions.push_back(point.position);
+  const AlignmentEvidence evidence(
+      reference.map, other.map, OccupiedArea(positions), options.prior);
   const double tolerance_m = options.limits.same_frame_m;
   const PairResult searched = Judge(
-      a,
-      b,
+      reference,
+      other,
       tolerance_m,
       SumToExplanations(
           evidence, SearchHypotheses(evidence, options.prior, options.limits), options.limits));
   const PairResult all = Judge(
-      a,
-      b,
+      reference,
+      other,
       tolerance_m,
       SumToExplanations(evidence, EnumerateHypotheses(evidence, options.prior), options.limits));
   table->AddRow({reference.name,

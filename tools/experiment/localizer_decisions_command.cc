@@ -44,21 +44,27 @@ struct Row {
   DecisionTally tally;
 };
 
+// What all scenes have in common.
+VisitScene SceneOf(const Arguments& arguments, std::int64_t modes, double clutter_per_m2) {
+  VisitScene scene;
+  scene.sd_mode_m = arguments.sd_mode_m;
+  scene.groups = arguments.groups;
+  scene.modes = static_cast<int>(modes);
+  scene.clutter_density_per_m2 = clutter_per_m2;
+  scene.misjudged_share = arguments.misjudged_share;
+  return scene;
+}
+
 // Visits that begin after a stretch without sightings, with one landmark in view.
 std::vector<VisitScene> BlindScenes(const Arguments& arguments) {
   std::vector<VisitScene> scenes;
   for (const double blind_s : {5.0, 15.0, 30.0, 60.0}) {
     for (const std::int64_t modes : Chosen(arguments.modes, {2, 3, 4})) {
-      VisitScene scene;
+      VisitScene scene = SceneOf(arguments, modes, arguments.clutter_per_m2.value_or(1e-4));
       scene.blind_s = blind_s;
       scene.slip_share = arguments.slip_share;
       scene.alone_scans = arguments.alone_scans;
       scene.sd_pose_m = arguments.sd_pose_m.value_or(scene.sd_pose_m);
-      scene.sd_mode_m = arguments.sd_mode_m;
-      scene.groups = arguments.groups;
-      scene.modes = static_cast<int>(modes);
-      scene.clutter_density_per_m2 = arguments.clutter_per_m2.value_or(1e-4);
-      scene.misjudged_share = arguments.misjudged_share;
       scenes.push_back(scene);
     }
   }
@@ -71,14 +77,9 @@ std::vector<VisitScene> Scenes(const Arguments& arguments) {
   for (const double sd_pose : Chosen(arguments.sd_pose_m, {0.02, 0.1, 0.3, 1.0})) {
     for (const std::int64_t modes : Chosen(arguments.modes, {2, 3, 4})) {
       for (const double clutter : Chosen(arguments.clutter_per_m2, {1e-4, 1e-3})) {
-        VisitScene scene;
+        VisitScene scene = SceneOf(arguments, modes, clutter);
         scene.sd_pose_m = sd_pose;
         scene.sd_yaw_rad = 0.02 + 0.08 * sd_pose;
-        scene.sd_mode_m = arguments.sd_mode_m;
-        scene.groups = arguments.groups;
-        scene.modes = static_cast<int>(modes);
-        scene.clutter_density_per_m2 = clutter;
-        scene.misjudged_share = arguments.misjudged_share;
         scenes.push_back(scene);
       }
     }

@@ -335,11 +335,9 @@ std::vector<ScanConsistency> ScansOf(const ShiftRecording& recording) {
   for (const live::PoseEvent& pose : recording.poses) scans[pose.stamp].pose = pose.pose;
   for (const ScanInnovations& of_scan : recording.innovations) {
     ScanConsistency& scan = scans[of_scan.stamp];
-    for (const RecordedInnovation& innovation : of_scan.innovations) {
-      if (innovation.mode == kAbsent) continue;
-      scan.nis += innovation.nis;
-      scan.dof += 2;
-    }
+    const NisSum nis = GatedNis(of_scan);
+    scan.nis += nis.sum;
+    scan.dof += 2 * nis.updates;
   }
   std::vector<ScanConsistency> list;
   for (auto& [stamp, scan] : scans) {

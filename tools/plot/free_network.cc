@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/geometry/covariance.h"
+
 namespace shiftmap {
 namespace {
 
@@ -42,7 +44,7 @@ double Free(const Eigen::MatrixXd& P, const std::vector<Mode*>& modes) {
     const Eigen::Matrix2d shared = g * AP.middleCols<2>(row);
     const Eigen::Matrix2d cov =
         P.block<2, 2>(row, row) - shared - shared.transpose() + g * common * g.transpose();
-    modes[i]->cov_p_map_landmark = 0.5 * (cov + cov.transpose());
+    modes[i]->cov_p_map_landmark = Symmetrized(cov);
   }
   return std::sqrt(std::max(0.0, common(kCommon - 1, kCommon - 1)));
 }

@@ -12,22 +12,6 @@
 namespace shiftmap {
 namespace {
 
-// Innovations that gated with a mode.
-struct NisSum {
-  double sum = 0.0;
-  std::int64_t updates = 0;
-};
-
-NisSum SumOf(const ScanInnovations& scan) {
-  NisSum nis;
-  for (const RecordedInnovation& innovation : scan.innovations) {
-    if (innovation.mode == kAbsent) continue;
-    nis.sum += innovation.nis;
-    ++nis.updates;
-  }
-  return nis;
-}
-
 void Move(const Se2& T_new_old, ShiftRecording* recording) {
   for (live::PoseEvent& pose : recording->poses) {
     pose.pose.T_map_vehicle = T_new_old * pose.pose.T_map_vehicle;
@@ -47,7 +31,7 @@ Json StepsJson(const ShiftRecording& recording, Stamp origin, std::size_t stride
     const live::PoseEvent& pose = recording.poses[i];
     NisSum nis;
     for (; scan != recording.innovations.end() && scan->stamp <= pose.stamp; ++scan) {
-      const NisSum of_scan = SumOf(*scan);
+      const NisSum of_scan = GatedNis(*scan);
       nis.sum += of_scan.sum;
       nis.updates += of_scan.updates;
     }
