@@ -261,8 +261,8 @@ StatusOr<MapSnapshot> MapStore::LoadKnown(const std::string& area,
                                           std::optional<Stamp> at) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
   SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("does not hold what was known before"));
-  const Stamp latest = known + FromSeconds(state_->clock_tolerance_s);
-  return state_->Load(area, version, {.at = at, .latest = latest, .known = known});
+  return state_->Load(
+      area, version, {.at = at, .latest = state_->LatestStamp(known), .known = known});
 }
 
 StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,

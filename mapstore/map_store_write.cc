@@ -77,7 +77,7 @@ Status CheckNewRuns(Database& database, const VersionRow& parent, const Provenan
   return OkStatus();
 }
 
-// What is said of older runs is about runs of the line.
+// Evidence of older runs must be of runs that an ancestor mapped.
 Status CheckOlderRuns(Database& database,
                       const std::optional<std::int64_t>& parent_version_id,
                       const Provenance& provenance) {

@@ -225,12 +225,15 @@ void HypothesisTree<LeafType>::OpenVisit(int group, const Groups& groups, Stamp 
   const GroupPosterior& posterior = PosteriorOf(group);
   const std::size_t held = BeliefIndex(group);
   const bool is_held = held < leaves_.front().beliefs.size();
+  const Eigen::VectorXd unheld =
+      is_held ? Eigen::VectorXd()
+              : landmark.chain.Propagate(posterior.probabilities, posterior.stamp, now);
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(landmark.chain.states());
   for (LeafType* leaf : leaves_.all()) {
     const Eigen::VectorXd p =
         is_held ? landmark.chain.Propagate(
                       Floored(LeafProbabilities(leaf->beliefs[held])), HeldSince(group), now)
-                : landmark.chain.Propagate(posterior.probabilities, posterior.stamp, now);
+                : unheld;
     typename LeafType::Belief belief;
     belief.group = group;
     belief.log_p = ValuesOf(Floored(p).array().log());

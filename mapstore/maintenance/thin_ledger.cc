@@ -47,7 +47,7 @@ struct SureRow {
   LedgerSummary summary;
 };
 
-// What becomes of rows.
+// The rows that are deleted, and the summaries that replace them.
 struct ThinnedRows {
   std::vector<LedgerKey> gone;
 
@@ -86,10 +86,11 @@ class SummedRows {
   void Finish(double rate_per_s, bool seen, ThinnedRows* thinned) const {
     if (rows_.size() < 2) return;
     const Gaps gaps = CountGaps();
-    const double told = gaps.squares_s2 > 0.0 ? gaps.sum_s * gaps.sum_s / gaps.squares_s2 : 1.0;
+    const double equivalent =
+        gaps.squares_s2 > 0.0 ? gaps.sum_s * gaps.sum_s / gaps.squares_s2 : 1.0;
     const double needed = std::ceil(rate_per_s * gaps.sum_s / kMoved);
     const double most = static_cast<double>(visits_ - 1);
-    const double steps = std::clamp(std::round(std::min(told, needed)), 1.0, most);
+    const double steps = std::clamp(std::round(std::min(equivalent, needed)), 1.0, most);
     ThinnedRows::Summary sum;
     sum.row = rows_.front();
     sum.row.begin = begin_;

@@ -90,7 +90,7 @@ void ForgetCorrelations(MapContent* content) {
   content->covariance = JointCovariance(std::move(diagonal), {});
 }
 
-// What the motion left of rounding.
+// Removes the rounding errors that the motion left.
 void Settle(const std::vector<ModePair>& pairs, MapContent* from, const MapContent& to) {
   for (const ModePair& pair : pairs) {
     Mode& mode = *pair.from;

@@ -24,7 +24,7 @@ MovedMode Move(const Mode& from, const Mode& to) {
 // False if another number of modes makes the matrix another one by itself.
 bool RatesChanged(const ModeChain& from, const ModeChain& to) {
   const bool rhythms = from.rhythm() != nullptr && to.rhythm() != nullptr;
-  if (rhythms ? !(*from.rhythm() == *to.rhythm()) : from.rhythm() != to.rhythm()) return true;
+  if (rhythms ? *from.rhythm() != *to.rhythm() : from.rhythm() != to.rhythm()) return true;
   if (from.uniform() && to.uniform()) return from.leave_rate_per_s() != to.leave_rate_per_s();
   return from.states() == to.states() && from.rate_matrix() != to.rate_matrix();
 }

@@ -70,11 +70,13 @@ StatusOr<const std::vector<Exclusion>*> LedgerView::Exclusions() {
 }
 
 StatusOr<std::int64_t> LedgerView::AreaId() {
+  if (area_id_) return *area_id_;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement area, database_->Prepare("SELECT area_id FROM version WHERE version_id = ?1"));
   area.Bind(version_.version_id);
   SHIFTMAP_RETURN_IF_ERROR(area.Step().status());
-  return area.Int64(0);
+  area_id_ = area.Int64(0);
+  return *area_id_;
 }
 
 StatusOr<bool> LedgerView::HasEdits(EditKind kind) {

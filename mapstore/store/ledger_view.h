@@ -150,6 +150,7 @@ class LedgerView {
 
   Database* database_;
   VersionRow version_;
+  std::optional<std::int64_t> area_id_;  // Once it was asked for.
   std::optional<Stamp> known_;
   VersionRow top_;                              // The oldest ancestor that was read,
   std::unordered_set<std::int64_t> ancestors_;  // and all from the version to it.

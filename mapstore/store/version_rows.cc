@@ -217,8 +217,10 @@ StatusOr<std::vector<std::optional<Eigen::VectorXd>>> ReadStatement(
   std::vector<std::optional<Eigen::VectorXd>> stated(groups.size());
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (modes[i].empty()) continue;
-    for (std::size_t k = 0; i < splits.size() && k < splits[i].size(); ++k) {
-      modes[i] = SplitStatement(groups[i], splits[i][k], std::move(modes[i]));
+    if (!splits.empty()) {
+      for (const ModeSplit& split : splits[i]) {
+        modes[i] = SplitStatement(groups[i], split, std::move(modes[i]));
+      }
     }
     stated[i] = CarriedProbabilities(groups[i], modes[i]);
   }
