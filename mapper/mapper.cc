@@ -131,7 +131,7 @@ Status NameAnonymous(const MapperOptions& options, Watch* watch, std::vector<Map
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   for (std::size_t i = 0; i < inputs->size(); ++i) {
     if (named[i].ok()) continue;
-    return MakeStatus(named[i].code(), "run '{}': {}", (*inputs)[i].name, Message(named[i]));
+    return Annotate(named[i], "run '{}'", (*inputs)[i].name);
   }
   return OkStatus();
 }

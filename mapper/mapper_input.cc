@@ -24,9 +24,7 @@ Status CheckInputs(const std::vector<MapperInput>& inputs,
                    const MapperOptions& options) {
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
   for (const MapperInput& input : inputs) {
-    if (const Status valid = ValidateRun(input.run); !valid.ok()) {
-      return MakeStatus(valid.code(), "run '{}': {}", input.name, Message(valid));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(Annotate(ValidateRun(input.run), "run '{}'", input.name));
   }
   return prior ? CheckPrior(*prior) : OkStatus();
 }

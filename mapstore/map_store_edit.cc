@@ -139,7 +139,7 @@ StatusOr<VersionRow> MapStore::State::AddEdited(std::int64_t area_id,
 StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool dry_run) {
   Database& database = state_->database;
   const auto refuse = [&](const Status& status) {
-    return MakeStatus(status.code(), "{}: {}", state_->AreaName(area), Message(status));
+    return Annotate(status, "{}", state_->AreaName(area));
   };
   if (const Status valid = ValidateEdit(edit); !valid.ok()) return refuse(valid);
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
@@ -203,7 +203,7 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
                                         bool dry_run) {
   Database& database = state_->database;
   const auto refuse = [&](const Status& status) {
-    return MakeStatus(status.code(), "{}: {}", state_->AreaName(area), Message(status));
+    return Annotate(status, "{}", state_->AreaName(area));
   };
   if (const Status valid = ValidateUndo(undo); !valid.ok()) return refuse(valid);
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());

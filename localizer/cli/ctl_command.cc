@@ -235,9 +235,7 @@ Status Say(const CtlOptions& options, live::Client* client, Context* context) {
 
 Status Ctl(const CtlOptions& options, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(live::Client client, live::Client::Connect(options.socket));
-  const Status status = Say(options, &client, &context);
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "socket '{}': {}", options.socket, Message(status));
+  return Annotate(Say(options, &client, &context), "socket '{}'", options.socket);
 }
 
 }  // namespace

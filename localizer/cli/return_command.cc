@@ -36,10 +36,8 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, access, context, options.clock_tolerance_s));
   for (std::size_t i = 0; i < reports.size(); ++i) {
-    if (const Status status = store.CheckClock(reports[i]); !status.ok()) {
-      return MakeStatus(
-          status.code(), "shift report '{}': {}", options.reports[i], Message(status));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(
+        Annotate(store.CheckClock(reports[i]), "shift report '{}'", options.reports[i]));
   }
   Json results = Json::array();
   std::string text;

@@ -116,9 +116,7 @@ class Shift {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
       if (!event) break;
       if (!localizer_) SHIFTMAP_RETURN_IF_ERROR(Begin(stream.info(), StampOf(*event)));
-      if (const Status status = Process(*event); !status.ok()) {
-        return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
-      }
+      SHIFTMAP_RETURN_IF_ERROR(Annotate(Process(*event), "run log '{}'", path));
     }
     if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
     run_uuid_ = stream.info().uuid;

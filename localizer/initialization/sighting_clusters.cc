@@ -9,7 +9,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kSigmas = 3.0;
+constexpr double kClusterSigmas = 3.0;
 
 Odometer Interpolate(const Odometer& a, const Odometer& b, double share_b) {
   Odometer mean;
@@ -28,7 +28,7 @@ void AddSighting(const SightingCluster& sighting,
     const double variance = cluster.variance + sighting.variance +
                             DriftVariance(cluster, sighting.odometer, calibration);
     const double distance = (cluster.p_odom - sighting.p_odom).norm();
-    if (distance > kSigmas * std::sqrt(variance)) continue;
+    if (distance > kClusterSigmas * std::sqrt(variance)) continue;
     ++cluster.count;
     const double share = 1.0 / cluster.count;
     cluster.p_odom += share * (sighting.p_odom - cluster.p_odom);

@@ -10,7 +10,7 @@ namespace {
 
 // Enough for every length up to kMaxFrameBytes.
 constexpr std::size_t kMaxLengthBytes = 3;
-constexpr unsigned kBitsPerByte = 7;
+constexpr unsigned kVarintBits = 7;
 constexpr unsigned char kMore = 0x80;
 
 }  // namespace
@@ -22,7 +22,7 @@ std::string Framed(std::string_view message) {
   std::size_t length = message.size();
   while (length >= kMore) {
     framed.push_back(static_cast<char>((length & (kMore - 1u)) | kMore));
-    length >>= kBitsPerByte;
+    length >>= kVarintBits;
   }
   framed.push_back(static_cast<char>(length));
   framed.append(message);
@@ -43,7 +43,7 @@ StatusOr<std::optional<std::string>> FrameReader::Next() {
   for (std::size_t i = 0; i < kMaxLengthBytes; ++i) {
     if (i == pending()) return std::optional<std::string>();
     const auto byte = static_cast<unsigned char>(buffer_[begin_ + i]);
-    length |= static_cast<std::size_t>(byte & (kMore - 1u)) << (kBitsPerByte * i);
+    length |= static_cast<std::size_t>(byte & (kMore - 1u)) << (kVarintBits * i);
     if ((byte & kMore) != 0) continue;
     if (length > kMaxFrameBytes) break;
     const std::size_t head = i + 1;

@@ -20,10 +20,7 @@ Status WriteSavedPose(const SavedPose& saved, const std::string& path) {
 
 StatusOr<SavedPose> ReadSavedPose(const std::string& path) {
   const auto message = ReadCheckedFile(kKind, path);
-  if (!message.ok()) {
-    return MakeStatus(
-        message.status().code(), "saved pose '{}': {}", path, Message(message.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(message.status(), "saved pose '{}'", path));
   auto saved = DecodeSavedPose(*message);
   if (!saved.ok()) return DataLoss("saved pose '{}': {}", path, Message(saved.status()));
   return saved;

@@ -39,10 +39,7 @@ Status MakeFolder(const char* folder, const std::string& path) {
 // Held as long as the descriptor is open, so that it ends with the process.
 StatusOr<OwnedFd> Lock(const std::string& folder) {
   StatusOr<std::optional<OwnedFd>> lock = LockFile(folder + "/lock");
-  if (!lock.ok()) {
-    return MakeStatus(
-        lock.status().code(), "state folder '{}': {}", folder, Message(lock.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(lock.status(), "state folder '{}'", folder));
   if (*lock) return **std::move(lock);
   return Unavailable("state folder '{}': in use by another process", folder);
 }

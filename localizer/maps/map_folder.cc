@@ -87,8 +87,7 @@ StatusOr<MapFolder> MapFolder::Open(const std::string& path, const MapFolderOpti
 }
 
 Status MapFolder::At(const Status& status) const {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "map folder '{}': {}", path_, Message(status));
+  return Annotate(status, "map folder '{}'", path_);
 }
 
 StatusOr<std::vector<std::string>> MapFolder::EnabledFiles() const {

@@ -93,9 +93,8 @@ std::string Describe(const DecisionChange& change) {
                      change.withdrawn ? ": taken back" : "");
 }
 
-Status About(const std::string& path, const Status& status) {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "recording '{}': {}", path, Message(status));
+Status AboutRecording(const std::string& path, const Status& status) {
+  return Annotate(status, "recording '{}'", path);
 }
 
 }  // namespace
@@ -310,9 +309,9 @@ StatusOr<ShiftRecorder> ShiftRecorder::Create(const std::string& path,
   shift.content_hash = map.content_hash();
   shift.calibrated_vehicle = map.calibrated_vehicle();
   StatusOr<AtomicFile> file = AtomicFile::Create(path);
-  SHIFTMAP_RETURN_IF_ERROR(About(path, file.status()));
+  SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, file.status()));
   auto state = std::make_unique<State>(path, *std::move(file), options);
-  SHIFTMAP_RETURN_IF_ERROR(About(path, state->Begin(shift, map, begin)));
+  SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, state->Begin(shift, map, begin)));
   return ShiftRecorder(std::move(state));
 }
 
@@ -322,12 +321,12 @@ ShiftRecorder& ShiftRecorder::operator=(ShiftRecorder&&) noexcept = default;
 ShiftRecorder::~ShiftRecorder() = default;
 
 Status ShiftRecorder::Record(const Localizer& localizer) {
-  return About(state_->path, state_->Record(localizer));
+  return AboutRecording(state_->path, state_->Record(localizer));
 }
 
 Status ShiftRecorder::Finish() {
-  SHIFTMAP_RETURN_IF_ERROR(About(state_->path, state_->writer.Finish()));
-  return About(state_->path, state_->file.Commit());
+  SHIFTMAP_RETURN_IF_ERROR(AboutRecording(state_->path, state_->writer.Finish()));
+  return AboutRecording(state_->path, state_->file.Commit());
 }
 
 }  // namespace shiftmap

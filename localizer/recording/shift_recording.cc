@@ -68,9 +68,8 @@ StatusOr<ShiftRecording> Read(const std::string& path) {
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<mcap::LogMessage> message, reader.Next());
     if (!message) return recording.Finish(reader.truncation());
-    if (const Status status = recording.Take(*message); !status.ok()) {
-      return MakeStatus(status.code(), "topic '{}': {}", message->channel->topic, Message(status));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(
+        Annotate(recording.Take(*message), "topic '{}'", message->channel->topic));
   }
 }
 
@@ -89,8 +88,7 @@ NisSum GatedNis(const ScanInnovations& scan) {
 StatusOr<ShiftRecording> ReadShiftRecording(const std::string& path) {
   StatusOr<ShiftRecording> recording = Read(path);
   if (recording.ok()) return recording;
-  return MakeStatus(
-      recording.status().code(), "recording '{}': {}", path, Message(recording.status()));
+  return Annotate(recording.status(), "recording '{}'", path);
 }
 
 }  // namespace shiftmap

@@ -18,8 +18,7 @@ constexpr int kMaxRefusedOffsets = 5;
 constexpr int kMaxWrongHashes = 2;
 
 Status About(const std::string& path, const Status& status) {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
+  return Annotate(status, "run log '{}'", path);
 }
 
 }  // namespace

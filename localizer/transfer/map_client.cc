@@ -101,7 +101,7 @@ struct MapClient::State {
   }
 
   Status About(const Status& status) const {
-    return MakeStatus(status.code(), "server '{}': {}", options.address, Message(status));
+    return Annotate(status, "server '{}'", options.address);
   }
 
   ServerOptions options;

@@ -177,9 +177,7 @@ Status DownloadMapFile(const std::string& link,
                        const std::string& path,
                        const MapDownloadOptions& options,
                        const std::stop_token& stop) {
-  const Status status = Download(link, path, options, stop);
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "link '{}': {}", link, Message(status));
+  return Annotate(Download(link, path, options, stop), "link '{}'", link);
 }
 
 }  // namespace shiftmap::transfer

@@ -101,10 +101,7 @@ const char* ToString(OutboxState state) {
 
 StatusOr<Outbox> Outbox::Open(const OutboxOptions& options) {
   StatusOr<std::optional<OwnedFd>> lock = LockFile(options.record + "/outbox.lock");
-  if (!lock.ok()) {
-    return MakeStatus(
-        lock.status().code(), "outbox '{}': {}", options.record, Message(lock.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(lock.status(), "outbox '{}'", options.record));
   if (!*lock) return Unavailable("outbox '{}': another process has it", options.record);
   Outbox outbox(options, **std::move(lock));
   SHIFTMAP_RETURN_IF_ERROR(outbox.Load());

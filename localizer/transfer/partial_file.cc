@@ -69,8 +69,7 @@ std::optional<SnapshotInfo> ReadDescription(const std::string& path) {
 }  // namespace
 
 Status PartialFile::About(const Status& status) const {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "snapshot '{}': {}", path_, Message(status));
+  return Annotate(status, "snapshot '{}'", path_);
 }
 
 StatusOr<PartialFile> PartialFile::Open(const std::string& path) {

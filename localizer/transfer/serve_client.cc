@@ -23,9 +23,7 @@ Status Enable(live::Client* client, const FolderMap& map) {
 Status EnableBetweenShifts(const std::string& socket, const FolderMap& map) {
   StatusOr<live::Client> client = live::Client::Connect(socket);
   SHIFTMAP_RETURN_IF_ERROR(client.status());
-  const Status status = Enable(&*client, map);
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "socket '{}': {}", socket, Message(status));
+  return Annotate(Enable(&*client, map), "socket '{}'", socket);
 }
 
 }  // namespace shiftmap::transfer

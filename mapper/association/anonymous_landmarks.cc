@@ -9,19 +9,19 @@
 namespace shiftmap {
 namespace {
 
-struct Match {
+struct LandmarkMatch {
   double squared_distance = 0.0;
   std::size_t found = 0;
   std::size_t known = 0;
 };
 
-std::vector<Match> Matches(const std::vector<Mode>& found,
+std::vector<LandmarkMatch> Matches(const std::vector<Mode>& found,
                            const std::vector<Mode>& known,
                            const AnonymousMergeOptions& options) {
   const double gate = ChiSquareQuantile(options.gate_probability, 2);
   const Eigen::Matrix2d floor =
       Eigen::Matrix2d::Identity() * (2.0 * options.position_floor_m * options.position_floor_m);
-  std::vector<Match> matches;
+  std::vector<LandmarkMatch> matches;
   for (std::size_t i = 0; i < found.size(); ++i) {
     for (std::size_t j = 0; j < known.size(); ++j) {
       const Eigen::Vector2d difference = found[i].p_map_landmark - known[j].p_map_landmark;
@@ -31,7 +31,7 @@ std::vector<Match> Matches(const std::vector<Mode>& found,
       if (squared <= gate) matches.push_back({squared, i, j});
     }
   }
-  std::sort(matches.begin(), matches.end(), [](const Match& a, const Match& b) {
+  std::sort(matches.begin(), matches.end(), [](const LandmarkMatch& a, const LandmarkMatch& b) {
     return std::tie(a.squared_distance, a.found, a.known) <
            std::tie(b.squared_distance, b.found, b.known);
   });
@@ -45,7 +45,7 @@ void AddAnonymousLandmarks(const std::vector<Mode>& found,
                            std::vector<Mode>* landmarks) {
   std::vector<bool> placed(found.size());
   std::vector<bool> taken(landmarks->size());
-  for (const Match& match : Matches(found, *landmarks, options)) {
+  for (const LandmarkMatch& match : Matches(found, *landmarks, options)) {
     if (placed[match.found] || taken[match.known]) continue;
     placed[match.found] = taken[match.known] = true;
     Mode& known = (*landmarks)[match.known];

@@ -29,9 +29,8 @@ constexpr std::int64_t kReaderShare = 4;
 
 constexpr std::string_view kEncoding = "protobuf";
 
-Status About(const std::string& path, const Status& status) {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "run log '{}': {}", path, Message(status));
+Status AboutLog(const std::string& path, const Status& status) {
+  return Annotate(status, "run log '{}'", path);
 }
 
 // Whether a message is of the topic; an error if the topic carries something else than ours.
@@ -304,7 +303,7 @@ StatusOr<RunLogStream> RunLogStream::Open(const std::string& path, bool lidar_sc
   auto state = std::make_unique<State>();
   state->path = path;
   state->lidar_scans = lidar_scans;
-  SHIFTMAP_RETURN_IF_ERROR(About(path, state->Open()));
+  SHIFTMAP_RETURN_IF_ERROR(AboutLog(path, state->Open()));
   return RunLogStream(std::move(state));
 }
 
@@ -315,7 +314,7 @@ RunLogStream::~RunLogStream() = default;
 
 StatusOr<std::optional<RunEvent>> RunLogStream::Next() {
   auto event = state_->Next();
-  if (!event.ok()) return About(state_->path, event.status());
+  if (!event.ok()) return AboutLog(state_->path, event.status());
   return event;
 }
 
@@ -330,24 +329,24 @@ StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& 
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(std::optional<RunEvent> event, stream.Next());
     if (!event) break;
-    SHIFTMAP_RETURN_IF_ERROR(About(path, collector.Add(*std::move(event))));
+    SHIFTMAP_RETURN_IF_ERROR(AboutLog(path, collector.Add(*std::move(event))));
   }
   log.run.info = stream.info();
   log.truncation = stream.truncation();
   if (const Status status = ValidateRun(log.run); !status.ok()) {
-    return About(path,
+    return AboutLog(path,
                  log.truncation.empty()
                      ? status
                      : MakeStatus(status.code(), "{} ({})", Message(status), log.truncation));
   }
   auto hash = HashFile(path);
-  if (!hash.ok()) return About(path, hash.status());
+  if (!hash.ok()) return AboutLog(path, hash.status());
   log.sha256 = *std::move(hash);
   return log;
 }
 
 Status WriteRunLog(const Run& run, const std::string& path, const RunLogWriterOptions& options) {
-  return About(path, WriteChecked(run, path, options));
+  return AboutLog(path, WriteChecked(run, path, options));
 }
 
 }  // namespace shiftmap

@@ -16,9 +16,8 @@
 namespace shiftmap {
 namespace {
 
-Status About(const std::string& path, const Status& status) {
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "shift report '{}': {}", path, Message(status));
+Status AboutReport(const std::string& path, const Status& status) {
+  return Annotate(status, "shift report '{}'", path);
 }
 
 void ToProto(const VisitEvidence& visit, proto::VisitEvidence* out) {
@@ -163,12 +162,12 @@ StatusOr<ShiftReport> DecodeShiftReport(const std::string& bytes) {
 
 StatusOr<ShiftReport> ReadShiftReport(const std::string& path) {
   auto report = ReadWhole(path);
-  if (!report.ok()) return About(path, report.status());
+  if (!report.ok()) return AboutReport(path, report.status());
   return report;
 }
 
 Status WriteShiftReport(const ShiftReport& report, const std::string& path) {
-  return About(path, WriteChecked(report, path));
+  return AboutReport(path, WriteChecked(report, path));
 }
 
 std::string RandomUuid() {

@@ -138,9 +138,7 @@ Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
     SHIFTMAP_RETURN_IF_ERROR(file.Append(bytes));
     return file.Commit();
   };
-  const Status status = write();
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "file '{}': {}", path, Message(status));
+  return Annotate(write(), "file '{}'", path);
 }
 
 Status SyncFolderOf(const std::string& path) {

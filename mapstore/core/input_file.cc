@@ -45,7 +45,7 @@ StatusOr<std::string> ReadInputFile(std::string_view kind,
                                     std::size_t max_bytes) {
   StatusOr<std::string> bytes = ReadWhole(path, max_bytes);
   if (bytes.ok()) return bytes;
-  return MakeStatus(bytes.status().code(), "{} '{}': {}", kind, path, Message(bytes.status()));
+  return Annotate(bytes.status(), "{} '{}'", kind, path);
 }
 
 bool TakeLine(std::string_view* text, std::string_view* line) {

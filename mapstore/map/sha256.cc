@@ -40,9 +40,7 @@ std::string Sha256::HexDigest() {
 
 StatusOr<std::string> HashFile(const std::string& path) {
   StatusOr<std::ifstream> opened = OpenInputFile(path);
-  if (!opened.ok()) {
-    return MakeStatus(opened.status().code(), "file '{}': {}", path, Message(opened.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(opened.status(), "file '{}'", path));
   std::ifstream& file = *opened;
   std::array<char, 1 << 16> buffer{};
   Sha256 hash;

@@ -108,9 +108,7 @@ StatusOr<std::vector<StampedPose>> ReadTum(const std::string& path) {
 }
 
 Status WriteTum(std::span<const StampedPose> trajectory, const std::string& path) {
-  const Status status = WriteLines(trajectory, path);
-  if (status.ok()) return status;
-  return MakeStatus(status.code(), "trajectory '{}': {}", path, Message(status));
+  return Annotate(WriteLines(trajectory, path), "trajectory '{}'", path);
 }
 
 std::optional<Se2> Interpolate(std::span<const StampedPose> trajectory,

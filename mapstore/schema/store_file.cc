@@ -55,9 +55,8 @@ StatusOr<Database> OpenStoreFile(const std::string& path, const Database::Option
   const auto type = std::filesystem::symlink_status(path, error).type();
   if (creates && type == std::filesystem::file_type::not_found) {
     SHIFTMAP_RETURN_IF_ERROR(Database::CheckWritable(path));
-    if (const Status made = MakeStoreFile(path, options); !made.ok()) {
-      return MakeStatus(made.code(), "map store '{}': cannot be made: {}", path, Message(made));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(
+        Annotate(MakeStoreFile(path, options), "map store '{}': cannot be made", path));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(path, options));
   if (creates) {

@@ -8,9 +8,7 @@ namespace shiftmap {
 
 StatusOr<TemporaryDatabase> TemporaryDatabase::Create(const std::string& destination) {
   StatusOr<AtomicFile> claim = AtomicFile::Create(destination);
-  if (!claim.ok()) {
-    return MakeStatus(claim.status().code(), "file '{}': {}", destination, Message(claim.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(claim.status(), "file '{}'", destination));
   TemporaryDatabase database(*std::move(claim));
   database.Remove();
   return database;

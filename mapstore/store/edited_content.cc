@@ -75,7 +75,7 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
     SHIFTMAP_ASSIGN_OR_RETURN(const auto kept, ReadKept(database, area_id, edit));
     const Status applied = map.Apply(edit, kept);
     if (applied.ok() || lenient) continue;
-    return MakeStatus(applied.code(), "edit {}: {}", edit.id.value(), Message(applied));
+    return Annotate(applied, "edit {}", edit.id.value());
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EditId> of_line,
                             ReadEditsOfLine(database, version.version_id));

@@ -73,6 +73,16 @@ inline std::string Message(const Status& status) {
   return std::string(status.message().data(), status.message().size());
 }
 
+/// The status with "<what>: " before its message; OK stays OK.
+template <typename... Args>
+[[nodiscard]] Status Annotate(const Status& status,
+                              fmt::format_string<Args...> what,
+                              Args&&... args) {
+  if (status.ok()) return status;
+  return MakeStatus(
+      status.code(), "{}: {}", fmt::format(what, std::forward<Args>(args)...), Message(status));
+}
+
 }  // namespace shiftmap
 
 /// Returns from the enclosing function if `expr`, a Status, is not OK.

@@ -14,7 +14,7 @@ namespace shiftmap::mcap {
 namespace {
 
 constexpr int kZstdLevel = 3;
-constexpr std::size_t kStepBytes = std::size_t{1} << 18;
+constexpr std::size_t kGrowthBytes = std::size_t{1} << 18;
 constexpr int kMaxWindowLog = 26;
 static_assert(std::uint64_t{1} << kMaxWindowLog == kMaxChunkBytes);
 
@@ -46,7 +46,7 @@ StatusOr<std::string> Expand(std::string_view name,
     const std::size_t filled = out.size();
     // One byte above `size`, so that a frame that is too long shows.
     const auto wanted = static_cast<std::size_t>(
-        std::min<std::uint64_t>(size + 1 - filled, std::max(filled, kStepBytes)));
+        std::min<std::uint64_t>(size + 1 - filled, std::max(filled, kGrowthBytes)));
     out.resize(filled + wanted);
     SHIFTMAP_ASSIGN_OR_RETURN(step, decompress(rest, out.data() + filled, wanted));
     rest.remove_prefix(step.read);

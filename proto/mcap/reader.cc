@@ -33,10 +33,7 @@ class Reader::State {
   Status ReadFooter(std::uint64_t length);
 
   // Puts the byte of the record at hand before a message.
-  Status At(const Status& status) const {
-    return status.ok() ? status
-                       : MakeStatus(status.code(), "byte {}: {}", record_begin_, Message(status));
-  }
+  Status At(const Status& status) const { return Annotate(status, "byte {}", record_begin_); }
   void EndEarly();
 
   ByteSource source_;
@@ -155,9 +152,7 @@ Status Reader::State::OpenChunk(std::string_view content) {
                     source_.position());
   }
   auto bytes = Decompress(compression, records, size);
-  if (!bytes.ok()) {
-    return MakeStatus(bytes.status().code(), "chunk: {}", Message(bytes.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(bytes.status(), "chunk"));
   if (const std::uint32_t actual = Crc32::Of(*bytes); crc != 0 && actual != crc) {
     return DataLoss("chunk: crc {:#010x}, expected {:#010x}", actual, crc);
   }

@@ -100,9 +100,7 @@ StatusOr<Run> MakeLidarRun(const LidarLog& log,
     run.scans.push_back(ObserveInterestPoints(scan.stamp, scan.ranges_m, options));
     if (keep_scans) run.lidar_scans.push_back(KeptScan(scan, options.sensor));
   }
-  if (const Status status = ValidateRun(run); !status.ok()) {
-    return MakeStatus(status.code(), "file '{}': {}", log.name, Message(status));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(ValidateRun(run), "file '{}'", log.name));
   return run;
 }
 

@@ -36,9 +36,7 @@ Status ForEachRow(const std::string& path,
     if (columns != kAnyColumns && row.size() != columns) {
       return InvalidArgument("{}:{}: {} fields, expected {}", path, number, row.size(), columns);
     }
-    if (const Status status = take(row); !status.ok()) {
-      return MakeStatus(status.code(), "{}:{}: {}", path, number, Message(status));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(Annotate(take(row), "{}:{}", path, number));
   }
   return OkStatus();
 }

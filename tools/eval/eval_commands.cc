@@ -34,12 +34,7 @@ Status RunTrajectory(const TrajectoryArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto truth, ReadTum(arguments.truth));
   const StatusOr<TrajectoryError> evaluated =
       EvaluateTrajectory(estimate, truth, arguments.options);
-  if (!evaluated.ok()) {
-    return MakeStatus(evaluated.status().code(),
-                      "trajectory '{}': {}",
-                      arguments.estimate,
-                      Message(evaluated.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(evaluated.status(), "trajectory '{}'", arguments.estimate));
   const TrajectoryError& error = *evaluated;
   const Json document = {{"matched", error.matched},
                          {"unmatched", error.unmatched},
@@ -75,10 +70,7 @@ Status RunMap(const MapArguments& arguments, Context& context) {
   if (arguments.version) version = VersionNumber(*arguments.version);
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, store.LoadAt(arguments.area, version));
   const StatusOr<MapError> evaluated = EvaluateMap(map.groups(), truth, !arguments.no_align);
-  if (!evaluated.ok()) {
-    return MakeStatus(
-        evaluated.status().code(), "truth '{}': {}", arguments.truth, Message(evaluated.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(evaluated.status(), "truth '{}'", arguments.truth));
   const MapError& error = *evaluated;
   Json places = Json::array();
   AlignedTable table({"signature", "mode", "distance_m"});

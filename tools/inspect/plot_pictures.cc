@@ -78,10 +78,7 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> truth, ReadTum(arguments.truth));
   if (!arguments.align) return truth;
   const StatusOr<TrajectoryError> error = EvaluateTrajectory(estimate, truth, {.align = true});
-  if (!error.ok()) {
-    return MakeStatus(
-        error.status().code(), "truth '{}': {}", arguments.truth, Message(error.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(error.status(), "truth '{}'", arguments.truth));
   MoveTrajectory(error->T_truth_estimate.Inverse(), &truth);
   return truth;
 }

@@ -35,10 +35,7 @@ StatusOr<ErrorLine> ErrorOf(const NamedTrajectory& estimate, const NamedTrajecto
   ErrorLine line;
   const StatusOr<TrajectoryError> error =
       EvaluateTrajectory(estimate.poses, truth.poses, {.max_gap_s = kMaxGapS});
-  if (!error.ok()) {
-    return MakeStatus(
-        error.status().code(), "trajectory '{}': {}", estimate.name, Message(error.status()));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(Annotate(error.status(), "trajectory '{}'", estimate.name));
   line.error = *error;
   for (const StampedPose& pose : estimate.poses) {
     const std::optional<Se2> T_map_truth =

@@ -102,8 +102,7 @@ Status RunReturn(const ReturnArguments& arguments, Context& context) {
     const StatusOr<SubmitResult> result =
         Submit(&client, EncodeShiftReport(reports[i]), arguments.server.give_up_s);
     if (!result.ok()) {
-      const Status status = MakeStatus(
-          result.status().code(), "shift report '{}': {}", path, Message(result.status()));
+      const Status status = Annotate(result.status(), "shift report '{}'", path);
       if (outcomes.Failed(std::move(entry), path, status)) break;
       continue;
     }
@@ -119,9 +118,7 @@ Status RunReturn(const ReturnArguments& arguments, Context& context) {
 Status RunUpload(const UploadArguments& arguments, Context& context) {
   for (const std::string& path : arguments.logs) {
     const StatusOr<std::ifstream> file = OpenInputFile(path);
-    if (!file.ok()) {
-      return MakeStatus(file.status().code(), "run log '{}': {}", path, Message(file.status()));
-    }
+    SHIFTMAP_RETURN_IF_ERROR(Annotate(file.status(), "run log '{}'", path));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(MapClient client, MapClient::Create(ServerOptionsOf(arguments.server)));
   UploadOptions options;

@@ -30,7 +30,7 @@ constexpr std::string_view kZstdMagic("\x28\xb5\x2f\xfd", 4);
 constexpr const char* kWalSuffix = "-wal";
 
 Status OfBag(const std::string& path, const Status& status) {
-  return MakeStatus(status.code(), "bag '{}': {}", path, Message(status));
+  return Annotate(status, "bag '{}'", path);
 }
 
 // What a file is by its name; nothing for a file that is not of a bag.

@@ -29,8 +29,7 @@ Status OfFile(const std::string& path, const Status& status) {
 }
 
 Status OfTopic(const BagTopic& topic, const Status& status) {
-  return status.ok() ? status
-                     : MakeStatus(status.code(), "topic '{}': {}", topic.name, Message(status));
+  return Annotate(status, "topic '{}'", topic.name);
 }
 
 StatusOr<Database> OpenDatabase(const std::string& path, const std::string& name, bool copied) {

@@ -359,7 +359,7 @@ StatusOr<Rosbag2Run> ReadRosbag2(const Rosbag2Options& options) {
   SHIFTMAP_ASSIGN_OR_RETURN(const Bag bag, Bag::Open(options.path));
   StatusOr<Rosbag2Run> run = Conversion(bag, options).Convert();
   if (run.ok() || Message(run.status()).starts_with("bag '")) return run;
-  return MakeStatus(run.status().code(), "bag '{}': {}", options.path, Message(run.status()));
+  return Annotate(run.status(), "bag '{}'", options.path);
 }
 
 }  // namespace shiftmap::rosbag2
