@@ -89,7 +89,8 @@ disk_space() {
 rm -rf build/dev
 check "disk space" disk_space
 ((failed == 0)) || finish
-check "configure" cmake --preset dev
+# Several files at once compile in less time; a developer's build compiles only what changed.
+check "configure" cmake --preset dev -DCMAKE_UNITY_BUILD=ON
 ((failed == 0)) || finish
 check "build without warnings" cmake --build --preset dev
 ((failed == 0)) || finish

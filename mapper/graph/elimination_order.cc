@@ -20,7 +20,7 @@ using Lists = std::vector<Nodes>;
 // Parts of up to as many nodes are ordered by minimum degree.
 constexpr std::size_t kLeafNodes = 120;
 
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
+std::size_t AsIndex(int i) { return static_cast<std::size_t>(i); }
 
 // The others that each node couples with: those of node i from others[begin[i]] to
 // others[begin[i + 1]].
@@ -32,17 +32,17 @@ struct Adjacency {
 };
 
 Adjacency MakeAdjacency(int nodes, const Lists& cliques) {
-  Lists cliques_of(At(nodes));
+  Lists cliques_of(AsIndex(nodes));
   for (std::size_t c = 0; c < cliques.size(); ++c) {
-    for (const int node : cliques[c]) cliques_of[At(node)].push_back(static_cast<int>(c));
+    for (const int node : cliques[c]) cliques_of[AsIndex(node)].push_back(static_cast<int>(c));
   }
   Adjacency adjacency;
-  Nodes mark(At(nodes), -1);
+  Nodes mark(AsIndex(nodes), -1);
   for (int node = 0; node < nodes; ++node) {
-    mark[At(node)] = node;
-    for (const int c : cliques_of[At(node)]) {
-      for (const int other : cliques[At(c)]) {
-        if (std::exchange(mark[At(other)], node) != node) adjacency.others.push_back(other);
+    mark[AsIndex(node)] = node;
+    for (const int c : cliques_of[AsIndex(node)]) {
+      for (const int other : cliques[AsIndex(c)]) {
+        if (std::exchange(mark[AsIndex(other)], node) != node) adjacency.others.push_back(other);
       }
     }
     adjacency.begin.push_back(static_cast<idx_t>(adjacency.others.size()));
@@ -55,8 +55,9 @@ Nodes MinimumDegree(const Adjacency& adjacency) {
   std::vector<Eigen::Triplet<double>> entries;
   for (int node = 0; node < nodes; ++node) {
     entries.emplace_back(node, node, 1.0);
-    for (idx_t i = adjacency.begin[At(node)]; i < adjacency.begin[At(node) + 1]; ++i) {
-      if (adjacency.others[At(i)] < node) entries.emplace_back(node, adjacency.others[At(i)], 1.0);
+    for (idx_t i = adjacency.begin[AsIndex(node)]; i < adjacency.begin[AsIndex(node) + 1]; ++i) {
+      if (adjacency.others[AsIndex(i)] < node)
+        entries.emplace_back(node, adjacency.others[AsIndex(i)], 1.0);
     }
   }
   Eigen::SparseMatrix<double> pattern(nodes, nodes);
@@ -97,8 +98,8 @@ std::optional<Division> Divide(Adjacency& adjacency, std::vector<idx_t> sizes) {
   }
   Division division;
   for (int node = 0; node < count; ++node) {
-    const idx_t side = part[At(node)];
-    (side < 2 ? division.parts[At(side)] : division.between).push_back(node);
+    const idx_t side = part[AsIndex(node)];
+    (side < 2 ? division.parts[AsIndex(side)] : division.between).push_back(node);
   }
   if (division.parts[0].empty() || division.parts[1].empty()) return std::nullopt;
   return division;
@@ -123,7 +124,7 @@ class Dissection {
   void Dissect(const Nodes& part) {
     Adjacency within = Within(part);
     const auto add = [&](const Nodes& nodes) {
-      for (const int node : nodes) order_.push_back(part[At(node)]);
+      for (const int node : nodes) order_.push_back(part[AsIndex(node)]);
     };
     std::optional<Division> division;
     if (part.size() > kLeafNodes) division = Divide(within, SizesOf(part));
@@ -133,7 +134,7 @@ class Dissection {
     }
     for (const Nodes& nodes : division->parts) {
       Nodes of_part;
-      for (const int node : nodes) of_part.push_back(part[At(node)]);
+      for (const int node : nodes) of_part.push_back(part[AsIndex(node)]);
       Dissect(of_part);
     }
     add(division->between);
@@ -141,22 +142,23 @@ class Dissection {
 
   // How the nodes of a part couple with each other, numbered by their places in it.
   Adjacency Within(const Nodes& part) {
-    for (std::size_t i = 0; i < part.size(); ++i) local_[At(part[i])] = static_cast<int>(i);
+    for (std::size_t i = 0; i < part.size(); ++i) local_[AsIndex(part[i])] = static_cast<int>(i);
     Adjacency within;
     for (const int node : part) {
-      for (idx_t i = adjacency_.begin[At(node)]; i < adjacency_.begin[At(node) + 1]; ++i) {
-        const int other = local_[At(adjacency_.others[At(i)])];
+      for (idx_t i = adjacency_.begin[AsIndex(node)]; i < adjacency_.begin[AsIndex(node) + 1];
+           ++i) {
+        const int other = local_[AsIndex(adjacency_.others[AsIndex(i)])];
         if (other >= 0) within.others.push_back(other);
       }
       within.begin.push_back(static_cast<idx_t>(within.others.size()));
     }
-    for (const int node : part) local_[At(node)] = -1;
+    for (const int node : part) local_[AsIndex(node)] = -1;
     return within;
   }
 
   std::vector<idx_t> SizesOf(const Nodes& part) const {
     std::vector<idx_t> sizes;
-    for (const int node : part) sizes.push_back(sizes_[At(node)]);
+    for (const int node : part) sizes.push_back(sizes_[AsIndex(node)]);
     return sizes;
   }
 

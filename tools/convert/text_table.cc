@@ -2,6 +2,8 @@
 #include "tools/convert/text_table.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 
 #include "mapstore/core/input_file.h"
 
@@ -39,6 +41,16 @@ Status ForEachRow(const std::string& path,
     SHIFTMAP_RETURN_IF_ERROR(Annotate(take(row), "{}:{}", path, number));
   }
   return OkStatus();
+}
+
+std::string FileIn(const std::string& folder, const std::string& name) {
+  return (std::filesystem::path(folder) / name).string();
+}
+
+Status CheckFolder(const char* what, const std::string& folder) {
+  std::error_code error;
+  if (std::filesystem::is_directory(folder, error)) return OkStatus();
+  return NotFound("{} '{}': no such folder", what, folder);
 }
 
 }  // namespace shiftmap

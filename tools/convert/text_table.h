@@ -28,4 +28,10 @@ Status ForEachRow(const std::string& path,
                   const std::function<Status(const TextRow&)>& take,
                   std::string_view separators = "");
 
+std::string FileIn(const std::string& folder, const std::string& name);
+
+/// @param what  For the error: "utias data set".
+/// Errors: kNotFound.
+Status CheckFolder(const char* what, const std::string& folder);
+
 }  // namespace shiftmap

@@ -25,10 +25,6 @@ struct Stretch {
   bool Contains(Stamp stamp) const { return begin <= stamp && stamp < end; }
 };
 
-std::string FileIn(const std::string& folder, const std::string& name) {
-  return (std::filesystem::path(folder) / name).string();
-}
-
 std::string RobotFile(const UtiasOptions& options, const char* kind) {
   return FileIn(options.dataset_dir, fmt::format("Robot{}_{}.dat", options.robot, kind));
 }
@@ -37,12 +33,6 @@ std::string FolderName(const std::string& folder) {
   std::error_code error;
   const std::filesystem::path path = std::filesystem::absolute(folder, error).lexically_normal();
   return (path.has_filename() ? path : path.parent_path()).filename().string();
-}
-
-Status CheckFolder(const std::string& dataset_dir) {
-  std::error_code error;
-  if (std::filesystem::is_directory(dataset_dir, error)) return OkStatus();
-  return NotFound("utias data set '{}': no such folder", dataset_dir);
 }
 
 Status CheckOptions(const UtiasOptions& options) {
@@ -56,7 +46,7 @@ Status CheckOptions(const UtiasOptions& options) {
                            duration_s,
                            options.start_s);
   }
-  return CheckFolder(options.dataset_dir);
+  return CheckFolder("utias data set", options.dataset_dir);
 }
 
 // Parses a stamp that must not be before the last one.
@@ -178,7 +168,7 @@ StatusOr<std::vector<StampedPose>> ReadUtiasGroundtruth(const std::string& datas
 }
 
 StatusOr<std::map<Signature, Eigen::Vector2d>> ReadUtiasLandmarks(const std::string& dataset_dir) {
-  SHIFTMAP_RETURN_IF_ERROR(CheckFolder(dataset_dir));
+  SHIFTMAP_RETURN_IF_ERROR(CheckFolder("utias data set", dataset_dir));
   SHIFTMAP_ASSIGN_OR_RETURN(const SubjectOfBarcode subjects, ReadBarcodes(dataset_dir));
   std::unordered_map<std::int64_t, Signature> signatures;
   for (const auto& [barcode, subject] : subjects) {

@@ -27,10 +27,6 @@ struct Detection {
   friend bool operator==(const Detection&, const Detection&) = default;
 };
 
-std::string FileIn(const std::string& folder, const std::string& name) {
-  return (std::filesystem::path(folder) / name).string();
-}
-
 Status ForEachCsvRow(const std::string& path,
                      std::size_t columns,
                      const std::function<Status(const TextRow&)>& take) {
@@ -127,12 +123,6 @@ class ScanReader {
   std::vector<Detection> before_;  // Of the scan before.
 };
 
-Status CheckFolder(const std::string& dataset_dir) {
-  std::error_code error;
-  if (std::filesystem::is_directory(dataset_dir, error)) return OkStatus();
-  return NotFound("victoria park data set '{}': no such folder", dataset_dir);
-}
-
 }  // namespace
 
 StatusOr<VictoriaParkRun> ReadVictoriaPark(const VictoriaParkOptions& options) {
@@ -141,7 +131,7 @@ StatusOr<VictoriaParkRun> ReadVictoriaPark(const VictoriaParkOptions& options) {
                            options.sd_range_m,
                            options.sd_bearing_rad);
   }
-  SHIFTMAP_RETURN_IF_ERROR(CheckFolder(options.dataset_dir));
+  SHIFTMAP_RETURN_IF_ERROR(CheckFolder("victoria park data set", options.dataset_dir));
   VictoriaParkRun out;
   out.run.info = {"victoria-park", "victoria park"};
   SHIFTMAP_RETURN_IF_ERROR(ReadControls(FileIn(options.dataset_dir, "controls.csv"), &out.run));
@@ -155,7 +145,7 @@ StatusOr<VictoriaParkRun> ReadVictoriaPark(const VictoriaParkOptions& options) {
 }
 
 StatusOr<std::vector<GpsFix>> ReadVictoriaParkGps(const std::string& dataset_dir) {
-  SHIFTMAP_RETURN_IF_ERROR(CheckFolder(dataset_dir));
+  SHIFTMAP_RETURN_IF_ERROR(CheckFolder("victoria park data set", dataset_dir));
   std::vector<GpsFix> fixes;
   std::optional<Stamp> last;
   const auto take = [&](const TextRow& row) -> Status {

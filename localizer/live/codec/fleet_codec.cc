@@ -37,7 +37,7 @@ StatusOr<Action> NamesFromProto(const Proto& in) {
   return action;
 }
 
-void ToProto(const ActionState& action, proto::ActionState* out) {
+void Fill(const ActionState& action, proto::ActionState* out) {
   out->set_action_id(action.action_id);
   out->set_type(action.type);
   out->set_status(static_cast<proto::ActionStatus>(action.status));
@@ -106,7 +106,7 @@ void ToProto(const FleetState& state, proto::FleetState* out) {
       reference->set_value(value);
     }
   }
-  for (const ActionState& action : state.actions) ToProto(action, out->add_action());
+  for (const ActionState& action : state.actions) Fill(action, out->add_action());
 }
 
 StatusOr<DownloadMap> FromProto(const proto::DownloadMap& in) {
@@ -169,7 +169,7 @@ StatusOr<FleetState> FleetStateFromProto(const proto::FleetState& in) {
 
 std::string EncodeActionStates(const std::vector<ActionState>& actions) {
   proto::ActionStates message;
-  for (const ActionState& action : actions) ToProto(action, message.add_action());
+  for (const ActionState& action : actions) Fill(action, message.add_action());
   return message.SerializeAsString();
 }
 

@@ -9,7 +9,7 @@ namespace {
 using Node = HypothesisView::Node;
 using VisitView = HypothesisView::VisitView;
 
-void ToProto(const Node& node, proto::Hypotheses::Node* out) {
+void Fill(const Node& node, proto::Hypotheses::Node* out) {
   out->set_parent(node.parent);
   out->set_signature(node.signature.text());
   if (node.mode) out->set_mode(node.mode->value());
@@ -19,7 +19,7 @@ void ToProto(const Node& node, proto::Hypotheses::Node* out) {
   for (const double value : {T.x(), T.y(), T.yaw()}) out->add_pose(value);
 }
 
-void ToProto(const VisitView& visit, proto::Hypotheses::Visit* out) {
+void Fill(const VisitView& visit, proto::Hypotheses::Visit* out) {
   out->set_signature(visit.signature.text());
   out->set_begin_ns(ToNanoseconds(visit.begin));
   out->set_observations(visit.observations);
@@ -76,8 +76,8 @@ void ToProto(const HypothesisView& view, proto::Hypotheses* out) {
   out->set_probability_left_out(view.probability_left_out);
   out->set_dropped_mass_max(view.dropped_mass_max);
   out->set_global_hypothesis(view.global_hypothesis);
-  for (const Node& node : view.nodes) ToProto(node, out->add_nodes());
-  for (const VisitView& visit : view.visits) ToProto(visit, out->add_visits());
+  for (const Node& node : view.nodes) Fill(node, out->add_nodes());
+  for (const VisitView& visit : view.visits) Fill(visit, out->add_visits());
 }
 
 StatusOr<HypothesisView> HypothesesFromProto(const proto::Hypotheses& in) {
