@@ -44,7 +44,7 @@ std::string Describe(const Observation& observation, Stamp stamp) {
 }
 
 // Odometry has been silent for so long that nobody knows where the vehicle looks.
-bool IsAstray(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
+bool IsUnlocalized(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
   return motion.silent_s > 0.0 && pose.cov_T_map_vehicle(2, 2) > kMaxYawSd * kMaxYawSd;
 }
 
@@ -263,8 +263,8 @@ void Localizer::Step(const WindowScan& step) {
 
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const bool astray = was_nowhere || IsNowhere(pose) || IsAstray(step.motion, pose);
-  if (!health_.lost() && astray) {
+  const bool unlocalized = was_nowhere || IsNowhere(pose) || IsUnlocalized(step.motion, pose);
+  if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose();
   }

@@ -17,10 +17,10 @@
 namespace shiftmap {
 namespace {
 
-// A mode of the problem that is none of the map's: it has no signature.
+// A mode of the build that is none of the map's: it has no signature.
 constexpr int kNoPlace = -1;
 
-// The states of a group of the problem, `absent` first, in the order of the map's modes.
+// The states of a group of the build, `absent` first, in the order of the map's modes.
 std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_order) {
   std::vector<Eigen::Index> states = {0};
   for (const std::size_t mode : mode_order) states.push_back(static_cast<Eigen::Index>(mode) + 1);
@@ -28,13 +28,13 @@ std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_ord
 }
 
 // Modes of a group in the order they get: the prior's by number, then new ones by first visit.
-std::vector<std::size_t> ModeOrder(const MapProblem& problem,
+std::vector<std::size_t> ModeOrder(const BuildState& build,
                                    const std::vector<VisitRef>& visits,
                                    const std::vector<BuildMode>& modes) {
   std::vector<std::size_t> order;
   std::vector<std::size_t> first_visit(modes.size(), visits.size());
   for (std::size_t v = visits.size(); v-- > 0;) {
-    const int mode = AssignmentOf(problem, visits[v]);
+    const int mode = AssignmentOf(build, visits[v]);
     if (mode != kUnassigned) first_visit[static_cast<std::size_t>(mode)] = v;
   }
   for (std::size_t i = 0; i < modes.size(); ++i) order.push_back(i);
@@ -47,26 +47,26 @@ std::vector<std::size_t> ModeOrder(const MapProblem& problem,
   return order;
 }
 
-Stamp LastSeen(const MapProblem& problem,
+Stamp LastSeen(const BuildState& build,
                const std::vector<VisitRef>& visits,
                int mode,
                Stamp known) {
   for (const VisitRef& ref : visits) {
-    if (AssignmentOf(problem, ref) == mode) known = std::max(known, VisitOf(problem, ref).end);
+    if (AssignmentOf(build, ref) == mode) known = std::max(known, VisitOf(build, ref).end);
   }
   return known;
 }
 
 // What a visit of this build says of a group of the map.
 struct BuildVisit {
-  int run = 0;  // Index in MapProblem::runs.
+  int run = 0;  // Index in BuildState::runs.
   VisitEvidence evidence;
 };
 
 // A group of the map and where it comes from.
 struct GroupSource {
-  std::size_t group = 0;             // In the problem.
-  std::vector<std::size_t> order;    // The problem's modes in the order of the map's.
+  std::size_t group = 0;             // In the build.
+  std::vector<std::size_t> order;    // The build's modes in the order of the map's.
   std::vector<VisitRef> visits;      // In the order of time.
   std::vector<BuildVisit> evidence;  // In the order of time, that without sightings included.
 };
@@ -84,7 +84,7 @@ VisitEvidence MakeEvidence(const LandmarkGroup& group,
   return evidence;
 }
 
-std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
+std::vector<BuildVisit> EvidenceOf(const BuildState& build,
                                    const GroupSource& source,
                                    const LandmarkGroup& group,
                                    const std::vector<MissedVisit>& missed,
@@ -92,11 +92,11 @@ std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
   const std::vector<Eigen::Index> states = StatesInOrder(source.order);
   std::vector<BuildVisit> evidence;
   for (const VisitRef& ref : source.visits) {
-    const MappingVisit& visit = VisitOf(problem, ref);
+    const MappingVisit& visit = VisitOf(build, ref);
     evidence.push_back(
         {ref.run,
          MakeEvidence(
-             group, visit.begin, visit.end, VisitLogLikelihood(problem, ref, options)(states))});
+             group, visit.begin, visit.end, VisitLogLikelihood(build, ref, options)(states))});
     evidence.back().evidence.observations = std::ssize(visit.sightings);
   }
   for (const MissedVisit& visit : missed) {
@@ -109,9 +109,9 @@ std::vector<BuildVisit> EvidenceOf(const MapProblem& problem,
   return evidence;
 }
 
-// What earlier runs tell of how visible the problem's modes are, flat order. What is told of a
+// What earlier runs tell of how visible the build's modes are, flat order. What is told of a
 // merged mode is about the mode that stands for it.
-std::vector<Visibility> KnownVisibility(const MapProblem& problem,
+std::vector<Visibility> KnownVisibility(const BuildState& build,
                                         const std::vector<Signature>& signatures,
                                         const FlatModes& flat,
                                         const std::vector<ModeVisibility>& visibility) {
@@ -121,12 +121,12 @@ std::vector<Visibility> KnownVisibility(const MapProblem& problem,
         std::lower_bound(signatures.begin(), signatures.end(), of_mode.signature);
     if (signature == signatures.end() || *signature != of_mode.signature) continue;
     const auto g = static_cast<std::size_t>(signature - signatures.begin());
-    const LandmarkGroup* const group = problem.Known(g);
+    const LandmarkGroup* const group = build.Known(g);
     const int state = group != nullptr ? group->CarriedStateOf(of_mode.mode) : -1;
     if (state <= 0) continue;
     const ModeNumber number = group->NumberOf(state);
-    for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
-      if (problem.modes[g][k].number != number) continue;
+    for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
+      if (build.modes[g][k].number != number) continue;
       const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
       known[static_cast<std::size_t>(index)] += of_mode.scans;
     }
@@ -160,15 +160,15 @@ std::vector<std::vector<ModeVisibility>> VisibilityByRun(
 }
 
 // A group of the map without probabilities, its chain as the prior map has it.
-LandmarkGroup MakeGroup(const MapProblem& problem,
+LandmarkGroup MakeGroup(const BuildState& build,
                         const std::vector<Signature>& signatures,
                         const GroupSource& source,
                         const ModeOptions& options) {
-  const std::vector<BuildMode>& modes = problem.modes[source.group];
-  const LandmarkGroup* known = problem.Known(source.group);
+  const std::vector<BuildMode>& modes = build.modes[source.group];
+  const LandmarkGroup* known = build.Known(source.group);
   LandmarkGroup group;
   group.signature = signatures[source.group];
-  group.chain = ChainOf(problem, source.group, options);
+  group.chain = ChainOf(build, source.group, options);
   if (known != nullptr) group.merged = known->merged;
   ModeNumber next = known != nullptr ? known->NextNumber() : ModeNumber(1);
   for (const std::size_t k : source.order) {
@@ -181,7 +181,7 @@ LandmarkGroup MakeGroup(const MapProblem& problem,
     const Stamp known_last = known_state > 0
                                  ? known->modes[static_cast<std::size_t>(known_state) - 1].last_seen
                                  : Stamp();
-    mode.last_seen = LastSeen(problem, source.visits, static_cast<int>(k), known_last);
+    mode.last_seen = LastSeen(build, source.visits, static_cast<int>(k), known_last);
     group.modes.push_back(mode);
   }
   return group;
@@ -217,10 +217,10 @@ std::vector<NewMode> NewModes(const std::vector<LandmarkGroup>& groups,
 }
 
 // This build's evidence of a group as rows of the ledger.
-std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& source) {
+std::vector<EvidenceRow> RowsOf(const BuildState& build, const GroupSource& source) {
   std::vector<EvidenceRow> rows;
   for (const BuildVisit& visit : source.evidence) {
-    const MappingRun& run = *problem.runs[static_cast<std::size_t>(visit.run)].data;
+    const MappingRun& run = *build.runs[static_cast<std::size_t>(visit.run)].data;
     rows.push_back({run.sha256, visit.evidence, run.info.vehicle});
   }
   return rows;
@@ -228,14 +228,14 @@ std::vector<EvidenceRow> RowsOf(const MapProblem& problem, const GroupSource& so
 
 // Gives the groups the chains that the ledger and this build's visits speak for. A known group that
 // neither tells of keeps its own.
-StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
+StatusOr<std::vector<GroupChain>> LearnChainsOf(const BuildState& build,
                                                 const std::vector<GroupSource>& sources,
                                                 const std::vector<OlderEvidence>& older,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> rows;
   for (const GroupSource& source : sources) {
-    for (EvidenceRow& row : RowsOf(problem, source)) rows.push_back(std::move(row));
+    for (EvidenceRow& row : RowsOf(build, source)) rows.push_back(std::move(row));
   }
   for (const OlderEvidence& of_run : older) {
     for (const VisitEvidence& visit : of_run.evidence) {
@@ -245,7 +245,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
-    const bool known = problem.Known(sources[i].group) != nullptr;
+    const bool known = build.Known(sources[i].group) != nullptr;
     const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
     if (chains[i].learned || !known || relearned) (*groups)[i].chain = chains[i].chain.chain();
   }
@@ -254,17 +254,17 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const MapProblem& problem,
 
 // The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13,
 // 14). The prior map's probabilities enter as a statement at its stamp.
-void SetProbabilities(const MapProblem& problem,
+void SetProbabilities(const BuildState& build,
                       const GroupSource& source,
                       Stamp end,
                       LandmarkGroup* group) {
-  std::vector<EvidenceRow> older = RowsOf(problem, source);
+  std::vector<EvidenceRow> older = RowsOf(build, source);
   std::vector<EvidenceRow> newer;
-  ModeState state = StationaryStart(*group, problem.runs.front().data->begin());
-  const LandmarkGroup* known = problem.Known(source.group);
+  ModeState state = StationaryStart(*group, build.runs.front().data->begin());
+  const LandmarkGroup* known = build.Known(source.group);
   if (known != nullptr) {
     const auto first_newer = std::find_if(older.begin(), older.end(), [&](const EvidenceRow& row) {
-      return row.evidence.begin >= problem.known_at;
+      return row.evidence.begin >= build.known_at;
     });
     newer.assign(first_newer, older.end());
     older.erase(first_newer, older.end());
@@ -275,24 +275,24 @@ void SetProbabilities(const MapProblem& problem,
     for (int i = 0; i < known->chain.states(); ++i) {
       stated.push_back({known->NumberOf(i), known->probabilities(i)});
     }
-    AddStatement(*group, CarriedProbabilities(*group, stated), problem.known_at, {}, &state);
+    AddStatement(*group, CarriedProbabilities(*group, stated), build.known_at, {}, &state);
     state = FilterModes(*group, std::move(state), std::move(newer));
   }
   group->probabilities = ProbabilitiesAt(*group, state, end);
 }
 
 // The end of the newest run, but not ahead of the clock, and not before the prior map.
-Stamp NewStamp(const MapProblem& problem,
+Stamp NewStamp(const BuildState& build,
                const std::optional<MapContent>& prior,
                const MapperOptions& options) {
-  Stamp end = problem.runs.front().data->end();
-  for (const BuildRun& run : problem.runs) end = std::max(end, run.data->end());
+  Stamp end = build.runs.front().data->end();
+  for (const BuildRun& run : build.runs) end = std::max(end, run.data->end());
   if (options.now) end = std::min(end, *options.now);
   return prior ? std::max(end, prior->stamp) : end;
 }
 
 // Joint and marginal covariances of the map's modes.
-// @param place  Of every mode of the problem, flat, its index in the map, or kNoPlace.
+// @param place  Of every mode of the build, flat, its index in the map, or kNoPlace.
 // @param modes  Of the map.
 void SetCovariance(const JointCovariance& cov,
                    const std::vector<int>& place,
@@ -322,28 +322,28 @@ void SetCovariance(const JointCovariance& cov,
 
 // Adds what runs found that has no signature: every position of a track is a landmark by itself, as
 // a landmark without identity is nothing but its position.
-// @param flat, cov  The problem's modes and their joint covariance.
-void AddTracks(const MapProblem& problem,
+// @param flat, cov  The build's modes and their joint covariance.
+void AddTracks(const BuildState& build,
                const std::vector<Signature>& signatures,
                const std::vector<std::vector<VisitRef>>& visits,
                const FlatModes& flat,
                const JointCovariance& cov,
                const MapperOptions& options,
                std::vector<Mode>* landmarks) {
-  std::vector<std::vector<Mode>> found(problem.runs.size());
-  for (std::size_t g = 0; g < problem.modes.size(); ++g) {
+  std::vector<std::vector<Mode>> found(build.runs.size());
+  for (std::size_t g = 0; g < build.modes.size(); ++g) {
     if (!IsTrackSignature(signatures[g]) || visits[g].empty()) continue;
-    for (std::size_t k = 0; k < problem.modes[g].size(); ++k) {
+    for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
       const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
       Mode mode;
-      mode.p_map_landmark = problem.modes[g][k].p_map_landmark;
+      mode.p_map_landmark = build.modes[g][k].p_map_landmark;
       mode.cov_p_map_landmark = cov.Block(index, index);
-      mode.last_seen = LastSeen(problem, visits[g], static_cast<int>(k), Stamp());
+      mode.last_seen = LastSeen(build, visits[g], static_cast<int>(k), Stamp());
       found[static_cast<std::size_t>(visits[g].front().run)].push_back(mode);
     }
   }
   const AnonymousMergeOptions merge{options.association.compatibility.gate_probability,
-                                    options.association.twin_distance_m,
+                                    options.association.duplicate_distance_m,
                                     options.modes.position_floor_m};
   for (const std::vector<Mode>& of_run : found) AddAnonymousLandmarks(of_run, merge, landmarks);
 }
@@ -371,42 +371,41 @@ void SetMarginals(MapContent* content) {
   }
 }
 
-StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+StatusOr<MapOutput> MakeMapContent(const BuildState& build,
                                    const std::vector<Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options) {
   MapOutput output;
   MapContent& content = output.content;
-  content.stamp = NewStamp(problem, prior, options);
-  content.calibration = {FleetOdometry(problem.runs, options.calibration.odometry), problem.sensor};
+  content.stamp = NewStamp(build, prior, options);
+  content.calibration = {FleetOdometry(build.runs, options.calibration.odometry), build.sensor};
   if (options.calibrate) {
-    content.calibration.sensor = FleetSensor(problem, options.sd_range_scale);
+    content.calibration.sensor = FleetSensor(build, options.sd_range_scale);
   }
   if (prior) content.anonymous_landmarks = prior->anonymous_landmarks;
 
-  const FlatModes flat(problem);
-  std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  const FlatModes flat(build);
+  std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
   const bool tracks = options.association.associate;
   if (tracks) {
     AddTracks(
-        problem, signatures, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
+        build, signatures, visits, flat, mode_covariance, options, &content.anonymous_landmarks);
   }
   const MissedVisits missed =
-      FindMissedVisits(problem,
+      FindMissedVisits(build,
                        options.front_end.visit_gap_s,
                        options.missed,
-                       KnownVisibility(problem, signatures, flat, options.visibility));
+                       KnownVisibility(build, signatures, flat, options.visibility));
   std::vector<GroupSource> sources;
   std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
   int modes = 0;
-  for (std::size_t g = 0; g < problem.modes.size(); ++g) {
-    if (problem.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
-    sources.push_back(
-        {g, ModeOrder(problem, visits[g], problem.modes[g]), std::move(visits[g]), {}});
-    content.groups.push_back(MakeGroup(problem, signatures, sources.back(), options.modes));
-    sources.back().evidence = EvidenceOf(
-        problem, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
+  for (std::size_t g = 0; g < build.modes.size(); ++g) {
+    if (build.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
+    sources.push_back({g, ModeOrder(build, visits[g], build.modes[g]), std::move(visits[g]), {}});
+    content.groups.push_back(MakeGroup(build, signatures, sources.back(), options.modes));
+    sources.back().evidence =
+        EvidenceOf(build, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
     for (const std::size_t k : sources.back().order) {
       place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
           modes++;
@@ -417,17 +416,17 @@ StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
                                  NewModes(content.groups, prior, output.visibility),
                                  options.chains.ledger,
                                  options.front_end.visit_gap_s,
-                                 problem.sensor,
+                                 build.sensor,
                                  options.missed);
   // Landmarks that never leave a mode have no rate to learn.
   if (options.chains.learn && options.modes.leave_rate_per_s > 0.0) {
     SHIFTMAP_ASSIGN_OR_RETURN(
-        output.chains, LearnChainsOf(problem, sources, output.older, options, &content.groups));
+        output.chains, LearnChainsOf(build, sources, output.older, options, &content.groups));
   }
   for (std::size_t i = 0; i < sources.size(); ++i) {
-    SetProbabilities(problem, sources[i], content.stamp, &content.groups[i]);
+    SetProbabilities(build, sources[i], content.stamp, &content.groups[i]);
   }
-  output.evidence.resize(problem.runs.size());
+  output.evidence.resize(build.runs.size());
   for (GroupSource& source : sources) {
     for (BuildVisit& visit : source.evidence) {
       output.evidence[static_cast<std::size_t>(visit.run)].push_back(std::move(visit.evidence));

@@ -6,7 +6,7 @@
 
 #include "mapper/chain/group_chains.h"
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map/evidence.h"
 #include "mapstore/map/joint_covariance.h"
@@ -40,12 +40,12 @@ StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<LandmarkGroup>& 
 /// Gives each mode of a map its marginal of the joint covariance.
 void SetMarginals(MapContent* content);
 
-/// The map that a solved problem is: numbered modes, joint covariance, chains, probabilities at the
+/// The map that a solved build is: numbered modes, joint covariance, chains, probabilities at the
 /// end of the newest run, or at MapperOptions::now if that is earlier.
-/// @param signatures  Of the problem's groups.
-/// @param mode_covariance  Flat order of the problem. [m²]
+/// @param signatures  Of the build's groups.
+/// @param mode_covariance  Flat order of the build. [m²]
 /// Errors: kInvalidArgument, as LearnGroupChains.
-StatusOr<MapOutput> MakeMapContent(const MapProblem& problem,
+StatusOr<MapOutput> MakeMapContent(const BuildState& build,
                                    const std::vector<Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,

@@ -3,7 +3,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -24,8 +24,8 @@ Se2 StartPose(const BuildRun& run) {
       run.data->odometry, run.odometry, run.data->frames.front().stamp, run.poses.front());
 }
 
-MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
-  const BuildRun& run = problem.runs[index];
+MappedRun MakeMappedRun(const BuildState& build, std::size_t index) {
+  const BuildRun& run = build.runs[index];
   MappedRun mapped;
   mapped.name = run.data->name;
   mapped.sha256 = run.data->sha256;
@@ -43,14 +43,14 @@ MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index) {
     mapped.trajectory.push_back({run.data->frames[f].stamp, run.poses[f]});
   }
   for (const Sighting& sighting : run.data->sightings) {
-    if (!IsInlier(problem, run, sighting)) {
+    if (!IsInlier(build, run, sighting)) {
       ++mapped.outliers;
       continue;
     }
     const Innovation innovation =
-        SightingInnovation(run, sighting, AssignedPosition(problem, run, sighting));
+        SightingInnovation(run, sighting, AssignedPosition(build, run, sighting));
     mapped.chi2 +=
-        SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, problem.sensor));
+        SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor));
   }
   mapped.T_map_start = StartPose(run);
   return mapped;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
@@ -52,7 +52,7 @@ Se2 PoseAtBegin(std::span<const OdometrySample> odometry,
 /// odometry.
 Se2 StartPose(const BuildRun& run);
 
-/// What became of run `index` of a solved problem, but for its evidence and visibility.
-MappedRun MakeMappedRun(const MapProblem& problem, std::size_t index);
+/// What became of run `index` of a solved build, but for its evidence and visibility.
+MappedRun MakeMappedRun(const BuildState& build, std::size_t index);
 
 }  // namespace shiftmap

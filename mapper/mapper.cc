@@ -17,32 +17,31 @@
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/map_output.h"
 #include "mapper/memory_estimate.h"
-#include "mapper/modes/loose_runs.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/mode_refinement.h"
+#include "mapper/modes/unconstrained_runs.h"
 #include "mapper/parallel.h"
-#include "mapper/problem/map_problem.h"
-#include "mapper/submaps/place_submaps.h"
-#include "mapper/submaps/single_run.h"
-#include "mapper/submaps/stray_runs.h"
-#include "mapper/submaps/submap.h"
+#include "mapper/registration/misregistered_runs.h"
+#include "mapper/registration/place_run_maps.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "mapper/state/build_state.h"
 
 namespace shiftmap {
 namespace {
 
 // Puts the start of the earliest run at the origin of the map.
-void AnchorFrame(MapProblem* problem) {
-  MoveProblem(StartPose(problem->runs.front()).Inverse(), problem);
-}
+void AnchorFrame(BuildState* build) { MoveBuild(StartPose(build->runs.front()).Inverse(), build); }
 
 // What the runs by themselves say of the sensor, as the start of the common estimate.
-SensorCalibration RmsSensor(const std::vector<Submap>& submaps, const SensorCalibration& fallback) {
-  if (submaps.empty()) return fallback;
+SensorCalibration RmsSensor(const std::vector<RunMap>& run_maps,
+                            const SensorCalibration& fallback) {
+  if (run_maps.empty()) return fallback;
   SensorCalibration mean = fallback;
   const auto average = [&](double SensorCalibration::*member) {
     double sum = 0.0;
-    for (const Submap& submap : submaps) sum += std::pow(submap.problem.sensor.*member, 2);
-    mean.*member = std::sqrt(sum / static_cast<double>(submaps.size()));
+    for (const RunMap& run_map : run_maps) sum += std::pow(run_map.build.sensor.*member, 2);
+    mean.*member = std::sqrt(sum / static_cast<double>(run_maps.size()));
   };
   average(&SensorCalibration::sd_range_m);
   average(&SensorCalibration::sd_bearing_rad);
@@ -82,19 +81,19 @@ class Watch {
   explicit Watch(const MapperMonitor& monitor) : monitor_(monitor) {}
 
   // Returns whether to go on.
-  bool Report(const std::string& phase, double done, const MapProblem& problem) {
+  bool Report(const std::string& phase, double done, const BuildState& build) {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!monitor_ || stopped_) return !stopped_;
     std::size_t modes = 0;
-    for (const std::vector<BuildMode>& group : problem.modes) modes += group.size();
+    for (const std::vector<BuildMode>& group : build.modes) modes += group.size();
     done_ = std::max(done_, done);  // Threads take runs in turn, not their reports.
-    stopped_ = !monitor_({phase, done_, problem.cost, modes});
+    stopped_ = !monitor_({phase, done_, build.cost, modes});
     return !stopped_;
   }
 
-  GoOn During(std::string phase, double done) {
-    return [this, phase = std::move(phase), done](const MapProblem& problem) {
-      return Report(phase, done, problem);
+  StepCallback During(std::string phase, double done) {
+    return [this, phase = std::move(phase), done](const BuildState& build) {
+      return Report(phase, done, build);
     };
   }
 
@@ -136,44 +135,44 @@ Status NameAnonymous(const MapperOptions& options, Watch* watch, std::vector<Map
   return OkStatus();
 }
 
-StatusOr<std::vector<Submap>> MapRunsSingly(const std::vector<MappingRun>& runs,
+StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
                                             std::size_t groups,
                                             const MapperOptions& options,
                                             Watch* watch,
                                             std::vector<RejectedRun>* rejected) {
   MapperOptions alone = options;  // Threads that runs leave go to what is inside each.
   alone.threads = std::max(1, options.threads / std::max(1, static_cast<int>(runs.size())));
-  std::vector<MapProblem> problems(runs.size());
+  std::vector<BuildState> builds(runs.size());
   ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {
     const double done =
         kSingleRunsShare * static_cast<double>(i) / static_cast<double>(runs.size());
-    const GoOn go_on = watch->During(fmt::format("run {}", runs[i].name), done);
-    if (!go_on({})) return;
-    problems[i] = MapSingleRun(runs[i], groups, alone, go_on);
+    const StepCallback on_step = watch->During(fmt::format("run {}", runs[i].name), done);
+    if (!on_step({})) return;
+    builds[i] = MapSingleRun(runs[i], groups, alone, on_step);
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  std::erase_if(problems, [&](const MapProblem& problem) {
-    const BuildRun& run = problem.runs.front();
+  std::erase_if(builds, [&](const BuildState& build) {
+    const BuildRun& run = build.runs.front();
     const std::string implausible = ImplausibleCalibration(run);
     if (!implausible.empty()) rejected->push_back({run.data->name, implausible});
     return !implausible.empty();
   });
-  RaiseNoiseByVehicle(&problems);
+  RaiseNoiseByVehicle(&builds);
   std::vector<std::string> names;
-  for (const MapProblem& problem : problems) names.push_back(problem.runs.front().data->name);
-  std::vector<std::optional<Submap>> made(problems.size());
-  ForEachIndex(problems.size(), options.threads, [&](std::size_t i) {
-    made[i] = MakeSubmap(alone, std::move(problems[i]));
+  for (const BuildState& build : builds) names.push_back(build.runs.front().data->name);
+  std::vector<std::optional<RunMap>> made(builds.size());
+  ForEachIndex(builds.size(), options.threads, [&](std::size_t i) {
+    made[i] = MakeRunMap(alone, std::move(builds[i]));
   });
-  std::vector<Submap> submaps;
+  std::vector<RunMap> run_maps;
   for (std::size_t i = 0; i < made.size(); ++i) {
     if (made[i]) {
-      submaps.push_back(*std::move(made[i]));
+      run_maps.push_back(*std::move(made[i]));
     } else {
       rejected->push_back({names[i], kUndeterminedReason});
     }
   }
-  return submaps;
+  return run_maps;
 }
 
 BuildSize SizeOf(const std::vector<MapperInput>& inputs,
@@ -186,28 +185,29 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
   return size;
 }
 
-Status RequireTiedRuns(const MapProblem& problem) {
-  if (!problem.runs.empty()) return OkStatus();
-  return RequireRuns(false, problem.left_out);
+Status RequireConstrainedRuns(const BuildState& build) {
+  if (!build.runs.empty()) return OkStatus();
+  return RequireRuns(false, build.left_out);
 }
 
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
 constexpr double kLossReach = 50.0;
 
 // A run that is put back may be what another one is to be held against.
-constexpr int kStrayRounds = 3;
+constexpr int kRelocationRounds = 3;
 
 // What is discrete in all runs together, where every run is where the others say.
-int RefineAndPutBack(const MapperOptions& options,
-                     const GoOn& go_on,
-                     MapProblem* problem,
-                     GraphSolver* solver) {
+int RefineAndRelocate(const MapperOptions& options,
+                      const StepCallback& on_step,
+                      BuildState* build,
+                      GraphSolver* solver) {
   const auto refine = [&] {
-    return options.calibrate ? AlternateModes(options, problem, solver, go_on)
-                             : RefineModes(options, problem, solver, go_on);
+    return options.calibrate ? AlternateModes(options, build, solver, on_step)
+                             : RefineModes(options, build, solver, on_step);
   };
   int iterations = refine();
-  for (int round = 0; round < kStrayRounds && PutBackStrayRuns(options, problem, go_on) > 0;
+  for (int round = 0;
+       round < kRelocationRounds && RelocateMisregisteredRuns(options, build, on_step) > 0;
        ++round) {
     iterations += refine();
   }
@@ -215,33 +215,33 @@ int RefineAndPutBack(const MapperOptions& options,
 }
 
 // Takes out modes of too few sightings, and runs that nothing holds then.
-Status TakeOutFaint(const MapperOptions& options, MapProblem* problem) {
-  if (DropFaintModes(options.modes, problem) == 0) return OkStatus();
-  if (FlatModes(*problem).count == 0) {
+Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
+  if (DropUnsupportedModes(options.modes, build) == 0) return OkStatus();
+  if (FlatModes(*build).count == 0) {
     return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                            options.modes.min_sightings);
   }
-  TakeOutLooseRuns(problem);
-  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-  if (!options.calibrate) SolveContinuous(options, problem);  // Else with the noise.
+  RemoveUnconstrainedRuns(build);
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+  if (!options.calibrate) SolveContinuous(options, build);  // Else with the noise.
   return OkStatus();
 }
 
 // What is discrete in all runs together, and the noise. Returns the outer iterations.
-StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, MapProblem* problem) {
-  problem->loss_reach = kLossReach;
+StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
+  build->loss_reach = kLossReach;
   GraphSolver solver;  // Rounds of noise go on from where this ends.
-  int iterations = RefineAndPutBack(options, watch->During("all runs", 0.6), problem, &solver);
+  int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-  SHIFTMAP_RETURN_IF_ERROR(TakeOutFaint(options, problem));
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (!options.calibrate) return iterations;
-  problem->sensor = EstimateDetection(*problem, options.modes);
-  CalibrateNoise(options, {}, problem, &solver, watch->During("noise", 0.7));
+  build->sensor = EstimateDetection(*build, options.modes);
+  CalibrateNoise(options, {}, build, &solver, watch->During("noise", 0.7));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  iterations += RefineModes(options, problem, &solver, watch->During("all runs", 0.8));
+  iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
   return iterations;
 }
 
@@ -257,67 +257,66 @@ std::vector<Signature> AllSignatures(const std::vector<MapperInput>& inputs,
 }
 
 // Runs mapped one by one and placed in one frame, by begin.
-StatusOr<MapProblem> PlaceRuns(const std::vector<MappingRun>& runs,
+StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
                                const std::vector<Signature>& signatures,
                                const std::optional<MapContent>& prior,
                                const MapperOptions& options,
                                Watch* watch,
                                std::vector<RejectedRun>* rejected) {
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Submap> submaps,
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<RunMap> run_maps,
                             MapRunsSingly(runs, signatures.size(), options, watch, rejected));
   std::optional<MapContent> known = prior;
-  const double sd_scale = known ? TakeOutScale(options.sd_range_scale, &*known) : 0.0;
-  const SensorCalibration sensor = RmsSensor(submaps, options.calibration.sensor);
-  MapProblem problem =
-      known ? StartProblem(signatures, *known, sensor) : StartProblem(signatures.size(), sensor);
-  problem.sd_scale = sd_scale;
-  PlaceSubmaps(options,
+  const double sd_scale = known ? RemoveScale(options.sd_range_scale, &*known) : 0.0;
+  const SensorCalibration sensor = RmsSensor(run_maps, options.calibration.sensor);
+  BuildState build =
+      known ? StartBuild(signatures, *known, sensor) : StartBuild(signatures.size(), sensor);
+  build.sd_scale = sd_scale;
+  PlaceRunMaps(options,
                known,
-               std::move(submaps),
-               &problem,
+               std::move(run_maps),
+               &build,
                rejected,
                watch->During("placing runs", kSingleRunsShare));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  if (problem.runs.empty() && !problem.waiting.empty()) return problem;
-  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!problem.runs.empty(), *rejected));
-  std::stable_sort(
-      problem.runs.begin(), problem.runs.end(), [](const BuildRun& a, const BuildRun& b) {
-        return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
-               std::tie(b.data->odometry.front().stamp, b.data->sha256);
-      });
-  if (!prior) AnchorFrame(&problem);
-  if (options.calibrate) PoolNoiseByVehicle(&problem);
-  return problem;
+  if (build.runs.empty() && !build.waiting.empty()) return build;
+  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build.runs.empty(), *rejected));
+  std::stable_sort(build.runs.begin(), build.runs.end(), [](const BuildRun& a, const BuildRun& b) {
+    return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
+           std::tie(b.data->odometry.front().stamp, b.data->sha256);
+  });
+  if (!prior) AnchorFrame(&build);
+  if (options.calibrate) PoolNoiseByVehicle(&build);
+  return build;
 }
 
 // Runs of a build without a prior map do not tell their scales, and those of one vehicle share one.
-// A prior map that knows its scale better than sensors do lost nothing of it (TakeOutScale).
-ScaleUncertainty ScaleOf(const MapperOptions& options, const MapProblem& problem) {
-  ScaleUncertainty scale{std::max(options.sd_range_scale, problem.sd_scale),
+// A prior map that knows its scale better than sensors do lost nothing of it (RemoveScale).
+ScaleUncertainty ScaleOf(const MapperOptions& options, const BuildState& build) {
+  ScaleUncertainty scale{std::max(options.sd_range_scale, build.sd_scale),
                          options.sd_run_range_scale};
-  if (problem.in_map_units) {
-    if (problem.sd_scale == 0.0) scale.sd_common = 0.0;
+  if (build.in_map_units) {
+    if (build.sd_scale == 0.0) scale.sd_common = 0.0;
     return scale;
   }
-  const auto runs = RunsByVehicle(problem);
+  const auto runs = RunsByVehicle(build);
   if (runs.size() < 2) return scale;
   for (const auto& [vehicle, of_vehicle] : runs) scale.runs_of_vehicles.push_back(of_vehicle);
   return scale;
 }
 
-// The solved problem as *graph, and that about its solution, for as long as *graph stays where it
+// The solved build as *graph, and that about its solution, for as long as *graph stays where it
 // is. A log of values beyond all bounds costs its run, not the others' night.
 StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options,
-                                                    MapProblem* problem,
+                                                    BuildState* build,
                                                     Graph* graph) {
-  *graph = MakeGraph(options, problem);
+  *graph = MakeGraph(options, build);
   std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(*graph);
-  if (!posterior && TakeOutUndeterminedRuns(options, problem) > 0) {
-    TakeOutLooseRuns(problem);
-    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-    SolveContinuous(options, problem);
-    if (problem->priors.empty()) AnchorFrame(problem);
-    *graph = MakeGraph(options, problem);
+  if (!posterior && RemoveUndeterminedRuns(options, build) > 0) {
+    RemoveUnconstrainedRuns(build);
+    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+    SolveContinuous(options, build);
+    if (build->priors.empty()) AnchorFrame(build);
+    *graph = MakeGraph(options, build);
     posterior = LinearizeForMap(*graph);
   }
   if (!posterior) return InvalidArgument("the runs do not determine where their landmarks are");
@@ -326,14 +325,14 @@ StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options
 
 // What was to be expected before the runs were placed may be less than the modes that they brought:
 // the runs that brought most are left out until the others fit.
-Status FitModes(const MapperOptions& options, BuildSize* size, MapProblem* problem) {
+Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build) {
   for (;;) {
-    size->modes = FlatModes(*problem).count;
+    size->modes = FlatModes(*build).count;
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
-    if (fits.ok() || !TakeOutRunWithMostModes(problem)) return fits;
-    TakeOutLooseRuns(problem);
-    SHIFTMAP_RETURN_IF_ERROR(RequireTiedRuns(*problem));
-    if (problem->priors.empty()) AnchorFrame(problem);
+    if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
+    RemoveUnconstrainedRuns(build);
+    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+    if (build->priors.empty()) AnchorFrame(build);
   }
 }
 
@@ -383,37 +382,37 @@ AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature
   return change;
 }
 
-// What is told of a solved problem.
+// What is told of a solved build.
 Status Conclude(const std::vector<Signature>& signatures,
                 const std::optional<MapContent>& prior,
                 const MapperOptions& options,
-                MapProblem* problem,
+                BuildState* build,
                 MapperResult* result) {
   Graph graph;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphPosterior> posterior,
-                            Linearize(options, problem, &graph));
-  const JointCovariance covariance = MapCovariance(graph, *posterior, ScaleOf(options, *problem));
+                            Linearize(options, build, &graph));
+  const JointCovariance covariance = MapCovariance(graph, *posterior, ScaleOf(options, *build));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
-                            MakeMapContent(*problem, signatures, prior, covariance, options));
+                            MakeMapContent(*build, signatures, prior, covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
   result->older = std::move(output.older);
   if (options.calibrate) {
-    result->vehicles = CalibrateVehicles(options, graph, *posterior, *problem);
+    result->vehicles = CalibrateVehicles(options, graph, *posterior, *build);
   }
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));
-  for (std::size_t i = 0; i < problem->runs.size(); ++i) {
-    result->runs.push_back(MakeMappedRun(*problem, i));
+  for (std::size_t i = 0; i < build->runs.size(); ++i) {
+    result->runs.push_back(MakeMappedRun(*build, i));
     result->runs.back().evidence = std::move(output.evidence[i]);
     result->runs.back().visibility = std::move(output.visibility[i]);
   }
-  for (const std::vector<BuildMode>& group : problem->modes) {
+  for (const std::vector<BuildMode>& group : build->modes) {
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;
   }
-  result->modes_merged = problem->modes_merged;
-  result->selection = SummarizeSelection(options.modes, *problem);
+  result->modes_merged = build->modes_merged;
+  result->selection = SummarizeSelection(options.modes, *build);
   return OkStatus();
 }
 
@@ -439,24 +438,24 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 
-  SHIFTMAP_ASSIGN_OR_RETURN(MapProblem problem,
+  SHIFTMAP_ASSIGN_OR_RETURN(BuildState build,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
-  for (const WaitingRuns& waiting : problem.waiting) {
+  for (const WaitingRuns& waiting : build.waiting) {
     result.ambiguous_changes.push_back(Describe(waiting, signatures));
   }
-  if (problem.runs.empty()) {  // Without a prior map one run at least is in the map.
+  if (build.runs.empty()) {  // Without a prior map one run at least is in the map.
     result.content = prior.value();
     return result;
   }
-  SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &problem));
+  SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &build));
 
-  SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &problem));
-  if (!prior) AnchorFrame(&problem);
-  watch.Report("covariance", 0.9, problem);
+  SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &build));
+  if (!prior) AnchorFrame(&build);
+  watch.Report("covariance", 0.9, build);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
-  SHIFTMAP_RETURN_IF_ERROR(Conclude(signatures, prior, options, &problem, &result));
-  result.rejected.insert(result.rejected.end(), problem.left_out.begin(), problem.left_out.end());
-  watch.Report("done", 1.0, problem);
+  SHIFTMAP_RETURN_IF_ERROR(Conclude(signatures, prior, options, &build, &result));
+  result.rejected.insert(result.rejected.end(), build.left_out.begin(), build.left_out.end());
+  watch.Report("done", 1.0, build);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;
 }

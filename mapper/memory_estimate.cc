@@ -13,7 +13,7 @@
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_segments.h"
 #include "mapper/graph/residuals.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 
 namespace shiftmap {
 namespace {

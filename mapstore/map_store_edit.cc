@@ -236,7 +236,7 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
   result.edit = id;
   const bool holds = IdsOf(held).contains(id);
   if (holds) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool possible, CanTakeOut(database, area_id, published, *edit));
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool possible, CanRemove(database, area_id, published, *edit));
     result.rests_on = !possible;
   }
   std::optional<VersionRow> version;

@@ -162,7 +162,7 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;
   position_bias_.cross = F * position_bias_.cross;
   TransformGains(F);
-  SettleGains();
+  ApplyGains();
   for (UnknownPlace& place : places_) place.cross_state = (F * place.cross_state).eval();
   StartAnewUnlessSound();
 }
@@ -174,7 +174,7 @@ void KnownMapFilter::TransformGains(const StateMatrix& M) {
   }
 }
 
-void KnownMapFilter::SettleGains() {
+void KnownMapFilter::ApplyGains() {
   for (ConsideredMode& mode : considered_) {
     if (!mode.current) mode.gain = (pending_ * mode.gain).eval();
     mode.current = false;
@@ -216,8 +216,8 @@ KnownMapFilter::StateByPoint& KnownMapFilter::GainOf(int mode_index) {
   return place->gain;
 }
 
-void KnownMapFilter::LetGoOfWeakest(int except) {
-  SettleGains();
+void KnownMapFilter::MarginalizeWeakest(int except) {
+  ApplyGains();
   const auto weight = [&](const ConsideredMode& mode) {
     return mode.index == except ? std::numeric_limits<double>::infinity() : mode.gain.squaredNorm();
   };
@@ -351,7 +351,7 @@ void KnownMapFilter::Update(const Prediction& prediction,
     place.cross_state -= AK_bias * place.CrossBias(prediction.measurement.kind);
   }
   GainOf(mode_index) -= AK * H_m;
-  if (considered_modes() > kMaxConsideredModes) LetGoOfWeakest(mode_index);
+  if (considered_modes() > kMaxConsideredModes) MarginalizeWeakest(mode_index);
   StartAnewUnlessSound();
   if (!taken) shared_errors_ = SharedErrors(P_);
 }

@@ -198,13 +198,13 @@ class KnownMapFilter {
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
   void TransformGains(const StateMatrix& M);
-  void SettleGains();
+  void ApplyGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
   // unknown to the next one. Returns what the step makes of an error, for the gains.
   StateMatrix Move(const Eigen::Matrix<double, kStates, 1>& correction);
-  void LetGoOfWeakest(int except);
+  void MarginalizeWeakest(int except);
 
   void MoveTo(const Se2& T_map_vehicle);
   bool IsSound() const;

@@ -12,7 +12,7 @@ namespace shiftmap {
 /// exact than they say. [m]
 inline constexpr double kMinDisplacement = 0.5;
 
-/// What is seen from viewpoints nearer to each other may be one misjudged view, repeated. [m]
+/// What is seen from viewpoints nearer to each other may be one outlier view, repeated. [m]
 inline constexpr double kApart = 0.5;
 
 /// Where a landmark stands that is at none of its modes, as a filter's own pose puts it.

@@ -14,9 +14,9 @@ namespace {
 
 // A detector now and then misjudges what it does see: this share of the detections of a landmark
 // has errors of that many standard deviations (MRCLAM: 0.2 to 4.5 % are beyond 5). Without this
-// tail a few misjudged ranges prove a landmark gone, or at another mode near by.
-constexpr double kMisjudgedShare = 0.03;
-constexpr double kMisjudgedSigmas = 6.0;
+// tail a few outlier ranges prove a landmark gone, or at another mode near by.
+constexpr double kOutlierShare = 0.03;
+constexpr double kOutlierSigmas = 6.0;
 
 // A mode whose innovation is farther out starts no leaf: it would weigh e⁻²⁰ of others. [-]
 constexpr double kMaxForkNis = 40.0;
@@ -24,7 +24,7 @@ constexpr double kMaxForkNis = 40.0;
 // A fork that weighs this much less than another leaf would be dropped at once. [nat]
 constexpr double kNegligible = 25.0;
 
-// Errors of consecutive observations from one place are alike (the same misjudged edge of the same
+// Errors of consecutive observations from one place are alike (the same outlier edge of the same
 // image): a repetition weighs a quarter, as if its likelihood were raised to that power.
 constexpr double kRepetitionWeight = 0.25;
 constexpr double kSameViewDistance = 0.1;  // [m]
@@ -40,9 +40,9 @@ struct HypothesisBank::SeenObservation {
                   double unknown_place_density)
       : group(seen_group), belief_index(belief) {
     const Eigen::Matrix2d cov_z = ObservationNoise(observation, sensor);
-    constexpr double kMisjudgedVariance = kMisjudgedSigmas * kMisjudgedSigmas;
+    constexpr double kOutlierVariance = kOutlierSigmas * kOutlierSigmas;
     measurement = KnownMapFilter::Measure(observation, cov_z);
-    misjudged = KnownMapFilter::Measure(observation, cov_z * kMisjudgedVariance);
+    outlier = KnownMapFilter::Measure(observation, cov_z * kOutlierVariance);
     const double unit = SquareMetresPerUnit(observation);
     const double any = sensor.clutter_density_per_m2 + unknown_place_density;
     log_false_alarm = std::log(sensor.clutter_density_per_m2 * unit);
@@ -53,7 +53,7 @@ struct HypothesisBank::SeenObservation {
   int group;
   std::size_t belief_index;  // Into Leaf::beliefs.
   KnownMapFilter::Measurement measurement;
-  KnownMapFilter::Measurement misjudged;  // With the errors of the detector's tail.
+  KnownMapFilter::Measurement outlier;  // With the errors of the detector's tail.
 
   // Log-densities, in the observation's own units, of causes other than a known mode.
   double log_false_alarm;  // β_FA
@@ -118,18 +118,18 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
                                   PlaceBelief* belief) const {
   double log_clutter = seen.log_false_alarm;
   AddMiss(state, score.log_miss, Occluded(), belief, &log_clutter);
-  const auto prediction = leaf.filter.PredictObservation(seen.misjudged, score.prediction.point);
-  const double log_misjudged =
-      std::log(kMisjudgedShare) + score.log_detection + prediction.LogLikelihood();
-  return LogAdd(log_clutter, log_misjudged);
+  const auto prediction = leaf.filter.PredictObservation(seen.outlier, score.prediction.point);
+  const double log_outlier =
+      std::log(kOutlierShare) + score.log_detection + prediction.LogLikelihood();
+  return LogAdd(log_clutter, log_outlier);
 }
 
 // Under `absent` an observation is clutter or a new place, or the landmark at the place where it
 // was seen before. Of places one is kept, the likeliest.
 //
-// One misjudged view, repeated, is at one place as well, whatever the mode: so until the landmark
+// One outlier view, repeated, is at one place as well, whatever the mode: so until the landmark
 // was seen from apart, the place says no more for `absent` than `log_ungated` does for a mode.
-// A sighting that gates with a mode is not misjudged: then nothing bounds what the place says.
+// A sighting that gates with a mode is not outlier: then nothing bounds what the place says.
 double HypothesisBank::LogAbsent(const SeenObservation& seen,
                                  std::optional<double> log_ungated,
                                  double weight,
@@ -148,9 +148,9 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   const double log_here = log_detection + prediction.LogLikelihood();
   double log_clutter = seen.log_any;
   AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_clutter);
-  const double log_misjudged = std::log(kMisjudgedShare) + log_detection +
-                               leaf->filter.PredictPlace(*place, seen.misjudged).LogLikelihood();
-  const double log_not_here = LogAdd(log_clutter, log_misjudged);
+  const double log_outlier = std::log(kOutlierShare) + log_detection +
+                             leaf->filter.PredictPlace(*place, seen.outlier).LogLikelihood();
+  const double log_not_here = LogAdd(log_clutter, log_outlier);
   // As a leaf that is resolved: it takes an observation for what it likelier is.
   const double log_at_place =
       std::log(belief->place_probability) + weight * std::max(log_here, log_not_here);
@@ -190,10 +190,10 @@ bool HypothesisBank::IsUnknown(int group, const Leaf& leaf) const {
   });
 }
 
-// No miss raises a likelihood, and misjudged positions scatter more widely than others.
+// No miss raises a likelihood, and outlier positions scatter more widely than others.
 double HypothesisBank::LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score) {
   return LogAdd(seen.log_false_alarm,
-                std::log(kMisjudgedShare) + score.log_detection + score.prediction.LogPeak());
+                std::log(kOutlierShare) + score.log_detection + score.prediction.LogPeak());
 }
 
 ObservationOutcome HypothesisBank::Judge(const SeenObservation& seen) {

@@ -89,7 +89,7 @@ class HypothesisTree {
   void ReleaseAgreedBeliefs();
 
   /// The sequential tests of all visits, T-IV (17), (18). A decision is said, and leaves that speak
-  /// against it stay until they are hopeless: the other groups' decisions rest on the same pose,
+  /// against it stay until they are rejected: the other groups' decisions rest on the same pose,
   /// and would else be as wrong as the first without knowing.
   void Test(const Groups& groups, Stamp now, std::vector<TreeDecision>* decisions);
 
@@ -155,7 +155,7 @@ class HypothesisTree {
               Stamp now,
               Visit* visit,
               std::vector<TreeDecision>* decisions) const;
-  void GiveUp(const HopelessStates& states,
+  void Reject(const RejectedStates& states,
               const StateValues& log_alive,
               std::size_t belief_index,
               Visit* visit);
@@ -345,13 +345,13 @@ void HypothesisTree<LeafType>::Test(const Groups& groups,
              &visit,
              decisions);
     }
-    if (!outcome.hopeless.empty() && visit.confirmed)
-      GiveUp(outcome.hopeless, log_alive, index, &visit);
+    if (!outcome.rejected.empty() && visit.confirmed)
+      Reject(outcome.rejected, log_alive, index, &visit);
   }
 }
 
 template <class LeafType>
-void HypothesisTree<LeafType>::GiveUp(const HopelessStates& states,
+void HypothesisTree<LeafType>::Reject(const RejectedStates& states,
                                       const StateValues& log_alive,
                                       std::size_t belief_index,
                                       Visit* visit) {

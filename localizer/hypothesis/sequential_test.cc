@@ -28,8 +28,8 @@ TestOutcome TestStates(const Eigen::Ref<const Eigen::VectorXd>& scores, double t
   for (Eigen::Index i = 0; i < scores.size(); ++i) {
     if (i == best) continue;
     others = LogAdd(others, scores[i]);
-    const bool hopeless = top - scores[i] > threshold + kGiveUpMargin;
-    if (hopeless) outcome.hopeless.push_back(static_cast<int>(i));
+    const bool rejected = top - scores[i] > threshold + kGiveUpMargin;
+    if (rejected) outcome.rejected.push_back(static_cast<int>(i));
   }
   // Where all others were given up, no more is known than what they were given up at.
   outcome.log_odds = others == kLogZero ? threshold + kGiveUpMargin : top - others;

@@ -13,7 +13,7 @@ namespace shiftmap {
 /// @param alpha  Accepted probability of a wrong decision, in (0, 0.5).
 double DecisionThreshold(double alpha);
 
-using HopelessStates = boost::container::small_vector<int, kInlineStates>;
+using RejectedStates = boost::container::small_vector<int, kInlineStates>;
 
 /// Outcome of the multi-hypothesis sequential probability ratio test.
 ///
@@ -23,7 +23,7 @@ using HopelessStates = boost::container::small_vector<int, kInlineStates>;
 struct TestOutcome {
   std::optional<int> decided;  ///< The state that beats the sum of all others by the threshold.
   double log_odds = 0.0;       ///< Of the best state to all others, finite. [nat]
-  HopelessStates hopeless;     ///< States below a hundredth of α of the best one.
+  RejectedStates rejected;     ///< States below a hundredth of α of the best one.
 };
 
 /// @param scores     Unnormalized log-posterior per state; -∞ for states dropped before.

@@ -27,8 +27,8 @@ class Client {
   /// The same, or nothing if none came within a time. [s]
   StatusOr<std::optional<Event>> ReceiveWithin(double seconds);
 
-  /// Sends a command and waits for its reply; news that come before it are skipped. The reply's own
-  /// error is returned as one.
+  /// Sends a command and waits for its reply; events that come before it are skipped. The reply's
+  /// own error is returned as one.
   StatusOr<Reply> Call(const Command& command);
 
  private:

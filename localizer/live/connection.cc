@@ -51,8 +51,8 @@ StatusOr<std::optional<std::string>> Connection::NextMessage(Clock::time_point n
   return message;
 }
 
-void Connection::SendNews(const Event& event, std::string_view frame) {
-  if (Wanted(event, subscription_)) output_.PushNews(frame);
+void Connection::SendEvents(const Event& event, std::string_view frame) {
+  if (Wanted(event, subscription_)) output_.PushEvent(frame);
 }
 
 void Connection::SendReply(std::string_view frame) {

@@ -32,8 +32,8 @@ class Connection {
   /// More whole messages may be there: NextMessage() was not called until there was none.
   bool has_more() const { return has_more_ && !broken_; }
 
-  /// Queues an event for the client, framed: news only if it subscribed to such.
-  void SendNews(const Event& event, std::string_view frame);
+  /// Queues an event for the client, framed: events only if it subscribed to such.
+  void SendEvents(const Event& event, std::string_view frame);
   void SendReply(std::string_view frame);
 
   /// Sends as much as the client takes.
@@ -57,7 +57,7 @@ class Connection {
   bool wants_read() const { return !ended_ && !broken_ && !has_more_; }
   bool wants_write() const { return !output_.empty() && !broken_; }
 
-  /// News lost since the last call, because the client does not read.
+  /// Events lost since the last call, because the client does not read.
   std::int64_t TakeDropped();
 
   static constexpr std::size_t kMaxQueuedBytes = std::size_t{256} << 10;

@@ -47,7 +47,7 @@ class FleetActions {
              const Status& status,
              const char* error_type = kInstantActionFailed);
 
-  /// Queues a download; news for the downloader are appended to `events`.
+  /// Queues a download; events for the downloader are appended to `events`.
   Status Do(const DownloadMap& action, std::vector<Event>* events);
   Status Do(const DeleteMap& action);
   Status Do(const MapDownloadProgress& progress, std::vector<Event>* events);

@@ -10,7 +10,7 @@ bool OutputQueue::MakeRoom(std::size_t bytes) {
     // A frame that has begun on the wire must be finished.
     const auto first = frames_.begin() + (sent_ > 0 ? 1 : 0);
     const auto oldest =
-        std::find_if(first, frames_.end(), [](const Frame& frame) { return frame.news; });
+        std::find_if(first, frames_.end(), [](const Frame& frame) { return frame.is_event; });
     if (oldest == frames_.end()) return false;
     bytes_ -= oldest->bytes.size();
     frames_.erase(oldest);
@@ -19,12 +19,12 @@ bool OutputQueue::MakeRoom(std::size_t bytes) {
   return true;
 }
 
-void OutputQueue::Push(std::string_view frame, bool news) {
-  frames_.push_back({std::string(frame), news});
+void OutputQueue::Push(std::string_view frame, bool is_event) {
+  frames_.push_back({std::string(frame), is_event});
   bytes_ += frame.size();
 }
 
-void OutputQueue::PushNews(std::string_view frame) {
+void OutputQueue::PushEvent(std::string_view frame) {
   if (MakeRoom(frame.size())) {
     Push(frame, true);
   } else {

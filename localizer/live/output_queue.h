@@ -9,7 +9,7 @@
 
 namespace shiftmap::live {
 
-/// Bytes on their way to one client, bounded: a client that does not read loses the oldest news,
+/// Bytes on their way to one client, bounded: a client that does not read loses the oldest events,
 /// and one that asks without ever reading the answers is let go.
 class OutputQueue {
  public:
@@ -17,9 +17,9 @@ class OutputQueue {
   explicit OutputQueue(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
   /// Adds a message that may be lost, if need be by dropping older ones of its kind.
-  void PushNews(std::string_view frame);
+  void PushEvent(std::string_view frame);
 
-  /// Adds a message that must not be lost. Returns false if there is no room even without news.
+  /// Adds a message that must not be lost. Returns false if there is no room even without events.
   bool PushReply(std::string_view frame);
 
   bool empty() const { return frames_.empty(); }
@@ -36,12 +36,12 @@ class OutputQueue {
  private:
   struct Frame {
     std::string bytes;
-    bool news = false;
+    bool is_event = false;
   };
 
-  // Drops old news until `bytes` more fit; false if they do not.
+  // Drops old events until `bytes` more fit; false if they do not.
   bool MakeRoom(std::size_t bytes);
-  void Push(std::string_view frame, bool news);
+  void Push(std::string_view frame, bool is_event);
 
   std::size_t max_bytes_;
   std::deque<Frame> frames_;

@@ -73,7 +73,7 @@ Status Server::Run(Service* service) {
   for (bool stop = false; !stop;) {
     SHIFTMAP_RETURN_IF_ERROR(Wait(&stop));
     LocalizeHeld();
-    GoOn();
+    StepCallback();
     service_->WriteJournal();
     FlushAll();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_sync_) {
@@ -127,13 +127,13 @@ std::chrono::milliseconds Server::LongestWait() const {
 void Server::LocalizeHeld() {
   events_.clear();
   service_->LocalizeHeld(std::chrono::steady_clock::now(), &events_);
-  SendNews();
+  SendEvents();
 }
 
-void Server::GoOn() {
+void Server::StepCallback() {
   events_.clear();
-  service_->GoOn(&events_);
-  SendNews();
+  service_->StepCallback(&events_);
+  SendEvents();
 }
 
 bool Server::MakePlace() {
@@ -200,7 +200,7 @@ void Server::Answer(Connection* client, const std::string& message) {
   events_.clear();
   const Reply reply = service_->Handle(*request, &events_);
   if (id != 0) client->SendReply(FramedEvent(reply));
-  SendNews();
+  SendEvents();
 }
 
 Status Server::TakeSubscription(const Subscribe& subscription, Connection* client) {
@@ -226,11 +226,11 @@ void Server::NoteDownloader() {
   if (present != std::exchange(downloader_, present)) service_->SetDownloader(present);
 }
 
-void Server::SendNews() {
+void Server::SendEvents() {
   for (const Event& event : events_) {
     const std::string frame = FramedEvent(event);
     if (frame.empty()) continue;
-    for (Connection& other : clients_) other.SendNews(event, frame);
+    for (Connection& other : clients_) other.SendEvents(event, frame);
   }
 }
 

@@ -18,7 +18,7 @@ namespace shiftmap::live {
 /// Serves clients on a Unix socket, one thread, until SIGTERM or SIGINT.
 ///
 /// One turn: wait, take in requests, step (also when the stream pauses), write the journal, then
-/// send replies and news. So a reply to a step is sent after the journal has it, and neither disk
+/// send replies and events. So a reply to a step is sent after the journal has it, and neither disk
 /// nor a client is waited for inside a step. Each client has some milliseconds of a turn, so that
 /// one that floods delays the others by little. ClientOptions says who may stay connected.
 class Server {
@@ -59,10 +59,10 @@ class Server {
   void Answer(Connection* client, const std::string& message);
   std::chrono::milliseconds LongestWait() const;
   void LocalizeHeld();
-  void GoOn();
+  void StepCallback();
   Status TakeSubscription(const Subscribe& subscription, Connection* client);
   void NoteDownloader();
-  void SendNews();
+  void SendEvents();
   void FlushAll();
 
   std::string path_;

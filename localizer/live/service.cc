@@ -277,7 +277,7 @@ void Service::WriteJournal() {
 
 void Service::SyncJournal() {
   if (journal_) CheckJournal(journal_->StartSync());
-  CheckLogs(logs_.GoOn());
+  CheckLogs(logs_.StepCallback());
   if (const Status status = fleet_.log().StartWrite(); !status.ok()) options_.warn(Message(status));
 }
 

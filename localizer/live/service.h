@@ -98,7 +98,7 @@ class Service {
   Reply Handle(const Request& request, std::vector<Event>* events);
 
   /// Localizes what waits for late items once the last item is older than the bound on the delay:
-  /// a stream that pauses must not keep it waiting. News are appended to `events`.
+  /// a stream that pauses must not keep it waiting. Events are appended to `events`.
   /// @param now  By the clock of the items' arrival, std::chrono::steady_clock.
   void LocalizeHeld(std::chrono::steady_clock::time_point now, std::vector<Event>* events);
 
@@ -106,7 +106,7 @@ class Service {
   std::optional<std::chrono::steady_clock::time_point> held_until() const { return held_until_; }
 
   /// Does what waits for the vehicle to stand, or for landmarks to agree with a pose.
-  void GoOn(std::vector<Event>* events);
+  void StepCallback(std::vector<Event>* events);
 
   /// As FleetActions::SetDownloader().
   void SetDownloader(bool present) { fleet_.SetDownloader(present); }

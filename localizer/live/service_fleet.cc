@@ -165,7 +165,7 @@ Status Service::Do(const ClearActions&, std::vector<Event>*) {
   return OkStatus();
 }
 
-void Service::GoOn(std::vector<Event>* events) {
+void Service::StepCallback(std::vector<Event>* events) {
   CheckPose();
   if (!waiting_ || !Stands()) return;
   const EnableMap action = *std::exchange(waiting_, std::nullopt);

@@ -66,14 +66,14 @@ Status Shift::Process(const RunEvent& item, std::vector<Event>* events) {
     TellOdometer(*sample);
   }
   UpdatePose();
-  TellNews(events);
+  ReportEvents(events);
   return OkStatus();
 }
 
 void Shift::LocalizeHeld(std::vector<Event>* events) {
   localizer_.FlushPaused();
   UpdatePose();
-  TellNews(events);
+  ReportEvents(events);
 }
 
 void Shift::UpdatePose() {
@@ -98,7 +98,7 @@ void Shift::TellOdometer(const OdometrySample& sample) {
   last_sample_ = sample;
 }
 
-void Shift::TellNews(std::vector<Event>* events) {
+void Shift::ReportEvents(std::vector<Event>* events) {
   if (pose_) events->emplace_back(PoseEvent{now_, pose_->pose, localizer_.state()});
   if (localizer_.state() != told_state_) {
     told_state_ = localizer_.state();

@@ -72,7 +72,7 @@ class Shift {
  private:
   void TellOdometer(const OdometrySample& sample);
   void UpdatePose();
-  void TellNews(std::vector<Event>* events);
+  void ReportEvents(std::vector<Event>* events);
 
   ShiftHeader header_;
   Localizer localizer_;

@@ -199,7 +199,7 @@ Status ShiftLogs::Take(const std::string& journal, const std::string& uuid) {
   const std::string waiting = folder_ + "/" + uuid + (max_bytes_ > 0 ? kWaiting : kUnrecorded);
   if (std::rename(journal.c_str(), waiting.c_str()) == 0) {
     waiting_ = true;
-    return GoOn();
+    return StepCallback();
   }
   if (errno == ENOENT) return OkStatus();  // It was set aside.
   const Status status =

@@ -60,7 +60,7 @@ class ShiftLogs {
   /// Makes logs and recordings of journals that wait, if none is being made. Never waits itself.
   /// Errors: what became of the last one, once, and what the shift lacks; that journal is not tried
   /// again by this process.
-  Status GoOn() { return Begin(false); }
+  Status StepCallback() { return Begin(false); }
 
   /// Waits until all logs are made. Recordings are left to the next process.
   Status Finish();

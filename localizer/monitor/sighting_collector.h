@@ -24,7 +24,7 @@ class SightingCollector {
     Eigen::Vector2d p_map = Eigen::Vector2d::Zero();  ///< Mean of the sightings. [m]
     Stamp first;
     Stamp last;
-    bool from_apart = false;  ///< From half a metre apart: not one misjudged view, repeated.
+    bool from_apart = false;  ///< From half a metre apart: not one outlier view, repeated.
     bool confirmed = false;   ///< By Confirm().
   };
 

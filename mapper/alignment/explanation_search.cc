@@ -214,7 +214,7 @@ class Search {
   // further one is looked for.
   // @param together  The likeliest body if that is likelier than none. May be null.
   double LogBodies(const StayedLandmarks& stayed, MatchSet* together) {
-    constexpr double kHopeless = 12.0;  // [nats]
+    constexpr double kRejected = 12.0;  // [nats]
     MovedBodies moved(e_, prior_, rigid_, stayed);
     MatchSet taken = stayed.matches;
     double present = moved.LogScore();
@@ -233,7 +233,7 @@ class Search {
       }
       // Of two that changed places the first alone is not likely yet.
       const bool first = moved.matches().empty();
-      if (best < present - (first ? kHopeless : 0.0)) break;
+      if (best < present - (first ? kRejected : 0.0)) break;
       moved = *std::move(likeliest);
       if (together != nullptr && first && best > present) *together = moved.matches().front();
       present = best;

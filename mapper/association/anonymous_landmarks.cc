@@ -16,8 +16,8 @@ struct LandmarkMatch {
 };
 
 std::vector<LandmarkMatch> Matches(const std::vector<Mode>& found,
-                           const std::vector<Mode>& known,
-                           const AnonymousMergeOptions& options) {
+                                   const std::vector<Mode>& known,
+                                   const AnonymousMergeOptions& options) {
   const double gate = ChiSquareQuantile(options.gate_probability, 2);
   const Eigen::Matrix2d floor =
       Eigen::Matrix2d::Identity() * (2.0 * options.position_floor_m * options.position_floor_m);

@@ -16,8 +16,8 @@
 namespace shiftmap {
 namespace {
 
-// Scans between two looks for twins.
-constexpr int kTwinPeriod = 25;
+// Scans between two looks for duplicates.
+constexpr int kDuplicatePeriod = 25;
 
 struct Sighted {
   int scan = 0;
@@ -79,12 +79,12 @@ class Tracker {
     }
     Begin(scan, index, free);
     DropExpired(index);
-    if (index % kTwinPeriod == 0) FuseTwins();
+    if (index % kDuplicatePeriod == 0) MergeDuplicates();
   }
 
   AnonymousAssociation Finish(const Run& run) {
     state_.Focus(std::numeric_limits<double>::max());
-    FuseTwins();
+    MergeDuplicates();
     for (const Scan& scan : run.scans) {
       out_.track_of.emplace_back(scan.observations.size(), -1);
     }
@@ -189,8 +189,9 @@ class Tracker {
     }
   }
 
-  // Until no two tracks are of one landmark: what is fused moves, and may be another one's twin.
-  void FuseTwins() {
+  // Until no two tracks are of one landmark: what is fused moves, and may be another one's
+  // duplicate.
+  void MergeDuplicates() {
     std::vector<int> landmarks;
     for (const int landmark : state_.active()) {
       const auto track = tracks_.find(landmark);
@@ -201,12 +202,12 @@ class Tracker {
     }
   }
 
-  // Takes out of `landmarks` what is the twin of one before it. True if there was any.
+  // Takes out of `landmarks` what is the duplicate of one before it. True if there was any.
   bool FuseOnce(std::vector<int>* landmarks) {
     const std::size_t before = landmarks->size();
     for (std::size_t i = 0; i < landmarks->size(); ++i) {
       for (std::size_t j = i + 1; j < landmarks->size();) {
-        if (!AreTwins((*landmarks)[i], (*landmarks)[j])) {
+        if (!AreDuplicates((*landmarks)[i], (*landmarks)[j])) {
           ++j;
           continue;
         }
@@ -217,9 +218,9 @@ class Tracker {
     return landmarks->size() < before;
   }
 
-  bool AreTwins(int i, int j) const {
+  bool AreDuplicates(int i, int j) const {
     const Eigen::Vector2d difference = state_.Position(i) - state_.Position(j);
-    return difference.norm() <= options_.twin_distance_m &&
+    return difference.norm() <= options_.duplicate_distance_m &&
            SquaredMahalanobis(difference, state_.DifferenceCovariance(i, j)) <= gate_ &&
            !SeenTogether(tracks_.at(i), tracks_.at(j));
   }
@@ -264,8 +265,8 @@ Status AssociationOptions::Validate() const {
   if (confirm_sightings < 1 || confirm_within_scans < 1 || min_sightings < 1) {
     return InvalidArgument("confirm_sightings, confirm_within_scans, min_sightings: expected > 0");
   }
-  if (!(separation_m >= 0.0) || !(twin_distance_m >= 0.0)) {
-    return InvalidArgument("separation_m and twin_distance_m: expected 0 or more");
+  if (!(separation_m >= 0.0) || !(duplicate_distance_m >= 0.0)) {
+    return InvalidArgument("separation_m and duplicate_distance_m: expected 0 or more");
   }
   return OkStatus();
 }
@@ -274,12 +275,12 @@ AnonymousAssociation AssociateAnonymous(const Run& run,
                                         const Calibration& calibration,
                                         const AssociationOptions& options,
                                         const FrontEndOptions& front_end,
-                                        const std::function<bool()>& go_on) {
+                                        const std::function<bool()>& on_step) {
   Tracker tracker(calibration, options, front_end);
   std::vector<StampedPose> trajectory;
   std::size_t hint = 0;
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
-    if (go_on && i % kTwinPeriod == 0 && !go_on()) break;
+    if (on_step && i % kDuplicatePeriod == 0 && !on_step()) break;
     const Scan& scan = run.scans[i];
     if (i > 0) {
       tracker.Predict(IntegrateMotion(

@@ -41,7 +41,7 @@ struct AssociationOptions {
 
   /// Two tracks that are as close, not told apart by their covariance and never seen in one scan
   /// are one landmark. [m]
-  double twin_distance_m = 1.0;
+  double duplicate_distance_m = 1.0;
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
@@ -73,12 +73,12 @@ struct AnonymousAssociation {
 /// Per scan: prediction, observations with signatures, joint association of the others with the
 /// confirmed tracks near by, then of what is left with tentative ones; what is far from all of them
 /// begins a track. Sightings that FindUsableSightings() leaves out are not used.
-/// @param go_on  Asked now and then; false ends with what is found by then.
+/// @param on_step  Asked now and then; false ends with what is found by then.
 /// Precondition: the run and the options are valid. Determinism: same input, same output.
 AnonymousAssociation AssociateAnonymous(const Run& run,
                                         const Calibration& calibration,
                                         const AssociationOptions& options,
                                         const FrontEndOptions& front_end = {},
-                                        const std::function<bool()>& go_on = {});
+                                        const std::function<bool()>& on_step = {});
 
 }  // namespace shiftmap

@@ -18,7 +18,7 @@ Status NameTracks(int number,
                   const Calibration& calibration,
                   const AssociationOptions& options,
                   const FrontEndOptions& front_end,
-                  const std::function<bool()>& go_on,
+                  const std::function<bool()>& on_step,
                   Run* run) {
   for (const Scan& scan : run->scans) {
     for (const Observation& observation : scan.observations) {
@@ -29,7 +29,7 @@ Status NameTracks(int number,
     }
   }
   const AnonymousAssociation found =
-      AssociateAnonymous(*run, calibration, options, front_end, go_on);
+      AssociateAnonymous(*run, calibration, options, front_end, on_step);
   for (std::size_t i = 0; i < run->scans.size(); ++i) {
     for (std::size_t j = 0; j < run->scans[i].observations.size(); ++j) {
       const int track = found.track_of[i][j];

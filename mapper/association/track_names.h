@@ -21,13 +21,13 @@ bool IsTrackSignature(const Signature& signature);
 /// Gives each anonymous observation that AssociateAnonymous() finds a track for the name of that
 /// track; others stay anonymous. From there on the run is like one with signatures.
 /// @param number  Of the run in the build.
-/// @param go_on  As AssociateAnonymous(); may be empty.
+/// @param on_step  As AssociateAnonymous(); may be empty.
 /// Errors: kInvalidArgument if the run has a signature that begins like a track's name.
 Status NameTracks(int number,
                   const Calibration& calibration,
                   const AssociationOptions& options,
                   const FrontEndOptions& front_end,
-                  const std::function<bool()>& go_on,
+                  const std::function<bool()>& on_step,
                   Run* run);
 
 }  // namespace shiftmap

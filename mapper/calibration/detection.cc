@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 #include "mapstore/core/quantile.h"
 
 namespace shiftmap {
@@ -16,8 +16,8 @@ constexpr double kFieldOfViewQuantile = 0.99;
 // Where a run's groups stand, asked in the order of time.
 class StandingModes {
  public:
-  StandingModes(const MapProblem& problem, const BuildRun& run)
-      : run_(run), mode_of_(problem.modes.size(), kUnassigned) {}
+  StandingModes(const BuildState& build, const BuildRun& run)
+      : run_(run), mode_of_(build.modes.size(), kUnassigned) {}
 
   void GoTo(Stamp stamp) {
     const std::vector<MappingVisit>& visits = run_.data->visits;
@@ -45,24 +45,24 @@ bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_veh
 
 }  // namespace
 
-ModeGrid GridOf(const MapProblem& problem, double cell_m) {
+ModeGrid GridOf(const BuildState& build, double cell_m) {
   ModeGrid grid(cell_m);
-  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-    for (std::size_t k = 0; k < problem.modes[group].size(); ++k) {
-      const Eigen::Vector2d& position = problem.modes[group][k].p_map_landmark;
+  for (std::size_t group = 0; group < build.modes.size(); ++group) {
+    for (std::size_t k = 0; k < build.modes[group].size(); ++k) {
+      const Eigen::Vector2d& position = build.modes[group][k].p_map_landmark;
       grid.Add({static_cast<int>(group), static_cast<int>(k), position});
     }
   }
   return grid;
 }
 
-void CountDetections(const MapProblem& problem,
+void CountDetections(const BuildState& build,
                      const SensorCalibration& sensor,
                      const ModeGrid& grid,
                      const BuildRun& run,
                      DetectionCount* count) {
-  StandingModes standing(problem, run);
-  std::vector<int> seen_at(problem.modes.size(), -1);  // The last frame of each group.
+  StandingModes standing(build, run);
+  std::vector<int> seen_at(build.modes.size(), -1);  // The last frame of each group.
   for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
     const KeyFrame& frame = run.data->frames[f];
     standing.GoTo(frame.stamp);
@@ -71,7 +71,7 @@ void CountDetections(const MapProblem& problem,
     for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
       const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
       const auto visit = static_cast<std::size_t>(sighting.visit);
-      if (!IsInlier(problem, run, sighting)) continue;
+      if (!IsInlier(build, run, sighting)) continue;
       int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
       all_seen += at != now ? 1 : 0;
       at = now;
@@ -104,13 +104,13 @@ void SetDetection(const DetectionCount& count, SensorCalibration* sensor) {
       std::clamp((count.detected + 1.0) / (count.expected + 2.0), 0.05, 0.95);
 }
 
-SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options) {
-  SensorCalibration sensor = problem.sensor;
+SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& options) {
+  SensorCalibration sensor = build.sensor;
   std::vector<Eigen::Vector2d> positions;
   int outliers = 0;
-  for (const BuildRun& run : problem.runs) {
+  for (const BuildRun& run : build.runs) {
     for (const Sighting& sighting : run.data->sightings) {
-      if (!IsInlier(problem, run, sighting)) {
+      if (!IsInlier(build, run, sighting)) {
         ++outliers;
         continue;
       }
@@ -122,9 +122,9 @@ SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions
 
   DetectionCount count;
   double frames = 0.0;
-  const ModeGrid grid = GridOf(problem, sensor.max_range_m);
-  for (const BuildRun& run : problem.runs) {
-    CountDetections(problem, sensor, grid, run, &count);
+  const ModeGrid grid = GridOf(build, sensor.max_range_m);
+  for (const BuildRun& run : build.runs) {
+    CountDetections(build, sensor, grid, run, &count);
     frames += static_cast<double>(run.data->frames.size());
   }
   SetDetection(count, &sensor);

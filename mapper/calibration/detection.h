@@ -6,7 +6,7 @@
 
 #include "localizer/models/mode_grid.h"
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/map/calibration.h"
 
 namespace shiftmap {
@@ -17,16 +17,16 @@ struct DetectionCount {
   double detected = 0.0;
 };
 
-/// A problem's modes by where they are.
+/// A build's modes by where they are.
 /// @param cell_m  As of ModeGrid: best about the range of the sensor. [m]
-ModeGrid GridOf(const MapProblem& problem, double cell_m);
+ModeGrid GridOf(const BuildState& build, double cell_m);
 
 /// Adds what stood in the field of view of `sensor` at a run's key frames. A landmark stands where
 /// the visit going on has it, or the last one; before its first visit of the run it is not counted.
 /// Key frames are where something is seen: a frame that only the landmark itself makes one is not
 /// counted for it, or it would never be missed alone.
-/// @param grid  Of the problem's modes.
-void CountDetections(const MapProblem& problem,
+/// @param grid  Of the build's modes.
+void CountDetections(const BuildState& build,
                      const SensorCalibration& sensor,
                      const ModeGrid& grid,
                      const BuildRun& run,
@@ -39,8 +39,8 @@ void SetFieldOfView(const std::vector<Eigen::Vector2d>& positions, SensorCalibra
 /// Sets P_D0 from counts, with a Beta(1, 1) prior, and never so certain that one scan decides.
 void SetDetection(const DetectionCount& count, SensorCalibration* sensor);
 
-/// The problem's sensor with field of view, P_D0 and clutter density of the fleet, from where its
+/// The build's sensor with field of view, P_D0 and clutter density of the fleet, from where its
 /// landmarks stood while it drove; as it was if fewer than `options.min_sightings` tell of it.
-SensorCalibration EstimateDetection(const MapProblem& problem, const ModeOptions& options);
+SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& options);
 
 }  // namespace shiftmap

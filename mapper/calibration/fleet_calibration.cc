@@ -6,7 +6,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 #include "mapstore/core/quantile.h"
 
 namespace shiftmap {
@@ -67,16 +67,16 @@ struct SensorSquares {
   double squared_ranges = 0.0;  // Sum of r².
 };
 
-void AddSensorSquares(const MapProblem& problem,
+void AddSensorSquares(const BuildState& build,
                       const BuildRun& run,
                       const SensorBias& bias,
                       double mean_squared_bearing,
                       SensorSquares* squares) {
   for (const Sighting& sighting : run.data->sightings) {
-    if (!IsInlier(problem, run, sighting)) continue;
+    if (!IsInlier(build, run, sighting)) continue;
     const Eigen::Vector2d nu2 = LinearizeBiased(sighting.observation,
                                                 run.poses[static_cast<std::size_t>(sighting.frame)],
-                                                AssignedPosition(problem, run, sighting),
+                                                AssignedPosition(build, run, sighting),
                                                 bias,
                                                 mean_squared_bearing)
                                     .nu.cwiseAbs2();
@@ -106,17 +106,17 @@ NoiseEstimate RobustNoise(const std::vector<double>& squares) {
 
 }  // namespace
 
-SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale) {
-  SensorCalibration sensor = problem.sensor;
-  const auto runs = static_cast<double>(problem.runs.size());
-  for (const BuildRun& run : problem.runs) {
+SensorCalibration FleetSensor(const BuildState& build, double sd_range_scale) {
+  SensorCalibration sensor = build.sensor;
+  const auto runs = static_cast<double>(build.runs.size());
+  for (const BuildRun& run : build.runs) {
     sensor.range_curvature_per_rad2 += run.sensor_bias[kRangeCurvature] / runs;
     sensor.mean_squared_bearing_rad2 += run.data->mean_squared_bearing / runs;
   }
   const SensorBias common(0.0, 0.0, sensor.range_curvature_per_rad2);
   SensorSquares squares;
-  for (const BuildRun& run : problem.runs) {
-    AddSensorSquares(problem, run, common, sensor.mean_squared_bearing_rad2, &squares);
+  for (const BuildRun& run : build.runs) {
+    AddSensorSquares(build, run, common, sensor.mean_squared_bearing_rad2, &squares);
   }
   const auto raise = [](const std::vector<double>& of_kind, double spread, double* sd) {
     if (!of_kind.empty()) *sd = std::hypot(std::max(*sd, RobustSd(of_kind)), spread);
@@ -149,7 +149,7 @@ OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
   return fleet;
 }
 
-VehicleNoise NoiseOverSeconds(const MapProblem& problem,
+VehicleNoise NoiseOverSeconds(const BuildState& build,
                               const std::vector<std::size_t>& runs,
                               const SensorBias& bias,
                               double mean_squared_bearing,
@@ -157,9 +157,9 @@ VehicleNoise NoiseOverSeconds(const MapProblem& problem,
   MotionSquares motion;
   SensorSquares sensor;
   for (const std::size_t r : runs) {
-    const BuildRun& run = problem.runs[r];
+    const BuildRun& run = build.runs[r];
     AddMotionSquares(run, &motion);
-    AddSensorSquares(problem, run, bias, mean_squared_bearing, &sensor);
+    AddSensorSquares(build, run, bias, mean_squared_bearing, &sensor);
   }
   NoiseEstimate range = RobustNoise(sensor.range);
   range.sd = std::hypot(range.sd, RangeSpread(sensor, sd_range_scale));

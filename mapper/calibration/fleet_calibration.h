@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/estimate.h"
 
@@ -13,7 +13,7 @@ namespace shiftmap {
 /// The sensor as a localizer on a vehicle that no run has calibrated must take it: the systematic
 /// errors that the fleet has in common, and as noise what is each vehicle's own.
 /// @param sd_range_scale  Standard deviation of the scale of ranges between sensors. [-]
-SensorCalibration FleetSensor(const MapProblem& problem, double sd_range_scale);
+SensorCalibration FleetSensor(const BuildState& build, double sd_range_scale);
 
 /// The mean odometry of a fleet, with the spread between its vehicles.
 OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
@@ -34,7 +34,7 @@ struct VehicleNoise {
 /// run take up; ranges have the fleet's spread on top.
 /// @param runs                  Indices.
 /// @param mean_squared_bearing  b̄² of the vehicle. [rad²]
-VehicleNoise NoiseOverSeconds(const MapProblem& problem,
+VehicleNoise NoiseOverSeconds(const BuildState& build,
                               const std::vector<std::size_t>& runs,
                               const SensorBias& bias,
                               double mean_squared_bearing,

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 
 namespace shiftmap {
 

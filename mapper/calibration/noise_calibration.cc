@@ -40,8 +40,8 @@ double Factor(const ResidualStatistics& statistics, ResidualStatistics::Kind kin
 
 class VarianceComponents {
  public:
-  explicit VarianceComponents(MapProblem* problem) : problem_(problem) {
-    for (const auto& [name, runs] : RunsByVehicle(*problem)) vehicles_.push_back(runs);
+  explicit VarianceComponents(BuildState* build) : problem_(build) {
+    for (const auto& [name, runs] : RunsByVehicle(*build)) vehicles_.push_back(runs);
   }
 
   // One step of all. Returns the largest factor, 1 or more.
@@ -71,7 +71,7 @@ class VarianceComponents {
   }
 
  private:
-  MapProblem* problem_;
+  BuildState* problem_;
   std::vector<std::vector<std::size_t>> vehicles_;  // Runs of each.
 };
 
@@ -104,18 +104,18 @@ void ChangeByMedian(const Odometries& odometries, const Change& change) {
 
 }  // namespace
 
-void PoolNoiseByVehicle(MapProblem* problem) {
-  for (const auto& [name, runs] : RunsByVehicle(*problem)) {
+void PoolNoiseByVehicle(BuildState* build) {
+  for (const auto& [name, runs] : RunsByVehicle(*build)) {
     Odometries odometries;
-    for (const std::size_t run : runs) odometries.push_back(&problem->runs[run].odometry);
+    for (const std::size_t run : runs) odometries.push_back(&build->runs[run].odometry);
     ChangeByMedian(odometries, [](double /*own*/, double median) { return median; });
   }
 }
 
-void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs) {
+void RaiseNoiseByVehicle(std::vector<BuildState>* single_runs) {
   std::map<std::string, Odometries> vehicles;
-  for (MapProblem& problem : *single_runs) {
-    BuildRun& run = problem.runs.front();
+  for (BuildState& build : *single_runs) {
+    BuildRun& run = build.runs.front();
     vehicles[run.data->info.vehicle].push_back(&run.odometry);
   }
   for (const auto& [name, odometries] : vehicles) {
@@ -123,28 +123,28 @@ void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs) {
   }
 }
 
-Graph SolveRoughly(const MapperOptions& options,
-                   int steps,
-                   MapProblem* problem,
-                   GraphSolver* solver) {
+Graph SolveTruncated(const MapperOptions& options,
+                     int steps,
+                     BuildState* build,
+                     GraphSolver* solver) {
   constexpr double kCostTolerance = 1e-3;
   MapperOptions few = options;
   few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
   few.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
-  return SolveOnce(few, problem, solver);
+  return SolveOnce(few, build, solver);
 }
 
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
-                    MapProblem* problem,
+                    BuildState* build,
                     GraphSolver* solver,
-                    const GoOn& go_on) {
+                    const StepCallback& on_step) {
   constexpr int kSteps = 2;
-  VarianceComponents components(problem);
+  VarianceComponents components(build);
   for (int round = 0; round < rounds.most; ++round) {
-    if (go_on && !go_on(*problem)) return;
+    if (on_step && !on_step(*build)) return;
     const Graph graph =
-        round == 0 ? MakeGraph(options, problem) : SolveRoughly(options, kSteps, problem, solver);
+        round == 0 ? MakeGraph(options, build) : SolveTruncated(options, kSteps, build, solver);
     const auto statistics = ComputeRunStatistics(graph, NoiseSamples(graph), options.seed, solver);
     if (!statistics || components.Step(*statistics) < rounds.settled) return;
   }

@@ -4,17 +4,17 @@
 #include <vector>
 
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 
 namespace shiftmap {
 
 /// Gives the runs of each vehicle one odometry noise: the median of theirs. What a run says of it
 /// by itself is little.
-void PoolNoiseByVehicle(MapProblem* problem);
+void PoolNoiseByVehicle(BuildState* build);
 
 /// Gives each run mapped by itself at least the odometry noise that its vehicle has in the median
 /// of its runs: one that is too sure of itself ties to less of a map than it saw.
-void RaiseNoiseByVehicle(std::vector<MapProblem>* single_runs);
+void RaiseNoiseByVehicle(std::vector<BuildState>* single_runs);
 
 /// How long noise is looked for.
 struct NoiseRounds {
@@ -26,20 +26,20 @@ struct NoiseRounds {
 };
 
 /// As SolveOnce(), in a few steps: what goes on from there need not be at the minimum.
-Graph SolveRoughly(const MapperOptions& options,
-                   int steps,
-                   MapProblem* problem,
-                   GraphSolver* solver);
+Graph SolveTruncated(const MapperOptions& options,
+                     int steps,
+                     BuildState* build,
+                     GraphSolver* solver);
 
 /// Finds the noise of the sensor and of each vehicle's odometry from the residuals of solved
 /// graphs: each variance is multiplied by what its residuals have too much or too little (variance
-/// components, mapper/METHOD.md, 5), and the problem is solved again, until they stay.
-/// After the last change it is not. Precondition: the problem is solved, if roughly.
-/// @param solver  What it keeps goes on from and to other solves of this problem.
+/// components, mapper/METHOD.md, 5), and the build is solved again, until they stay.
+/// After the last change it is not. Precondition: the build is solved, if roughly.
+/// @param solver  What it keeps goes on from and to other solves of this build.
 void CalibrateNoise(const MapperOptions& options,
                     const NoiseRounds& rounds,
-                    MapProblem* problem,
+                    BuildState* build,
                     GraphSolver* solver,
-                    const GoOn& go_on = {});
+                    const StepCallback& on_step = {});
 
 }  // namespace shiftmap

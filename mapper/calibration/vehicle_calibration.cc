@@ -8,7 +8,7 @@
 
 #include "mapper/calibration/detection.h"
 #include "mapper/calibration/fleet_calibration.h"
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 
 namespace shiftmap {
 namespace {
@@ -65,9 +65,9 @@ struct Systematic {
 Systematic CombineRuns(const OdometryCalibration& fleet,
                        const Graph& graph,
                        const GraphPosterior& posterior,
-                       const MapProblem& problem,
+                       const BuildState& build,
                        const std::map<std::string, std::vector<std::size_t>>& vehicles) {
-  const auto runs = static_cast<Eigen::Index>(kRunCalibration * problem.runs.size());
+  const auto runs = static_cast<Eigen::Index>(kRunCalibration * build.runs.size());
   const auto size = static_cast<Eigen::Index>(kRunCalibration * vehicles.size());
   Systematic result;
   result.prior_mean = ParametersOf(fleet, SensorBias::Zero());
@@ -82,7 +82,7 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
     for (const std::size_t r : of_vehicle) {
       const auto row = static_cast<Eigen::Index>(kRunCalibration * r);
       estimate.segment<kRunCalibration>(row) =
-          ParametersOf(problem.runs[r].odometry, problem.runs[r].sensor_bias);
+          ParametersOf(build.runs[r].odometry, build.runs[r].sensor_bias);
       E.block<kRunCalibration, kRunCalibration>(row, column).setIdentity();
       if (r == of_vehicle.front()) continue;
       prior.segment<kRunCalibration>(column) += information_of_prior;
@@ -100,14 +100,14 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
 }
 
 // Noise of a vehicle's runs: their residuals together, each under its own run's noise.
-VehicleNoise ScatterOf(const MapProblem& problem,
+VehicleNoise ScatterOf(const BuildState& build,
                        const std::vector<std::size_t>& runs,
                        const std::vector<ResidualStatistics>& statistics) {
   using Kind = ResidualStatistics;
   ResidualStatistics sum;
-  const SensorCalibration& sensor = problem.sensor;
+  const SensorCalibration& sensor = build.sensor;
   for (const std::size_t r : runs) {
-    const OdometryCalibration& odometry = problem.runs[r].odometry;
+    const OdometryCalibration& odometry = build.runs[r].odometry;
     Eigen::Array<double, Kind::kKinds, 1> sd;
     sd << odometry.noise_v, odometry.noise_omega, sensor.sd_range_m, sensor.sd_bearing_rad,
         sensor.sd_position_m;
@@ -129,19 +129,19 @@ Estimate EstimateOf(const SystematicErrors& errors, Eigen::Index i) {
   return {errors.mean[i], std::sqrt(errors.cov(i, i))};
 }
 
-ShareEstimate DetectionOf(const MapProblem& problem,
+ShareEstimate DetectionOf(const BuildState& build,
                           const ModeGrid& grid,
                           const std::vector<std::size_t>& runs) {
   DetectionCount count;
   for (const std::size_t r : runs) {
-    CountDetections(problem, problem.sensor, grid, problem.runs[r], &count);
+    CountDetections(build, build.sensor, grid, build.runs[r], &count);
   }
   if (count.expected == 0.0) return {};
   return {count.detected / count.expected, count.expected};
 }
 
 // What a map knows of the vehicle from these runs.
-VehicleCalibration CalibrationFrom(const MapProblem& problem,
+VehicleCalibration CalibrationFrom(const BuildState& build,
                                    const ModeGrid& grid,
                                    const std::string& name,
                                    const std::vector<std::size_t>& runs,
@@ -152,7 +152,7 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
   vehicle.vehicle = name;
   vehicle.runs = static_cast<std::int64_t>(runs.size());
   for (const std::size_t r : runs) {
-    const MappingRun& run = *problem.runs[r].data;
+    const MappingRun& run = *build.runs[r].data;
     vehicle.stamp = std::max(vehicle.stamp, run.end());
     vehicle.mean_squared_bearing_rad2 +=
         run.mean_squared_bearing / static_cast<double>(runs.size());
@@ -164,13 +164,13 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
   vehicle.range_curvature_per_rad2 = EstimateOf(errors, 4);
   const SensorBias bias(0.0, errors.mean[3], errors.mean[4]);
   const VehicleNoise noise =
-      NoiseOverSeconds(problem, runs, bias, vehicle.mean_squared_bearing_rad2, sd_range_scale);
+      NoiseOverSeconds(build, runs, bias, vehicle.mean_squared_bearing_rad2, sd_range_scale);
   vehicle.noise_v = Larger(scatter.v, noise.v);
   vehicle.noise_omega = Larger(scatter.omega, noise.omega);
   vehicle.range_m = Larger(scatter.range_m, noise.range_m);
   vehicle.bearing_rad = Larger(scatter.bearing_rad, noise.bearing_rad);
   vehicle.position_m = Larger(scatter.position_m, noise.position_m);
-  vehicle.detection = DetectionOf(problem, grid, runs);
+  vehicle.detection = DetectionOf(build, grid, runs);
   return vehicle;
 }
 
@@ -179,13 +179,13 @@ VehicleCalibration CalibrationFrom(const MapProblem& problem,
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
                                                const GraphPosterior& posterior,
-                                               const MapProblem& problem) {
-  const auto by_vehicle = RunsByVehicle(problem);
+                                               const BuildState& build) {
+  const auto by_vehicle = RunsByVehicle(build);
   const Systematic systematic =
-      CombineRuns(options.calibration.odometry, graph, posterior, problem, by_vehicle);
+      CombineRuns(options.calibration.odometry, graph, posterior, build, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
       ComputeRunStatistics(graph, posterior, kOffsetSamples, options.seed);
-  const ModeGrid grid = GridOf(problem, problem.sensor.max_range_m);
+  const ModeGrid grid = GridOf(build, build.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {
     const auto index = static_cast<Eigen::Index>(vehicles.size());
@@ -193,15 +193,15 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
     vehicle.vehicle = name;
     vehicle.runs = static_cast<int>(runs.size());
     vehicle.systematic = systematic.Of(index);
-    const VehicleNoise scatter = ScatterOf(problem, runs, statistics);
+    const VehicleNoise scatter = ScatterOf(build, runs, statistics);
     vehicle.calibration = CalibrationFrom(
-        problem, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
+        build, grid, name, runs, vehicle.systematic, scatter, options.sd_range_scale);
     const VehicleCalibration& found = vehicle.calibration;
     vehicle.scale_v = Exponential(IntervalOf(found.log_scale_v));
     vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));
     vehicle.lag_s = IntervalOf(found.lag_s);
-    vehicle.range_scale = Exponential(IntervalOf(
-        systematic.RangeScaleOf(index, problem.in_map_units, options.sd_run_range_scale)));
+    vehicle.range_scale = Exponential(
+        IntervalOf(systematic.RangeScaleOf(index, build.in_map_units, options.sd_run_range_scale)));
     vehicle.bearing_offset_rad = IntervalOf(found.bearing_offset_rad);
     vehicle.range_curvature_per_rad2 = IntervalOf(found.range_curvature_per_rad2);
     vehicle.noise_v = IntervalOf(scatter.v);

@@ -7,7 +7,7 @@
 
 #include "mapper/graph/graph_posterior.h"
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/map/estimate.h"
 #include "mapstore/map/vehicle_calibration.h"
 
@@ -51,7 +51,7 @@ struct VehicleEstimate {
   VehicleCalibration calibration;
 };
 
-/// The calibration of each vehicle of a solved problem, from all its runs:
+/// The calibration of each vehicle of a solved build, from all its runs:
 ///
 /// - Systematic errors c are the same in all runs of a vehicle. The runs' joint posterior N(ĉ, C)
 ///   has the prior N(c₀, P₀) once a run; with E the runs of each vehicle and R_v how many it has,
@@ -67,11 +67,11 @@ struct VehicleEstimate {
 ///   it sees another one. Wilson's interval (1927).
 ///
 /// By name. Precondition: the options calibrate; every mode is observed or in the prior.
-/// @param graph        That of the problem.
+/// @param graph        That of the build.
 /// @param posterior  Of the graph, linearized at its present values.
 std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
                                                const Graph& graph,
                                                const GraphPosterior& posterior,
-                                               const MapProblem& problem);
+                                               const BuildState& build);
 
 }  // namespace shiftmap

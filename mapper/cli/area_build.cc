@@ -219,7 +219,7 @@ RunLoaderOptions LoaderOptions(const AreaBuildOptions& options, const PriorMap& 
   loader.now = now;
   loader.clock_tolerance_s = options.clock_tolerance_s;
   loader.unique_names = options.trajectories.has_value();
-  loader.go_on = [&options] { return CheckStopped(options); };
+  loader.on_step = [&options] { return CheckStopped(options); };
   return loader;
 }
 

@@ -202,7 +202,7 @@ StatusOr<LoadedRuns> Loader::Finish() {
 StatusOr<LoadedRuns> LoadRuns(const RunLoaderOptions& options, const Context& context) {
   Loader loader(options, context);
   for (const std::string& path : options.logs) {
-    SHIFTMAP_RETURN_IF_ERROR(options.go_on());
+    SHIFTMAP_RETURN_IF_ERROR(options.on_step());
     SHIFTMAP_RETURN_IF_ERROR(loader.Load(path));
   }
   return loader.Finish();

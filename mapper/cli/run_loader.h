@@ -31,7 +31,7 @@ struct RunLoaderOptions {
   Stamp now = SystemNow();
   double clock_tolerance_s = kDefaultClockToleranceS;  ///< As CheckNotInFuture. [s]
   bool unique_names = false;                           ///< Two logs of one name are an error.
-  std::function<Status()> go_on;                       ///< Asked before each log; an error ends it.
+  std::function<Status()> on_step;                     ///< Asked before each log; an error ends it.
 };
 
 struct LoadedRuns {
@@ -48,7 +48,7 @@ struct LoadedRuns {
 ///
 /// Memory: never more than `max_memory_bytes`, and one chunk of a log.
 /// Errors: those of the first log by name that is left out if none is left, kAlreadyExists if all
-/// are in the map; kNotFound and kUnavailable for a log that cannot be opened; that of `go_on`.
+/// are in the map; kNotFound and kUnavailable for a log that cannot be opened; that of `on_step`.
 StatusOr<LoadedRuns> LoadRuns(const RunLoaderOptions& options, const Context& context);
 
 }  // namespace shiftmap

@@ -41,7 +41,7 @@ double LargestVariance(const Eigen::VectorXd& q, const Eigen::MatrixXd& cov) {
 
 }  // namespace
 
-double TakeOutScale(double sd_sensors, MapContent* content) {
+double RemoveScale(double sd_sensors, MapContent* content) {
   // Less than the largest by this share: what is left is positive definite.
   constexpr double kLeft = 1e-6;
   std::vector<Eigen::Vector2d> positions;

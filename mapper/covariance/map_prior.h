@@ -19,7 +19,7 @@ namespace shiftmap {
 ///
 /// @param sd_sensors  Of the scale that sensors get wrong together. [-]
 /// @return sd; 0 if it stays. [-]
-double TakeOutScale(double sd_sensors, MapContent* content);
+double RemoveScale(double sd_sensors, MapContent* content);
 
 /// What a map version tells of a graph's modes beforehand: one Gaussian of all of them that holds
 /// the frame (MakeGraphPrior), or, beyond kMaxJointModes, one of each set that is correlated; these

@@ -129,7 +129,7 @@ class SlamState {
   /// Precondition, here and in Update(): the landmarks are active.
   JointInnovation Innovate(std::span<const SlamPair> pairs) const;
 
-  /// Corrects the state by all pairs in one step; not at all if their covariance has gone astray.
+  /// Corrects the state by all pairs in one step; not at all if their covariance has diverged.
   /// Returns the innovation that it did so by.
   JointInnovation Update(std::span<const SlamPair> pairs);
 

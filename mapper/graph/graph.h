@@ -150,7 +150,7 @@ struct ResidualStatistics {
 
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
 /// Graph::modes, (x, y) each. Nothing if the graph does not determine its modes in the numbers that
-/// a computer has, as where values have gone astray. [m²]
+/// a computer has, as where values have diverged. [m²]
 /// Precondition: every mode is observed or in the prior.
 std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 

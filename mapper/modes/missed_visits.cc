@@ -10,7 +10,7 @@
 #include "localizer/models/detection_model.h"
 #include "localizer/models/mode_grid.h"
 #include "mapper/calibration/detection.h"
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 
 namespace shiftmap {
 namespace {
@@ -34,8 +34,8 @@ struct GapRef {
 // The visits of each group in one run, by begin, asked in the order of time.
 class RunTimeline {
  public:
-  RunTimeline(const MapProblem& problem, const BuildRun& run)
-      : run_(run), visits_(problem.modes.size()), begun_(problem.modes.size(), 0) {
+  RunTimeline(const BuildState& build, const BuildRun& run)
+      : run_(run), visits_(build.modes.size()), begun_(build.modes.size(), 0) {
     for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
       visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
     }
@@ -81,11 +81,11 @@ class RunTimeline {
 // Goes through the key frames of all runs and sorts what was in view by what it tells.
 class MissCollector {
  public:
-  MissCollector(const MapProblem& problem, double pass_gap_s, const std::vector<Visibility>& known)
-      : problem_(problem),
+  MissCollector(const BuildState& build, double pass_gap_s, const std::vector<Visibility>& known)
+      : problem_(build),
         pass_gap_(FromSeconds(pass_gap_s)),
-        flat_(problem),
-        grid_(GridOf(problem, problem.sensor.max_range_m)),
+        flat_(build),
+        grid_(GridOf(build, build.sensor.max_range_m)),
         visibility_(known),
         seen_(static_cast<std::size_t>(flat_.count)) {
     visibility_.resize(seen_.size());
@@ -184,7 +184,7 @@ class MissCollector {
     MissedMode* missed = nullptr;
   };
 
-  const MapProblem& problem_;
+  const BuildState& problem_;
   Duration pass_gap_;
   FlatModes flat_;
   ModeGrid grid_;
@@ -196,15 +196,15 @@ class MissCollector {
 
 }  // namespace
 
-MissedVisits FindMissedVisits(const MapProblem& problem,
+MissedVisits FindMissedVisits(const BuildState& build,
                               double pass_gap_s,
                               const MissedDetectionOptions& options,
                               const std::vector<Visibility>& known) {
   MissedVisits result;
   std::vector<std::vector<MissedVisit>>& by_group = result.by_group;
-  by_group.resize(problem.modes.size());
-  MissCollector collector(problem, pass_gap_s, known);
-  for (std::size_t run = 0; run < problem.runs.size(); ++run) {
+  by_group.resize(build.modes.size());
+  MissCollector collector(build, pass_gap_s, known);
+  for (std::size_t run = 0; run < build.runs.size(); ++run) {
     result.seen_by_run.push_back(collector.AddRun(static_cast<int>(run)));
   }
   for (const auto& [gap, modes] : collector.gaps()) {
@@ -214,12 +214,12 @@ MissedVisits FindMissedVisits(const MapProblem& problem,
     visit.begin = modes.begin()->second.begin;
     visit.end = modes.begin()->second.end;
     visit.log_likelihoods =
-        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.modes[group].size()) + 1);
+        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(build.modes[group].size()) + 1);
     for (const auto& [mode, missed] : modes) {
       visit.begin = std::min(visit.begin, missed.begin);
       visit.end = std::max(visit.end, missed.end);
       visit.log_likelihoods[mode + 1] = LogMissedPasses(
-          missed.passes, collector.visibility(gap.group, mode), problem.sensor, options);
+          missed.passes, collector.visibility(gap.group, mode), build.sensor, options);
     }
     by_group[group].push_back(std::move(visit));
   }

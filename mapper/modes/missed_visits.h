@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mapper/modes/missed_detection_model.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/core/stamp.h"
 
 namespace shiftmap {
@@ -13,7 +13,7 @@ namespace shiftmap {
 /// A stretch of a run, between two visits of a group, in which modes of it were in view and no
 /// sighting was made.
 struct MissedVisit {
-  int run = 0;  ///< Index in MapProblem::runs.
+  int run = 0;  ///< Index in BuildState::runs.
   Stamp begin;  ///< First and last scan with a mode in view.
   Stamp end;
   Eigen::VectorXd
@@ -40,7 +40,7 @@ struct MissedVisits {
 /// sees nothing, and a scan with a wrong pose sees nothing where it is expected.
 ///
 /// Cost: one look at the modes around the vehicle per key frame.
-MissedVisits FindMissedVisits(const MapProblem& problem,
+MissedVisits FindMissedVisits(const BuildState& build,
                               double pass_gap_s,
                               const MissedDetectionOptions& options,
                               const std::vector<Visibility>& known = {});

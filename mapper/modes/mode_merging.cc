@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/modes/mode_merging.h"
-#include "mapper/problem/sightings.h"
+#include "mapper/state/sightings.h"
 
 #include <algorithm>
 
@@ -12,20 +12,20 @@ namespace {
 bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
 
 // Everything discrete of a group.
-std::vector<int> GroupState(const MapProblem& problem,
+std::vector<int> GroupState(const BuildState& build,
                             const std::vector<VisitRef>& visits,
                             std::size_t group) {
-  std::vector<int> state = {static_cast<int>(problem.modes[group].size())};
+  std::vector<int> state = {static_cast<int>(build.modes[group].size())};
   for (const VisitRef& ref : visits) {
-    state.push_back(AssignmentOf(problem, ref));
+    state.push_back(AssignmentOf(build, ref));
   }
   return state;
 }
 
 // Moves every assignment of a group from one mode to another.
-void Reassign(const std::vector<VisitRef>& visits, int from, int to, MapProblem* problem) {
+void Reassign(const std::vector<VisitRef>& visits, int from, int to, BuildState* build) {
   for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(problem, ref);
+    int& assignment = AssignmentOf(build, ref);
     if (assignment == from) assignment = to;
   }
 }
@@ -34,14 +34,14 @@ void Reassign(const std::vector<VisitRef>& visits, int from, int to, MapProblem*
 void EraseMode(const std::vector<VisitRef>& visits,
                std::size_t group,
                int mode,
-               MapProblem* problem) {
-  if (!problem->priors.empty()) {
-    const int flat = FlatModes(*problem).Index(static_cast<int>(group), mode);
-    ShiftPriors(flat + 1, -1, &problem->priors);
+               BuildState* build) {
+  if (!build->priors.empty()) {
+    const int flat = FlatModes(*build).Index(static_cast<int>(group), mode);
+    ShiftPriors(flat + 1, -1, &build->priors);
   }
-  problem->modes[group].erase(problem->modes[group].begin() + mode);
+  build->modes[group].erase(build->modes[group].begin() + mode);
   for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(problem, ref);
+    int& assignment = AssignmentOf(build, ref);
     if (assignment > mode) --assignment;
   }
 }
@@ -74,34 +74,34 @@ bool ToldApart(const Eigen::Vector2d& difference,
 }
 
 // Sightings of a visit that its mode explains.
-std::ptrdiff_t CountInliers(const MapProblem& problem, const VisitRef& ref) {
-  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
-  const std::vector<int>& sightings = VisitOf(problem, ref).sightings;
+std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
+  const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<int>& sightings = VisitOf(build, ref).sightings;
   return std::count_if(sightings.begin(), sightings.end(), [&](int index) {
-    return IsInlier(problem, run, run.data->sightings[static_cast<std::size_t>(index)]);
+    return IsInlier(build, run, run.data->sightings[static_cast<std::size_t>(index)]);
   });
 }
 
 void ApplyMerges(const std::vector<std::vector<VisitRef>>& by_group,
                  const std::vector<ModeMerge>& merges,
-                 MapProblem* problem) {
+                 BuildState* build) {
   for (const ModeMerge& merge : merges) {
-    Reassign(by_group[merge.group], merge.from, merge.to, problem);
+    Reassign(by_group[merge.group], merge.from, merge.to, build);
   }
-  DropUnusedModes(problem);
+  DropUnusedModes(build);
 }
 
 }  // namespace
 
 std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
-                                  const MapProblem& problem) {
+                                  const BuildState& build) {
   const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
   const double gate = ChiSquareQuantile(options.merge_probability, 2);
-  const FlatModes flat(problem);
+  const FlatModes flat(build);
   std::vector<ModeMerge> merges;
-  for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-    const std::vector<BuildMode>& modes = problem.modes[group];
+  for (std::size_t group = 0; group < build.modes.size(); ++group) {
+    const std::vector<BuildMode>& modes = build.modes[group];
     std::vector<bool> gone(modes.size());
     for (std::size_t a = 0; a < modes.size(); ++a) {
       for (std::size_t b = a + 1; b < modes.size(); ++b) {
@@ -119,58 +119,58 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
   return merges;
 }
 
-MergeMemory::MergeMemory(const MapProblem& problem)
-    : by_group_(VisitsByGroup(problem)), merged_(by_group_.size()) {}
+MergeMemory::MergeMemory(const BuildState& build)
+    : by_group_(VisitsByGroup(build)), merged_(by_group_.size()) {}
 
-void MergeMemory::Merge(const std::vector<ModeMerge>& merges, MapProblem* problem) {
+void MergeMemory::Merge(const std::vector<ModeMerge>& merges, BuildState* build) {
   std::map<std::size_t, std::vector<ModeMerge>> of_groups;
   for (const ModeMerge& merge : merges) of_groups[merge.group].push_back(merge);
   for (const auto& [group, of_group] : of_groups) {
-    merged_[group][GroupState(*problem, by_group_[group], group)] = of_group;
+    merged_[group][GroupState(*build, by_group_[group], group)] = of_group;
   }
-  ApplyMerges(by_group_, merges, problem);
+  ApplyMerges(by_group_, merges, build);
 }
 
-void MergeMemory::MergeAgain(MapProblem* problem) const {
+void MergeMemory::MergeAgain(BuildState* build) const {
   std::vector<ModeMerge> merges;
   for (std::size_t group = 0; group < by_group_.size(); ++group) {
     if (merged_[group].empty()) continue;
-    const auto found = merged_[group].find(GroupState(*problem, by_group_[group], group));
+    const auto found = merged_[group].find(GroupState(*build, by_group_[group], group));
     if (found == merged_[group].end()) continue;
     merges.insert(merges.end(), found->second.begin(), found->second.end());
   }
-  ApplyMerges(by_group_, merges, problem);
+  ApplyMerges(by_group_, merges, build);
 }
 
-void DropUnusedModes(MapProblem* problem) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+void DropUnusedModes(BuildState* build) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
+  for (std::size_t group = 0; group < build->modes.size(); ++group) {
+    for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
       const bool used =
           std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
-            return AssignmentOf(problem, ref) == mode;
+            return AssignmentOf(build, ref) == mode;
           });
-      if (used || InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) continue;
-      EraseMode(by_group[group], group, mode, problem);
+      if (used || InPrior(build->modes[group][static_cast<std::size_t>(mode)])) continue;
+      EraseMode(by_group[group], group, mode, build);
     }
   }
 }
 
-int DropFaintModes(const ModeOptions& options, MapProblem* problem) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+int DropUnsupportedModes(const ModeOptions& options, BuildState* build) {
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
   int dropped = 0;
-  for (std::size_t group = 0; group < problem->modes.size(); ++group) {
-    for (int mode = static_cast<int>(problem->modes[group].size()) - 1; mode >= 0; --mode) {
+  for (std::size_t group = 0; group < build->modes.size(); ++group) {
+    for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
       std::ptrdiff_t sightings = 0;
       for (const VisitRef& ref : by_group[group]) {
-        if (AssignmentOf(problem, ref) == mode) sightings += CountInliers(*problem, ref);
+        if (AssignmentOf(build, ref) == mode) sightings += CountInliers(*build, ref);
       }
       if (sightings >= options.min_sightings ||
-          InPrior(problem->modes[group][static_cast<std::size_t>(mode)])) {
+          InPrior(build->modes[group][static_cast<std::size_t>(mode)])) {
         continue;
       }
-      Reassign(by_group[group], mode, kUnassigned, problem);
-      EraseMode(by_group[group], group, mode, problem);
+      Reassign(by_group[group], mode, kUnassigned, build);
+      EraseMode(by_group[group], group, mode, build);
       ++dropped;
     }
   }

@@ -7,8 +7,8 @@
 
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
-#include "mapper/problem/visit_ref.h"
+#include "mapper/state/build_state.h"
+#include "mapper/state/visit_ref.h"
 
 namespace shiftmap {
 
@@ -21,22 +21,22 @@ struct ModeMerge {
 
 /// Pairs of modes of one group that are not told apart by the covariance of their difference. Modes
 /// of the prior map become no others, and what was displaced from them does not become them again.
-/// @param differences  Of the problem's modes, flat order.
+/// @param differences  Of the build's modes, flat order.
 std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
-                                  const MapProblem& problem);
+                                  const BuildState& build);
 
 /// Remembers which modes of a group were merged in which of its states. A visit that is told apart
 /// from a mode by its likelihood, but whose mode is not, would have it made and merged for ever.
 class MergeMemory {
  public:
-  explicit MergeMemory(const MapProblem& problem);
+  explicit MergeMemory(const BuildState& build);
 
   /// Merges modes, drops what holds at no visit, and remembers it.
-  void Merge(const std::vector<ModeMerge>& merges, MapProblem* problem);
+  void Merge(const std::vector<ModeMerge>& merges, BuildState* build);
 
   /// Merges what was merged before in groups that are in a state as then.
-  void MergeAgain(MapProblem* problem) const;
+  void MergeAgain(BuildState* build) const;
 
  private:
   std::vector<std::vector<VisitRef>> by_group_;
@@ -45,12 +45,12 @@ class MergeMemory {
 
 /// Drops modes that hold at no visit, except those of the prior map: what holds nowhere today
 /// recurs later.
-void DropUnusedModes(MapProblem* problem);
+void DropUnusedModes(BuildState* build);
 
 /// Drops modes that explain fewer sightings than a mode needs (ModeOptions::min_sightings), except
 /// those of the prior map; their visits are left unassigned. A run by itself is better aligned with
 /// them, but a landmark seen once may be a misread signature, and misread ones here and there hold
 /// at one mode though it explains none of the others. Returns how many modes were dropped.
-int DropFaintModes(const ModeOptions& options, MapProblem* problem);
+int DropUnsupportedModes(const ModeOptions& options, BuildState* build);
 
 }  // namespace shiftmap

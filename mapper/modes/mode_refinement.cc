@@ -9,46 +9,46 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "localizer/models/observation_model.h"
-#include "mapper/modes/loose_runs.h"
 #include "mapper/modes/mode_merging.h"
+#include "mapper/modes/unconstrained_runs.h"
 #include "mapper/parallel.h"
-#include "mapper/problem/sightings.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/visit_sequence.h"
+#include "mapper/state/sightings.h"
 #include "mapstore/map/mode_chain.h"
 #include "mapstore/map/vehicle_records.h"
 
 namespace shiftmap {
 namespace {
 
-// Everything discrete of a problem, to notice that it comes around again.
-std::vector<int> DiscreteState(const MapProblem& problem) {
+// Everything discrete of a build, to notice that it comes around again.
+std::vector<int> DiscreteState(const BuildState& build) {
   std::vector<int> state;
-  for (const std::vector<BuildMode>& group : problem.modes)
+  for (const std::vector<BuildMode>& group : build.modes)
     state.push_back(static_cast<int>(group.size()));
-  for (const BuildRun& run : problem.runs)
+  for (const BuildRun& run : build.runs)
     state.insert(state.end(), run.assignment.begin(), run.assignment.end());
   return state;
 }
 
-bool HasSeveralModes(const MapProblem& problem) {
-  return std::any_of(problem.modes.begin(),
-                     problem.modes.end(),
+bool HasSeveralModes(const BuildState& build) {
+  return std::any_of(build.modes.begin(),
+                     build.modes.end(),
                      [](const std::vector<BuildMode>& group) { return group.size() > 1; });
 }
 
 // Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
 // is linearized: after each step of the solver, until that changes no component.
-void Select(const MapperOptions& options, MapProblem* problem) {
+void Select(const MapperOptions& options, BuildState* build) {
   if (options.modes.selector.kind != SelectorKind::kMaxMixture) {
-    SelectModes(options.modes, problem, options.threads);
+    SelectModes(options.modes, build, options.threads);
     return;
   }
   MapperOptions one_step = options;
   one_step.solver.max_iterations = 1;
   for (int i = 0; i < options.solver.max_iterations; ++i) {
-    if (SelectModes(options.modes, problem, options.threads) == 0 && i > 0) return;
-    SolveContinuous(one_step, problem);
+    if (SelectModes(options.modes, build, options.threads) == 0 && i > 0) return;
+    SolveContinuous(one_step, build);
   }
 }
 
@@ -62,43 +62,43 @@ MapperOptions ForSelection(const MapperOptions& options) {
 }
 
 // Modes of one landmark that are the same.
-// @param graph  Of the problem, which the solver has just solved.
+// @param graph  Of the build, which the solver has just solved.
 std::vector<ModeMerge> MergesIn(const ModeOptions& options,
                                 const Graph& graph,
-                                const MapProblem& problem,
+                                const BuildState& build,
                                 GraphSolver* solver) {
-  if (!HasSeveralModes(problem)) return {};
+  if (!HasSeveralModes(build)) return {};
   const auto differences = ModeDifferences::Of(graph, solver);
-  return differences ? FindMerges(options, *differences, problem) : std::vector<ModeMerge>();
+  return differences ? FindMerges(options, *differences, build) : std::vector<ModeMerge>();
 }
 
 // Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
 int Alternate(const MapperOptions& options,
-              MapProblem* problem,
+              BuildState* build,
               GraphSolver* solver,
-              const GoOn& go_on) {
+              const StepCallback& on_step) {
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
-  MergeMemory memory(*problem);
+  MergeMemory memory(*build);
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
-    if (problem->runs.empty() || (go_on && !go_on(*problem))) return iteration - 1;
-    Select(options, problem);
-    CreateModes(options.modes, problem);
-    DropUnusedModes(problem);
-    memory.MergeAgain(problem);
-    if (TakeOutLooseRuns(problem) > 0) {
-      memory = MergeMemory(*problem);
+    if (build->runs.empty() || (on_step && !on_step(*build))) return iteration - 1;
+    Select(options, build);
+    CreateModes(options.modes, build);
+    DropUnusedModes(build);
+    memory.MergeAgain(build);
+    if (RemoveUnconstrainedRuns(build) > 0) {
+      memory = MergeMemory(*build);
       continue;
     }
-    const std::vector<int> state = DiscreteState(*problem);
+    const std::vector<int> state = DiscreteState(*build);
     if (state == solved) return iteration;
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
-    const Graph graph = SolveContinuous(options, problem, solver);
+    const Graph graph = SolveContinuous(options, build, solver);
     solved = state;
-    const std::vector<ModeMerge> merges = MergesIn(options.modes, graph, *problem, solver);
-    problem->modes_merged += static_cast<int>(merges.size());
-    memory.Merge(merges, problem);
+    const std::vector<ModeMerge> merges = MergesIn(options.modes, graph, *build, solver);
+    build->modes_merged += static_cast<int>(merges.size());
+    memory.Merge(merges, build);
     if (!merges.empty()) solved.clear();
     if (recurs) return iteration;
   }
@@ -108,13 +108,13 @@ int Alternate(const MapperOptions& options,
 // Where a group's landmark stands when its first visit begins, by what was known before. What was
 // known may be a mistake. A mode that was not known is as likely as `absent`; one that was told
 // apart together with other landmarks was decided then, and is as likely as the likeliest.
-Eigen::VectorXd StartOf(const MapProblem& problem,
+Eigen::VectorXd StartOf(const BuildState& build,
                         std::size_t group,
                         const ModeChain& chain,
                         Stamp begin) {
-  const LandmarkGroup* const known = problem.Known(group);
-  if (known == nullptr || begin < problem.known_at) return chain.stationary();
-  const std::vector<BuildMode>& modes = problem.modes[group];
+  const LandmarkGroup* const known = build.Known(group);
+  if (known == nullptr || begin < build.known_at) return chain.stationary();
+  const std::vector<BuildMode>& modes = build.modes[group];
   Eigen::VectorXd start(chain.states());
   start(0) = known->probabilities(0);
   for (std::size_t k = 0; k < modes.size(); ++k) {
@@ -124,26 +124,26 @@ Eigen::VectorXd StartOf(const MapProblem& problem,
   }
   start =
       (1.0 - kMistakeProbability) * start / start.sum() + kMistakeProbability * chain.stationary();
-  return chain.Propagate(start, problem.known_at, begin);
+  return chain.Propagate(start, build.known_at, begin);
 }
 
 }  // namespace
 
-ModeChain ChainOf(const MapProblem& problem, std::size_t group, const ModeOptions& options) {
-  const auto modes = static_cast<int>(problem.modes[group].size());
-  const LandmarkGroup* const known = problem.Known(group);
+ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options) {
+  const auto modes = static_cast<int>(build.modes[group].size());
+  const LandmarkGroup* const known = build.Known(group);
   if (known == nullptr) return ModeChain::Uniform(modes, options.leave_rate_per_s);
   const ModeChain& chain = known->chain;
   return chain.states() == modes + 1 ? chain : ModeChain::Uniform(modes, chain.leave_rate_per_s());
 }
 
-Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
+Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
                                    const VisitRef& ref,
                                    const ModeOptions& options) {
-  const MappingVisit& visit = VisitOf(problem, ref);
-  const BuildRun& run = problem.runs[static_cast<std::size_t>(ref.run)];
-  const std::vector<BuildMode>& modes = problem.modes[static_cast<std::size_t>(visit.group)];
-  const SensorCalibration& sensor = problem.sensor;
+  const MappingVisit& visit = VisitOf(build, ref);
+  const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
+  const std::vector<BuildMode>& modes = build.modes[static_cast<std::size_t>(visit.group)];
+  const SensorCalibration& sensor = build.sensor;
   const Eigen::Matrix2d pose_noise =
       Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
 
@@ -168,38 +168,37 @@ Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
   return result;
 }
 
-ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       const std::vector<VisitRef>& visits,
                                       std::size_t group,
                                       const ModeOptions& options) {
   std::vector<VisitStep> steps;
   for (std::size_t t = 0; t < visits.size(); ++t) {
-    const MappingVisit& visit = VisitOf(problem, visits[t]);
-    steps.push_back({VisitLogLikelihood(problem, visits[t], options), visit.begin, visit.end});
+    const MappingVisit& visit = VisitOf(build, visits[t]);
+    steps.push_back({VisitLogLikelihood(build, visits[t], options), visit.begin, visit.end});
   }
-  const ModeChain chain = ChainOf(problem, group, options);
-  const Eigen::VectorXd start =
-      StartOf(problem, group, chain, VisitOf(problem, visits.front()).begin);
+  const ModeChain chain = ChainOf(build, group, options);
+  const Eigen::VectorXd start = StartOf(build, group, chain, VisitOf(build, visits.front()).begin);
   ModeSequenceProblem sequence = MakeVisitSequence(start.array().log(), chain, steps);
   sequence.static_state = std::min(1, chain.states() - 1);
   return sequence;
 }
 
-int SelectModes(const ModeOptions& options, MapProblem* problem, int threads) {
+int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
   int changed = 0;
   const std::unique_ptr<Selector> selector = MakeSelector(options.selector);
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
   std::vector<ModeSequenceProblem> sequences(by_group.size());
   ForEachIndex(by_group.size(), threads, [&](std::size_t group) {
     if (by_group[group].empty()) return;
-    sequences[group] = MakeGroupSequence(*problem, by_group[group], group, options);
+    sequences[group] = MakeGroupSequence(*build, by_group[group], group, options);
   });
   for (std::size_t group = 0; group < by_group.size(); ++group) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
     const std::vector<int> states = selector->Select(sequences[group]).states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      int& assignment = AssignmentOf(problem, visits[t]);
+      int& assignment = AssignmentOf(build, visits[t]);
       changed += assignment != states[t] - 1;
       assignment = states[t] - 1;  // State 0, absent, is kUnassigned.
     }
@@ -207,16 +206,16 @@ int SelectModes(const ModeOptions& options, MapProblem* problem, int threads) {
   return changed;
 }
 
-int CreateModes(const ModeOptions& options, MapProblem* problem) {
+int CreateModes(const ModeOptions& options, BuildState* build) {
   int created = 0;
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*problem);
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
   for (std::size_t group = 0; group < by_group.size(); ++group) {
-    const std::vector<BuildMode>& modes = problem->modes[group];
+    const std::vector<BuildMode>& modes = build->modes[group];
     const std::size_t known = modes.size();
     for (const VisitRef& ref : by_group[group]) {
-      if (AssignmentOf(problem, ref) != kUnassigned) continue;
+      if (AssignmentOf(build, ref) != kUnassigned) continue;
       const VisitCluster cluster = DensestCluster(
-          VisitPositions(problem->runs[static_cast<std::size_t>(ref.run)], VisitOf(*problem, ref)),
+          VisitPositions(build->runs[static_cast<std::size_t>(ref.run)], VisitOf(*build, ref)),
           options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;
       // An earlier visit may just have made a mode of this place.
@@ -226,32 +225,32 @@ int CreateModes(const ModeOptions& options, MapProblem* problem) {
         if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
       }
       if (mode == kUnassigned) {
-        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent, false}, problem);
+        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent, false}, build);
         ++created;
       }
-      AssignmentOf(problem, ref) = mode;
+      AssignmentOf(build, ref) = mode;
     }
   }
   return created;
 }
 
 int RefineModes(const MapperOptions& options,
-                MapProblem* problem,
+                BuildState* build,
                 GraphSolver* solver,
-                const GoOn& go_on) {
-  const int iterations = AlternateModes(options, problem, solver, go_on);
-  if (!problem->runs.empty()) SolveContinuous(options, problem, solver);
+                const StepCallback& on_step) {
+  const int iterations = AlternateModes(options, build, solver, on_step);
+  if (!build->runs.empty()) SolveContinuous(options, build, solver);
   return iterations;
 }
 
 int AlternateModes(const MapperOptions& options,
-                   MapProblem* problem,
+                   BuildState* build,
                    GraphSolver* solver,
-                   const GoOn& go_on) {
-  return Alternate(ForSelection(options), problem, solver, go_on);
+                   const StepCallback& on_step) {
+  return Alternate(ForSelection(options), build, solver, on_step);
 }
 
-void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on) {
+void UpdateModes(const MapperOptions& options, BuildState* build, const StepCallback& on_step) {
   constexpr int kAlternations = 2;
   constexpr int kIterations = 5;
   constexpr double kCostTolerance = 1e-3;
@@ -261,7 +260,7 @@ void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& 
   coarse.solver.max_iterations = std::min(kIterations, options.solver.max_iterations);
   coarse.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   GraphSolver solver;
-  Alternate(coarse, problem, &solver, go_on);
+  Alternate(coarse, build, &solver, on_step);
 }
 
 }  // namespace shiftmap

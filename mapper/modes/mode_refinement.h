@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "mapper/mapper_options.h"
-#include "mapper/problem/map_problem.h"
-#include "mapper/problem/visit_ref.h"
 #include "mapper/selection/mode_sequence.h"
+#include "mapper/state/build_state.h"
+#include "mapper/state/visit_ref.h"
 #include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
@@ -16,18 +16,18 @@ namespace shiftmap {
 /// Log-likelihood of a visit under every state of its group: entry 0 is `absent` (every sighting
 /// clutter or new), entry 1 + i is mode i, from which every sighting is either a detection or
 /// clutter.
-Eigen::VectorXd VisitLogLikelihood(const MapProblem& problem,
+Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
                                    const VisitRef& visit,
                                    const ModeOptions& options);
 
 /// The chain of a group's states as they are now: that of the prior map; or, where modes came, one
 /// of the same mean rate, as the others say nothing of them; or that of ModeOptions.
-ModeChain ChainOf(const MapProblem& problem, std::size_t group, const ModeOptions& options);
+ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options);
 
 /// The chain of one group, IJRR (19): the steps are its visits, the states `absent` and the group's
 /// modes, with the real time between visits. It starts from what the prior map knew, moved to the
 /// first visit, T-IV (13); or, if that visit is older, from the chain's stationary distribution.
-ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
+ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       const std::vector<VisitRef>& visits,
                                       std::size_t group,
                                       const ModeOptions& options);
@@ -35,31 +35,31 @@ ModeSequenceProblem MakeGroupSequence(const MapProblem& problem,
 /// Assigns every visit the mode that the selector of the options gives it. Returns how many
 /// assignments changed.
 /// @param threads  On which visits are scored; the result does not depend on it.
-int SelectModes(const ModeOptions& options, MapProblem* problem, int threads = 1);
+int SelectModes(const ModeOptions& options, BuildState* build, int threads = 1);
 
 /// Makes a mode for visits that no mode explains, where enough of their sightings agree on a place.
 /// Returns how many modes were made.
-int CreateModes(const ModeOptions& options, MapProblem* problem);
+int CreateModes(const ModeOptions& options, BuildState* build);
 
-/// Solves the whole problem: selection, mode creation, merging and the continuous part in turn,
+/// Solves the whole build: selection, mode creation, merging and the continuous part in turn,
 /// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
 /// selects at every linearization of the continuous part instead of once it is solved.
-/// @param solver  What it keeps goes on from and to other solves of this problem.
-/// @param go_on   Asked before each alternation.
+/// @param solver  What it keeps goes on from and to other solves of this build.
+/// @param on_step   Asked before each alternation.
 int RefineModes(const MapperOptions& options,
-                MapProblem* problem,
+                BuildState* build,
                 GraphSolver* solver,
-                const GoOn& go_on = {});
+                const StepCallback& on_step = {});
 
 /// As RefineModes(), but where something else goes on from here: the continuous part is left as
 /// selection needs it and not solved to its end.
 int AlternateModes(const MapperOptions& options,
-                   MapProblem* problem,
+                   BuildState* build,
                    GraphSolver* solver,
-                   const GoOn& go_on = {});
+                   const StepCallback& on_step = {});
 
 /// As RefineModes(), but no further than other runs need to be placed in the map: nothing is solved
 /// to its end, and modes that are one place are merged.
-void SettleModes(const MapperOptions& options, MapProblem* problem, const GoOn& go_on = {});
+void UpdateModes(const MapperOptions& options, BuildState* build, const StepCallback& on_step = {});
 
 }  // namespace shiftmap

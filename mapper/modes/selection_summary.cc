@@ -4,23 +4,23 @@
 #include <vector>
 
 #include "mapper/modes/mode_refinement.h"
-#include "mapper/problem/map_problem.h"
 #include "mapper/selection/forward_backward.h"
 #include "mapper/selection/viterbi.h"
+#include "mapper/state/build_state.h"
 
 namespace shiftmap {
 
-SelectionSummary SummarizeSelection(const ModeOptions& options, const MapProblem& problem) {
+SelectionSummary SummarizeSelection(const ModeOptions& options, const BuildState& build) {
   SelectionSummary summary;
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(problem);
+  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(build);
   for (std::size_t group = 0; group < by_group.size(); ++group) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
-    const ModeSequenceProblem sequence = MakeGroupSequence(problem, visits, group, options);
+    const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, group, options);
     const ModePosteriors posteriors = SmoothModes(sequence);
     std::vector<int> states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      const BuildRun& run = problem.runs[static_cast<std::size_t>(visits[t].run)];
+      const BuildRun& run = build.runs[static_cast<std::size_t>(visits[t].run)];
       // kUnassigned is state 0, absent.
       const int state = run.assignment[static_cast<std::size_t>(visits[t].visit)] + 1;
       states.push_back(state);

@@ -5,7 +5,7 @@
 
 namespace shiftmap {
 
-struct MapProblem;
+struct BuildState;
 
 /// How good a selection is: the objective of IJRR (19) summed over all groups, and how sure the
 /// chains are of it.
@@ -22,7 +22,7 @@ struct SelectionSummary {
 
 inline constexpr double kSureProbability = 0.99;
 
-/// Judges the present assignment of a problem.
-SelectionSummary SummarizeSelection(const ModeOptions& options, const MapProblem& problem);
+/// Judges the present assignment of a build.
+SelectionSummary SummarizeSelection(const ModeOptions& options, const BuildState& build);
 
 }  // namespace shiftmap

@@ -57,7 +57,7 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
 }
 
 // Whether a log is out of all builds by somebody's decision.
-bool TakeOut(const KnownRuns& known, const std::string& run, const LogHead& log, AreaLogs* sorted) {
+bool Remove(const KnownRuns& known, const std::string& run, const LogHead& log, AreaLogs* sorted) {
   const Exclusion* const exclusion =
       FindExclusion(known.exclusions, run, log.info.vehicle, log.begin);
   if (exclusion == nullptr) return false;
@@ -88,7 +88,7 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
                                    [](const auto& of) { return of.run.size() == kSha256Digits; });
   AreaLogs sorted;
   for (LogHead& log : logs) {
-    if (TakeOut(known, log.identity(), log, &sorted)) continue;
+    if (Remove(known, log.identity(), log, &sorted)) continue;
     if (known.kept.contains(log.identity())) {
       sorted.mapped.push_back(std::move(log));
       continue;
@@ -96,7 +96,7 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
     if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
-    if (by_hash && TakeOut(known, log.sha256, log, &sorted)) continue;
+    if (by_hash && Remove(known, log.sha256, log, &sorted)) continue;
     const bool again = known.mapped.contains(log.identity());
     const auto back = known.rolled_back.find(log.identity());
     if (!again && back != known.rolled_back.end()) {

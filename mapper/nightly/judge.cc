@@ -138,7 +138,7 @@ MapSnapshot WithCalibrationOf(const MapSnapshot& map, const MapSnapshot& other) 
 
 void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
   const auto nis = [](const ShiftScore& score) { return score.nis_per_dof(); };
-  const auto lost = [](const ShiftScore& score) { return score.astray_share(); };
+  const auto lost = [](const ShiftScore& score) { return score.unlocalized_share(); };
   for (const JudgedShift& shift : judgement->shifts) {
     if (!shift.in_build) continue;
     std::vector<double> other_nis;
@@ -177,8 +177,8 @@ class Replays {
   // @param rows  Of the version that is judged.
   Replays(const std::optional<MapSnapshot>& before,
           const std::vector<EvidenceRow>& rows,
-          const std::function<Status()>& go_on)
-      : before_(before), rows_(rows), go_on_(go_on) {}
+          const std::function<Status()>& on_step)
+      : before_(before), rows_(rows), go_on_(on_step) {}
 
   // Of a log that can be replayed no more nothing comes.
   Status Add(const LogHead& log,
@@ -305,7 +305,7 @@ StatusOr<Judgement> Judge(const std::string& area,
                           const JudgeOptions& options,
                           const FoldBuilder& build,
                           MapStore* store,
-                          const std::function<Status()>& go_on) {
+                          const std::function<Status()>& on_step) {
   Judgement judgement;
   judgement.after = version.number;
   judgement.before = version.parent;
@@ -317,7 +317,7 @@ StatusOr<Judgement> Judge(const std::string& area,
     CountChanges(before->content(), version.map.content(), &judgement);
   }
   SHIFTMAP_RETURN_IF_ERROR(CheckClocks(area, version, logs.built, store, &judgement));
-  const Replays replays(before, version.rows, go_on);
+  const Replays replays(before, version.rows, on_step);
   SHIFTMAP_RETURN_IF_ERROR(
       ReplayAll(version, logs, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
   FindSuspects(options, &judgement);

@@ -127,14 +127,14 @@ using FoldBuilder =
 ///
 /// The version is worse if a test says so, if its cost has grown by more than the factor, or if
 /// modes are gone that nobody retired. A landmark that moved beyond its covariance blocks nothing.
-/// @param go_on  Asked now and then; an error ends it.
-/// Errors: those of the store and of `go_on`. A log that cannot be replayed is left out.
+/// @param on_step  Asked now and then; an error ends it.
+/// Errors: those of the store and of `on_step`. A log that cannot be replayed is left out.
 StatusOr<Judgement> Judge(const std::string& area,
                           const JudgedVersion& version,
                           const JudgedLogs& logs,
                           const JudgeOptions& options,
                           const FoldBuilder& build,
                           MapStore* store,
-                          const std::function<Status()>& go_on);
+                          const std::function<Status()>& on_step);
 
 }  // namespace shiftmap

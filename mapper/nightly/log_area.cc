@@ -29,7 +29,7 @@ std::set<Signature> SignaturesOf(const Run& run) {
 
 StatusOr<LogAreas> LocateLog(const LogHead& log,
                              MapStore* store,
-                             const std::function<Status()>& go_on) {
+                             const std::function<Status()>& on_step) {
   LogAreas areas;
   SHIFTMAP_ASSIGN_OR_RETURN(const RunLog read, ReadRunLog(log.path, {.lidar_scans = false}));
   const std::set<Signature> seen = SignaturesOf(read.run);
@@ -43,7 +43,7 @@ StatusOr<LogAreas> LocateLog(const LogHead& log,
       return map.GroupIndex(signature) >= 0;
     });
     if (known < kMinLandmarks) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const ShiftScore score, Replay(read.run, map, {}, go_on));
+    SHIFTMAP_ASSIGN_OR_RETURN(const ShiftScore score, Replay(read.run, map, {}, on_step));
     if (score.dof > 0 && score.lost_share() <= kMostLost) areas.fit.push_back(area.area);
   }
   return areas;

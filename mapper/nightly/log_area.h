@@ -21,11 +21,11 @@ struct LogAreas {
 
 /// Localizes a log on the published map of each area that has at least three of its landmarks. It
 /// fits where a start was found and the pose is trusted for half of the time.
-/// @param go_on  Asked now and then; an error ends it.
-/// Errors: those of the store, of ReadRunLog and of `go_on`.
+/// @param on_step  Asked now and then; an error ends it.
+/// Errors: those of the store, of ReadRunLog and of `on_step`.
 StatusOr<LogAreas> LocateLog(const LogHead& log,
                              MapStore* store,
-                             const std::function<Status()>& go_on);
+                             const std::function<Status()>& on_step);
 
 /// What was found of a log before: an area for ever, that none or several fit as long as the store
 /// has as many published maps.

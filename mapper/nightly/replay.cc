@@ -111,11 +111,11 @@ FoundModes FindModes(const std::vector<EvidenceRow>& rows, const std::string& ru
 StatusOr<ShiftScore> Replay(const Run& run,
                             const MapSnapshot& map,
                             const FoundModes& found,
-                            const std::function<Status()>& go_on) {
+                            const std::function<Status()>& on_step) {
   Localizer localizer(map.ForVehicle(run.info.vehicle), LocalizerOptions());
   std::int64_t events = 0;
   const auto take = [&](const RunEvent& event) -> Status {
-    if (++events % kEventsBetweenQuestions == 0) SHIFTMAP_RETURN_IF_ERROR(go_on());
+    if (++events % kEventsBetweenQuestions == 0) SHIFTMAP_RETURN_IF_ERROR(on_step());
     return localizer.Process(event);
   };
   SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(run, take));

@@ -38,7 +38,7 @@ struct ShiftScore {
   double lost_share() const;
 
   /// Share of the time LOST; all of it if nothing ever corrected a pose.
-  double astray_share() const { return dof > 0 ? ShareOf(LocalizerState::kLost) : 1.0; }
+  double unlocalized_share() const { return dof > 0 ? ShareOf(LocalizerState::kLost) : 1.0; }
 
   /// Share of the landmarks met that were not decided, or for another mode.
   double wrong_share() const;
@@ -66,11 +66,11 @@ FoundModes FindModes(const std::vector<EvidenceRow>& rows, const std::string& ru
 /// Localizes a shift that is over, from a start that is found.
 /// @param map    As KnownBefore gives it.
 /// @param found  What decisions are compared with.
-/// @param go_on  Asked now and then; an error ends it.
+/// @param on_step  Asked now and then; an error ends it.
 /// Errors: as Localizer::Process.
 StatusOr<ShiftScore> Replay(const Run& run,
                             const MapSnapshot& map,
                             const FoundModes& found,
-                            const std::function<Status()>& go_on);
+                            const std::function<Status()>& on_step);
 
 }  // namespace shiftmap

@@ -144,7 +144,7 @@ class Pass {
     if (start->scan > 0) {
       Begin(*start, run, TreeSlam::Direction::kBackward);
       for (std::size_t i = start->scan; i-- > 0;) {
-        if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(GoOn(run, done));
+        if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(StepCallback(run, done));
         Step(run, i + 1, i, &mapped);
       }
       End(&mapped);
@@ -153,7 +153,7 @@ class Pass {
     Begin(*start, run, TreeSlam::Direction::kForward);
     hint_ = 0;
     for (std::size_t i = start->scan; i < log.scans.size(); ++i) {
-      if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(GoOn(run, done + share * Share(i, log)));
+      if (i % 50 == 0) SHIFTMAP_RETURN_IF_ERROR(StepCallback(run, done + share * Share(i, log)));
       Step(run, std::max(i, start->scan + 1) - 1, i, &mapped);
     }
     End(&mapped);
@@ -253,13 +253,13 @@ class Pass {
         options_.max_memory_bytes / static_cast<std::int64_t>(kMib));
   }
 
-  Status GoOn(const TreeRun& run, double done) const {
+  Status StepCallback(const TreeRun& run, double done) const {
     SHIFTMAP_RETURN_IF_ERROR(CheckMemory());
     if (!monitor_) return OkStatus();
     std::size_t modes = 0;
     for (const LandmarkGroup& group : slam_.groups()) modes += group.modes.size();
-    const bool go_on = monitor_({fmt::format("run {}", run.input->name), done, 0.0, modes});
-    return go_on ? OkStatus() : MakeStatus(StatusCode::kCancelled, "build: stopped");
+    const bool on_step = monitor_({fmt::format("run {}", run.input->name), done, 0.0, modes});
+    return on_step ? OkStatus() : MakeStatus(StatusCode::kCancelled, "build: stopped");
   }
 
   StatusOr<MapSnapshot> Snapshot() {
@@ -331,7 +331,7 @@ StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
   double sd_scale = options.sd_range_scale;
   if (known) {
     with_prior.calibration = known->calibration;
-    sd_scale = std::max(sd_scale, TakeOutScale(options.sd_range_scale, &*known));
+    sd_scale = std::max(sd_scale, RemoveScale(options.sd_range_scale, &*known));
   }
   std::vector<TreeRun> runs;
   for (const MapperInput& input : inputs) runs.push_back(PrepareRun(input, with_prior));

@@ -351,8 +351,8 @@ void TreeSlam::ReviseNewModes(int group) {
     const SlamMap::ModeLandmark& mode = best().filter.mode(group, state);
     if (mode.landmark == SlamMap::kNoLandmark || mode.sightings < options_.min_sightings) {
       MergeMode(group, state, 0);
-    } else if (const int twin = TwinOf(group, state); twin > 0) {
-      MergeMode(group, state, twin);
+    } else if (const int duplicate = DuplicateOf(group, state); duplicate > 0) {
+      MergeMode(group, state, duplicate);
       ++modes_merged_;
     }
   }
@@ -378,18 +378,18 @@ void TreeSlam::ShareModes(int group) {
   }
 }
 
-int TreeSlam::TwinOf(int group, int state) {
+int TreeSlam::DuplicateOf(int group, int state) {
   SlamMap& map = tree_.leaves().front().filter;
   const int landmark = map.mode(group, state).landmark;
   map.state().Activate(landmark);
   const Eigen::Matrix2d floor =
       Eigen::Matrix2d::Identity() * 2.0 * options_.position_floor_m * options_.position_floor_m;
   for (int other = 1; other < state; ++other) {
-    const int twin = map.mode(group, other).landmark;
-    if (twin == SlamMap::kNoLandmark) continue;
-    map.state().Activate(twin);
-    const Eigen::Vector2d apart = map.state().Position(twin) - map.state().Position(landmark);
-    const Eigen::Matrix2d cov = map.state().DifferenceCovariance(twin, landmark) + floor;
+    const int duplicate = map.mode(group, other).landmark;
+    if (duplicate == SlamMap::kNoLandmark) continue;
+    map.state().Activate(duplicate);
+    const Eigen::Vector2d apart = map.state().Position(duplicate) - map.state().Position(landmark);
+    const Eigen::Matrix2d cov = map.state().DifferenceCovariance(duplicate, landmark) + floor;
     if (SquaredMahalanobis(apart, cov) <= gate_) return other;
   }
   return 0;

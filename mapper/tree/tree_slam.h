@@ -162,7 +162,7 @@ class TreeSlam {
   void ReviseNewModes(int group);
   void ShareModes(int group);
   void MergeMode(int group, int state, int into);
-  int TwinOf(int group, int state);
+  int DuplicateOf(int group, int state);
 
   TreeSlamOptions options_;
   SensorCalibration sensor_;

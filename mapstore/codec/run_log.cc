@@ -335,9 +335,9 @@ StatusOr<RunLog> ReadRunLog(const std::string& path, const RunLogReaderOptions& 
   log.truncation = stream.truncation();
   if (const Status status = ValidateRun(log.run); !status.ok()) {
     return AboutLog(path,
-                 log.truncation.empty()
-                     ? status
-                     : MakeStatus(status.code(), "{} ({})", Message(status), log.truncation));
+                    log.truncation.empty()
+                        ? status
+                        : MakeStatus(status.code(), "{} ({})", Message(status), log.truncation));
   }
   auto hash = HashFile(path);
   if (!hash.ok()) return AboutLog(path, hash.status());

@@ -113,7 +113,7 @@ void Retire(ModeNumber number, ModeNumber into, LandmarkGroup* group) {
 }
 
 // Takes a mode out of a group. Its number stays with `into`.
-void TakeOutMode(std::size_t g, std::size_t mode, ModeNumber into, MapContent* content) {
+void RemoveMode(std::size_t g, std::size_t mode, ModeNumber into, MapContent* content) {
   LandmarkGroup& group = content->groups[g];
   const LandmarkGroup before = group;
   const ModeNumber number = group.modes[mode].number;
@@ -283,7 +283,7 @@ Status ApplyMerge(const MapEdit& edit, std::size_t g, MapContent* content) {
   group.modes[into].last_seen = std::max(group.modes[into].last_seen, group.modes[gone].last_seen);
   const ModeChain chain =
       Lumped(group.chain, static_cast<int>(gone) + 1, static_cast<int>(into) + 1);
-  TakeOutMode(g, gone, edit.into, content);
+  RemoveMode(g, gone, edit.into, content);
   content->groups[g].chain = chain;
   return OkStatus();
 }
@@ -535,7 +535,7 @@ Status EditedMap::Reverse(const MapEdit& edit, const EditedMap& before) {
     return RestoreMode(edit, *group, *g, &content_);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t mode, FindMode(content_.groups[*g], edit.mode));
-  TakeOutMode(*g, mode, kAbsent, &content_);
+  RemoveMode(*g, mode, kAbsent, &content_);
   return OkStatus();
 }
 

@@ -88,10 +88,10 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   return map;
 }
 
-StatusOr<bool> CanTakeOut(Database& database,
-                          std::int64_t area_id,
-                          const VersionRow& version,
-                          const MapEdit& edit) {
+StatusOr<bool> CanRemove(Database& database,
+                         std::int64_t area_id,
+                         const VersionRow& version,
+                         const MapEdit& edit) {
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow base, BaseOf(database, version));
   SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap map, ReadMap(database, area_id, base));
   return !Holds(map.held(), edit.id) || map.IsReversible(edit);

@@ -26,10 +26,10 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
                                      bool lenient);
 
 /// Whether an edit that a version holds can be taken out of it.
-StatusOr<bool> CanTakeOut(Database& database,
-                          std::int64_t area_id,
-                          const VersionRow& version,
-                          const MapEdit& edit);
+StatusOr<bool> CanRemove(Database& database,
+                         std::int64_t area_id,
+                         const VersionRow& version,
+                         const MapEdit& edit);
 
 /// What an edit of calibration leaves of the vehicle.
 StatusOr<std::optional<VehicleCalibration>> ReadKept(Database& database,

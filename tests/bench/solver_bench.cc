@@ -31,7 +31,7 @@
 #include "mapper/graph/graph.h"
 #include "mapper/graph/schur_posterior.h"
 #include "mapper/mapper.h"
-#include "mapper/submaps/single_run.h"
+#include "mapper/run_maps/single_run.h"
 #include "tools/convert/utias.h"
 
 namespace shiftmap {
@@ -150,8 +150,8 @@ std::optional<Graph> RecordedGraph() {
   if (!input) return std::nullopt;
   const std::vector<Signature> signatures = CollectSignatures({&input->run}, {});
   static const MappingRun run = MakeMappingRun(input->run, signatures, FrontEndOptions());
-  static MapProblem problem = MapSingleRun(run, signatures.size(), MapperOptions());
-  Graph graph = MakeGraph(MapperOptions(), &problem);
+  static BuildState build = MapSingleRun(run, signatures.size(), MapperOptions());
+  Graph graph = MakeGraph(MapperOptions(), &build);
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
   for (Eigen::Vector2d& mode : graph.modes) {

@@ -8,7 +8,7 @@
 #include "mapper/alignment/explain_alignment.h"
 #include "mapper/mapper_options.h"
 #include "mapper/parallel.h"
-#include "mapper/submaps/confirm_alignment.h"
+#include "mapper/registration/confirm_alignment.h"
 #include "mapstore/core/median.h"
 #include "proto/core/check.h"
 #include "tools/experiment/alignments_comparators.h"
@@ -34,7 +34,7 @@ JointPoints LastPlaces(const AlignmentPair& pair) {
 class PairScore {
  public:
   PairScore(AlignmentWorld world, std::uint64_t seed) : pair_(DrawAlignmentPair(world, seed)) {
-    submap_.points = pair_.other.points;
+    run_map_.points = pair_.other.points;
     outcome_.world = world;
     outcome_.landmarks = static_cast<int>(pair_.other.points.size());
     outcome_.stayed = pair_.stayed;
@@ -80,7 +80,7 @@ class PairScore {
     best_ = explanations->frames.front();
     outcome_.probability = best_.probability;
     outcome_.is_right = IsRight(best_);
-    if (IsDecided(options, pair_.reference.points, pair_.area_m2, submap_, std::nullopt, best_)) {
+    if (IsDecided(options, pair_.reference.points, pair_.area_m2, run_map_, std::nullopt, best_)) {
       answer.right = outcome_.is_right;
     }
     for (const Explanation& frame : explanations->frames) {
@@ -99,7 +99,7 @@ class PairScore {
     if (alignment) answer.right = IsRight(*alignment);
     Of(if_sure).seconds = answer.seconds;
     const bool sure =
-        !NeedsConfirmation(options_, pair_.reference.points, pair_.area_m2, submap_, alignment);
+        !NeedsConfirmation(options_, pair_.reference.points, pair_.area_m2, run_map_, alignment);
     if (sure) Of(if_sure).right = answer.right;
     return alignment;
   }
@@ -112,7 +112,7 @@ class PairScore {
     if (IsDecided(options_.confirmation,
                   pair_.reference.points,
                   pair_.area_m2,
-                  submap_,
+                  run_map_,
                   consensus,
                   best_)) {
       answer.right = outcome_.is_right;
@@ -121,7 +121,7 @@ class PairScore {
 
   MapperOptions options_;
   AlignmentPair pair_;
-  Submap submap_;     // The other map, as the mapper has it.
+  RunMap run_map_;    // The other map, as the mapper has it.
   Explanation best_;  // The likeliest one.
   AlignmentOutcome outcome_;
 };

@@ -17,9 +17,9 @@
 #include "mapper/alignment/explain_alignment.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/frontend/mapping_run.h"
-#include "mapper/submaps/single_run.h"
-#include "mapper/submaps/submap.h"
-#include "mapper/submaps/variance_factor.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "mapper/run_maps/variance_factor.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/convert/utias.h"
 #include "tools/experiment/experiment_output.h"
@@ -82,19 +82,19 @@ StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int d
     utias.robot = robot;
     SHIFTMAP_ASSIGN_OR_RETURN(const UtiasRun recorded, ReadUtias(utias));
     const MappingRun run = MakeMappingRun(recorded.run, signatures, options.front_end);
-    std::vector<MapProblem> problems = {MapSingleRun(run, signatures.size(), options)};
-    RaiseNoiseByVehicle(&problems);
-    const std::optional<Submap> submap = MakeSubmap(options, std::move(problems.front()));
-    if (!submap) continue;
+    std::vector<BuildState> builds = {MapSingleRun(run, signatures.size(), options)};
+    RaiseNoiseByVehicle(&builds);
+    const std::optional<RunMap> run_map = MakeRunMap(options, std::move(builds.front()));
+    if (!run_map) continue;
     std::vector<PointPair> pairs;
-    for (const AlignmentPoint& point : submap->points) {
+    for (const AlignmentPoint& point : run_map->points) {
       pairs.push_back(
           {places.at(signatures[static_cast<std::size_t>(point.group)]), point.position});
     }
     SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_survey_map, AlignRigid2d(pairs));
-    const double factor = VarianceFactor(options, submap->problem);
+    const double factor = VarianceFactor(options, run_map->build);
     runs.push_back({fmt::format("set {} robot {}", dataset, robot),
-                    OneModeEach({submap->points, factor * submap->covariance}),
+                    OneModeEach({run_map->points, factor * run_map->covariance}),
                     T_survey_map});
   }
   return runs;

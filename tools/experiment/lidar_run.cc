@@ -53,7 +53,7 @@ MapperOptions IndoorOptions() {
   MapperOptions options;
   options.association.associate = true;
   options.association.separation_m = 0.3;
-  options.association.twin_distance_m = 0.3;
+  options.association.duplicate_distance_m = 0.3;
   options.association.confirm_sightings = 3;
   options.association.min_sightings = 4;
   options.calibration.odometry.noise_v = 0.07;

@@ -19,7 +19,7 @@ struct Arguments {
   int threads = 1;
   int groups = 3;
   double sd_mode_m = 0.05;
-  double misjudged_share = 0.0;
+  double outlier_share = 0.0;
   bool blind = false;
   double slip_share = 0.0;
   int alone_scans = 10;
@@ -51,7 +51,7 @@ VisitScene SceneOf(const Arguments& arguments, std::int64_t modes, double clutte
   scene.groups = arguments.groups;
   scene.modes = static_cast<int>(modes);
   scene.clutter_density_per_m2 = clutter_per_m2;
-  scene.misjudged_share = arguments.misjudged_share;
+  scene.outlier_share = arguments.outlier_share;
   return scene;
 }
 
@@ -169,7 +169,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                      {"max_leaves", arguments.max_leaves},
                      {"groups", arguments.groups},
                      {"sd_mode_m", arguments.sd_mode_m},
-                     {"misjudged_share", arguments.misjudged_share},
+                     {"outlier_share", arguments.outlier_share},
                      {"blind", arguments.blind},
                      {"slip_share", arguments.slip_share},
                      {"alone_scans", arguments.alone_scans}};
@@ -194,7 +194,7 @@ void AddLocalizerDecisionsExperiment(Application* application) {
       .InRange(1, 12)
       .Option("--sd-mode-m", &arguments->sd_mode_m, "Uncertainty of the map [m]")
       .InRange(1e-3, 1.0)
-      .Option("--misjudged-share", &arguments->misjudged_share, "Share of detections at six sigma")
+      .Option("--outlier-share", &arguments->outlier_share, "Share of detections at six sigma")
       .InRange(0.0, 0.5)
       .Flag("--blind", &arguments->blind, "Visits after 5 to 60 s without a sighting")
       .Option("--slip-share", &arguments->slip_share, "Of these stretches: in which wheels slip")

@@ -9,9 +9,9 @@
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/covariance/datum.h"
 #include "mapper/frontend/mapping_run.h"
-#include "mapper/submaps/single_run.h"
-#include "mapper/submaps/submap.h"
-#include "mapper/submaps/variance_factor.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "mapper/run_maps/variance_factor.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/run/trajectory.h"
 
@@ -23,19 +23,19 @@ std::optional<RunMapError> MeasureRunMap(const Run& run,
   const std::vector<Signature> signatures = CollectSignatures({&run}, {});
   const MappingRun arranged = MakeMappingRun(run, signatures, options.front_end);
   if (arranged.sightings.empty()) return std::nullopt;
-  std::vector<MapProblem> problems = {MapSingleRun(arranged, signatures.size(), options)};
-  RaiseNoiseByVehicle(&problems);
-  std::optional<Submap> submap = MakeSubmap(options, std::move(problems.front()));
-  if (!submap) return std::nullopt;
+  std::vector<BuildState> builds = {MapSingleRun(arranged, signatures.size(), options)};
+  RaiseNoiseByVehicle(&builds);
+  std::optional<RunMap> run_map = MakeRunMap(options, std::move(builds.front()));
+  if (!run_map) return std::nullopt;
 
   std::vector<Eigen::Index> rows;
   std::vector<Eigen::Vector2d> positions;
   std::vector<PointPair> pairs;
-  for (std::size_t i = 0; i < submap->points.size(); ++i) {
-    const auto group = static_cast<std::size_t>(submap->points[i].group);
+  for (std::size_t i = 0; i < run_map->points.size(); ++i) {
+    const auto group = static_cast<std::size_t>(run_map->points[i].group);
     const auto place = places.find(signatures[group]);
-    if (place == places.end() || submap->problem.modes[group].size() != 1) continue;
-    positions.push_back(submap->points[i].position);
+    if (place == places.end() || run_map->build.modes[group].size() != 1) continue;
+    positions.push_back(run_map->points[i].position);
     pairs.push_back({positions.back(), place->second});
     rows.insert(rows.end(),
                 {static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * i + 1)});
@@ -51,13 +51,13 @@ std::optional<RunMapError> MeasureRunMap(const Run& run,
   }
   const Eigen::MatrixXd shape = ShapeDirections(positions);
   const Eigen::VectorXd of_shape = shape.transpose() * error;
-  const Eigen::MatrixXd covariance = shape.transpose() * submap->covariance(rows, rows) * shape;
+  const Eigen::MatrixXd covariance = shape.transpose() * run_map->covariance(rows, rows) * shape;
   RunMapError result;
   result.landmarks = static_cast<int>(positions.size());
   result.rms_m = std::sqrt(of_shape.squaredNorm() / static_cast<double>(positions.size()));
   result.nees = of_shape.dot(covariance.llt().solve(of_shape));
   result.dof = static_cast<double>(of_shape.size());
-  result.variance_factor = VarianceFactor(options, submap->problem);
+  result.variance_factor = VarianceFactor(options, run_map->build);
   return result;
 }
 

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kSpeed = 0.5;        // [m/s]
 constexpr double kMaxYawRate = 0.15;  // [rad/s]
-constexpr double kMisjudgedSigmas = 6.0;
+constexpr double kOutlierSigmas = 6.0;
 
 // Of the odometry of recorded robots, once their scales are known.
 constexpr double kCalibratedLogScale = 0.025;
@@ -108,7 +108,7 @@ void LookAt(
   // A landmark that is seen hides the false alarms of its signature, those of an absent one may be
   // a new place as well.
   if (in_view && dice->Coin(sensor.detection_probability)) {
-    const double sigmas = dice->Coin(scene.misjudged_share) ? kMisjudgedSigmas : 1.0;
+    const double sigmas = dice->Coin(scene.outlier_share) ? kOutlierSigmas : 1.0;
     const Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
     observation.z = expected + truth.bias + sigmas * sd.cwiseProduct(dice->Normal2());
     if (observation.z.x() < 0.01) return;

@@ -25,7 +25,7 @@ struct VisitScene {
   double clutter_density_per_m2 = 1e-4;  ///< And as much for new landmarks.
 
   /// Share of detections whose noise has six times the standard deviation.
-  double misjudged_share = 0.0;
+  double outlier_share = 0.0;
   int scans = 40;
 
   /// Before the first scan the vehicle drives for as long without a sighting, with the odometry of

@@ -36,9 +36,9 @@ SimulatedWorld StaticWorld(std::uint64_t seed) {
   return Simulate(options);
 }
 
-std::size_t CountModes(const MapProblem& problem) {
+std::size_t CountModes(const BuildState& build) {
   std::size_t count = 0;
-  for (const std::vector<BuildMode>& group : problem.modes) count += group.size();
+  for (const std::vector<BuildMode>& group : build.modes) count += group.size();
   return count;
 }
 

@@ -7,7 +7,7 @@
 
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/mapper.h"
-#include "mapper/problem/map_problem.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/sim/open_world.h"
 
@@ -20,7 +20,7 @@ OpenWorldOptions SmallWorld(std::uint64_t seed);
 SimulatedWorld StaticWorld(std::uint64_t seed);
 
 /// Modes of all groups.
-std::size_t CountModes(const MapProblem& problem);
+std::size_t CountModes(const BuildState& build);
 
 /// SimulateOpen() for options that are known to be right.
 SimulatedWorld Simulate(const OpenWorldOptions& options);

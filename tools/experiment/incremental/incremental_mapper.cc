@@ -15,7 +15,7 @@
 #include "mapper/graph/sensor_bias.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
-#include "tools/experiment/incremental/loose_sightings.h"
+#include "tools/experiment/incremental/unassigned_sightings.h"
 
 namespace shiftmap {
 namespace {
@@ -200,14 +200,15 @@ Eigen::Matrix2d IncrementalMapper::SightingCovariance(const Observation& seen,
 // Makes a mode of a group where enough of its sightings without one agree with the newest of them.
 // Returns how many.
 int IncrementalMapper::TryCreateMode(int group) {
-  const std::vector<LooseSighting> sightings =
+  const std::vector<UnassignedSighting> sightings =
       AgreeingSightings(window(), group, ChiSquareQuantile(options_.gate_probability, 2));
   const bool at_once = options_.selector.kind == SelectorKind::kNoHypotheses;
   if (std::ssize(sightings) < (at_once ? 1 : options_.min_sightings)) return 0;
-  const LooseSighting& best = SharpestSighting(sightings);
+  const UnassignedSighting& best = SharpestSighting(sightings);
   const int mode = smoother_.AddMode(best.p_map_landmark, best.cov);
   groups_[static_cast<std::size_t>(group)].modes.push_back(mode);
-  for (const LooseSighting& seen : sightings) smoother_.Switch(seen.frame, seen.observation, mode);
+  for (const UnassignedSighting& seen : sightings)
+    smoother_.Switch(seen.frame, seen.observation, mode);
   return 1;
 }
 

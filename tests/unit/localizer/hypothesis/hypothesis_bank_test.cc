@@ -300,7 +300,7 @@ TEST(HypothesisBank, ACorrectedPoseHasNotMoved) {
   EXPECT_NEAR(log_odds(1.0), log_odds(0.0), 1.0);
 }
 
-// Two hypotheses by hand: the landmark is at its mode, and each sighting a misjudged one; or it is
+// Two hypotheses by hand: the landmark is at its mode, and each sighting a outlier one; or it is
 // at one place that no mode has. Pose and motion are exact, and a bias is the same in all
 // sightings, so the place is the mean of the sightings.
 TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {

@@ -23,7 +23,7 @@ TEST(SequentialTest, DecidesOnlyAgainstEveryOther) {
   const double threshold = DecisionThreshold(0.01);
   const TestOutcome open = TestStates(Eigen::Vector3d(0.0, -1.0, -10.0), threshold);
   EXPECT_FALSE(open.decided);
-  EXPECT_THAT(open.hopeless, ElementsAre(2));
+  EXPECT_THAT(open.rejected, ElementsAre(2));
   const TestOutcome closed = TestStates(Eigen::Vector3d(-9.0, 0.0, -10.0), threshold);
   EXPECT_EQ(closed.decided, 1);
   EXPECT_NEAR(closed.log_odds, -std::log(std::exp(-9.0) + std::exp(-10.0)), 1e-12);
@@ -40,10 +40,10 @@ TEST(SequentialTest, ManyAlternativesCountTogether) {
   EXPECT_EQ(TestStates(scores, threshold).decided, 2);
 }
 
-TEST(SequentialTest, TwoEquallyHopelessStatesDoNotKeepEachOther) {
+TEST(SequentialTest, TwoEquallyRejectedStatesDoNotKeepEachOther) {
   const TestOutcome outcome =
       TestStates(Eigen::Vector3d(0.0, -20.0, -20.0), DecisionThreshold(1e-4));
-  EXPECT_THAT(outcome.hopeless, ElementsAre(1, 2));
+  EXPECT_THAT(outcome.rejected, ElementsAre(1, 2));
 }
 
 // Shares of visits that end in a decision, of these the share of wrong ones and the probability of

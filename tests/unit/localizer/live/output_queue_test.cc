@@ -17,7 +17,7 @@ std::string Drain(OutputQueue* queue) {
 
 TEST(OutputQueueTest, SlowReaderLosesTheOldestNews) {
   OutputQueue queue(10);
-  for (const char* news : {"aaa", "bbb", "ccc", "ddd"}) queue.PushNews(news);
+  for (const char* is_event : {"aaa", "bbb", "ccc", "ddd"}) queue.PushEvent(is_event);
   EXPECT_EQ(queue.dropped(), 1);
   EXPECT_LE(queue.bytes(), 10u);
   EXPECT_EQ(Drain(&queue), "bbbcccddd");
@@ -26,21 +26,21 @@ TEST(OutputQueueTest, SlowReaderLosesTheOldestNews) {
 
 TEST(OutputQueueTest, WhatHasBegunIsFinished) {
   OutputQueue queue(6);
-  queue.PushNews("aaa");
+  queue.PushEvent("aaa");
   queue.Sent(1);
-  queue.PushNews("bbb");
-  queue.PushNews("ccc");
+  queue.PushEvent("bbb");
+  queue.PushEvent("ccc");
   EXPECT_EQ(queue.dropped(), 1);
   EXPECT_EQ(Drain(&queue), "aaccc");
 }
 
 TEST(OutputQueueTest, RepliesPushNewsOutButNotEachOther) {
   OutputQueue queue(6);
-  queue.PushNews("nnn");
+  queue.PushEvent("nnn");
   EXPECT_TRUE(queue.PushReply("rrr"));
   EXPECT_TRUE(queue.PushReply("sss"));
   EXPECT_FALSE(queue.PushReply("ttt"));
-  queue.PushNews("mmm");
+  queue.PushEvent("mmm");
   EXPECT_EQ(queue.dropped(), 2);
   EXPECT_EQ(Drain(&queue), "rrrsss");
 }
@@ -48,7 +48,7 @@ TEST(OutputQueueTest, RepliesPushNewsOutButNotEachOther) {
 TEST(OutputQueueTest, NeverAboveItsBound) {
   OutputQueue queue(100);
   for (int i = 0; i < 10000; ++i) {
-    queue.PushNews(std::string(static_cast<std::size_t>(i % 130), 'x'));
+    queue.PushEvent(std::string(static_cast<std::size_t>(i % 130), 'x'));
     if (i % 7 == 0 && !queue.empty()) queue.Sent(queue.Front().size() / 2);
     ASSERT_LE(queue.bytes(), 100u);
   }

@@ -160,7 +160,7 @@ TEST_F(ServiceFleetTest, MapWaitsWhileTheVehicleDrivesAndTheLastOneAskedForCount
   Feed(&service, 0, items_.size() / 2);
   const std::string uuid = service.State().report_uuid;
   EXPECT_THAT(Do(&service, Enable("e2", second)), testing::IsOk());
-  service.GoOn(&events_);
+  service.StepCallback(&events_);
   EXPECT_EQ(Action(Fleet(&service), "e2").status, ActionStatus::kWaiting);
   EXPECT_EQ(Enabled(Fleet(&service), "area"), first.map_version);
   EXPECT_EQ(service.State().report_uuid, uuid);
@@ -171,7 +171,7 @@ TEST_F(ServiceFleetTest, MapWaitsWhileTheVehicleDrivesAndTheLastOneAskedForCount
   EXPECT_EQ(Action(Fleet(&service), "e3").status, ActionStatus::kFailed);
   EXPECT_THAT(Do(&service, Enable("e5", second)), testing::IsOk());
   ASSERT_THAT(Do(&service, live::Stop()), testing::IsOk());
-  service.GoOn(&events_);
+  service.StepCallback(&events_);
   EXPECT_EQ(Action(Fleet(&service), "e5").status, ActionStatus::kFinished);
   EXPECT_EQ(Enabled(Fleet(&service), "area"), second.map_version);
   EXPECT_EQ(service.State().version, VersionNumber(2));
@@ -276,18 +276,18 @@ TEST_F(ServiceFleetTest, PoseIsSetAtOnceOrOnceLandmarksAgree) {
   EXPECT_THAT(Do(&service, InitializePosition{"p2", "area", pose, false}), testing::IsOk());
   EXPECT_EQ(Action(Fleet(&service), "p2").status, ActionStatus::kFinished);
   EXPECT_THAT(Do(&service, InitializePosition{"p3", "area", pose, true}), testing::IsOk());
-  service.GoOn(&events_);
+  service.StepCallback(&events_);
   EXPECT_EQ(Action(Fleet(&service), "p3").status, ActionStatus::kRunning);
   const std::size_t third = items_.size() / 3;
   Feed(&service, 0, third);
-  service.GoOn(&events_);
+  service.StepCallback(&events_);
   EXPECT_EQ(Action(Fleet(&service), "p3").status, ActionStatus::kFinished);
   // Where it is not.
   pose.T_map_vehicle = Se2(5.0, -4.0, 2.0);
   EXPECT_THAT(Do(&service, InitializePosition{"p4", "area", pose, true}), testing::IsOk());
   for (std::size_t i = third; i < items_.size(); ++i) {
     Feed(&service, i, i + 1);
-    service.GoOn(&events_);
+    service.StepCallback(&events_);
   }
   EXPECT_EQ(Action(Fleet(&service), "p4").status, ActionStatus::kFailed);
 }

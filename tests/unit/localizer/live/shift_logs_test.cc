@@ -200,7 +200,7 @@ TEST_F(ShiftLogsTest, TheEndDoesNotWaitForARecordingAndTheNextProcessMakesIt) {
   ShiftLogs logs(folder_.File("state"), 1 << 20, next);
   Status status = OkStatus();
   for (int i = 0; i < 10'000 && status.ok(); ++i) {
-    status = logs.GoOn();
+    status = logs.StepCallback();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_THAT(status, StatusIs(StatusCode::kNotFound, "its map, the shift has no recording"));

@@ -151,7 +151,7 @@ TEST(AnonymousTracks, OptionsAreChecked) {
   EXPECT_FALSE(AssociationOptions{.isolation_probability = 1.0}.Validate().ok());
   EXPECT_FALSE(AssociationOptions{.compatibility = {.max_nodes = 0}}.Validate().ok());
   EXPECT_FALSE(AssociationOptions{.confirm_sightings = 0}.Validate().ok());
-  EXPECT_FALSE(AssociationOptions{.twin_distance_m = -1.0}.Validate().ok());
+  EXPECT_FALSE(AssociationOptions{.duplicate_distance_m = -1.0}.Validate().ok());
 }
 
 TEST(TrackNames, AreToldFromSignatures) {

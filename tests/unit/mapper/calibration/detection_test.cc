@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "mapper/submaps/single_run.h"
+#include "mapper/run_maps/single_run.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -30,16 +30,16 @@ struct StandingRun {
     }
     run.data = &data;
     run.assignment.assign(data.visits.size(), 0);
-    problem.modes.resize(3);
+    build.modes.resize(3);
     for (int group = 0; group < 3; ++group) {
-      problem.modes[static_cast<std::size_t>(group)] = {{{1.0 + group, 0.0}, kAbsent},
-                                                        {{1.0 + group, 0.5}, kAbsent}};
+      build.modes[static_cast<std::size_t>(group)] = {{{1.0 + group, 0.0}, kAbsent},
+                                                      {{1.0 + group, 0.5}, kAbsent}};
     }
   }
 
   DetectionCount Count(const SensorCalibration& sensor) const {
     DetectionCount count;
-    CountDetections(problem, sensor, GridOf(problem, sensor.max_range_m), run, &count);
+    CountDetections(build, sensor, GridOf(build, sensor.max_range_m), run, &count);
     return count;
   }
 
@@ -53,7 +53,7 @@ struct StandingRun {
 
   MappingRun data;
   BuildRun run;
-  MapProblem problem;
+  BuildState build;
 };
 
 SensorCalibration Ahead(double max_range_m) {
@@ -98,8 +98,8 @@ TEST(EstimateDetection, FindsTheSensorOfTheSimulator) {
       options.mode_change_probability = 0.0;
       const SimulatedWorld world = testing::Simulate(options);
       const MappingRun run = testing::Arrange(world, world.runs[0].run);
-      const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
-      const SensorCalibration sensor = EstimateDetection(problem, {});
+      const BuildState build = MapSingleRun(run, world.groups.size(), {});
+      const SensorCalibration sensor = EstimateDetection(build, {});
       found += sensor.detection_probability / kSites;
       // Quantiles of what was seen in it.
       EXPECT_NEAR(sensor.max_range_m / options.sensor.max_range_m, 0.97, 0.06);
@@ -114,9 +114,9 @@ TEST(EstimateDetection, FindsTheSensorOfTheSimulator) {
 
 TEST(EstimateDetection, OfTooFewSightingsChangesNothing) {
   StandingRun standing({{0, 1}});
-  standing.problem.runs.push_back(standing.run);
-  standing.problem.sensor = Ahead(7.0);
-  const SensorCalibration sensor = EstimateDetection(standing.problem, ModeOptions());
+  standing.build.runs.push_back(standing.run);
+  standing.build.sensor = Ahead(7.0);
+  const SensorCalibration sensor = EstimateDetection(standing.build, ModeOptions());
   EXPECT_EQ(sensor.max_range_m, 7.0);
   EXPECT_EQ(sensor.detection_probability, SensorCalibration().detection_probability);
 }

@@ -13,20 +13,20 @@ TEST(PoolNoiseByVehicle, TakesTheMedianOfEachVehicle) {
   const std::vector<std::string> vehicles = {"a", "b", "a", "b", "a"};
   const std::vector<double> noise = {0.01, 0.05, 0.9, 0.05, 0.02};
   std::vector<MappingRun> data(vehicles.size());
-  MapProblem problem;
+  BuildState build;
   for (std::size_t i = 0; i < vehicles.size(); ++i) {
     data[i].info.vehicle = vehicles[i];
     BuildRun run;
     run.data = &data[i];
     run.odometry.noise_v = noise[i];
     run.odometry.noise_omega = 10.0 * noise[i];
-    problem.runs.push_back(run);
+    build.runs.push_back(run);
   }
-  PoolNoiseByVehicle(&problem);
+  PoolNoiseByVehicle(&build);
   for (std::size_t i = 0; i < vehicles.size(); ++i) {
     const double expected = vehicles[i] == "a" ? 0.02 : 0.05;
-    EXPECT_EQ(problem.runs[i].odometry.noise_v, expected) << i;
-    EXPECT_EQ(problem.runs[i].odometry.noise_omega, 10.0 * expected) << i;
+    EXPECT_EQ(build.runs[i].odometry.noise_v, expected) << i;
+    EXPECT_EQ(build.runs[i].odometry.noise_omega, 10.0 * expected) << i;
   }
 }
 

@@ -66,7 +66,7 @@ TEST_F(MapPrior, ScaleIsTakenOutAsItWasAdded) {
   MapContent content =
       MapOf(positions, JointCovariance::FromDense(AddScaleUncertainty(positions, kSdScale, shape)));
   // What the shape says of the scale by itself goes with it, hundredths of a percent.
-  EXPECT_NEAR(TakeOutScale(kSdScale, &content), kSdScale, 1e-4);
+  EXPECT_NEAR(RemoveScale(kSdScale, &content), kSdScale, 1e-4);
   const Eigen::VectorXd q = OffsetsFromCentroid(positions);
   EXPECT_LT((content.covariance.Dense() - shape).norm(), 1e-2 * (q * q.transpose()).norm() * 1e-4);
   EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(content.covariance.Dense())
@@ -82,10 +82,10 @@ TEST_F(MapPrior, AllOfTheScaleIsTakenOut) {
   MapContent content = MapOf(positions,
                              JointCovariance::FromDense(AddScaleUncertainty(
                                  positions, 1.5 * kSdScale, ShapeCovariance(positions))));
-  EXPECT_NEAR(TakeOutScale(kSdScale, &content), 1.5 * kSdScale, 1e-4);
+  EXPECT_NEAR(RemoveScale(kSdScale, &content), 1.5 * kSdScale, 1e-4);
   // Once it is taken out there is none left.
   const JointCovariance once = content.covariance;
-  EXPECT_EQ(TakeOutScale(kSdScale, &content), 0.0);
+  EXPECT_EQ(RemoveScale(kSdScale, &content), 0.0);
   EXPECT_EQ(content.covariance.Dense(), once.Dense());
 }
 
@@ -96,7 +96,7 @@ TEST_F(MapPrior, ASurveyKnowsItsScaleAndStaysAsItIs) {
         0.05 * 0.05 *
         Eigen::MatrixXd::Identity(std::ssize(positions) * 2, std::ssize(positions) * 2);
     MapContent content = MapOf(positions, JointCovariance::FromDense(cov));
-    EXPECT_EQ(TakeOutScale(kSdScale, &content), 0.0);
+    EXPECT_EQ(RemoveScale(kSdScale, &content), 0.0);
     EXPECT_EQ(content.covariance.Dense(), cov);
   }
 }
@@ -107,7 +107,7 @@ TEST_F(MapPrior, TheTilesOfALargeMapHaveOneScale) {
   const Eigen::MatrixXd shape = ShapeCovariance(positions);
   MapContent content =
       MapOf(positions, InTiles(AddScaleUncertainty(positions, kSdScale, shape), kTile));
-  const double sd = TakeOutScale(kSdScale, &content);
+  const double sd = RemoveScale(kSdScale, &content);
   EXPECT_GE(sd, (1.0 - 1e-6) * kSdScale);
   const Eigen::MatrixXd left = content.covariance.Dense();
   EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(left).eigenvalues().minCoeff(), 0.0);

@@ -11,7 +11,7 @@
 
 #include "localizer/models/detection_model.h"
 #include "mapper/mapper.h"
-#include "mapper/submaps/single_run.h"
+#include "mapper/run_maps/single_run.h"
 #include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -161,8 +161,8 @@ TEST(MissedVisits, WeighWithWhatEarlierRunsSaw) {
 TEST(MissedVisits, AreNotBetweenTwoSightingsAtOnePlace) {
   const SimulatedWorld world = testing::Simulate(StillWorld(7));
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
-  const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
-  const auto missed = FindMissedVisits(problem, FrontEndOptions().visit_gap_s, {});
+  const BuildState build = MapSingleRun(run, world.groups.size(), {});
+  const auto missed = FindMissedVisits(build, FrontEndOptions().visit_gap_s, {});
   int before_or_after = 0;
   for (std::size_t group = 0; group < missed.by_group.size(); ++group) {
     for (const MissedVisit& visit : missed.by_group[group]) {

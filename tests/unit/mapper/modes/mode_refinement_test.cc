@@ -6,18 +6,18 @@
 #include <algorithm>
 #include <set>
 
-#include "mapper/submaps/single_run.h"
+#include "mapper/run_maps/single_run.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
 namespace {
 
 // The modes that the visits of a group are assigned to.
-std::set<int> AssignedModes(const MapProblem& problem, int group) {
+std::set<int> AssignedModes(const BuildState& build, int group) {
   std::set<int> assigned;
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(problem);
+  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
   for (const VisitRef& ref : visits[static_cast<std::size_t>(group)]) {
-    assigned.insert(problem.runs[0].assignment[static_cast<std::size_t>(ref.visit)]);
+    assigned.insert(build.runs[0].assignment[static_cast<std::size_t>(ref.visit)]);
   }
   return assigned;
 }
@@ -26,11 +26,11 @@ TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SimulatedWorld world = testing::StaticWorld(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
-    for (std::size_t group = 0; group < problem.modes.size(); ++group) {
-      EXPECT_LE(problem.modes[group].size(), 1u) << seed << " " << group;
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    for (std::size_t group = 0; group < build.modes.size(); ++group) {
+      EXPECT_LE(build.modes[group].size(), 1u) << seed << " " << group;
     }
-    EXPECT_LT(testing::AlignedRmse(problem.runs[0].poses, testing::TruePoses(world.runs[0], run)),
+    EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(world.runs[0], run)),
               0.12)
         << seed;
   }
@@ -42,9 +42,9 @@ TEST(ModeRefinement, NoiseOfTheSensorIsEstimated) {
   MapperOptions options;
   options.calibration.sensor.sd_range_m = 0.3;
   options.calibration.sensor.sd_bearing_rad = 0.01;
-  const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
-  EXPECT_NEAR(problem.sensor.sd_range_m, 0.1, 0.015);
-  EXPECT_NEAR(problem.sensor.sd_bearing_rad, 0.02, 0.004);
+  const BuildState build = MapSingleRun(run, world.groups.size(), options);
+  EXPECT_NEAR(build.sensor.sd_range_m, 0.1, 0.015);
+  EXPECT_NEAR(build.sensor.sd_bearing_rad, 0.02, 0.004);
 }
 
 // A world in which landmark 0 moves at half time to where landmark 1 stands, which is taken away.
@@ -68,12 +68,12 @@ TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SimulatedWorld world = WorldWithAMover(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
-    const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
-    ASSERT_EQ(problem.modes[0].size(), 2u) << seed;
-    EXPECT_EQ(problem.modes[1].size(), 0u) << seed;
-    EXPECT_EQ(AssignedModes(problem, 0), (std::set<int>{0, 1})) << seed;
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    ASSERT_EQ(build.modes[0].size(), 2u) << seed;
+    EXPECT_EQ(build.modes[1].size(), 0u) << seed;
+    EXPECT_EQ(AssignedModes(build, 0), (std::set<int>{0, 1})) << seed;
     const double moved =
-        (problem.modes[0][0].p_map_landmark - problem.modes[0][1].p_map_landmark).norm();
+        (build.modes[0][0].p_map_landmark - build.modes[0][1].p_map_landmark).norm();
     EXPECT_NEAR(moved, (world.groups[0].modes[0] - world.groups[1].modes[0]).norm(), 0.3) << seed;
   }
 }
@@ -85,16 +85,16 @@ TEST(ModeRefinement, AModeIsNotMadeAndMergedForEver) {
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     MapperOptions options;
     options.modes.position_floor_m = 100.0;
-    const MapProblem problem = MapSingleRun(run, world.groups.size(), options);
-    EXPECT_EQ(problem.modes[0].size(), 1u) << seed;
-    EXPECT_LE(problem.modes_merged, 3) << seed;
+    const BuildState build = MapSingleRun(run, world.groups.size(), options);
+    EXPECT_EQ(build.modes[0].size(), 1u) << seed;
+    EXPECT_LE(build.modes_merged, 3) << seed;
   }
 }
 
 TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   SimulatedWorld world = testing::StaticWorld(2);
   const MappingRun clean = testing::Arrange(world, world.runs[0].run);
-  const MapProblem expected = MapSingleRun(clean, world.groups.size(), {});
+  const BuildState expected = MapSingleRun(clean, world.groups.size(), {});
   // Once in a visit, once in a scan by itself: the name of a landmark that is elsewhere.
   Observation misread;
   misread.z = {2.0, 0.7};
@@ -113,8 +113,8 @@ TEST(ModeRefinement, OneMisreadSignatureMakesNoMode) {
   }
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   ASSERT_EQ(run.sightings.size(), clean.sightings.size() + 2);
-  const MapProblem problem = MapSingleRun(run, world.groups.size(), {});
-  EXPECT_EQ(testing::CountModes(problem), testing::CountModes(expected));
+  const BuildState build = MapSingleRun(run, world.groups.size(), {});
+  EXPECT_EQ(testing::CountModes(build), testing::CountModes(expected));
 }
 
 // Two modes at one place: nothing but what was known before tells them apart.
@@ -122,34 +122,34 @@ TEST(ModeRefinement, SelectionStartsFromWhatThePriorMapKnew) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   MapperOptions options;
-  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
-  problem.modes[0] = {{problem.modes[0][0].p_map_landmark, ModeNumber(4)},
-                      {problem.modes[0][0].p_map_landmark, ModeNumber(7)}};
-  problem.known.resize(problem.modes.size());
-  LandmarkGroup& known = problem.known[0].emplace();
+  BuildState build = MapSingleRun(run, world.groups.size(), options);
+  build.modes[0] = {{build.modes[0][0].p_map_landmark, ModeNumber(4)},
+                    {build.modes[0][0].p_map_landmark, ModeNumber(7)}};
+  build.known.resize(build.modes.size());
+  LandmarkGroup& known = build.known[0].emplace();
   known.chain = ModeChain::Uniform(2, 1e-6);
   known.modes.resize(2);
   known.modes[0].number = ModeNumber(4);
   known.modes[1].number = ModeNumber(7);
-  const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
-  const Stamp begin = VisitOf(problem, visits[0]).begin;
-  problem.known_at = begin - FromSeconds(3600.0);
+  const std::vector<VisitRef> visits = VisitsByGroup(build)[0];
+  const Stamp begin = VisitOf(build, visits[0]).begin;
+  build.known_at = begin - FromSeconds(3600.0);
   for (const int likely : {1, 2}) {
     known.probabilities = Eigen::Vector3d(0.1, 0.1, 0.1);
     known.probabilities(likely) = 0.8;
     for (const SelectorKind kind : {SelectorKind::kViterbi, SelectorKind::kEm}) {
       options.modes.selector.kind = kind;
-      SelectModes(options.modes, &problem);
-      EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{likely - 1});
+      SelectModes(options.modes, &build);
+      EXPECT_EQ(AssignedModes(build, 0), std::set<int>{likely - 1});
     }
-    const ModeSequenceProblem sequence = MakeGroupSequence(problem, visits, 0, options.modes);
+    const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, 0, options.modes);
     const double relaxed = std::exp(-1.5e-6 * 3600.0);
     const double stated = 0.8 * (1.0 - kMistakeProbability) + kMistakeProbability / 3.0;
     EXPECT_NEAR(
         std::exp(sequence.log_initial(likely)), 1.0 / 3.0 + (stated - 1.0 / 3.0) * relaxed, 1e-12);
   }
-  problem.known_at = begin + FromSeconds(1.0);  // The run is older.
-  const ModeSequenceProblem older = MakeGroupSequence(problem, visits, 0, options.modes);
+  build.known_at = begin + FromSeconds(1.0);  // The run is older.
+  const ModeSequenceProblem older = MakeGroupSequence(build, visits, 0, options.modes);
   EXPECT_NEAR(std::exp(older.log_initial(2)), 1.0 / 3.0, 1e-12);
 }
 
@@ -157,18 +157,18 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
-  const std::vector<VisitRef> visits = VisitsByGroup(problem)[0];
+  BuildState build = MapSingleRun(run, world.groups.size(), options);
+  const std::vector<VisitRef> visits = VisitsByGroup(build)[0];
   ASSERT_FALSE(visits.empty());
-  const Eigen::VectorXd here = VisitLogLikelihood(problem, visits[0], options.modes);
+  const Eigen::VectorXd here = VisitLogLikelihood(build, visits[0], options.modes);
   EXPECT_GT(here[1], here[0]);
-  problem.modes[0][0].p_map_landmark += Eigen::Vector2d(5.0, 5.0);
-  const Eigen::VectorXd away = VisitLogLikelihood(problem, visits[0], options.modes);
+  build.modes[0][0].p_map_landmark += Eigen::Vector2d(5.0, 5.0);
+  const Eigen::VectorXd away = VisitLogLikelihood(build, visits[0], options.modes);
   EXPECT_LT(away[1], away[0]);
-  EXPECT_GT(SelectModes(options.modes, &problem), 0);
-  EXPECT_EQ(AssignedModes(problem, 0), std::set<int>{kUnassigned});
+  EXPECT_GT(SelectModes(options.modes, &build), 0);
+  EXPECT_EQ(AssignedModes(build, 0), std::set<int>{kUnassigned});
   // They agree on a place, so they make a mode again.
-  EXPECT_EQ(CreateModes(options.modes, &problem), 1);
+  EXPECT_EQ(CreateModes(options.modes, &build), 1);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "mapper/mapper.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/modes/selection_summary.h"
-#include "mapper/submaps/single_run.h"
+#include "mapper/run_maps/single_run.h"
 #include "proto/core/check.h"
 #include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
@@ -159,12 +159,12 @@ TEST(SummarizeSelection, SeesAWrongAssignment) {
   const SimulatedWorld world = TwoDays(4);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
-  MapProblem problem = MapSingleRun(run, world.groups.size(), options);
-  const SelectionSummary before = SummarizeSelection(options.modes, problem);
+  BuildState build = MapSingleRun(run, world.groups.size(), options);
+  const SelectionSummary before = SummarizeSelection(options.modes, build);
   EXPECT_EQ(before.visits, static_cast<int>(run.visits.size()));
   EXPECT_NEAR(before.log_joint, before.best_log_joint, 1e-9);
-  for (int& assignment : problem.runs[0].assignment) assignment = kUnassigned;
-  const SelectionSummary after = SummarizeSelection(options.modes, problem);
+  for (int& assignment : build.runs[0].assignment) assignment = kUnassigned;
+  const SelectionSummary after = SummarizeSelection(options.modes, build);
   EXPECT_LT(after.log_joint, after.best_log_joint);
   EXPECT_NEAR(after.best_log_joint, before.best_log_joint, 1e-9);
   EXPECT_GT(after.uncertain_visits, before.uncertain_visits);

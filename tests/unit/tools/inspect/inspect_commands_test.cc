@@ -185,7 +185,7 @@ TEST_F(InspectCommands, TextHasALinePerMode) {
   EXPECT_EQ(Run({"runs", "--json"}).json()["runs"][0]["run"], "run_000");
 }
 
-// What a build has mapped since is no news, unless one asks for it.
+// What a build has mapped since is no events, unless one asks for it.
 TEST_F(InspectCommands, SightingsAreThoseThatNoModeExplains) {
   const LandmarkGroup& group = content_.groups[2];
   UnmappedSighting mapped;

@@ -153,16 +153,16 @@ void ExpectMergedEqualsOne(int window_frames, double noise, double tolerance) {
   FixedLagSmoother smoother(OptionsOf(graph), StartOf(shape, graph));
   AddModes(graph, &smoother);
   Graph split = graph;
-  const int twin = smoother.AddMode(graph.modes[1], Eigen::Matrix2d::Identity());
+  const int duplicate = smoother.AddMode(graph.modes[1], Eigen::Matrix2d::Identity());
   for (std::size_t i = 0; i < split.observations.size(); ++i) {
-    if (split.observations[i].mode == 1 && i % 2 == 0) split.observations[i].mode = twin;
+    if (split.observations[i].mode == 1 && i % 2 == 0) split.observations[i].mode = duplicate;
   }
   for (int f = 0; f < shape.frames; ++f) {
     AddNextFrame(split, f, &smoother);
     ASSERT_TRUE(smoother.Solve());
     smoother.DropBefore(static_cast<int>(smoother.window().frames.size()) - window_frames);
   }
-  smoother.MergeModes(twin, 1);
+  smoother.MergeModes(duplicate, 1);
   ASSERT_TRUE(smoother.SolveFully());
   const Graph batch = Solved(graph);
   EXPECT_THAT(smoother.window().modes[1].p_map_landmark, IsNearMatrix(batch.modes[1], tolerance));

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/confirm_alignment.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "mapper/alignment/rigid_bodies.h"
+#include "mapper/run_maps/variance_factor.h"
+
+namespace shiftmap {
+namespace {
+
+// The modes that a map has of some groups, flat indices.
+std::vector<int> ModesOfGroups(const BuildState& map, const std::set<int>& groups) {
+  const FlatModes flat(map);
+  std::vector<int> modes;
+  for (const int group : groups) {
+    const auto count = static_cast<int>(map.modes[static_cast<std::size_t>(group)].size());
+    for (int mode = 0; mode < count; ++mode) modes.push_back(flat.Index(group, mode));
+  }
+  return modes;
+}
+
+// Modes of the map so far with their joint covariance; it is solved for that if its runs have only
+// been placed.
+// @param modes  Flat indices, those of `groups`.
+std::optional<JointPoints> MapPoints(const MapperOptions& options,
+                                     const std::optional<MapContent>& prior,
+                                     const BuildState& build,
+                                     const std::set<int>& groups,
+                                     const std::vector<int>& modes,
+                                     double run_map_factor) {
+  JointPoints map;
+  BuildState solved = build;
+  if (build.runs.empty()) {
+    map.covariance = run_map_factor * prior.value().covariance.Dense(modes);
+  } else {
+    if (build.runs.size() > 1 || prior) SolveContinuous(options, &solved);
+    std::optional<Eigen::MatrixXd> covariance = CovarianceOfModes(options, modes, &solved);
+    if (!covariance) return std::nullopt;
+    const double factor = prior ? run_map_factor : VarianceFactor(options, solved);
+    map.covariance = factor * *covariance;
+  }
+  for (const int group : groups) {
+    for (const BuildMode& mode : solved.modes[static_cast<std::size_t>(group)]) {
+      map.points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+    }
+  }
+  return map;
+}
+
+// Takes out all groups of a body but one of those that are there.
+void KeepOne(const AlignmentEvidence& evidence, const MatchSet& body, std::set<int>* groups) {
+  bool is_first = true;
+  for (const int k : body.Members()) {
+    const auto found = groups->find(evidence.GroupOf(k));
+    if (found == groups->end()) continue;
+    if (!std::exchange(is_first, false)) groups->erase(found);
+  }
+}
+
+}  // namespace
+
+bool FewAgree(const ConfirmationOptions& options,
+              const std::vector<AlignmentPoint>& reference,
+              double area_m2,
+              const RunMap& run_map,
+              const Alignment& consensus) {
+  const JointPoints of_reference{reference, {}};
+  const JointPoints of_run_map{run_map.points, {}};
+  const AlignmentEvidence evidence(of_reference, of_run_map, area_m2, options.prior);
+  std::set<int> common(evidence.groups().begin(), evidence.groups().end());
+  std::set<int> agreeing(consensus.signatures.begin(), consensus.signatures.end());
+  if (evidence.matches().size() <= kMaxMatches) {
+    const RigidBodies rigid(evidence, options.prior);
+    for (const MatchSet& body : rigid.clusters()) {
+      KeepOne(evidence, body, &common);
+      KeepOne(evidence, body, &agreeing);
+    }
+  }
+  return std::ssize(agreeing) < options.min_signatures ||
+         static_cast<double>(agreeing.size()) <=
+             options.min_share * static_cast<double>(common.size());
+}
+
+bool NeedsConfirmation(const MapperOptions& options,
+                       const std::vector<AlignmentPoint>& reference,
+                       double area_m2,
+                       const RunMap& run_map,
+                       const std::optional<Alignment>& consensus) {
+  if (!consensus || FewAgree(options.confirmation, reference, area_m2, run_map, *consensus))
+    return true;
+  if (!IsStiff(run_map)) return false;
+  std::vector<AlignmentPoint> others;
+  for (const AlignmentPoint& point : run_map.points) {
+    const bool agrees =
+        std::binary_search(consensus->signatures.begin(), consensus->signatures.end(), point.group);
+    if (!agrees) others.push_back(point);
+  }
+  return AlignByConsensus(reference, others, area_m2, options.alignment).has_value();
+}
+
+std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
+                                          const std::optional<MapContent>& prior,
+                                          const BuildState& build,
+                                          double area_m2,
+                                          const RunMap& run_map) {
+  std::set<int> groups;
+  for (const AlignmentPoint& point : run_map.points) groups.insert(point.group);
+  const std::vector<int> modes = ModesOfGroups(build, groups);
+  if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
+  const double factor = VarianceFactor(options, run_map.build);
+  const std::optional<JointPoints> map = MapPoints(options, prior, build, groups, modes, factor);
+  if (!map) return std::nullopt;
+  std::optional<Explanations> explanations = Explain(*map,
+                                                     {run_map.points, factor * run_map.covariance},
+                                                     area_m2,
+                                                     options.confirmation.prior,
+                                                     options.confirmation.limits);
+  if (!explanations) return std::nullopt;
+  for (Explanation& frame : explanations->frames) {
+    for (Match& match : frame.stayed) {
+      match.reference = modes[static_cast<std::size_t>(match.reference)];
+    }
+  }
+  return explanations;
+}
+
+bool IsSamePlace(const ConfirmationOptions& options,
+                 const RunMap& run_map,
+                 const Alignment& one,
+                 const Alignment& other) {
+  return std::all_of(
+      run_map.points.begin(), run_map.points.end(), [&](const AlignmentPoint& point) {
+        return (one.T_reference_other * point.position - other.T_reference_other * point.position)
+                   .norm() < options.limits.same_frame_m;
+      });
+}
+
+bool IsDecided(const ConfirmationOptions& options,
+               const std::vector<AlignmentPoint>& reference,
+               double area_m2,
+               const RunMap& run_map,
+               const std::optional<Alignment>& consensus,
+               const Explanation& best) {
+  if (best.nothing_stayed()) return false;
+  const bool most = consensus && !FewAgree(options, reference, area_m2, run_map, *consensus) &&
+                    IsSamePlace(options, run_map, best.alignment, *consensus);
+  return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
+}
+
+}  // namespace shiftmap

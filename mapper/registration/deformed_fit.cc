@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/deformed_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "mapper/covariance/datum.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// How well a mode is to be known to be matched. A vehicle that comes back to mapped ground after a
+// while is less sure where it is: only when nothing else is left is the limit raised. [m]
+constexpr double kFirstMaxSd = 0.5;
+constexpr double kLastMaxSd = 4.0;
+
+// Matches that the others contradict at this probability are none.
+constexpr double kContradicted = 0.999;
+
+// The map is deformed as well; its share is taken to be as large as the run map's.
+constexpr double kBothDeformed = 2.0;
+
+// So many modes hold a run map while it is deformed: they are seen every few metres.
+constexpr std::size_t kMaxHeld = 40;
+
+// The mode of a group that is nearest to a point, or kUnassigned.
+int NearestOf(const std::vector<BuildMode>& modes, const Eigen::Vector2d& point) {
+  int nearest = kUnassigned;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const double squared = (modes[k].p_map_landmark - point).squaredNorm();
+    if (squared >= least) continue;
+    least = squared;
+    nearest = static_cast<int>(k);
+  }
+  return nearest;
+}
+
+// A run map's modes as what is known of them tells of the others.
+class DeformedRunMap {
+ public:
+  DeformedRunMap(const MapperOptions& options, const RunMap& run_map, const BuildState& map)
+      : map_(map),
+        noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
+        positions_(ModePositions(run_map.build)) {
+    for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+      group_.insert(group_.end(), run_map.build.modes[group].size(), group);
+    }
+    covariance_ = FreeDatumAndScale(positions_, options.sd_range_scale, run_map.covariance);
+    gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
+  }
+
+  // Takes modes for known, and conditions `open` on them, for Match(). False if values are so far
+  // astray that they tell nothing of each other.
+  bool Hold(const std::vector<int>& known, std::vector<std::size_t> open) {
+    std::vector<std::size_t> first;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] != kUnassigned) first.push_back(i);
+    }
+    held_.clear();
+    whitened_.resize(0);
+    L_.resize(0, 0);
+    inverse_L_.resize(0, 0);
+    open_ = std::move(open);
+    explained_.resize(0, RowOf(open_.size()));
+    return Extend(known, first, Eigen::MatrixXd(0, RowOf(first.size())));
+  }
+
+  // Takes those of the open modes that are known now for known as well.
+  bool HoldMore(const std::vector<int>& known) {
+    std::vector<std::size_t> added;
+    std::vector<std::size_t> left;
+    std::vector<std::size_t> added_at;
+    std::vector<std::size_t> left_at;
+    for (std::size_t k = 0; k < open_.size(); ++k) {
+      const bool is_known = known[open_[k]] != kUnassigned;
+      (is_known ? added : left).push_back(open_[k]);
+      (is_known ? added_at : left_at).push_back(k);
+    }
+    const Eigen::MatrixXd W = explained_(Eigen::all, Rows(added_at));
+    explained_ = explained_(Eigen::all, Rows(left_at)).eval();
+    open_ = std::move(left);
+    return Extend(known, added, W);
+  }
+
+  // Modes that are neither known nor given up.
+  const std::vector<std::size_t>& open() const { return open_; }
+
+  // Of the known modes, those that the others contradict. With K = P_MM + R and differences d, a
+  // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
+  std::vector<std::size_t> Contradicted() {
+    Invert();
+    const double gate = kBothDeformed * ChiSquareQuantile(kContradicted, 2);
+    std::vector<std::size_t> contradicted;
+    for (std::size_t k = 0; k < held_.size(); ++k) {
+      const Eigen::Index below = whitened_.size() - RowOf(k);
+      const auto of_match = inverse_L_.block(RowOf(k), RowOf(k), below, 2);
+      const Eigen::Matrix2d information = of_match.transpose() * of_match;
+      const Eigen::Vector2d at = of_match.transpose() * whitened_.tail(below);
+      if (at.dot(information.llt().solve(at)) > gate) contradicted.push_back(held_[k]);
+    }
+    return contradicted;
+  }
+
+  // The mode of the map that an open mode is, or kUnassigned if that does not show.
+  // @param place  Of the mode in open().
+  int Match(std::size_t place, double max_sd) const {
+    const std::size_t i = open_[place];
+    const Eigen::Index row = RowOf(i);
+    const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
+    const auto explained = explained_.middleCols<2>(RowOf(place));
+    const Eigen::Matrix2d cov =
+        covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
+    if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
+    const int nearest = NearestOf(map_.modes[group_[i]], expected);
+    if (nearest == kUnassigned) return kUnassigned;
+    const Eigen::Matrix2d S =
+        kBothDeformed * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
+    const bool agrees = SquaredMahalanobis(ModeAt(i, nearest) - expected, S) <= gate_;
+    return agrees ? nearest : kUnassigned;
+  }
+
+ private:
+  static std::vector<Eigen::Index> Rows(const std::vector<std::size_t>& modes) {
+    std::vector<Eigen::Index> rows;
+    for (const std::size_t i : modes) {
+      for (const int axis : {0, 1}) rows.push_back(RowOf(i) + axis);
+    }
+    return rows;
+  }
+
+  // Takes more modes for known. With W = L⁻¹ P of the new ones and S the covariance of their
+  // differences given the others, the new rows of L are [Wᵀ  L_S], S = L_S L_Sᵀ.
+  bool Extend(const std::vector<int>& known,
+              const std::vector<std::size_t>& added,
+              const Eigen::MatrixXd& W) {
+    const std::vector<Eigen::Index> rows = Rows(added);
+    const Eigen::Index before = whitened_.size();
+    const Eigen::Index more = RowOf(added.size());
+    Eigen::MatrixXd S = covariance_(rows, rows) - W.transpose() * W;
+    S.diagonal().array() += noise_;
+    const Eigen::LLT<Eigen::MatrixXd> llt(S);
+    if (llt.info() != Eigen::Success) return false;
+
+    Eigen::VectorXd differences(more);
+    for (std::size_t k = 0; k < added.size(); ++k) {
+      const std::size_t i = added[k];
+      differences.segment<2>(RowOf(k)) = ModeAt(i, known[i]) - positions_[i];
+    }
+    differences -= W.transpose() * whitened_;
+    whitened_.conservativeResize(before + more);
+    whitened_.tail(more) = llt.matrixL().solve(differences);
+
+    explained_.conservativeResize(before + more, Eigen::NoChange);
+    if (!open_.empty()) {  // Eigen's solve refers to the first entry, also of a block without any.
+      explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
+                                                        W.transpose() * explained_.topRows(before));
+    }
+    shift_ = explained_.transpose() * whitened_;
+
+    L_.conservativeResize(before + more, before + more);
+    L_.bottomLeftCorner(more, before) = W.transpose();
+    L_.bottomRightCorner(more, more) = llt.matrixL();
+    held_.insert(held_.end(), added.begin(), added.end());
+    return true;
+  }
+
+  // Brings L⁻¹ up to L, some rows after the others:
+  //
+  //   | L      |⁻¹   |      L⁻¹             |
+  //   | Wᵀ L_S |   = | -L_S⁻¹ Wᵀ L⁻¹  L_S⁻¹ |
+  void Invert() {
+    constexpr Eigen::Index kRows = 200;  // More take no advantage of the zeros.
+    Eigen::Index done = inverse_L_.rows();
+    inverse_L_.conservativeResize(L_.rows(), L_.rows());
+    while (done < L_.rows()) {
+      const Eigen::Index rows = std::min(kRows, L_.rows() - done);
+      const auto L_S = L_.block(done, done, rows, rows).triangularView<Eigen::Lower>();
+      inverse_L_.block(done, done, rows, rows) = L_S.solve(Eigen::MatrixXd::Identity(rows, rows));
+      if (done > 0) {  // Eigen's product with a triangle of no size divides by zero.
+        auto new_rows = inverse_L_.block(done, 0, rows, done);
+        new_rows = -L_.block(done, 0, rows, done) *
+                   inverse_L_.topLeftCorner(done, done).triangularView<Eigen::Lower>();
+        L_S.solveInPlace(new_rows);
+      }
+      done += rows;
+    }
+  }
+
+  const Eigen::Vector2d& ModeAt(std::size_t i, int mode) const {
+    return map_.modes[group_[i]][static_cast<std::size_t>(mode)].p_map_landmark;
+  }
+
+  const BuildState& map_;
+  double noise_;  // Between a mode of the run map and the same of the map, per axis. [m²]
+  double gate_ = 0.0;
+  std::vector<std::size_t> group_;
+  std::vector<Eigen::Vector2d> positions_;
+  Eigen::MatrixXd covariance_;
+
+  // Of the known modes, in the order in which they became known; L Lᵀ = P + noise.
+  std::vector<std::size_t> held_;
+  Eigen::MatrixXd L_;          // Its lower triangle.
+  Eigen::MatrixXd inverse_L_;  // Of the first of them; its lower triangle.
+  Eigen::VectorXd whitened_;   // L⁻¹ of the differences, map less run map.
+
+  // Of the open ones. Columns: what the known modes explain of each coordinate, L⁻¹ P.
+  std::vector<std::size_t> open_;
+  Eigen::MatrixXd explained_;
+  Eigen::VectorXd shift_;
+};
+
+}  // namespace
+
+std::vector<int> GrowMatches(const MapperOptions& options,
+                             const RunMap& run_map,
+                             const BuildState& map,
+                             std::vector<int> known,
+                             const std::vector<bool>& fixed) {
+  DeformedRunMap deformed(options, run_map, map);
+  std::vector<bool> settled = fixed;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (known[i] != kUnassigned) settled[i] = true;
+  }
+  const auto hold = [&] {
+    std::vector<std::size_t> open;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      if (known[i] == kUnassigned && !settled[i]) open.push_back(i);
+    }
+    return deformed.Hold(known, std::move(open));
+  };
+  if (!hold()) return known;
+  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !deformed.open().empty();) {
+    bool grew = false;
+    for (std::size_t k = 0; k < deformed.open().size(); ++k) {
+      int& match = known[deformed.open()[k]];
+      match = deformed.Match(k, max_sd);
+      grew = grew || match != kUnassigned;
+    }
+    max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
+    if (!grew) continue;
+    if (!deformed.HoldMore(known)) return known;
+    bool dropped = false;
+    for (const std::size_t i : deformed.Contradicted()) {
+      dropped = dropped || !settled[i];
+      if (!settled[i]) known[i] = kUnassigned;
+      settled[i] = true;
+    }
+    if (dropped && !hold()) return known;
+  }
+  return known;
+}
+
+std::vector<int> FitDeformedRunMap(const MapperOptions& options,
+                                   const BuildState& map,
+                                   const std::vector<std::optional<Eigen::Vector2d>>& places,
+                                   RunMap* run_map) {
+  constexpr int kMaxRounds = 4;
+  std::vector<int> known;
+  for (std::size_t group = 0; group < run_map->build.modes.size(); ++group) {
+    for (std::size_t m = 0; m < run_map->build.modes[group].size(); ++m) {
+      const auto& place = places[known.size()];
+      known.push_back(place ? NearestOf(map.modes[group], *place) : kUnassigned);
+    }
+  }
+  for (int round = 0; round < kMaxRounds; ++round) {
+    DeformOntoMap(options, map, known, run_map);
+    std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build);
+    if (!covariance) break;
+    run_map->covariance = *std::move(covariance);
+    std::vector<int> grown =
+        GrowMatches(options, *run_map, map, known, std::vector<bool>(known.size()));
+    if (grown == known) break;
+    known = std::move(grown);
+  }
+  DeformOntoMap(options, map, known, run_map);
+  return known;
+}
+
+std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
+                                  const BuildState& map,
+                                  const std::vector<int>& known,
+                                  const RunMap& run_map) {
+  std::vector<int> modes;
+  std::vector<Eigen::Vector2d> positions;
+  std::size_t i = 0;
+  for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+    for (std::size_t m = 0; m < run_map.build.modes[group].size(); ++m, ++i) {
+      if (known[i] == kUnassigned) continue;
+      modes.push_back(static_cast<int>(i));
+      positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
+    }
+  }
+  std::vector<int> held;
+  std::vector<Eigen::Vector2d> places;
+  const std::size_t step = modes.size() / kMaxHeld + 1;
+  for (std::size_t k = 0; k < modes.size(); k += step) {
+    held.push_back(modes[k]);
+    places.push_back(positions[k]);
+  }
+  return HoldModes(held, places, std::sqrt(2.0) * options.modes.position_floor_m);
+}
+
+void Deform(const MapperOptions& options,
+            const std::vector<GraphPrior>& held,
+            int steps,
+            RunMap* run_map) {
+  MapperOptions few = options;
+  few.solver.max_iterations = std::min(steps, options.solver.max_iterations);
+  run_map->build.priors = held;
+  SolveContinuous(few, &run_map->build);
+  run_map->build.priors.clear();
+}
+
+void DeformOntoMap(const MapperOptions& options,
+                   const BuildState& map,
+                   const std::vector<int>& known,
+                   RunMap* run_map) {
+  // The next solve goes on from where this one ends.
+  constexpr int kSteps = 4;
+  Deform(options, HoldKnown(options, map, known, *run_map), kSteps, run_map);
+}
+
+}  // namespace shiftmap

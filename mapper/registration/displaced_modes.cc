@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/displaced_modes.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/covariance/datum.h"
+#include "mapper/covariance/mode_covariance.h"
+#include "mapper/registration/deformed_fit.h"
+
+namespace shiftmap {
+namespace {
+
+// Error of a position in a map that its covariance does not know of. [m]
+constexpr double kPositionFloor = 0.03;
+
+// A landmark that stands farther from where it was than this many DisplacementOptions::
+// sd_displacement_m was displaced, whatever the others did. The normal distribution of
+// displacements has no tail for it: to it, most landmarks moving together the other way would be
+// more likely.
+constexpr double kSurelyDisplaced = 3.0;
+
+// A run that is deformed by this a metre from where it turns is off the tangent by half its square.
+// [m]
+constexpr double kLinear = 0.25;
+
+// Landmarks that are decided on together: time grows with the cube. Others than those around it
+// hardly tell whether a landmark stands where it stood.
+constexpr int kMaxTogether = 150;
+
+constexpr int kMaxRounds = 3;
+
+// What a run says by itself is read off the pull of what deforms it, where both are about at rest.
+constexpr int kDeformationSteps = 10;
+constexpr double kDeformationTolerance = 1e-3;  // Of the cost, for a step.
+
+// Per flat index which of the prior's modes a mode is, counted: those that have a number.
+std::vector<int> PriorNumbers(const BuildState& map) {
+  std::vector<int> numbers;
+  int next = 0;
+  for (const std::vector<BuildMode>& group : map.modes) {
+    for (const BuildMode& mode : group) {
+      numbers.push_back(mode.number != kAbsent ? next++ : kUnassigned);
+    }
+  }
+  return numbers;
+}
+
+// A landmark of the prior map that a run has met.
+struct Candidate {
+  std::size_t flat = 0;  // Mode of the run map.
+  int prior_mode = 0;
+  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // In the prior map. [m]
+};
+
+// Decides on landmarks together. Positions and covariance as in Decide().
+std::vector<int> ClustersOf(const MapperOptions& options,
+                            const JointCovariance& prior_covariance,
+                            const std::vector<Candidate>& candidates,
+                            const std::vector<Eigen::Vector2d>& positions,
+                            const Eigen::MatrixXd& run_cov) {
+  const auto size = static_cast<Eigen::Index>(2 * candidates.size());
+  Eigen::VectorXd difference(size);
+  DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
+  std::vector<Eigen::Vector2d> before;
+  for (std::size_t a = 0; a < candidates.size(); ++a) {
+    const Candidate& of_a = candidates[a];
+    before.push_back(of_a.before);
+    difference.segment<2>(RowOf(a)) = positions[of_a.flat] - of_a.before;
+    for (std::size_t b = 0; b < candidates.size(); ++b) {
+      const Candidate& of_b = candidates[b];
+      cov.run.block<2, 2>(RowOf(a), RowOf(b)) =
+          run_cov.block<2, 2>(RowOf(of_a.flat), RowOf(of_b.flat));
+      cov.map.block<2, 2>(RowOf(a), RowOf(b)) =
+          prior_covariance.Block(of_a.prior_mode, of_b.prior_mode);
+    }
+  }
+  cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
+  cov.common = FreeDatumAndScale(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
+  return FindDisplaced(before, difference, cov, options.displacement);
+}
+
+// Decides on the landmarks that meet the prior, where they are many on those of one neighbourhood
+// after the other.
+// @param positions  Of the run map's modes as the run by itself has them. [m]
+// @param run_cov    Of these, relative to them as a whole. [m²]
+std::vector<bool> Decide(const MapperOptions& options,
+                         const JointCovariance& prior_covariance,
+                         const BuildState& map,
+                         const std::vector<ModeMatch>& mode_matches,
+                         const std::vector<Eigen::Vector2d>& positions,
+                         const Eigen::MatrixXd& run_cov) {
+  std::vector<bool> displaced(mode_matches.size());
+  const std::vector<int> numbers = PriorNumbers(map);
+  const FlatModes flat(map);
+  std::vector<Candidate> met;
+  std::vector<Eigen::Vector2d> places;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const ModeMatch& mode_match = mode_matches[i];
+    if (!MatchesPrior(map, mode_match)) continue;
+    if (std::sqrt(mode_match.squared_m2) >
+        kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
+      displaced[i] = true;
+      continue;
+    }
+    const int mode = flat.Index(mode_match.group, mode_match.nearest);
+    places.push_back(NearestMode(map, mode_match).p_map_landmark);
+    met.push_back({i, numbers[static_cast<std::size_t>(mode)], places.back()});
+  }
+  for (const std::vector<int>& tile : TileModes(places, kMaxTogether)) {
+    std::vector<Candidate> candidates;
+    for (const int i : tile) candidates.push_back(met[static_cast<std::size_t>(i)]);
+    const std::vector<int> clusters =
+        ClustersOf(options, prior_covariance, candidates, positions, run_cov);
+    for (std::size_t a = 0; a < candidates.size(); ++a) {
+      displaced[candidates[a].flat] = clusters[a] != kNotDisplaced;
+    }
+  }
+  return displaced;
+}
+
+// Per mode of the run map the prior's mode that it still is, or kUnassigned.
+std::vector<int> Undisplaced(const BuildState& map,
+                             const std::vector<ModeMatch>& mode_matches,
+                             const std::vector<bool>& displaced) {
+  std::vector<int> known;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const bool stays = MatchesPrior(map, mode_matches[i]) && !displaced[i];
+    known.push_back(stays ? mode_matches[i].nearest : kUnassigned);
+  }
+  return known;
+}
+
+// How far a run map would be deformed by what holds it, where most: the largest shift of a mode
+//
+//   P_·M (P'_MM + R)⁻¹ (z_M - p_M),   P' = P with datum and scale left free. [m]
+double Deformation(const MapperOptions& options,
+                   const std::vector<GraphPrior>& held,
+                   const RunMap& run_map) {
+  if (held.size() < 2) return 0.0;
+  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  std::vector<Eigen::Index> rows;
+  Eigen::VectorXd difference(static_cast<Eigen::Index>(2 * held.size()));
+  Eigen::VectorXd variance(difference.size());
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    const auto mode = static_cast<std::size_t>(held[k].modes.front());
+    difference.segment<2>(RowOf(k)) = held[k].mean - positions[mode];
+    variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
+    for (const int axis : {0, 1}) rows.push_back(RowOf(mode) + axis);
+  }
+  Eigen::MatrixXd K =
+      FreeDatumAndScale(positions, options.sd_range_scale, run_map.covariance)(rows, rows);
+  K.diagonal() += variance;
+  const Eigen::VectorXd shift = run_map.covariance(Eigen::all, rows) * K.llt().solve(difference);
+  double most = 0.0;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    most = std::max(most, shift.segment<2>(RowOf(i)).norm());
+  }
+  return most;
+}
+
+// Where a run by itself has its modes, seen from where it is deformed: there its own cost pulls as
+// much as what deforms it, and to the other side. [m]
+std::vector<Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
+                                        const RunMap& run_map) {
+  std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(run_map.covariance.rows());
+  for (const GraphPrior& of_mode : held) {
+    const auto mode = static_cast<std::size_t>(of_mode.modes.front());
+    pull.segment<2>(RowOf(mode)) = of_mode.information * (positions[mode] - of_mode.mean);
+  }
+  const Eigen::VectorXd shift = run_map.covariance * pull;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    positions[i] += shift.segment<2>(RowOf(i));
+  }
+  return positions;
+}
+
+// Where a run map that is aligned has those of its modes that agree with the map.
+std::vector<std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
+                                                   const BuildState& run_map) {
+  std::vector<std::optional<Eigen::Vector2d>> places;
+  for (std::size_t group = 0; group < run_map.modes.size(); ++group) {
+    const bool agrees = std::binary_search(
+        alignment.signatures.begin(), alignment.signatures.end(), static_cast<int>(group));
+    for (const BuildMode& mode : run_map.modes[group]) {
+      places.push_back(agrees ? std::optional(mode.p_map_landmark) : std::nullopt);
+    }
+  }
+  return places;
+}
+
+}  // namespace
+
+std::vector<bool> FindDisplacedModes(const MapperOptions& options,
+                                     const JointCovariance& prior_covariance,
+                                     const BuildState& map,
+                                     const Alignment& alignment,
+                                     RunMap* run_map,
+                                     std::vector<ModeMatch>* mode_matches) {
+  std::vector<bool> displaced;
+  std::vector<int> known;  // Of what the run map is to be deformed onto.
+  if (!IsStiff(*run_map)) {
+    known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
+  } else {
+    displaced = Decide(options,
+                       prior_covariance,
+                       map,
+                       *mode_matches,
+                       ModePositions(run_map->build),
+                       run_map->covariance);
+    known = Undisplaced(map, *mode_matches, displaced);
+    if (Deformation(options, HoldKnown(options, map, known, *run_map), *run_map) < kLinear) {
+      return displaced;
+    }
+  }
+  MapperOptions deformation = options;
+  deformation.solver.cost_tolerance =
+      std::max(kDeformationTolerance, options.solver.cost_tolerance);
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const std::vector<GraphPrior> held = HoldKnown(options, map, known, *run_map);
+    Deform(deformation, held, kDeformationSteps, run_map);
+    *mode_matches = MatchNearest(run_map->build, map);
+    if (std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build)) {
+      run_map->covariance = *std::move(covariance);
+    }
+    std::vector<bool> again = Decide(options,
+                                     prior_covariance,
+                                     map,
+                                     *mode_matches,
+                                     Undeformed(held, *run_map),
+                                     run_map->covariance);
+    if (again == displaced) break;
+    displaced = std::move(again);
+    known = Undisplaced(map, *mode_matches, displaced);
+  }
+  return displaced;
+}
+
+}  // namespace shiftmap

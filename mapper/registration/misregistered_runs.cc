@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/misregistered_runs.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mapper/covariance/datum.h"
+#include "mapper/frontend/run_parts.h"
+#include "mapper/modes/mode_merging.h"
+#include "mapper/registration/run_map_alignment.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "mapper/state/sightings.h"
+
+namespace shiftmap {
+namespace {
+
+// So many visits in a row that are of landmarks known elsewhere are no landmarks that moved.
+constexpr int kMisregisteredVisits = 6;
+
+// Visits of a part: enough of them to be aligned, and no loop to close.
+constexpr double kPartVisits = 24.0;
+
+// A visit this near to a mode of the others is of that. [m]
+constexpr double kSamePlace = 1.0;
+
+// Per group and mode, how many runs have it. That the prior map does counts for nothing: landmarks
+// may have moved since.
+using Owners = std::vector<std::vector<int>>;
+
+Owners NoOwners(const BuildState& build) {
+  Owners owners;
+  for (const std::vector<BuildMode>& group : build.modes) owners.emplace_back(group.size());
+  return owners;
+}
+
+void AddOwner(const BuildRun& run, int change, Owners* owners) {
+  for (const auto& [group, mode] : ModesOf(run)) {
+    (*owners)[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)] += change;
+  }
+}
+
+// How the visits of a run, or of a stretch of it, agree with the others. Only visits that make a
+// mode count.
+struct Agreement {
+  int shared = 0;             // Are where others have their landmark.
+  int contradicting = 0;      // Are of landmarks that others know elsewhere.
+  int contradicting_row = 0;  // Most of these in a row.
+};
+
+Agreement AgreementOf(
+    const ModeOptions& options, const BuildRun& run, const Owners& others, Stamp begin, Stamp end) {
+  Agreement agreement;
+  int in_row = 0;
+  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    const MappingVisit& visit = run.data->visits[v];
+    if (run.assignment[v] == kUnassigned || !MakesMode(options, visit)) continue;
+    if (visit.begin < begin || visit.begin > end) continue;
+    const std::vector<int>& group = others[static_cast<std::size_t>(visit.group)];
+    if (group[static_cast<std::size_t>(run.assignment[v])] > 0) {
+      ++agreement.shared;
+      in_row = 0;
+    } else if (std::any_of(group.begin(), group.end(), [](int count) { return count > 0; })) {
+      ++agreement.contradicting;
+      agreement.contradicting_row = std::max(agreement.contradicting_row, ++in_row);
+    }
+  }
+  return agreement;
+}
+
+Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Owners& others) {
+  const std::vector<KeyFrame>& frames = run.data->frames;
+  return AgreementOf(options, run, others, frames.front().stamp, frames.back().stamp);
+}
+
+// The modes of others in the groups that a run has seen.
+std::vector<AlignmentPoint> Reference(const BuildState& build,
+                                      const Owners& others,
+                                      const BuildRun& run) {
+  std::vector<int> groups;
+  for (const MappingVisit& visit : run.data->visits) groups.push_back(visit.group);
+  std::sort(groups.begin(), groups.end());
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  std::vector<AlignmentPoint> points;
+  for (const int g : groups) {
+    const auto group = static_cast<std::size_t>(g);
+    for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
+      if (others[group][m] == 0) continue;
+      points.push_back({g, build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
+    }
+  }
+  return points;
+}
+
+// Where most sightings of a visit agree. [m]
+Eigen::Vector2d PlaceOf(const ModeOptions& options,
+                        const BuildRun& run,
+                        const MappingVisit& visit) {
+  return DensestCluster(VisitPositions(run, visit), options.cluster_radius_m).centre;
+}
+
+// Per visit of a run the mode of others that it is at, or kUnassigned.
+std::vector<int> MatchVisits(const ModeOptions& options,
+                             const BuildState& build,
+                             const Owners& others,
+                             const BuildRun& run) {
+  std::vector<int> matches;
+  for (const MappingVisit& visit : run.data->visits) {
+    const Eigen::Vector2d place = PlaceOf(options, run, visit);
+    const auto group = static_cast<std::size_t>(visit.group);
+    double least = kSamePlace;
+    int& match = matches.emplace_back(kUnassigned);
+    for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
+      const double distance = (build.modes[group][m].p_map_landmark - place).norm();
+      if (others[group][m] == 0 || distance >= least) continue;
+      least = distance;
+      match = static_cast<int>(m);
+    }
+  }
+  return matches;
+}
+
+// A run in parts, and the poses of those that align with the others, none of the rest.
+struct AlignedParts {
+  RunParts parts;
+  std::vector<std::vector<Se2>> poses;
+};
+
+// Nothing if `on_step` says no.
+std::optional<AlignedParts> AlignParts(const MapperOptions& options,
+                                       const BuildState& build,
+                                       const Owners& others,
+                                       const BuildRun& run,
+                                       const StepCallback& on_step) {
+  const MappingRun& data = *run.data;
+  const auto visits =
+      std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
+        return MakesMode(options.modes, visit);
+      });
+  AlignedParts aligned{RunParts(data, DurationOf(data) * kPartVisits / static_cast<double>(visits)),
+                       {}};
+  const std::vector<AlignmentPoint> reference = Reference(build, others, run);
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
+  const double area = OccupiedArea(positions);
+  for (std::size_t k = 0; k < aligned.parts.size(); ++k) {
+    BuildState part = MapPart(options, build, run, aligned.parts.At(k), on_step);
+    if (on_step && !on_step(part)) return std::nullopt;
+    std::vector<Se2>& poses = aligned.poses.emplace_back();
+    const std::optional<RunMap> run_map = MakeRunMap(options, std::move(part));
+    if (!run_map) continue;
+    const auto found = AlignRunMap(reference, *run_map, area, options.alignment);
+    if (!found || found->alignment.signatures.size() < kMinPartSignatures) continue;
+    for (const Se2& pose : run_map->build.runs.front().poses) {
+      poses.push_back(found->alignment.T_reference_other * pose);
+    }
+  }
+  return aligned;
+}
+
+// The run with its poses where its parts align with the others, if any does.
+// @param keep  Parts that agree with the others stay where they are.
+std::optional<BuildRun> Realigned(const MapperOptions& options,
+                                  const BuildState& build,
+                                  const Owners& others,
+                                  const BuildRun& run,
+                                  bool keep,
+                                  AlignedParts* aligned) {
+  bool any = false;
+  auto first = run.poses.begin();
+  for (std::size_t k = 0; k < aligned->parts.size(); ++k) {
+    const std::vector<KeyFrame>& frames = aligned->parts.At(k).frames;
+    const auto begin = std::exchange(first, first + std::ssize(frames));
+    const Agreement agreement =
+        AgreementOf(options.modes, run, others, frames.front().stamp, frames.back().stamp);
+    if (keep && agreement.shared > agreement.contradicting) {
+      aligned->parts.Place(k, {begin, first});
+    } else {
+      aligned->parts.Place(k, aligned->poses[k]);
+      any = any || !aligned->poses[k].empty();
+    }
+  }
+  if (!any) return std::nullopt;
+  BuildRun realigned = run;
+  realigned.poses = aligned->parts.Poses(run.motions);
+  realigned.assignment = MatchVisits(options.modes, build, others, realigned);
+  return realigned;
+}
+
+// What a run costs as it is assigned, with the modes of others held: its least cost, and what each
+// mode of its own does.
+double CostAmong(const MapperOptions& options,
+                 const BuildState& build,
+                 const Owners& others,
+                 const BuildRun& run) {
+  BuildState alone;
+  alone.sensor = build.sensor;
+  alone.modes.resize(build.modes.size());
+  alone.runs.push_back(run);
+  std::vector<int>& assignment = alone.runs.front().assignment;
+  std::map<BuildModeRef, int> known;  // Modes of the build, by their index in `alone`.
+  std::vector<BuildModeRef> held;     // In `alone`.
+  for (std::size_t v = 0; v < assignment.size(); ++v) {
+    const MappingVisit& visit = run.data->visits[v];
+    const auto group = static_cast<std::size_t>(visit.group);
+    std::vector<BuildMode>& modes = alone.modes[group];
+    if (assignment[v] != kUnassigned) {
+      const auto mode = static_cast<std::size_t>(assignment[v]);
+      const auto [entry, added] =
+          known.try_emplace({visit.group, assignment[v]}, static_cast<int>(modes.size()));
+      assignment[v] = entry->second;
+      if (!added) continue;
+      modes.push_back(build.modes[group][mode]);
+      if (others[group][mode] > 0) held.push_back({visit.group, entry->second});
+    } else {
+      const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
+      const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
+        return (other.p_map_landmark - place).norm() < kSamePlace;
+      });
+      assignment[v] = static_cast<int>(near - modes.begin());
+      if (near == modes.end()) modes.push_back({place, kAbsent, false});
+    }
+  }
+  const FlatModes flat(alone);
+  std::vector<int> held_modes;
+  std::vector<Eigen::Vector2d> places;
+  for (const auto& [group, mode] : held) {
+    held_modes.push_back(flat.Index(group, mode));
+    places.push_back(alone.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)]
+                         .p_map_landmark);
+  }
+  alone.priors = HoldModes(held_modes, places, options.modes.position_floor_m);
+  SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
+  alone.loss_reach = build.loss_reach;
+  SolveContinuous(options, &alone);
+  return alone.cost + kModeCost * static_cast<double>(flat.count - std::ssize(held));
+}
+
+// A misregistered run where it costs less than where it is, or nothing.
+std::optional<BuildRun> Relocate(const MapperOptions& options,
+                                 const BuildState& build,
+                                 const Owners& others,
+                                 const BuildRun& run,
+                                 const StepCallback& on_step) {
+  const Agreement before = AgreementOf(options.modes, run, others);
+  if (before.contradicting_row < kMisregisteredVisits) return std::nullopt;
+  std::optional<AlignedParts> aligned = AlignParts(options, build, others, run, on_step);
+  if (!aligned) return std::nullopt;
+  double least = CostAmong(options, build, others, run);
+  std::optional<BuildRun> best;
+  for (const bool keep : {true, false}) {
+    std::optional<BuildRun> moved = Realigned(options, build, others, run, keep, &*aligned);
+    if (!moved || AgreementOf(options.modes, *moved, others).shared <= before.shared) continue;
+    const double cost = CostAmong(options, build, others, *moved);
+    if (cost >= least) continue;
+    least = cost;
+    best = std::move(moved);
+  }
+  return best;
+}
+
+}  // namespace
+
+int RelocateMisregisteredRuns(const MapperOptions& options,
+                              BuildState* build,
+                              const StepCallback& on_step) {
+  Owners owners = NoOwners(*build);
+  for (const BuildRun& run : build->runs) AddOwner(run, 1, &owners);
+  int count = 0;
+  for (BuildRun& run : build->runs) {
+    AddOwner(run, -1, &owners);
+    if (std::optional<BuildRun> moved = Relocate(options, *build, owners, run, on_step)) {
+      run = *std::move(moved);
+      ++count;
+    }
+    AddOwner(run, 1, &owners);
+  }
+  if (count > 0) DropUnusedModes(build);
+  return count;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "mapper/mapper_options.h"
+#include "mapper/state/build_state.h"
+
+namespace shiftmap {
+
+/// Puts runs back that lay a second map beside that of the others: in which visit after visit, at
+/// least some in a row, is of a landmark that others know at another place. Landmarks that moved
+/// stand among others that did not. Such a run is mapped in parts, each is aligned with what the
+/// others have, and what lies between goes on by odometry. That stays if more of its visits are
+/// then where the others have their landmark, and the run costs less with theirs held. Its other
+/// visits are left unassigned, and nothing is solved. Returns how many runs were put back.
+int RelocateMisregisteredRuns(const MapperOptions& options,
+                              BuildState* build,
+                              const StepCallback& on_step = {});
+
+}  // namespace shiftmap

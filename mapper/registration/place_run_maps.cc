@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/place_run_maps.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/modes/unconstrained_runs.h"
+#include "mapper/registration/confirm_alignment.h"
+#include "mapper/registration/deformed_fit.h"
+#include "mapper/registration/displaced_modes.h"
+#include "mapper/registration/mode_match.h"
+#include "mapper/registration/run_map_alignment.h"
+#include "mapper/registration/waiting_run_maps.h"
+#include "mapstore/geometry/covariance.h"
+#include "proto/core/status.h"
+
+namespace shiftmap {
+namespace {
+
+// The mode of the build that each mode of an aligned run map is, or kUnassigned.
+std::vector<int> KnownModes(const MapperOptions& options,
+                            const RunMapAlignment& aligned,
+                            const RunMap& run_map,
+                            const std::vector<ModeMatch>& mode_matches,
+                            const std::vector<bool>& displaced,
+                            const BuildState& build) {
+  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
+  const double floor = options.modes.position_floor_m;
+  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  std::vector<int> modes;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const ModeMatch& mode_match = mode_matches[i];
+    const Eigen::Vector2d& position = positions[i];
+    if (aligned.stayed && (*aligned.stayed)[i] != kUnassigned) {
+      modes.push_back((*aligned.stayed)[i]);
+      continue;
+    }
+    const double variance = aligned.alignment.PositionVariance(position) + 2.0 * floor * floor;
+    const bool known =
+        MatchesPrior(build, mode_match) ? !displaced[i] : mode_match.squared_m2 < gate * variance;
+    modes.push_back(known ? mode_match.nearest : kUnassigned);
+  }
+  return modes;
+}
+
+// Per mode whether it meets the prior map and is not among those that stayed.
+std::vector<bool> Others(const std::vector<int>& stayed,
+                         const BuildState& build,
+                         const std::vector<ModeMatch>& mode_matches) {
+  std::vector<bool> others;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    others.push_back(MatchesPrior(build, mode_matches[i]) && stayed[i] == kUnassigned);
+  }
+  return others;
+}
+
+// Adds a run map, already moved into the map frame. False, and nothing is done, if too little of it
+// is known to hold it there.
+// @param aligned  Nothing for the first run map, which meets no other.
+bool Absorb(const MapperOptions& options,
+            const std::optional<MapContent>& prior,
+            const std::optional<RunMapAlignment>& aligned,
+            RunMap run_map,
+            BuildState* build) {
+  std::vector<ModeMatch> mode_matches = MatchNearest(run_map.build, *build);
+  const bool deformed = aligned && aligned->deformed;
+  std::vector<bool> displaced(mode_matches.size());
+  if (aligned && aligned->stayed) {
+    displaced = Others(*aligned->stayed, *build, mode_matches);
+  } else if (prior && aligned && !deformed) {
+    displaced = FindDisplacedModes(
+        options, prior->covariance, *build, aligned->alignment, &run_map, &mode_matches);
+  }
+  std::vector<int> known(mode_matches.size(), kUnassigned);
+  if (deformed) {
+    known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
+  } else if (aligned) {
+    known = KnownModes(options, *aligned, run_map, mode_matches, displaced, *build);
+    const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
+    if (std::ssize(known) - unknown < kMinTyingModes) return false;
+    std::vector<bool> decided;  // With all modes of the prior at once.
+    for (const ModeMatch& mode_match : mode_matches) {
+      decided.push_back(MatchesPrior(*build, mode_match));
+    }
+    // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
+    const auto met = std::count_if(mode_matches.begin(),
+                                   mode_matches.end(),
+                                   [](const ModeMatch& e) { return e.nearest != kUnassigned; });
+    if (2 * (std::ssize(known) - unknown) >= met) {
+      std::vector<int> grown = GrowMatches(options, run_map, *build, known, decided);
+      if (grown != known) {
+        known = std::move(grown);
+        DeformOntoMap(options, *build, known, &run_map);
+      }
+    }
+  }
+  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  std::vector<std::vector<int>> becomes(run_map.build.modes.size());
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const ModeMatch& mode_match = mode_matches[i];
+    const Eigen::Vector2d& position = positions[i];
+    becomes[static_cast<std::size_t>(mode_match.group)].push_back(
+        known[i] != kUnassigned
+            ? known[i]
+            : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
+  }
+  for (BuildRun& run : run_map.build.runs) {
+    for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+      int& assignment = run.assignment[v];
+      const auto group = static_cast<std::size_t>(run.data->visits[v].group);
+      if (assignment != kUnassigned)
+        assignment = becomes[group][static_cast<std::size_t>(assignment)];
+    }
+    build->runs.push_back(std::move(run));
+  }
+  return true;
+}
+
+void Reject(const RunMap& run_map, const std::string& why, std::vector<RejectedRun>* rejected) {
+  for (const BuildRun& run : run_map.build.runs) {
+    std::set<int> seen;
+    for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
+    rejected->push_back({run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())});
+  }
+}
+
+std::string NotAligned(const RunMap& run_map) {
+  const std::size_t runs = run_map.build.runs.size();
+  if (runs == 1) return "no consistent alignment with the other runs";
+  return fmt::format("no consistent alignment with the map, as {} runs that agree with each other",
+                     runs);
+}
+
+// Runs that are placed before they are solved together for the first time. Then again whenever they
+// are twice as many: those to come are placed in a map that is right, at the cost of two solves.
+constexpr std::size_t kFirstJointSolve = 4;
+
+// The area that the map takes so far. [m²]
+double AreaOf(const BuildState& build) { return OccupiedArea(ModePositions(build)); }
+
+// Rotates a joint covariance of positions into another frame.
+void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
+  for (Eigen::Index i = 0; i + 1 < cov->rows(); i += 2) {
+    cov->middleRows<2>(i) = (R * cov->middleRows<2>(i)).eval();
+  }
+  for (Eigen::Index i = 0; i + 1 < cov->cols(); i += 2) {
+    cov->middleCols<2>(i) = (cov->middleCols<2>(i) * R.transpose()).eval();
+  }
+}
+
+// Per mode of a run map the mode of its group in the map where it stayed, or kUnassigned.
+std::vector<int> Stayed(const Explanation& explanation,
+                        const RunMap& run_map,
+                        const BuildState& build) {
+  const FlatModes flat(build);
+  std::vector<int> modes(run_map.points.size(), kUnassigned);
+  for (const Match& match : explanation.stayed) {
+    const auto i = static_cast<std::size_t>(match.other);
+    const auto group = static_cast<std::size_t>(run_map.points[i].group);
+    modes[i] = match.reference - flat.first[group];
+  }
+  return modes;
+}
+
+// Where a run map lies, or nothing if it does not align, or in several ways.
+// @param reference     Modes of the map, those of the groups that the run map has.
+// @param explanations  Of several ways.
+std::optional<RunMapAlignment> Locate(const MapperOptions& options,
+                                      const std::optional<MapContent>& prior,
+                                      const std::vector<AlignmentPoint>& reference,
+                                      const BuildState& build,
+                                      const RunMap& run_map,
+                                      std::optional<Explanations>* explanations) {
+  const double area_m2 = AreaOf(build);
+  std::optional<RunMapAlignment> aligned =
+      AlignRunMap(reference, run_map, area_m2, options.alignment);
+  if (!options.confirmation.enabled || IsDeformable(run_map)) return aligned;
+  const std::optional<Alignment> consensus =
+      aligned ? std::optional(aligned->alignment) : std::nullopt;
+  if (!NeedsConfirmation(options, reference, area_m2, run_map, consensus)) return aligned;
+  std::optional<Explanations> found = ExplainRunMap(options, prior, build, area_m2, run_map);
+  if (!found) return aligned;
+  const Explanation& best = found->frames.front();
+  if (!IsDecided(options.confirmation, reference, area_m2, run_map, consensus, best)) {
+    if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
+    return std::nullopt;
+  }
+  // Where that is about the place of the consensus, the latter stays as it is.
+  const bool same =
+      consensus && IsSamePlace(options.confirmation, run_map, best.alignment, *consensus);
+  if (!same) aligned.emplace().alignment = best.alignment;
+  if (!same || FewAgree(options.confirmation, reference, area_m2, run_map, *consensus)) {
+    aligned->stayed = Stayed(best, run_map, build);
+  }
+  return aligned;
+}
+
+// Places a run map that waits, if it aligns and nothing else explains it.
+void PlaceNext(const MapperOptions& options,
+               const std::optional<MapContent>& prior,
+               std::size_t next,
+               WaitingRunMaps* waiting,
+               BuildState* build,
+               std::vector<RejectedRun>* rejected) {
+  std::optional<Explanations> explanations;
+  const std::optional<RunMapAlignment> aligned = Locate(
+      options, prior, waiting->Reference(next, *build), *build, waiting->At(next), &explanations);
+  if (!aligned) {
+    waiting->SetAside(next, std::move(explanations));
+    return;
+  }
+  RunMap placed = waiting->Take(next);
+  const Se2& T_map_run_map = aligned->alignment.T_reference_other;
+  MoveBuild(T_map_run_map, &placed.build);
+  Rotate(T_map_run_map.Rotation(), &placed.covariance);
+  std::vector<RejectedRun> rejection;
+  Reject(placed, kUnconstrainedReason, &rejection);
+  if (!Absorb(options, prior, aligned, std::move(placed), build)) {
+    rejected->insert(rejected->end(), rejection.begin(), rejection.end());
+  }
+  waiting->Update(next, *build);
+}
+
+// Places what waits and aligns, the run map first that shares most signatures with what is there.
+void PlaceWaiting(const MapperOptions& options,
+                  const std::optional<MapContent>& prior,
+                  WaitingRunMaps* waiting,
+                  BuildState* build,
+                  std::vector<RejectedRun>* rejected,
+                  const StepCallback& on_step) {
+  std::size_t settled =
+      kFirstJointSolve / 2;  // Runs in the map when it was last solved as a whole.
+  while (true) {
+    const auto next = waiting->Next();
+    // One more try in the map as all its runs have it for what did not align so far.
+    const bool last_try = !next && settled >= kFirstJointSolve && settled < build->runs.size();
+    if (!next && (!last_try || waiting->Remaining().empty())) return;
+    if (on_step && !on_step(*build)) return;
+    if (last_try || build->runs.size() >= 2 * settled) {
+      UpdateModes(options, build, on_step);
+      settled = std::max(kFirstJointSolve / 2, build->runs.size());
+      waiting->Recount(*build);
+      continue;
+    }
+    PlaceNext(options, prior, *next, waiting, build, rejected);
+  }
+}
+
+// RunMaps that agree with each other, as a map of their own.
+struct JointMap {
+  BuildState build;
+  RunMap first;  // As it was.
+};
+
+// Joins all that waits. Each map begins with the run map of most landmarks that is left.
+// @param nothing  A build without modes.
+std::vector<JointMap> Join(const MapperOptions& options,
+                           const BuildState& nothing,
+                           WaitingRunMaps* waiting,
+                           std::vector<RejectedRun>* rejected,
+                           const StepCallback& on_step) {
+  std::vector<JointMap> maps;
+  while (const std::optional<std::size_t> first = waiting->Largest()) {
+    JointMap map{nothing, waiting->At(*first)};
+    waiting->Recount(map.build);
+    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*first), &map.build);
+    waiting->Update(*first, map.build);
+    PlaceWaiting(options, std::nullopt, waiting, &map.build, rejected, on_step);
+    maps.push_back(std::move(map));
+    if (on_step && !on_step(maps.back().build)) break;
+  }
+  return maps;
+}
+
+// Takes out the map of most runs, the first of several.
+BuildState TakeLargest(std::vector<JointMap>* maps) {
+  const auto largest =
+      std::max_element(maps->begin(), maps->end(), [](const JointMap& a, const JointMap& b) {
+        return a.build.runs.size() < b.build.runs.size();
+      });
+  BuildState build = std::move(largest->build);
+  maps->erase(largest);
+  return build;
+}
+
+// As one run map. Nothing, and the runs are rejected, if these do not determine it.
+std::optional<RunMap> ToRunMap(const MapperOptions& options,
+                               JointMap map,
+                               std::vector<RejectedRun>* rejected) {
+  BuildState& build = map.build;
+  rejected->insert(rejected->end(), build.left_out.begin(), build.left_out.end());
+  build.left_out.clear();
+  if (build.runs.empty()) return std::nullopt;
+  const MappingRun* const first = map.first.build.runs.front().data;
+  if (build.runs.size() == 1 && build.runs.front().data == first) return std::move(map.first);
+  UpdateModes(options, &build);
+  SolveContinuous(options, &build);
+  std::vector<std::string> names;
+  for (const BuildRun& run : build.runs) names.push_back(run.data->name);
+  std::optional<RunMap> run_map = MakeRunMap(options, std::move(build));
+  if (run_map) return run_map;
+  for (std::string& name : names) rejected->push_back({std::move(name), kUndeterminedReason});
+  return std::nullopt;
+}
+
+}  // namespace
+
+void PlaceRunMaps(const MapperOptions& options,
+                  const std::optional<MapContent>& prior,
+                  std::vector<RunMap> run_maps,
+                  BuildState* build,
+                  std::vector<RejectedRun>* rejected,
+                  const StepCallback& on_step) {
+  const bool empty = FlatModes(*build).count == 0;
+  WaitingRunMaps waiting(std::move(run_maps), *build);
+  if (!empty) PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
+  if (empty || waiting.Remaining().size() > 1) {
+    const BuildState nothing = StartBuild(build->modes.size(), build->sensor);
+    std::vector<JointMap> maps = Join(options, nothing, &waiting, rejected, on_step);
+    if (empty && !maps.empty()) *build = TakeLargest(&maps);
+    std::vector<RunMap> left;
+    for (JointMap& map : maps) {
+      std::optional<RunMap> run_map = ToRunMap(options, std::move(map), rejected);
+      if (run_map) left.push_back(*std::move(run_map));
+    }
+    waiting = WaitingRunMaps(std::move(left), *build);
+    PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
+  }
+  for (const std::size_t i : waiting.Remaining()) {
+    const RunMap& run_map = waiting.At(i);
+    if (!waiting.Open(i)) {
+      Reject(run_map, NotAligned(run_map), rejected);
+      continue;
+    }
+    WaitingRuns& runs = build->waiting.emplace_back();
+    for (const BuildRun& run : run_map.build.runs) {
+      runs.runs.push_back({run.data->name, run.data->sha256});
+    }
+    runs.explanations = *waiting.Open(i);
+  }
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/run_maps/run_map.h"
+
+namespace shiftmap {
+
+/// Signatures that must agree in a part of a run: where it is deformed itself, three do so by
+/// accident.
+inline constexpr std::size_t kMinPartSignatures = 4;
+
+/// Whether one rigid transform does not hold for a run map as a whole.
+bool IsDeformable(const RunMap& run_map);
+
+/// Where a run map lies in the map.
+struct RunMapAlignment {
+  Alignment alignment;    ///< Of the part of the run map that tells it best.
+  bool deformed = false;  ///< One rigid transform does not hold for the run map as a whole.
+
+  /// Of a place that is confirmed (confirm_alignment.h): per mode, flat, the mode of its group in
+  /// the map that it is, or kUnassigned.
+  std::optional<std::vector<int>> stayed;
+
+  /// Of a deformed run map, where the map has the modes that agree in their own part, or nothing.
+  /// Per mode, flat. [m]
+  std::vector<std::optional<Eigen::Vector2d>> places;
+};
+
+/// Aligns a run map with the modes of a map.
+///
+/// What a run says of the distance of two landmarks that it saw long after one another may be
+/// metres off, and no rigid transform makes such a run map agree with the map. A run map of which a
+/// mode is known worse than to half a metre against the others is therefore cut into parts of
+/// neighbours, each of which is aligned by itself. At least kMinPartSignatures must agree in one.
+///
+/// Nothing is returned if no part aligns. Deterministic.
+/// @param reference  Modes of the map, at least those of the groups that the run map has.
+/// @param area_m2    That the map takes. [m²]
+std::optional<RunMapAlignment> AlignRunMap(const std::vector<AlignmentPoint>& reference,
+                                           const RunMap& run_map,
+                                           double area_m2,
+                                           const AlignmentOptions& options);
+
+}  // namespace shiftmap

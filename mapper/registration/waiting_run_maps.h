@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mapper/alignment/consensus.h"
+#include "mapper/alignment/explain_alignment.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/state/build_state.h"
+
+namespace shiftmap {
+
+/// RunMaps that wait for their place, and how much of each the map has by now: counts that are kept
+/// up to date, so that choosing the next one aligns none.
+class WaitingRunMaps {
+ public:
+  /// @param build  The map so far.
+  WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& build);
+
+  /// The one with most landmarks, the first of several; nothing if none waits.
+  std::optional<std::size_t> Largest() const;
+
+  /// The one that shares most signatures with the map, the first of several. One that was set aside
+  /// comes after all others, and only if the map has got more modes of its signatures since.
+  std::optional<std::size_t> Next() const;
+
+  /// Precondition of this and what follows: it waits.
+  const RunMap& At(std::size_t i) const { return *entries_[i].run_map; }
+
+  /// It does not align with the map as it is, or in several ways.
+  /// @param explanations  Of these, or nothing.
+  void SetAside(std::size_t i, std::optional<Explanations> explanations = std::nullopt);
+
+  /// Why it was set aside the last time, if several explanations fit.
+  const std::optional<Explanations>& Open(std::size_t i) const { return entries_[i].explanations; }
+
+  /// It waits no longer.
+  RunMap Take(std::size_t i);
+
+  /// Counts what a run map that was taken has brought to the map.
+  void Update(std::size_t i, const BuildState& build);
+
+  /// Counts anew in a map that has changed as a whole. What was set aside may be tried again.
+  void Recount(const BuildState& build);
+
+  /// Every mode of the map of the signatures that a run map has.
+  std::vector<AlignmentPoint> Reference(std::size_t i, const BuildState& build) const;
+
+  /// Those that wait, in the order they came in.
+  std::vector<std::size_t> Remaining() const;
+
+ private:
+  struct Entry {
+    std::optional<RunMap> run_map;     // Until it is taken.
+    std::vector<int> groups;           // Ascending.
+    std::size_t shared = 0;            // Of its groups, those with a mode in the map.
+    std::size_t modes = 0;             // Of its groups in the map.
+    std::size_t tried_with_modes = 0;  // How many these were when it did not align.
+    std::optional<Explanations> explanations;
+  };
+
+  template <typename Value>
+  std::optional<std::size_t> FirstWithMost(const Value& value) const;
+  void Count(std::size_t group, const BuildState& build);
+
+  std::vector<Entry> entries_;
+  std::vector<std::vector<std::size_t>> with_group_;  // Per group the run maps that have it.
+  std::vector<std::size_t> modes_of_group_;           // In the map, as counted.
+};
+
+}  // namespace shiftmap

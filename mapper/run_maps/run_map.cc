@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/run_maps/run_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mapper/covariance/datum.h"
+#include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+
+double WorstSd(const RunMap& run_map) {
+  double worst = 0.0;
+  for (const AlignmentPoint& point : run_map.points) {
+    worst = std::max(worst, std::sqrt(0.5 * point.cov.trace()));
+  }
+  return worst;
+}
+
+bool IsStiff(const RunMap& run_map) {
+  constexpr double kStiffSd = 0.15;  // [m]
+  return WorstSd(run_map) <= kStiffSd;
+}
+
+std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, BuildState* build) {
+  const Graph graph = MakeGraph(options, build);
+  std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
+  if (!covariance) return std::nullopt;
+  return ReferToPositions(graph.modes, *std::move(covariance));
+}
+
+std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
+                                                 const std::vector<int>& modes,
+                                                 BuildState* build) {
+  const Graph graph = MakeGraph(options, build);
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return std::nullopt;
+  const auto columns = static_cast<Eigen::Index>(2 * modes.size());
+  Eigen::MatrixXd chosen =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * graph.modes.size()), columns);
+  std::vector<Eigen::Vector2d> positions;
+  for (std::size_t i = 0; i < modes.size(); ++i) {
+    chosen.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
+    positions.push_back(graph.modes[static_cast<std::size_t>(modes[i])]);
+  }
+  const Eigen::MatrixXd covariance = chosen.transpose() * posterior->ModeCovarianceTimes(chosen);
+  return ReferToPositions(positions, Symmetrized(covariance));
+}
+
+std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build) {
+  RunMap run_map{std::move(build), {}, {}};
+  std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map.build);
+  if (!covariance) return std::nullopt;
+  run_map.covariance = *std::move(covariance);
+  for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+    for (const BuildMode& mode : run_map.build.modes[group]) {
+      const auto at = static_cast<Eigen::Index>(2 * run_map.points.size());
+      run_map.points.push_back(
+          {static_cast<int>(group), mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
+    }
+  }
+  return run_map;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/run_maps/single_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "mapper/calibration/noise_calibration.h"
+#include "mapper/frontend/ekf_slam.h"
+#include "mapper/frontend/frame_motions.h"
+#include "mapper/frontend/pair_calibration.h"
+#include "mapper/frontend/run_parts.h"
+#include "mapper/graph/sensor_bias.h"
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/registration/place_run_maps.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/state/sightings.h"
+
+namespace shiftmap {
+namespace {
+
+// Of the open loop, from dead reckoning.
+constexpr int kSteps = 3;
+
+// All runs together are asked again.
+constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
+
+// One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
+void PlaceModes(double radius_m, BuildState* build) {
+  BuildRun& run = build->runs.front();
+  std::vector<std::vector<Eigen::Vector2d>> positions(build->modes.size());
+  for (const MappingVisit& visit : run.data->visits) {
+    const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
+    std::vector<Eigen::Vector2d>& all = positions[static_cast<std::size_t>(visit.group)];
+    all.insert(all.end(), seen.begin(), seen.end());
+  }
+  for (std::size_t group = 0; group < positions.size(); ++group) {
+    if (positions[group].empty()) continue;
+    build->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
+  }
+  run.assignment.assign(run.data->visits.size(), 0);
+}
+
+// Calibrates the odometry's scales, lag and noise and the sensor's errors and noise with every
+// visit a landmark of its own. No loop is closed then, by a heading that is a radian off or at all,
+// and dead reckoning is a start that is near enough. Poses and assignments of it are left in *run.
+void CalibrateOpen(const MapperOptions& options,
+                   std::size_t groups,
+                   const StepCallback& on_step,
+                   BuildRun* run,
+                   SensorCalibration* sensor) {
+  const Calibration start = CalibrateFromPairs(*run->data, options.calibration);
+  BuildState open;
+  open.sensor = start.sensor;
+  open.open = true;
+  open.modes.resize(groups);
+  run->odometry = start.odometry;
+  run->motions = IntegrateMotions(*run->data, run->odometry);
+  run->poses = DeadReckon(run->motions);
+  for (const MappingVisit& visit : run->data->visits) {
+    std::vector<BuildMode>& modes = open.modes[static_cast<std::size_t>(visit.group)];
+    run->assignment.push_back(static_cast<int>(modes.size()));
+    const std::vector<Eigen::Vector2d> seen = VisitPositions(*run, visit);
+    modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
+  }
+  open.runs.push_back(std::move(*run));
+  GraphSolver solver;
+  SolveTruncated(options, kSteps, &open, &solver);
+  CalibrateNoise(options, kNoiseRounds, &open, &solver, on_step);
+  *run = std::move(open.runs.front());
+  *sensor = open.sensor;
+}
+
+// Maps a calibrated run from its poses on.
+// @param build  Whose groups and sensor it has.
+BuildState MapFromPoses(const MapperOptions& options,
+                        const BuildState& build,
+                        const StepCallback& on_step,
+                        BuildRun run) {
+  BuildState mapped = StartBuild(build.modes.size(), build.sensor);
+  mapped.runs.push_back(std::move(run));
+  PlaceModes(options.modes.cluster_radius_m, &mapped);
+  GraphSolver solver;
+  AlternateModes(options, &mapped, &solver, on_step);  // All runs are solved again together.
+  return mapped;
+}
+
+// The same with poses by EKF-SLAM.
+BuildState MapByEkf(const MapperOptions& options,
+                    const BuildState& build,
+                    const StepCallback& on_step,
+                    BuildRun run) {
+  const SensorCalibration sensor =
+      WithBias(build.sensor, run.sensor_bias, run.data->mean_squared_bearing);
+  run.poses = EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor});
+  return MapFromPoses(options, build, on_step, std::move(run));
+}
+
+// A run with so many modes beside the first of their group, in number and as a share of the groups,
+// is torn: landmarks that move meanwhile are fewer, and the vehicle came back and did not know
+// where it was.
+constexpr int kInconsistent = 4;
+constexpr double kInconsistentShare = 0.02;
+
+int ModesBesideFirst(const BuildState& build) {
+  int count = 0;
+  for (const std::vector<BuildMode>& group : build.modes) {
+    count += std::max(0, static_cast<int>(group.size()) - 1);
+  }
+  return count;
+}
+
+bool IsInconsistent(const BuildState& build) {
+  const auto groups = static_cast<double>(std::count_if(
+      build.modes.begin(), build.modes.end(), [](const auto& modes) { return !modes.empty(); }));
+  return ModesBesideFirst(build) >= std::max<double>(kInconsistent, kInconsistentShare * groups);
+}
+
+double CostOf(const BuildState& build) { return build.cost + kModeCost * ModesBesideFirst(build); }
+
+// Heading that odometry may lose in a part. [rad]
+constexpr double kPartHeadingSd = 0.5;
+
+// Landmarks in a part at most, but for short ones: what a filter costs goes with their square.
+constexpr std::ptrdiff_t kMaxPartLandmarks = 300;
+constexpr double kShortPart = 60.0;  // [s]
+
+// Landmarks in a run from which on its parts cost less than the run as a whole.
+constexpr std::ptrdiff_t kManyLandmarks = 100;
+
+// Landmarks that a part of a run saw well enough for a mode: of the part with most.
+std::ptrdiff_t MostLandmarks(const ModeOptions& options, const MappingRun& run, double part_s) {
+  const auto part_at = [&](Stamp stamp) {
+    return std::floor(ToSeconds(stamp - run.frames.front().stamp) / part_s);
+  };
+  std::map<double, std::set<int>> seen;  // Per part its groups.
+  for (const MappingVisit& visit : run.visits) {
+    if (!MakesMode(options, visit)) continue;
+    seen[part_at(visit.begin)].insert(visit.group);
+    seen[part_at(visit.end)].insert(visit.group);
+  }
+  std::ptrdiff_t most = 0;
+  for (const auto& [part, groups] : seen) most = std::max(most, std::ssize(groups));
+  return most;
+}
+
+// Of a part that odometry by itself holds together, and that a filter does not take long for. [s]
+double PartDuration(const ModeOptions& options, const BuildRun& run) {
+  constexpr double kShorter = 0.8;
+  const double noise = std::max(1e-3, run.odometry.noise_omega);
+  double part_s = std::pow(kPartHeadingSd / noise, 2);
+  while (part_s > kShortPart && MostLandmarks(options, *run.data, part_s) > kMaxPartLandmarks) {
+    part_s = std::max(kShortPart, kShorter * std::min(part_s, DurationOf(*run.data)));
+  }
+  return part_s;
+}
+
+// Whether the first try at a run is by its parts.
+bool GoesByParts(const ModeOptions& options, const MappingRun& run, double part_s) {
+  constexpr double kParts = 1.5;
+  const double duration = DurationOf(run);
+  return duration >= kParts * part_s &&
+         MostLandmarks(options, run, 2.0 * duration) > kManyLandmarks;
+}
+
+// Maps a run in parts, which are placed like runs.
+BuildState MapByParts(const MapperOptions& options,
+                      const BuildState& build,
+                      const StepCallback& on_step,
+                      double part_s,
+                      BuildRun run) {
+  RunParts parts(*run.data, part_s);
+  std::vector<RunMap> run_maps;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    BuildState part = MapPart(options, build, run, parts.At(k), on_step);
+    if (on_step && !on_step(part)) break;
+    if (std::optional<RunMap> run_map = MakeRunMap(options, std::move(part))) {
+      run_maps.push_back(*std::move(run_map));
+    }
+  }
+  BuildState placed = StartBuild(build.modes.size(), build.sensor);
+  std::vector<RejectedRun> rejected;
+  MapperOptions placing = options;
+  placing.confirmation.enabled = false;  // Within a run landmarks stay.
+  PlaceRunMaps(placing, std::nullopt, std::move(run_maps), &placed, &rejected, on_step);
+  for (BuildRun& part : placed.runs) {
+    parts.Place(static_cast<std::size_t>(part.data - &parts.At(0)), std::move(part.poses));
+  }
+  run.poses = parts.Poses(run.motions);
+  return MapFromPoses(options, build, on_step, std::move(run));
+}
+
+}  // namespace
+
+BuildState MapPart(const MapperOptions& options,
+                   const BuildState& build,
+                   const BuildRun& run,
+                   const MappingRun& part,
+                   const StepCallback& on_step) {
+  BuildRun of_part;
+  of_part.data = &part;
+  of_part.odometry = run.odometry;
+  of_part.sensor_bias = run.sensor_bias;
+  of_part.motions = IntegrateMotions(part, run.odometry);
+  return MapByEkf(options, build, on_step, std::move(of_part));
+}
+
+BuildState MapSingleRun(const MappingRun& run,
+                        std::size_t groups,
+                        const MapperOptions& options,
+                        const StepCallback& on_step) {
+  BuildState nothing = StartBuild(groups, options.calibration.sensor);
+  BuildRun build;
+  build.data = &run;
+  build.odometry = options.calibration.odometry;
+  if (options.calibrate) CalibrateOpen(options, groups, on_step, &build, &nothing.sensor);
+  UpdateMotions(run, build.odometry, &build.motions);
+  const double part_s = PartDuration(options.modes, build);
+  const bool by_parts = GoesByParts(options.modes, run, part_s);
+  const auto map = [&](bool in_parts) {
+    return in_parts ? MapByParts(options, nothing, on_step, part_s, build)
+                    : MapByEkf(options, nothing, on_step, build);
+  };
+  BuildState first = map(by_parts);
+  if (!IsInconsistent(first) || (on_step && !on_step(first))) return first;
+  BuildState second = map(!by_parts);
+  return CostOf(second) < CostOf(first) ? std::move(second) : std::move(first);
+}
+
+}  // namespace shiftmap

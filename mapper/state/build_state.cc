@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/state/build_state.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mapper/covariance/map_prior.h"
+
+namespace shiftmap {
+namespace {
+
+// What sensors read too much, before their runs tell. [m], [rad]
+constexpr double kBearingOffsetSd = 0.05;  // [rad]
+constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
+
+// Of what is not estimated.
+constexpr double kHeldSd = 1e-9;
+
+// @param in_map_units  As in BuildState.
+GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
+  const OdometryCalibration& fleet = options.calibration.odometry;
+  const bool calibrate = options.calibrate;
+  UpdateMotions(*run->data, run->odometry, &run->motions);
+  GraphRun result;
+  result.poses = run->poses;
+  for (const IntegratedMotion& motion : run->motions.between_frames) {
+    result.motions.push_back(motion.WithNoise(run->odometry.noise_v, run->odometry.noise_omega));
+  }
+  const double sd_scale = calibrate ? fleet.sd_log_scale : kHeldSd;
+  result.correction = CorrectionBetween(run->motions.calibration, run->odometry);
+  result.correction_prior_sd = {sd_scale, sd_scale, calibrate ? kLagSd : kHeldSd};
+  result.correction_prior_mean = CorrectionBetween(run->motions.calibration, fleet);
+  result.sensor_bias = run->sensor_bias;
+  result.sensor_bias_sd.setConstant(kHeldSd);
+  if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
+  if (calibrate && in_map_units) {
+    result.sensor_bias_sd[kLogRangeScale] = std::max(kHeldSd, options.sd_run_range_scale);
+  }
+  return result;
+}
+
+void CopyBack(const Graph& graph, BuildState* build) {
+  std::size_t flat = 0;
+  for (std::vector<BuildMode>& group : build->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
+  }
+  for (std::size_t r = 0; r < build->runs.size(); ++r) {
+    BuildRun& run = build->runs[r];
+    run.poses = graph.runs[r].poses;
+    const Eigen::Vector3d& correction = graph.runs[r].correction;
+    run.odometry.scale_v = run.motions.calibration.scale_v * std::exp(correction.x());
+    run.odometry.scale_omega = run.motions.calibration.scale_omega * std::exp(correction.y());
+    run.odometry.lag_s = run.motions.calibration.lag_s + correction.z();
+    run.sensor_bias = graph.runs[r].sensor_bias;
+  }
+}
+
+}  // namespace
+
+std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
+  std::vector<BuildModeRef> modes;
+  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    if (run.assignment[v] == kUnassigned) continue;
+    modes.push_back({run.data->visits[v].group, run.assignment[v]});
+  }
+  std::sort(modes.begin(), modes.end());
+  modes.erase(std::unique(modes.begin(), modes.end()), modes.end());
+  return modes;
+}
+
+FlatModes::FlatModes(const BuildState& build) {
+  for (const std::vector<BuildMode>& group : build.modes) {
+    first.push_back(count);
+    count += static_cast<int>(group.size());
+  }
+}
+
+std::vector<Eigen::Vector2d> ModePositions(const BuildState& build) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const std::vector<BuildMode>& group : build.modes) {
+    for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
+  }
+  return positions;
+}
+
+std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const BuildState& build) {
+  std::map<std::string, std::vector<std::size_t>> runs;
+  for (std::size_t r = 0; r < build.runs.size(); ++r) {
+    runs[build.runs[r].data->info.vehicle].push_back(r);
+  }
+  return runs;
+}
+
+void MoveBuild(const Se2& T_map_old, BuildState* build) {
+  for (BuildRun& run : build->runs) {
+    for (Se2& pose : run.poses) pose = T_map_old * pose;
+  }
+  for (std::vector<BuildMode>& group : build->modes) {
+    for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
+  }
+}
+
+BuildState StartBuild(std::size_t groups, const SensorCalibration& sensor) {
+  BuildState build;
+  build.sensor = sensor;
+  build.modes.resize(groups);
+  return build;
+}
+
+BuildState StartBuild(const std::vector<Signature>& signatures,
+                      const MapContent& prior,
+                      const SensorCalibration& sensor) {
+  BuildState build = StartBuild(signatures.size(), sensor);
+  build.known.resize(signatures.size());
+  build.known_at = prior.stamp;
+  for (const LandmarkGroup& group : prior.groups) {
+    const auto g = static_cast<std::size_t>(
+        std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
+        signatures.begin());
+    for (const Mode& mode : group.modes) {
+      build.modes[g].push_back({mode.p_map_landmark, mode.number});
+    }
+    build.known[g] = group;
+  }
+  const std::vector<Eigen::Vector2d> positions = ModePositions(build);
+  build.in_map_units = positions.size() > 1;  // One position has no length.
+  build.priors = MakeMapPrior(positions, prior.covariance);
+  return build;
+}
+
+int AddMode(int group, const BuildMode& mode, BuildState* build) {
+  std::vector<BuildMode>& modes = build->modes[static_cast<std::size_t>(group)];
+  const auto index = static_cast<int>(modes.size());
+  if (!build->priors.empty()) {
+    ShiftPriors(FlatModes(*build).Index(group, index), 1, &build->priors);
+  }
+  modes.push_back(mode);
+  return index;
+}
+
+void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors) {
+  for (GraphPrior& prior : *priors) {
+    for (int& mode : prior.modes) mode += mode >= first ? shift : 0;
+  }
+}
+
+Graph MakeGraph(const MapperOptions& options, BuildState* build) {
+  Graph graph;
+  const FlatModes flat(*build);
+  for (const std::vector<BuildMode>& group : build->modes) {
+    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
+  }
+  for (std::size_t r = 0; r < build->runs.size(); ++r) {
+    BuildRun& run = build->runs[r];
+    graph.runs.push_back(MakeGraphRun(options, build->in_map_units, &run));
+    for (const Sighting& sighting : run.data->sightings) {
+      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+      if (mode == kUnassigned) continue;
+      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
+      graph.observations.push_back({static_cast<int>(r),
+                                    sighting.frame,
+                                    flat.Index(group, mode),
+                                    sighting.observation,
+                                    ObservationNoise(sighting.observation, build->sensor),
+                                    run.data->mean_squared_bearing});
+    }
+  }
+  graph.priors = build->priors;
+  graph.open = build->open;
+  graph.loss_reach = build->loss_reach;
+  graph.solver = options.solver_kind;
+  // Runs by themselves are mapped side by side.
+  graph.threads = build->runs.size() > 1 ? options.threads : 1;
+  return graph;
+}
+
+Graph SolveOnce(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
+  Graph graph = MakeGraph(options, build);
+  build->cost = solver->Solve(options.solver, &graph).final_cost;
+  CopyBack(graph, build);
+  return graph;
+}
+
+Graph SolveContinuous(const MapperOptions& options, BuildState* build) {
+  GraphSolver solver;
+  return SolveContinuous(options, build, &solver);
+}
+
+Graph SolveContinuous(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
+  // Integrate again until the calibration stays.
+  Graph graph;
+  for (int i = 0; i < options.max_integrations; ++i) {
+    graph = SolveOnce(options, build, solver);
+    const bool settled = std::all_of(graph.runs.begin(), graph.runs.end(), [](const GraphRun& run) {
+      return run.correction.cwiseAbs().maxCoeff() < kLinearCorrection;
+    });
+    if (settled) break;
+  }
+  return graph;
+}
+
+}  // namespace shiftmap

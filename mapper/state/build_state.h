@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <compare>
+#include <functional>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapper/frontend/frame_motions.h"
+#include "mapper/frontend/mapping_run.h"
+#include "mapper/graph/graph.h"
+#include "mapper/mapper_options.h"
+#include "mapper/state/rejected_run.h"
+#include "mapper/state/waiting_runs.h"
+#include "mapstore/core/ids.h"
+#include "mapstore/map/calibration.h"
+#include "mapstore/map/landmark_group.h"
+#include "mapstore/map/map_snapshot.h"
+
+namespace shiftmap {
+
+/// A mode while the map is built.
+struct BuildMode {
+  Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
+  ModeNumber number;  ///< That of the prior map; 0 for a mode that is not in it.
+
+  /// Told apart from the prior map's modes jointly with the other landmarks (FindDisplaced), which
+  /// can tell more than a look at this landmark alone.
+  bool displaced = false;
+};
+
+/// One run in the build: its data, and what is estimated of it.
+struct BuildRun {
+  const MappingRun* data = nullptr;
+  std::vector<Se2> poses;        ///< T_map_vehicle at every key frame.
+  OdometryCalibration odometry;  ///< As estimated for this run.
+  SensorBias sensor_bias = SensorBias::Zero();
+
+  /// Kept from solve to solve while `odometry` stays close to where they were integrated.
+  FrameMotions motions;
+
+  /// Per visit the index of its mode in the group, or kUnassigned: the visit's sightings are
+  /// clutter, or of a landmark at no known position.
+  std::vector<int> assignment;
+};
+
+inline constexpr int kUnassigned = -1;
+
+/// What a mode beside another costs where solutions are compared, as BuildState::cost: the landmark
+/// would have had to move.
+inline constexpr double kModeCost = 10.0;
+
+/// A mode of a group, by its index there.
+struct BuildModeRef {
+  int group = 0;
+  int mode = 0;
+
+  auto operator<=>(const BuildModeRef&) const = default;
+};
+
+/// The modes at which a run's visits hold, ascending, each once.
+std::vector<BuildModeRef> ModesOf(const BuildRun& run);
+
+/// The mapping build as it is being solved: continuous part (poses, mode positions, calibrations)
+/// and discrete part (which mode held at which visit).
+struct BuildState {
+  std::vector<BuildRun> runs;                 ///< By begin.
+  std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
+  std::vector<RejectedRun> left_out;  ///< Runs taken out again, and why (unconstrained_runs.h).
+  std::vector<WaitingRuns> waiting;   ///< Without a decided place (place_run_maps.h).
+  SensorCalibration sensor;
+
+  /// Per group what the prior map has of it; nothing for one that it does not have. Empty without a
+  /// prior map.
+  std::vector<std::optional<LandmarkGroup>> known;
+  Stamp known_at;  ///< Their probabilities hold then.
+
+  /// The same, or null.
+  const LandmarkGroup* Known(std::size_t group) const {
+    return !known.empty() && known[group] ? &*known[group] : nullptr;
+  }
+
+  /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.
+  std::vector<GraphPrior> priors;
+
+  /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
+  /// of the map so far that merely hold a run do not.
+  bool in_map_units = false;
+
+  /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
+  double sd_scale = 0.0;
+
+  bool open = false;  ///< As in Graph.
+
+  /// As in Graph.
+  double loss_reach = std::numeric_limits<double>::infinity();
+
+  int modes_merged = 0;
+  double cost = 0.0;  ///< Half the sum of all losses at the last solve.
+};
+
+/// Called with the build as it is between the steps of a long loop; false ends the loop there.
+/// None: it goes on to its end.
+using StepCallback = std::function<bool(const BuildState&)>;
+
+/// The position of every mode in one list: groups in order, modes in order.
+struct FlatModes {
+  explicit FlatModes(const BuildState& build);
+  int Index(int group, int mode) const { return first[static_cast<std::size_t>(group)] + mode; }
+
+  std::vector<int> first;  ///< Per group.
+  int count = 0;
+};
+
+/// Of all modes, in that order. [m]
+std::vector<Eigen::Vector2d> ModePositions(const BuildState& build);
+
+/// Indices of each vehicle's runs, by its name.
+std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const BuildState& build);
+
+/// Flat indices from `first` on change by `shift`.
+void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors);
+
+/// Moves everything in a build but its prior.
+void MoveBuild(const Se2& T_map_old, BuildState* build);
+
+/// The build before any run is in it: without modes, or with those of a prior map.
+BuildState StartBuild(std::size_t groups, const SensorCalibration& sensor);
+/// @param signatures  Of the groups, ascending; the prior's are among them.
+BuildState StartBuild(const std::vector<Signature>& signatures,
+                      const MapContent& prior,
+                      const SensorCalibration& sensor);
+
+/// Adds a mode to a group and returns its index there; the priors' flat indices stay right.
+int AddMode(int group, const BuildMode& mode, BuildState* build);
+
+/// The continuous part for the present assignment, at its present values.
+Graph MakeGraph(const MapperOptions& options, BuildState* build);
+
+/// Solves the continuous part for the present assignment with the odometry as it is integrated.
+/// Returns the graph at the solution.
+Graph SolveOnce(const MapperOptions& options, BuildState* build, GraphSolver* solver);
+
+/// Solves the continuous part for the present assignment, integrating the odometry anew at the
+/// calibration found. Returns the graph at the solution.
+Graph SolveContinuous(const MapperOptions& options, BuildState* build);
+
+/// The same, and what the solver keeps goes on from and to other solves.
+Graph SolveContinuous(const MapperOptions& options, BuildState* build, GraphSolver* solver);
+
+}  // namespace shiftmap

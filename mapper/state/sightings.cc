@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/state/sightings.h"
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+
+VisitCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, double radius_m) {
+  // More than this adds nothing but quadratic time.
+  constexpr std::size_t kMaxCentres = 200;
+  VisitCluster best;
+  const std::size_t step = positions.size() / kMaxCentres + 1;
+  for (std::size_t i = 0; i < positions.size(); i += step) {
+    VisitCluster cluster;
+    for (const Eigen::Vector2d& position : positions) {
+      if ((position - positions[i]).norm() > radius_m) continue;
+      cluster.centre += position;
+      ++cluster.count;
+    }
+    if (cluster.count > best.count) {
+      cluster.centre /= cluster.count;
+      best = cluster;
+    }
+  }
+  return best;
+}
+
+Innovation SightingInnovation(const BuildRun& run,
+                              const Sighting& sighting,
+                              const Eigen::Vector2d& p_map_landmark) {
+  return LinearizeBiased(sighting.observation,
+                         run.poses[static_cast<std::size_t>(sighting.frame)],
+                         p_map_landmark,
+                         run.sensor_bias,
+                         run.data->mean_squared_bearing);
+}
+
+const Eigen::Vector2d& AssignedPosition(const BuildState& build,
+                                        const BuildRun& run,
+                                        const Sighting& sighting) {
+  const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
+  const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+  return build.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
+      .p_map_landmark;
+}
+
+bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sighting) {
+  static const double gate = ChiSquareQuantile(0.999, 2);
+  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kUnassigned) return false;
+  const Innovation innovation =
+      SightingInnovation(run, sighting, AssignedPosition(build, run, sighting));
+  return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor)) <
+         gate;
+}
+
+bool MakesMode(const ModeOptions& options, const MappingVisit& visit) {
+  return std::ssize(visit.sightings) >= options.min_sightings;
+}
+
+std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const int index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+    const Observation observation =
+        Unbiased(sighting.observation, run.sensor_bias, run.data->mean_squared_bearing);
+    positions.push_back(
+        LandmarkPosition(observation, run.poses[static_cast<std::size_t>(sighting.frame)]));
+  }
+  return positions;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "mapper/state/build_state.h"
+
+namespace shiftmap {
+
+/// A visit of a group, wherever it is.
+struct VisitRef {
+  int run = 0;
+  int visit = 0;
+};
+
+/// The visits of every group over all runs, in the order of time.
+std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build);
+
+const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref);
+
+/// The mode that it is assigned to, or kUnassigned.
+int AssignmentOf(const BuildState& build, const VisitRef& ref);
+int& AssignmentOf(BuildState* build, const VisitRef& ref);
+
+}  // namespace shiftmap

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/deformed_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "mapper/covariance/datum.h"
+#include "mapper/run_maps/single_run.h"
+#include "tests/support/random_map.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+// A road of landmarks, one mode each, along which a run map drifts sideways as a random walk does.
+struct Road {
+  BuildState map;
+  RunMap run_map;
+};
+
+constexpr int kLandmarks = 40;
+constexpr double kSpacing = 5.0;   // [m]
+constexpr double kDriftSd = 0.15;  // From one landmark to the next. [m]
+
+Road MakeRoad(std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd walk = Eigen::MatrixXd::Zero(2 * kLandmarks, 2 * kLandmarks);
+  for (int i = 0; i < kLandmarks; ++i) {
+    for (int j = 0; j <= i; ++j) walk.block<2, 2>(2 * i, 2 * j).setIdentity();
+  }
+  walk *= kDriftSd;
+  Eigen::VectorXd drift(2 * kLandmarks);
+  for (double& value : drift) value = normal(random);
+  // The first landmarks are where the map has them: they hold the alignment.
+  drift.head(10).setZero();
+  drift = (walk * drift).eval();
+
+  Road road;
+  std::vector<Eigen::Vector2d> positions;
+  road.map.modes.resize(kLandmarks);
+  road.run_map.build.modes.resize(kLandmarks);
+  for (int i = 0; i < kLandmarks; ++i) {
+    const auto group = static_cast<std::size_t>(i);
+    const Eigen::Vector2d truth(kSpacing * i, i % 2 == 0 ? 2.0 : -2.0);
+    road.map.modes[group].push_back({truth, kAbsent});
+    positions.emplace_back(truth + drift.segment<2>(2 * i));
+    road.run_map.build.modes[group].push_back({positions.back(), kAbsent});
+  }
+  road.run_map.covariance = ReferToPositions(positions, walk * walk.transpose());
+  return road;
+}
+
+// What a rigid transform that fits the first landmarks finds.
+std::vector<int> RigidMatches(const Road& road, double gate_m) {
+  std::vector<int> known;
+  for (std::size_t i = 0; i < kLandmarks; ++i) {
+    const double distance =
+        (road.map.modes[i][0].p_map_landmark - road.run_map.build.modes[i][0].p_map_landmark)
+            .norm();
+    known.push_back(distance < gate_m ? 0 : kUnassigned);
+  }
+  return known;
+}
+
+TEST(GrowMatches, FollowsTheBendOfALongRun) {
+  std::mt19937_64 random(testing::TestSeed(95));
+  const MapperOptions options;
+  int rigid = 0;
+  int grown = 0;
+  for (int trial = 0; trial < 10; ++trial) {
+    const Road road = MakeRoad(random);
+    const std::vector<int> known = RigidMatches(road, 0.3);
+    const std::vector<int> more =
+        GrowMatches(options, road.run_map, road.map, known, std::vector<bool>(kLandmarks));
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      EXPECT_TRUE(known[i] == kUnassigned || more[i] == known[i]) << i;
+    }
+    rigid += static_cast<int>(std::count(known.begin(), known.end(), 0));
+    grown += static_cast<int>(std::count(more.begin(), more.end(), 0));
+  }
+  EXPECT_LT(rigid, 7 * kLandmarks);
+  EXPECT_GT(grown, 95 * kLandmarks / 10);
+}
+
+TEST(GrowMatches, LeavesAloneWhatMovedAndWhatIsDecided) {
+  std::mt19937_64 random(testing::TestSeed(96));
+  const MapperOptions options;
+  Road road = MakeRoad(random);
+  const std::vector<int> known = RigidMatches(road, 0.3);
+  std::vector<bool> fixed(kLandmarks);
+  for (const std::size_t moved : {14u, 22u, 35u}) {
+    road.map.modes[moved][0].p_map_landmark += Eigen::Vector2d(0.0, 4.0);
+  }
+  fixed[28] = true;
+  const std::vector<int> start = [&] {
+    std::vector<int> few = known;
+    for (const std::size_t i : {14u, 22u, 28u, 35u}) few[i] = kUnassigned;
+    return few;
+  }();
+  const std::vector<int> more = GrowMatches(options, road.run_map, road.map, start, fixed);
+  for (const std::size_t i : {14u, 22u, 28u, 35u}) EXPECT_EQ(more[i], kUnassigned) << i;
+}
+
+TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
+  const SimulatedWorld world = testing::Simulate(testing::SmallWorld(7));
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  const MapperOptions options;
+  std::optional<RunMap> made = MakeRunMap(options, MapSingleRun(run, world.groups.size(), options));
+  ASSERT_TRUE(made);
+  RunMap run_map = *std::move(made);
+  const BuildState straight = run_map.build;
+  // The map is the run map, with one end turned a little.
+  BuildState map = run_map.build;
+  const auto deform = [](const Eigen::Vector2d& p) {
+    return Eigen::Vector2d(p.x(), p.y() + 0.01 * p.x() * p.x());
+  };
+  std::vector<int> known;
+  for (std::vector<BuildMode>& group : map.modes) {
+    for (std::size_t m = 0; m < group.size(); ++m) {
+      group[m].p_map_landmark = deform(group[m].p_map_landmark);
+      known.push_back(static_cast<int>(m));
+    }
+  }
+  DeformOntoMap(options, map, known, &run_map);
+  double before = 0.0;
+  double after = 0.0;
+  for (std::size_t g = 0; g < map.modes.size(); ++g) {
+    for (std::size_t m = 0; m < map.modes[g].size(); ++m) {
+      const Eigen::Vector2d& target = map.modes[g][m].p_map_landmark;
+      before += (straight.modes[g][m].p_map_landmark - target).squaredNorm();
+      after += (run_map.build.modes[g][m].p_map_landmark - target).squaredNorm();
+    }
+  }
+  EXPECT_LT(after, 0.7 * before);
+  double poses_before = 0.0;
+  double poses_after = 0.0;
+  for (std::size_t f = 0; f < straight.runs[0].poses.size(); ++f) {
+    const Eigen::Vector2d wanted = deform(straight.runs[0].poses[f].translation());
+    poses_before += (straight.runs[0].poses[f].translation() - wanted).squaredNorm();
+    poses_after += (run_map.build.runs[0].poses[f].translation() - wanted).squaredNorm();
+  }
+  EXPECT_LT(poses_after, poses_before);
+  EXPECT_TRUE(run_map.build.priors.empty());
+}
+
+}  // namespace
+}  // namespace shiftmap

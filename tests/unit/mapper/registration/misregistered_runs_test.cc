@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/misregistered_runs.h"
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <deque>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mapper/modes/mode_refinement.h"
+#include "mapper/registration/place_run_maps.h"
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+class MisregisteredRuns : public ::testing::Test {
+ protected:
+  // The runs of a world, solved together.
+  BuildState Solved(const SimulatedWorld& world) {
+    std::vector<RunMap> run_maps;
+    for (const SimulatedRun& run : world.runs) {
+      runs_.push_back(testing::Arrange(world, run.run));
+      run_maps.push_back(
+          MakeRunMap(options_, MapSingleRun(runs_.back(), world.groups.size(), options_)).value());
+    }
+    BuildState build = StartBuild(world.groups.size(), options_.calibration.sensor);
+    std::vector<RejectedRun> rejected;
+    PlaceRunMaps(options_, std::nullopt, std::move(run_maps), &build, &rejected);
+    GraphSolver solver;
+    RefineModes(options_, &build, &solver);
+    return build;
+  }
+
+  static OpenWorldOptions World(std::uint64_t seed) {
+    OpenWorldOptions world = testing::SmallWorld(seed);
+    world.groups = 30;
+    world.size_m = 30.0;
+    world.duration_s = 300.0;
+    return world;
+  }
+
+  MapperOptions options_;
+  std::deque<MappingRun> runs_;
+};
+
+// Moves a run from a key frame on, and all that it sees from there.
+void LaySecondMap(std::size_t from, const Se2& T_there_here, BuildRun* run, BuildState* build) {
+  std::map<std::pair<int, int>, int> become;
+  for (std::size_t i = from; i < run->poses.size(); ++i) {
+    run->poses[i] = T_there_here * run->poses[i];
+  }
+  for (std::size_t v = 0; v < run->assignment.size(); ++v) {
+    const MappingVisit& visit = run->data->visits[v];
+    int& assignment = run->assignment[v];
+    if (visit.begin < run->data->frames[from].stamp || assignment == kUnassigned) continue;
+    const auto [entry, added] = become.try_emplace({visit.group, assignment}, 0);
+    if (added) {
+      const Eigen::Vector2d& here =
+          build->modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(assignment)]
+              .p_map_landmark;
+      entry->second = AddMode(visit.group, {T_there_here * here, kAbsent, false}, build);
+    }
+    assignment = entry->second;
+  }
+}
+
+TEST_F(MisregisteredRuns, ArePutBack) {
+  OpenWorldOptions world = World(3);
+  world.modes_per_group = 1;
+  BuildState build = Solved(testing::Simulate(world));
+  ASSERT_EQ(build.runs.size(), 3u);
+  const BuildRun before = build.runs[1];
+  const std::size_t modes = testing::CountModes(build);
+  for (const std::size_t share : {0u, 2u}) {
+    const std::size_t from = before.poses.size() * share / 4;
+    LaySecondMap(from, Se2(12.0, 5.0, 0.4), &build.runs[1], &build);
+    ASSERT_GT(testing::CountModes(build), modes + 5);
+    EXPECT_EQ(RelocateMisregisteredRuns(options_, &build), 1);
+    GraphSolver solver;
+    AlternateModes(options_, &build, &solver);
+    EXPECT_EQ(testing::CountModes(build), modes);
+    for (std::size_t i = 0; i < before.poses.size(); ++i) {
+      const Se2 error = before.poses[i].Inverse() * build.runs[1].poses[i];
+      EXPECT_LT(error.translation().norm(), 0.2);
+    }
+  }
+}
+
+TEST_F(MisregisteredRuns, LandmarksThatMovedAreNone) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    runs_.clear();
+    BuildState build = Solved(testing::Simulate(World(seed)));
+    const std::size_t modes = testing::CountModes(build);
+    EXPECT_EQ(RelocateMisregisteredRuns(options_, &build), 0) << seed;
+    EXPECT_EQ(testing::CountModes(build), modes);
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/run_maps/single_run.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+// A vehicle that sees new ground for minutes before it comes back to what it knows, with odometry
+// five times as good as assumed.
+OpenWorldOptions LargeFloor(std::uint64_t seed) {
+  OpenWorldOptions options;
+  options.seed = seed;
+  options.runs = 1;
+  options.groups = 700;
+  options.size_m = 240.0;
+  options.duration_s = 1000.0;
+  options.scan_rate_hz = 2.0;
+  options.odometry.noise_v = 0.01;
+  options.odometry.noise_omega = 0.01;
+  return options;
+}
+
+// As many landmarks per square metre, of another number, for another time, with such odometry.
+OpenWorldOptions FloorOf(int groups, double duration_s, double noise_omega, std::uint64_t seed) {
+  OpenWorldOptions options = LargeFloor(seed);
+  options.size_m *= std::sqrt(static_cast<double>(groups) / options.groups);
+  options.groups = groups;
+  options.duration_s = duration_s;
+  options.odometry.noise_omega = noise_omega;
+  return options;
+}
+
+// A filter that took the odometry for as bad as that would close loops by turning the map, and what
+// follows would take the twist for noise.
+TEST(MapSingleRun, LongWaysBetweenTwoLooksDoNotTwistIt) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const SimulatedWorld world = testing::Simulate(LargeFloor(seed));
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    const OdometryCalibration& odometry = build.runs[0].odometry;
+    const double error =
+        testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(world.runs[0], run));
+    EXPECT_LT(odometry.noise_omega, 0.025) << seed;
+    EXPECT_LT(error, 4.0) << seed;
+  }
+}
+
+// Odometry so noisy that the vehicle comes back with its heading off by more than a radian.
+TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
+  int lost = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    OpenWorldOptions options = LargeFloor(seed);
+    options.groups = 200;
+    options.size_m = 126.0;
+    options.odometry.noise_v = 0.05;
+    options.odometry.noise_omega = 0.05;
+    const SimulatedWorld world = testing::Simulate(options);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
+    EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, truth), 1.5) << seed;
+    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    const double turned = (truth.front().Inverse() * truth.back()).yaw() -
+                          DeadReckon(build.runs[0].motions).back().yaw();
+    lost += std::abs(Se2(0.0, 0.0, turned).yaw()) > 1.0;
+  }
+  EXPECT_GE(lost, 2);
+}
+
+// Hours over many landmarks, of which the way back to the first ones is long: mapped in parts.
+TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SimulatedWorld world = testing::Simulate(FloorOf(500, 5400.0, 0.02, seed));
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(world.runs[0], run)),
+              1.0)
+        << seed;
+    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+  }
+}
+
+// Wherever it is stopped, what is left is the run and none of its parts.
+TEST(MapSingleRun, IsTheRunWhereverItIsStopped) {
+  const SimulatedWorld world = testing::Simulate(FloorOf(300, 1200.0, 0.05, 1));
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  int calls = 0;
+  MapSingleRun(run, world.groups.size(), {}, [&](const BuildState&) { return ++calls > 0; });
+  ASSERT_GT(calls, 20);
+  for (int stop = 0; stop < calls; stop += 5) {
+    int asked = 0;
+    const BuildState build = MapSingleRun(
+        run, world.groups.size(), {}, [&](const BuildState&) { return asked++ < stop; });
+    EXPECT_LE(asked, calls);
+    ASSERT_EQ(build.runs.size(), 1u);
+    EXPECT_EQ(build.runs[0].data, &run);
+    EXPECT_EQ(build.runs[0].poses.size(), run.frames.size());
+  }
+}
+
+}  // namespace
+}  // namespace shiftmap
