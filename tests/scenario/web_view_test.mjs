@@ -10,6 +10,7 @@ import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {pathToFileURL} from 'node:url';
+import {rhythmicMap} from './rhythmic_map.mjs';
 
 const [bin, modules] = process.argv.slice(2);
 const chromium = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
@@ -75,8 +76,8 @@ async function shownProbabilities(page) {
     value.startsWith('<') ? 0 : value.startsWith('>') ? 1 : parseFloat(value) / 100]);
 }
 
-async function expectProbabilities(page, signature, seconds) {
-  const group = inspect('show', ...floor, '--at', String(seconds)).groups
+async function expectProbabilities(page, signature, seconds, area = floor) {
+  const group = inspect('show', ...area, '--at', String(seconds)).groups
     .find((g) => g.signature === signature);
   const shown = await shownProbabilities(page);
   assert.equal(shown.length, group.modes.length);
@@ -140,6 +141,25 @@ const tests = {
       }
     }
     assert.ok(changes > 15, `${changes}`);
+  },
+
+  async 'The probabilities follow the rhythm of a landmark'() {
+    const map = rhythmicMap();
+    const area = ['--store', file('rhythm.db'), '--area', 'hall'];
+    writeFileSync(file('rhythm.json'), JSON.stringify(map));
+    run('shiftmap-mapper', 'import', ...area, file('rhythm.json'));
+    run('shiftmap-inspect', 'export', '--html', ...area, '--output', file('rhythm.html'));
+    const page = await openFile('rhythm.html');
+    const stamp = Number(map.stamp_ns) / 1e9;
+    for (const [signature, named] of [['day', 'hour of the day'], ['week', 'hour of the week']]) {
+      await find(page, signature);
+      assert.match(await text(page, '#landmark'), new RegExp(`by a rate for each ${named}`));
+      for (const after of [3600, 5.3 * 3600, 2.4 * 86400, 6.99 * 86400, 20.9 * 86400]) {
+        await setTime(page, stamp + after);
+        await expectProbabilities(page, signature, stamp + after, area);
+      }
+    }
+    assert.deepEqual(page.complaints, []);
   },
 
   async 'The slider moves the probabilities by keyboard'() {

@@ -8,6 +8,14 @@
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
+namespace {
+
+// Few bytes: as many digits as are used.
+double Rounded(double value, int digits) {
+  return std::stod(fmt::format("{:.{}g}", value, digits));
+}
+
+}  // namespace
 
 std::int64_t Scaled(double value, double unit) { return std::llround(value / unit); }
 
@@ -22,6 +30,31 @@ SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2) {
   const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
   const Eigen::Vector2d axis = solver.eigenvectors().col(1);
   return {sd(1), sd(0), std::atan2(axis.y(), axis.x())};
+}
+
+Json RatesJson(const ModeChain& chain) {
+  constexpr int kDigits = 6;
+  if (chain.uniform()) return Rounded(chain.leave_rate_per_s(), kDigits);
+  Json rates = Json::array();
+  for (Eigen::Index from = 0; from < chain.states(); ++from) {
+    for (Eigen::Index to = 0; to < chain.states(); ++to) {
+      rates.push_back(Rounded(chain.rate_matrix()(from, to), kDigits));
+    }
+  }
+  return rates;
+}
+
+Json RhythmRatesJson(const ChainRhythm& rhythm) {
+  constexpr int kDigits = 5;
+  Json json = {ToSeconds(rhythm.calendar().period)};
+  for (const Eigen::MatrixXd& rates : rhythm.rate_matrices()) {
+    for (Eigen::Index from = 0; from < rates.rows(); ++from) {
+      for (Eigen::Index to = 0; to < rates.cols(); ++to) {
+        if (from != to) json.push_back(Rounded(rates(from, to), kDigits));
+      }
+    }
+  }
+  return json;
 }
 
 std::int64_t TextTable::Add(const std::string& text) {

@@ -11,6 +11,7 @@
 
 #include "mapstore/cli/context.h"
 #include "mapstore/core/stamp.h"
+#include "mapstore/map/mode_chain.h"
 
 namespace shiftmap {
 
@@ -36,6 +37,12 @@ struct SigmaEllipse {
 };
 
 SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2);
+
+/// The leave rate of a uniform chain, or the rate matrix by rows, to six digits. [1/s]
+Json RatesJson(const ModeChain& chain);
+
+/// The period [s], then the rates of each phase by rows without the diagonal, to five digits. [1/s]
+Json RhythmRatesJson(const ChainRhythm& rhythm);
 
 /// Numbers texts in the order in which they come. The texts are inert; two that only differ in what
 /// InertLine() changes have two numbers.

@@ -21,9 +21,6 @@ namespace {
 
 constexpr int kFormat = 1;
 
-// Digits enough for a chain, and few bytes.
-double Rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
-
 Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   Json json = Json::array();
   for (const double p : probabilities) json.push_back(Scaled(p, 1e-4));
@@ -41,17 +38,6 @@ void AddMode(const Mode& mode, Json* json) {
                 Scaled(ellipse.minor_m, kTenthMillimetre),
                 Scaled(ellipse.rotation_rad, 1e-3),
                 Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0)});
-}
-
-Json RatesJson(const ModeChain& chain) {
-  if (chain.uniform()) return Rounded(chain.leave_rate_per_s());
-  Json rates = Json::array();
-  for (Eigen::Index from = 0; from < chain.states(); ++from) {
-    for (Eigen::Index to = 0; to < chain.states(); ++to) {
-      rates.push_back(Rounded(chain.rate_matrix()(from, to)));
-    }
-  }
-  return rates;
 }
 
 // Moves LandmarkTracks::since on until at most so many points begin after it.
@@ -83,7 +69,7 @@ void DropOldest(std::int64_t max_points, LandmarkTracks* tracks) {
 class DocumentWriter {
  public:
   DocumentWriter(const std::string& area, const MapDocumentOptions& options, MapStore* store)
-      : area_(area), options_(options), store_(store) {}
+      : area_(area), options_(options), store_(store), rates_left_(options.max_rhythm_rates) {}
 
   StatusOr<Json> Write();
 
@@ -93,6 +79,7 @@ class DocumentWriter {
   StatusOr<Json> MapsJson();
   StatusOr<MapSnapshot> Load(VersionNumber version, Stamp at);
   Json MapRowJson(VersionNumber version, const MapContent& map);
+  Json BoundedRhythmJson(const ChainRhythm& rhythm);
   Status AddTracks(Json* document);
   Json VisitJson(const LandmarkVisit& visit, Stamp origin);
   StatusOr<Json> RunsJson();
@@ -101,6 +88,7 @@ class DocumentWriter {
   const std::string& area_;
   const MapDocumentOptions& options_;
   MapStore* store_;
+  std::int64_t rates_left_;
   std::vector<VersionSummary> versions_;
   std::optional<VersionNumber> published_;
   VersionNumber shown_;
@@ -141,15 +129,28 @@ Stamp DocumentWriter::StampOf(VersionNumber number) const {
   return Stamp();
 }
 
+// Without its rates, if they are too many for the page.
+Json DocumentWriter::BoundedRhythmJson(const ChainRhythm& rhythm) {
+  Json json = RhythmRatesJson(rhythm);
+  const auto rates = static_cast<std::int64_t>(json.size()) - 1;
+  if (rates > rates_left_) return Json::array({std::move(json[0])});
+  rates_left_ -= rates;
+  return json;
+}
+
 Json DocumentWriter::MapRowJson(VersionNumber version, const MapContent& map) {
   Json groups = Json::array();
   for (const LandmarkGroup& group : map.groups) {
     Json modes = Json::array();
     for (const Mode& mode : group.modes) AddMode(mode, &modes);
-    groups.push_back({signatures_.Add(group.signature.text()),
-                      RatesJson(group.chain),
-                      std::move(modes),
-                      ProbabilitiesJson(group.probabilities)});
+    Json row = {signatures_.Add(group.signature.text()),
+                RatesJson(group.chain),
+                std::move(modes),
+                ProbabilitiesJson(group.probabilities)};
+    // Only what is shown moves in time.
+    const ChainRhythm* const rhythm = version == shown_ ? group.chain.rhythm() : nullptr;
+    if (rhythm != nullptr) row.push_back(BoundedRhythmJson(*rhythm));
+    groups.push_back(std::move(row));
   }
   Json anonymous = Json::array();
   for (const Mode& mode : map.anonymous_landmarks) AddMode(mode, &anonymous);

@@ -32,6 +32,9 @@ struct MapDocumentOptions {
   std::int64_t max_visits = 20'000;  ///< Of all landmarks; the newest.
   std::int64_t max_points = 30'000;  ///< Of all probabilities over time; the newest.
   std::int64_t max_poses = 60'000;   ///< Of all trajectories, which are thinned.
+
+  /// Of all chains with a rhythm; those beyond are shown with their mean rates.
+  std::int64_t max_rhythm_rates = 100'000;
 };
 
 /// The data document of the page; its layout is in tools/view/README.md, with page/data.ts as its

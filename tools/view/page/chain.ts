@@ -4,7 +4,7 @@
 import type {Group} from './data';
 
 /** exp(Q s) by scaling and squaring; rows are from, columns are to. */
-function transition(rates: number[], states: number, seconds: number): Float64Array {
+export function transition(rates: number[], states: number, seconds: number): Float64Array {
   const scaled = rates.map((rate) => rate * seconds);
   const norm = Math.max(...scaled.map(Math.abs), 1e-300);
   const squarings = Math.max(0, Math.ceil(Math.log2(norm * states)) + 4);
@@ -20,7 +20,7 @@ function transition(rates: number[], states: number, seconds: number): Float64Ar
   return result;
 }
 
-function product(a: ArrayLike<number>, b: ArrayLike<number>, n: number): Float64Array<ArrayBuffer> {
+export function product(a: ArrayLike<number>, b: ArrayLike<number>, n: number): Float64Array<ArrayBuffer> {
   const c = new Float64Array(n * n);
   for (let i = 0; i < n; ++i) {
     for (let k = 0; k < n; ++k) {
@@ -31,10 +31,12 @@ function product(a: ArrayLike<number>, b: ArrayLike<number>, n: number): Float64
   return c;
 }
 
-/** p(t + Δt) from p(t). A negative Δt counts as zero: a chain is not run backwards. */
-export function propagate(group: Group, p: number[], seconds: number): number[] {
+/** p(to) from p(from); the same if `to` is earlier: a chain is not run backwards. [s since the epoch] */
+export function propagate(group: Group, p: number[], from: number, to: number): number[] {
   const states = p.length;
+  const seconds = to - from;
   if (!(seconds > 0) || states < 2) return p;
+  if (group.rhythm?.known) return group.rhythm.propagate(p, from, to);
   if (typeof group.rates === 'number') {
     const kept = Math.exp(-group.rates * seconds * states / (states - 1));
     return p.map((value) => value * kept + (1 - kept) / states);
@@ -72,6 +74,6 @@ export class Track {
     }
     const first = low * this.columns + 2;
     const p = this.points.slice(first, first + this.columns - 2).map((value) => value / 1e4);
-    return propagate(this.group, p, time - this.end(low));
+    return propagate(this.group, p, this.end(low), time);
   }
 }

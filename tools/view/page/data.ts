@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The data document of the page, as map_document.cc writes it: arrays whose columns are named here.
+import {Rhythm} from './rhythm';
 
 /** Nothing more is ever read from outside: all that the page shows is in here. */
 export interface Document {
@@ -40,9 +41,11 @@ export type MapRow = [number, GroupRow[], number[]];
 
 /**
  * signature, leave rate or rate matrix by rows [1/s], modes, probabilities at the version's stamp in
- * 1/10000, `absent` first. A mode is MODE_COLUMNS numbers.
+ * 1/10000, `absent` first. A mode is MODE_COLUMNS numbers. Of a chain with a rhythm in the version that is
+ * shown also: its period [s], then the rates of each phase by rows without the diagonal [1/s], unless they
+ * are left out.
  */
-export type GroupRow = [number, number | number[], number[], number[]];
+export type GroupRow = [number, number | number[], number[], number[], number[]?];
 
 /** number, x, y, longer sd, shorter sd [0.1 mm], direction of the longer one [mrad], last seen [s] */
 const MODE_COLUMNS = 7;
@@ -109,6 +112,8 @@ export interface Group {
   signature: number;
   name: string;
   rates: number | number[];
+  /** Instead of `rates`, where it is known. */
+  rhythm?: Rhythm;
   modes: Mode[];
   /** At the version's stamp; entry 0 is `absent`. */
   probabilities: number[];
@@ -137,8 +142,9 @@ function readModes(row: number[]): Mode[] {
 
 export function readMap(document: Document, row: MapRow): LandmarkMap {
   const [version, groupRows, anonymous] = row;
-  const groups = groupRows.map(([signature, rates, modes, probabilities], index): Group => ({
+  const groups = groupRows.map(([signature, rates, modes, probabilities, rhythm], index): Group => ({
     index, signature, rates,
+    rhythm: rhythm && new Rhythm(rhythm[0]!, rhythm.slice(1), probabilities.length),
     name: document.signatures[signature] ?? '',
     modes: readModes(modes),
     probabilities: probabilities.map((p) => p / 1e4),

@@ -167,8 +167,12 @@ function describeRates(group: Group): string {
   const states = group.modes.length + 1;
   const rate = typeof group.rates === 'number' ? group.rates
       : -group.rates.reduce((sum, q, i) => sum + (i % (states + 1) === 0 ? q : 0), 0) / states;
-  return rate > 0 ? `${count}; leaves its position after ${durationText(1 / rate)} on average`
-      : `${count}; never leaves its position`;
+  if (!(rate > 0)) return `${count}; never leaves its position`;
+  const leaves = `${count}; leaves its position after ${durationText(1 / rate)} on average`;
+  if (!group.rhythm) return leaves;
+  const rhythm = `${leaves}, by a rate for each ${group.rhythm.name}`;
+  return group.rhythm.known ? rhythm
+      : `${rhythm}. These rates are not in this page, which uses their mean: shiftmap-inspect show --at is exact.`;
 }
 
 function verdict(visit: Visit): string {

@@ -108,8 +108,47 @@ TEST_F(MapDocumentTest, NamesAreInert) {
   EXPECT_EQ((*document)["vehicles"], Json::array({"truck-\\x1b[0m"}));
 }
 
+// The page runs the chains of the version that is shown, and no other.
+TEST_F(MapDocumentTest, HasTheRhythmsOfTheShownVersion) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 4, .rhythms = 2}, 2));
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  const Json& groups = (*document)["maps"][0][1];
+  for (std::size_t g = 0; g < 2; ++g) {
+    ASSERT_EQ(groups[g].size(), 5U);
+    const Json& row = groups[g][4];
+    const ChainRhythm& rhythm = *content_.groups[g].chain.rhythm();
+    EXPECT_EQ(row[0], ToSeconds(rhythm.calendar().period));
+    std::size_t at = 1;
+    for (const Eigen::MatrixXd& rates : rhythm.rate_matrices()) {
+      for (Eigen::Index from = 0; from < rates.rows(); ++from) {
+        for (Eigen::Index to = 0; to < rates.cols(); ++to) {
+          if (from == to) continue;
+          ASSERT_LT(at, row.size());
+          EXPECT_NEAR(row[at++].get<double>(), rates(from, to), 6e-5 * rates(from, to));
+        }
+      }
+    }
+    EXPECT_EQ(at, row.size());
+  }
+  EXPECT_EQ(groups[2].size(), 4U);
+  EXPECT_EQ((*document)["maps"][1][1][0].size(), 4U);
+}
+
+TEST_F(MapDocumentTest, SaysWhichRhythmsAreLeftOut) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 3, .max_modes = 1, .rhythms = 3}, 1));
+  // Of two states: 2 rates an hour. The second one is that of a week.
+  const auto document = MapDocument("hall", {.max_rhythm_rates = 100}, &store_);
+  ASSERT_THAT(document, IsOk());
+  const Json& groups = (*document)["maps"][0][1];
+  EXPECT_EQ(groups[0][4].size(), 49U);
+  EXPECT_EQ(groups[1][4], Json::array({604800.0}));
+  EXPECT_EQ(groups[2][4].size(), 49U);
+}
+
 TEST_F(MapDocumentTest, OfTenThousandModesWithALongPastIsBelowFiveMegabytes) {
-  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 4000, .max_modes = 4, .cross_block_share = 0.0}, 6));
+  ASSERT_NO_FATAL_FAILURE(
+      Commit({.groups = 4000, .max_modes = 4, .rhythms = 100, .cross_block_share = 0.0}, 6));
   for (int shift = 0; shift < 12; ++shift) ASSERT_NO_FATAL_FAILURE(Return(shift, 5000));
   const auto document = MapDocument("hall", {}, &store_);
   ASSERT_THAT(document, IsOk());
