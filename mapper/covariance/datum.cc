@@ -31,32 +31,6 @@ Eigen::MatrixXd Whitening(const Eigen::MatrixXd& cov) {
 
 }  // namespace
 
-Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
-  Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& position : positions) {
-    centroid += position / static_cast<double>(positions.size());
-  }
-  return centroid;
-}
-
-Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
-  const auto count = static_cast<Eigen::Index>(positions.size());
-  const Eigen::Vector2d centroid = Centroid(positions);
-  Eigen::MatrixXd G(2 * count, 3);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const Eigen::Vector2d offset = positions[static_cast<std::size_t>(i)] - centroid;
-    G.row(2 * i) << 1.0, 0.0, -offset.y();
-    G.row(2 * i + 1) << 0.0, 1.0, offset.x();
-  }
-  // The columns are orthogonal because the rotation is about the centroid. If all positions are
-  // one, no rotation moves them, and its column is zero.
-  for (Eigen::Index column = 0; column < 3; ++column) {
-    const double norm = G.col(column).norm();
-    if (norm > 0.0) G.col(column) /= norm;
-  }
-  return G;
-}
-
 Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
   Eigen::MatrixXd others(2 * std::ssize(positions), 4);
   others << DatumDirections(positions), OffsetsFromCentroid(positions);
@@ -64,18 +38,13 @@ Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
   return basis.rightCols(others.rows() - others.cols());
 }
 
-DatumChange::DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions)
-    : G(std::move(directions)),
-      W(cov_times_directions - 0.5 * G * (G.transpose() * cov_times_directions)) {}
-
-Eigen::Matrix2d DatumChange::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const {
-  const auto G_a = G.middleRows<2>(Eigen::Index{2} * a);
-  const auto G_b = G.middleRows<2>(Eigen::Index{2} * b);
-  const auto W_a = W.middleRows<2>(Eigen::Index{2} * a);
-  const auto W_b = W.middleRows<2>(Eigen::Index{2} * b);
-  Eigen::Matrix2d result = cov_a_b - G_a * W_b.transpose() - W_a * G_b.transpose();
-  if (a == b) result = Symmetrized(result) + kFloorSd * kFloorSd * Eigen::Matrix2d::Identity();
-  return result;
+Eigen::Matrix2d ReferBlock(const DatumChange& change,
+                           int a,
+                           int b,
+                           const Eigen::Matrix2d& cov_a_b) {
+  const Eigen::Matrix2d block = change.Refer(a, b, cov_a_b);
+  if (a != b) return block;
+  return Symmetrized(block) + kFloorSd * kFloorSd * Eigen::Matrix2d::Identity();
 }
 
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
@@ -86,15 +55,6 @@ Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
   cov.triangularView<Eigen::StrictlyUpper>() = cov.transpose();
   cov.diagonal().array() += kFloorSd * kFloorSd;
   return cov;
-}
-
-Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions) {
-  const Eigen::Vector2d centroid = Centroid(positions);
-  Eigen::VectorXd q(static_cast<Eigen::Index>(2 * positions.size()));
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    q.segment<2>(static_cast<Eigen::Index>(2 * i)) = positions[i] - centroid;
-  }
-  return q;
 }
 
 Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& positions,

@@ -5,37 +5,13 @@
 #include <vector>
 
 #include "mapper/graph/graph.h"
+#include "mapstore/geometry/inner_constraints.h"
 
 namespace shiftmap {
-
-/// The three directions in which all positions move together, orthonormal columns (2n x 3):
-/// translation in x and y, rotation about the centroid. Observations between vehicle and landmarks
-/// say nothing of them; they are the datum of the map. Precondition: at least one position.
-Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions);
 
 /// The other directions: those in which all positions neither move, turn nor grow together,
 /// orthonormal columns (2n x 2n - 4). Precondition: two positions that differ.
 Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions);
-
-/// Mean of the positions, of which there is one at least. [m]
-Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions);
-
-/// What refers a joint covariance P to the positions as a whole, block by block:
-///
-///   (I - GGᵀ) P (I - GGᵀ) = P - G Wᵀ - W Gᵀ,   W = P G - ½ G (Gᵀ P G)
-///
-/// so that P need not be known as a whole.
-struct DatumChange {
-  /// @param directions            G, of DatumDirections().
-  /// @param cov_times_directions  P G.
-  DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions);
-
-  /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
-  Eigen::Matrix2d Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const;
-
-  Eigen::MatrixXd G;
-  Eigen::MatrixXd W;
-};
 
 /// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
 /// with G the datum directions: the inner-constraint solution of surveying. It does not depend on
@@ -44,8 +20,9 @@ struct DatumChange {
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  Eigen::MatrixXd cov);
 
-/// q, stacked (x, y): how positions move as their scale grows. [m]
-Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& positions);
+/// Block (a, b) of ReferToPositions(), from that block of P. [m²]
+/// @param change  Of DatumDirections() of the positions.
+Eigen::Matrix2d ReferBlock(const DatumChange& change, int a, int b, const Eigen::Matrix2d& cov_a_b);
 
 /// Adds what no run tells: the scale of the map, which the sensors' own scale sets. All positions
 /// move together along their offsets q from the centroid: P' = P + sd² q qᵀ.

@@ -89,7 +89,7 @@ JointCovariance TiledCovariance(const Graph& graph,
     const auto i = static_cast<std::size_t>(a);
     const auto j = static_cast<std::size_t>(b);
     if (tile_of[i] != tile_of[j]) return;
-    Eigen::Matrix2d block = change.Refer(a, b, cov_a_b);
+    Eigen::Matrix2d block = ReferBlock(change, a, b, cov_a_b);
     block.noalias() += root.middleRows<2>(Eigen::Index{2} * a) *
                        root.middleRows<2>(Eigen::Index{2} * b).transpose();
     if (a == b) {

@@ -162,6 +162,37 @@ const tests = {
     assert.deepEqual(page.complaints, []);
   },
 
+  async 'Ellipses are relative until those in the map frame are asked for'() {
+    const page = await openFile('floor.html');
+    await find(page, 'L11');
+    const cell = () => page.$eval('#landmark tbody tr:nth-child(2)', (line) => line.cells[4].textContent);
+    const axes = async () => (await cell()).split(' × ').map(Number);
+    const relative = await axes();
+    const drawn = await page.$eval('#map', (map) => map.toDataURL());
+    assert.match(await text(page, '#ellipse-key'), /free network.*\(sd [\d.]+ %\)$/);
+    assert.match((await texts(page, '#landmark th')).join(), /relative 1σ/);
+    await page.select('#ellipses', 'map');
+    await settle(page);
+    assert.notEqual(await page.$eval('#map', (map) => map.toDataURL()), drawn);
+    assert.match(await text(page, '#ellipse-key'), /map frame$/);
+    assert.match((await texts(page, '#landmark th')).join(), /map 1σ/);
+    const inMap = await axes();
+    // In the map frame they are those of `show`, which has their covariance.
+    const [xx, xy, yy] = inspect('show', ...floor).groups.find((g) => g.signature === 'L11').modes[1].cov_m2;
+    const middle = (xx + yy) / 2;
+    const half = Math.hypot((xx - yy) / 2, xy);
+    const expected = [middle + half, middle - half].map((variance) => 100 * Math.sqrt(variance));
+    inMap.forEach((axis, i) => assert.ok(Math.abs(axis - expected[i]) < 0.06, `${inMap}, ${expected}`));
+    assert.ok(relative[0] < inMap[0], `${relative}, ${inMap}`);
+    await page.select('#ellipses', 'relative');
+    await settle(page);
+    assert.equal(await page.$eval('#map', (map) => map.toDataURL()), drawn);
+    // A survey states no covariance between positions.
+    const survey = await openFile('rhythm.html');
+    assert.equal(await survey.$eval('#ellipses', (choice) => choice.hidden), true);
+    assert.deepEqual(page.complaints, []);
+  },
+
   async 'The slider moves the probabilities by keyboard'() {
     const page = await openFile('floor.html');
     await find(page, 'L11');

@@ -106,12 +106,10 @@ LandmarkLayer::LandmarkLayer(const MapContent& content, std::vector<Eigen::Vecto
   for (const Mode* mode : modes) others.push_back(mode->p_map_landmark);
   frame_ = MapFrame::Around(others);
   if (many_) return;
-  free_ = !content.covariance.cross_blocks().empty();
-  if (free_) {
-    FreeMap free = FreeNetwork(content);
-    content_ = std::move(free.content);
-    scale_sd_ = free.scale_sd;
-  }
+  FreeMap free = FreeNetwork(content);
+  free_ = free.connected;
+  content_ = std::move(free.content);
+  scale_sd_ = free.scale_sd;
   ChooseMagnification();
   for (const Mode* mode : AllModes(content_)) {
     const Eigen::Vector2d half = Eigen::Vector2d::Constant(

@@ -8,19 +8,14 @@
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
-namespace {
-
-// Few bytes: as many digits as are used.
-double Rounded(double value, int digits) {
-  return std::stod(fmt::format("{:.{}g}", value, digits));
-}
-
-}  // namespace
-
 std::int64_t Scaled(double value, double unit) { return std::llround(value / unit); }
 
 std::int64_t Milliseconds(Stamp stamp, Stamp origin) {
   return std::chrono::floor<std::chrono::milliseconds>(stamp - origin).count();
+}
+
+double Rounded(double value, int digits) {
+  return std::stod(fmt::format("{:.{}g}", value, digits));
 }
 
 double Tenths(double value) { return std::round(value * 10.0) / 10.0; }

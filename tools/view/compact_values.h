@@ -25,6 +25,9 @@ std::int64_t Scaled(double value, double unit);
 /// Since the origin, rounded down. [ms]
 std::int64_t Milliseconds(Stamp stamp, Stamp origin);
 
+/// A value to so many digits, for few bytes.
+double Rounded(double value, int digits);
+
 /// A value to one decimal.
 double Tenths(double value);
 

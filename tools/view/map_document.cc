@@ -13,6 +13,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map/frame_change.h"
+#include "tools/plot/free_network.h"
 #include "tools/view/compact_values.h"
 #include "tools/view/replay_document.h"
 
@@ -27,17 +28,35 @@ Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   return json;
 }
 
-// The columns of a mode: number, x, y, longer sd, shorter sd, direction, last seen.
-void AddMode(const Mode& mode, Json* json) {
+// Longer sd, shorter sd, direction.
+void AddEllipse(const Mode& mode, Json* json) {
   const SigmaEllipse ellipse = MakeSigmaEllipse(mode.cov_p_map_landmark);
+  json->insert(json->end(),
+               {Scaled(ellipse.major_m, kTenthMillimetre),
+                Scaled(ellipse.minor_m, kTenthMillimetre),
+                Scaled(ellipse.rotation_rad, 1e-3)});
+}
+
+// The columns of a mode: number, x, y, its ellipse, last seen.
+void AddMode(const Mode& mode, Json* json) {
   json->insert(json->end(),
                {mode.number.value(),
                 Scaled(mode.p_map_landmark.x(), kTenthMillimetre),
-                Scaled(mode.p_map_landmark.y(), kTenthMillimetre),
-                Scaled(ellipse.major_m, kTenthMillimetre),
-                Scaled(ellipse.minor_m, kTenthMillimetre),
-                Scaled(ellipse.rotation_rad, 1e-3),
-                Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0)});
+                Scaled(mode.p_map_landmark.y(), kTenthMillimetre)});
+  AddEllipse(mode, json);
+  json->push_back(Scaled(ToSecondsSinceEpoch(mode.last_seen), 1.0));
+}
+
+// Standard deviation of the scale, then of each mode: longer sd, shorter sd, direction. Nothing of
+// a map whose modes no covariance connects.
+Json FreeNetworkJson(const FreeMap& free) {
+  Json json = Json::array();
+  if (!free.connected) return json;
+  json.push_back(Rounded(free.scale_sd, 2));
+  for (const LandmarkGroup& group : free.content.groups) {
+    for (const Mode& mode : group.modes) AddEllipse(mode, &json);
+  }
+  return json;
 }
 
 // Moves LandmarkTracks::since on until at most so many points begin after it.
@@ -78,7 +97,7 @@ class DocumentWriter {
   Stamp StampOf(VersionNumber version) const;
   StatusOr<Json> MapsJson();
   StatusOr<MapSnapshot> Load(VersionNumber version, Stamp at);
-  Json MapRowJson(VersionNumber version, const MapContent& map);
+  Json MapRowJson(VersionNumber version, const MapContent& map, const FreeMap& free);
   Json BoundedRhythmJson(const ChainRhythm& rhythm);
   Status AddTracks(Json* document);
   Json VisitJson(const LandmarkVisit& visit, Stamp origin);
@@ -138,7 +157,7 @@ Json DocumentWriter::BoundedRhythmJson(const ChainRhythm& rhythm) {
   return json;
 }
 
-Json DocumentWriter::MapRowJson(VersionNumber version, const MapContent& map) {
+Json DocumentWriter::MapRowJson(VersionNumber version, const MapContent& map, const FreeMap& free) {
   Json groups = Json::array();
   for (const LandmarkGroup& group : map.groups) {
     Json modes = Json::array();
@@ -154,7 +173,8 @@ Json DocumentWriter::MapRowJson(VersionNumber version, const MapContent& map) {
   }
   Json anonymous = Json::array();
   for (const Mode& mode : map.anonymous_landmarks) AddMode(mode, &anonymous);
-  return Json::array({version.value(), std::move(groups), std::move(anonymous)});
+  return Json::array(
+      {version.value(), std::move(groups), std::move(anonymous), FreeNetworkJson(free)});
 }
 
 // The version that is shown, and the newest others as they were built, with its names and in its
@@ -163,7 +183,7 @@ StatusOr<Json> DocumentWriter::MapsJson() {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot shown, Load(shown_, StampOf(shown_)));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> shown_edits, store_->EditsOf(area_, shown_));
   names_of_shown_ = LandmarkNames(shown_edits);
-  Json maps = Json::array({MapRowJson(shown_, shown.content())});
+  Json maps = Json::array({MapRowJson(shown_, shown.content(), FreeNetwork(shown.content()))});
   std::int64_t modes = shown.covariance().size();
   const auto add = [&](VersionNumber version, Stamp stamp) -> Status {
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, Load(version, stamp));
@@ -173,9 +193,12 @@ StatusOr<Json> DocumentWriter::MapsJson() {
       return OkStatus();
     }
     SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store_->EditsOf(area_, version));
-    const CarriedMap carried =
-        CarryMap(map.content(), LandmarkNames(edits), shown.content(), names_of_shown_);
-    maps.push_back(MapRowJson(version, carried.content));
+    const LandmarkNames names(edits);
+    const CarriedMap carried = CarryMap(map.content(), names, shown.content(), names_of_shown_);
+    FreeMap free = FreeNetwork(map.content());
+    free.content = WithNames(std::move(free.content), names, names_of_shown_);
+    if (carried.moved) MoveContent(*carried.moved, &free.content);
+    maps.push_back(MapRowJson(version, carried.content, free));
     return OkStatus();
   };
   for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {

@@ -36,8 +36,11 @@ export type VersionRow = [number, number | null, number, number, string, string]
 /** name, vehicle, begin_s, end_s, version that mapped it, x and y in cm, each the change from before */
 export type RunRow = [number, number, number, number, number, number[]];
 
-/** version, groups, anonymous landmarks */
-export type MapRow = [number, GroupRow[], number[]];
+/**
+ * version, groups, anonymous landmarks; of the free network the standard deviation of the scale [1], then
+ * of each mode in the order of groups: longer sd, shorter sd [0.1 mm], direction of the longer one [mrad]
+ */
+export type MapRow = [number, GroupRow[], number[], number[]];
 
 /**
  * signature, leave rate or rate matrix by rows [1/s], modes, probabilities at the version's stamp in
@@ -95,15 +98,21 @@ export interface Replay {
 export const STEP_COLUMNS = 10;
 export const STATES = ['INITIALIZING', 'TRACKING', 'MODE_CHANGED', 'UNKNOWN_CHANGE', 'LOST'];
 
-export interface Mode {
-  number: number;
-  x: number;
-  y: number;
-  /** Standard deviations along the axes of the ellipse. [m] */
+export interface Ellipse {
+  /** Standard deviations along its axes. [m] */
   major: number;
   minor: number;
   /** Of the longer axis, from x towards y. [rad] */
   angle: number;
+}
+
+/** Its own ellipse is that in the map frame. */
+export interface Mode extends Ellipse {
+  number: number;
+  x: number;
+  y: number;
+  /** Of the position to the others, without frame and scale; absent if it has no covariance with them. */
+  relative?: Ellipse;
   lastSeen: number;
 }
 
@@ -124,6 +133,8 @@ export interface LandmarkMap {
   stamp: number;
   groups: Group[];
   anonymous: Mode[];
+  /** Standard deviation of the scale; null if the modes have no covariance with each other. [1] */
+  scaleSd: number | null;
   bySignature: Map<number, Group>;
 }
 
@@ -141,7 +152,7 @@ function readModes(row: number[]): Mode[] {
 }
 
 export function readMap(document: Document, row: MapRow): LandmarkMap {
-  const [version, groupRows, anonymous] = row;
+  const [version, groupRows, anonymous, [scaleSd, ...relative]] = row;
   const groups = groupRows.map(([signature, rates, modes, probabilities, rhythm], index): Group => ({
     index, signature, rates,
     rhythm: rhythm && new Rhythm(rhythm[0]!, rhythm.slice(1), probabilities.length),
@@ -149,8 +160,12 @@ export function readMap(document: Document, row: MapRow): LandmarkMap {
     modes: readModes(modes),
     probabilities: probabilities.map((p) => p / 1e4),
   }));
+  groups.flatMap((group) => group.modes).forEach((mode, i) => {
+    const [major, minor, angle] = relative.slice(3 * i, 3 * i + 3);
+    if (angle !== undefined) mode.relative = {major: major! / 1e4, minor: minor! / 1e4, angle: angle / 1e3};
+  });
   return {
-    version, groups,
+    version, groups, scaleSd: scaleSd ?? null,
     stamp: document.versions.find((v) => v[0] === version)?.[3] ?? document.at_s,
     anonymous: readModes(anonymous),
     bySignature: new Map(groups.map((group) => [group.signature, group])),

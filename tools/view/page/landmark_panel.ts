@@ -30,6 +30,8 @@ export class LandmarkPanel {
   private bars: HTMLElement[] = [];
   private values: HTMLElement[] = [];
   private rows: [HTMLTableRowElement, number][] = [];
+  /** Whether errors are those of positions to each other, where there are such. */
+  relative = true;
   onTime: (time: number) => void = () => {};
 
   constructor(public theme: Theme) {}
@@ -76,8 +78,10 @@ export class LandmarkPanel {
   private modeTable(group: Group): HTMLElement {
     this.bars = [];
     this.values = [];
+    const relative = this.relative && group.modes.some((mode) => mode.relative);
     const rows = [0, ...group.modes.map((_, i) => i + 1)].map((state) => {
       const mode = group.modes[state - 1];
+      const ellipse = mode && relative ? mode.relative ?? mode : mode;
       const bar = element('span', {class: 'bar'});
       const value = element('span', {class: 'number'});
       const style = seriesStyle(this.theme, state);
@@ -88,14 +92,14 @@ export class LandmarkPanel {
         element('span', {}, swatch(style), modeName(mode?.number ?? 0)),
         element('span', {class: 'meter'}, bar), value,
         mode ? `${mode.x.toFixed(2)}, ${mode.y.toFixed(2)}` : '–',
-        mode ? `${(100 * mode.major).toFixed(1)} × ${(100 * mode.minor).toFixed(1)}` : '–',
+        ellipse ? `${(100 * ellipse.major).toFixed(1)} × ${(100 * ellipse.minor).toFixed(1)}` : '–',
       ]);
       if (mode && mode.lastSeen > 0) line.title = `last seen ${timeText(mode.lastSeen)} UTC`;
       return line;
     });
     return element(
         'div', {class: 'scroll'},
-        table(['Mode', 'Probability', '', 'x, y / m', '1σ / cm'], rows, `Modes of ${group.name}`));
+        table(['Mode', 'Probability', '', 'x, y / m', `${relative ? 'relative' : 'map'} 1σ / cm`], rows, `Modes of ${group.name}`));
   }
 
   private visitTable(visits: Visit[]): HTMLElement {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a map view draws, back to front, onto a canvas in CSS pixels.
-import type {LandmarkMap, Mode, Run} from './data';
+import type {Ellipse, LandmarkMap, Mode, Run} from './data';
 
 /** The colours of style.css, for canvases. Those of marks are Okabe and Ito's. */
 export interface Theme {
@@ -171,7 +171,8 @@ export class ModeMarks {
   private readonly xs: Float64Array;
   private readonly ys: Float64Array;
   private readonly order: Int32Array;
-  private readonly longest: number;
+  private ellipses: Ellipse[] = [];
+  private longest = 0;
   private readonly levelBegin = new Int32Array(LEVELS + 1);
 
   constructor(readonly map: LandmarkMap) {
@@ -185,10 +186,16 @@ export class ModeMarks {
     this.groupOf = Int32Array.from(groups);
     this.xs = Float64Array.from(this.modes, (mode) => mode.x);
     this.ys = Float64Array.from(this.modes, (mode) => mode.y);
-    this.longest = this.modes.reduce((longest, mode) => Math.max(longest, mode.major), 0);
+    this.chooseEllipses(true);
     this.probability = new Float32Array(this.modes.length);
     this.absent = new Float32Array(map.groups.length);
     this.order = new Int32Array(this.modes.length);
+  }
+
+  /** Those of positions to each other, where there are such, or those in the map frame. */
+  chooseEllipses(relative: boolean): void {
+    this.ellipses = this.modes.map((mode) => (relative && mode.relative) || mode);
+    this.longest = this.ellipses.reduce((longest, ellipse) => Math.max(longest, ellipse.major), 0);
   }
 
   /** @param probabilities Of the states of a group, `absent` first. */
@@ -258,12 +265,12 @@ export class ModeMarks {
     context.lineWidth = 1;
     context.beginPath();
     this.forVisible(frame, begin, end, 200, (index, x, y) => {
-      const mode = this.modes[index]!;
-      const major = mode.major * sigmas * frame.k;
+      const ellipse = this.ellipses[index]!;
+      const major = ellipse.major * sigmas * frame.k;
       if (major < 3) return;
-      const minor = mode.minor * sigmas * frame.k;
-      context.moveTo(x + major * Math.cos(mode.angle), y - major * Math.sin(mode.angle));
-      context.ellipse(x, y, major, minor, -mode.angle, 0, 2 * Math.PI);
+      const minor = ellipse.minor * sigmas * frame.k;
+      context.moveTo(x + major * Math.cos(ellipse.angle), y - major * Math.sin(ellipse.angle));
+      context.ellipse(x, y, major, minor, -ellipse.angle, 0, 2 * Math.PI);
     });
     context.stroke();
   }

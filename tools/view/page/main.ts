@@ -23,7 +23,7 @@ class Page {
   private readonly runs;
   private readonly shift: Shift | null;
   private theme = readTheme();
-  private readonly settings: ViewSettings = {sigmas: 2.4477, runs: true, labels: true};
+  private readonly settings: ViewSettings = {sigmas: 2.4477, relative: true, runs: true, labels: true};
   private readonly timeline = new Timeline(this.theme);
   private readonly landmark = new LandmarkPanel(this.theme);
   private readonly compare: ComparePanel;
@@ -51,9 +51,12 @@ class Page {
     this.main = this.makeView('map', this.map);
     this.describe();
     this.connect();
+    // Of a survey, there is no choice.
+    byId('ellipses').hidden = ![...this.maps.values()].some((map) => map.scaleSd !== null);
     this.timeline.onChange = (time) => this.setTime(time);
     this.timeline.setContent(this.spans(), this.events(), this.until());
     this.timeline.setTime(source.at_s);
+    this.showEllipses();
     if (this.shift) {
       this.replayPanel = new ReplayPanel(this.shift, source, this.theme);
       this.replayPanel.onTime = (time) => this.timeline.setTime(time);
@@ -255,6 +258,10 @@ class Page {
       this.settings.sigmas = Number((event.target as HTMLSelectElement).value);
       this.redraw();
     });
+    byId<HTMLSelectElement>('ellipses').addEventListener('change', (event) => {
+      this.settings.relative = (event.target as HTMLSelectElement).value === 'relative';
+      this.showEllipses();
+    });
     for (const [id, key] of [['show-runs', 'runs'], ['show-labels', 'labels']] as const) {
       byId<HTMLInputElement>(id).addEventListener('change', (event) => {
         this.settings[key] = (event.target as HTMLInputElement).checked;
@@ -275,6 +282,20 @@ class Page {
     this.compare.onChange = () => this.showPair();
     this.compare.onPick = (signature) => this.selectSignature(signature, true);
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.changeTheme());
+  }
+
+  /** Which ellipses are drawn: of the map that is shown, and of those side by side. */
+  private showEllipses(): void {
+    const {relative} = this.settings;
+    const {scaleSd} = this.map;
+    byId('ellipse-key').textContent = relative && scaleSd !== null
+        ? 'ellipse: of a free network, positions to each other without what is common to all, the frame ' +
+          `and the scale (sd ${Number((100 * scaleSd).toPrecision(2))} %)`
+        : 'ellipse: of the position in the map frame';
+    for (const view of [this.main, this.second]) view?.marks.chooseEllipses(relative);
+    this.landmark.relative = relative;
+    this.redraw();
+    if (this.selected) this.select(this.selected);
   }
 
   private redraw(): void {

@@ -11,6 +11,8 @@ import {modeName, percent} from './markup';
 
 export interface ViewSettings {
   sigmas: number;
+  /** Ellipses of positions to each other, not of those in the map frame. */
+  relative: boolean;
   runs: boolean;
   labels: boolean;
 }
@@ -62,6 +64,7 @@ export class MapView {
       public theme: Theme, readonly settings: ViewSettings) {
     this.context = canvas.getContext('2d', {alpha: false})!;
     this.marks = new ModeMarks(map);
+    this.marks.chooseEllipses(settings.relative);
     this.probabilities = (group) => map.groups[group]!.probabilities;
     this.tree = quadtree(
         this.marks.modes.map((_, i) => i),

@@ -51,26 +51,6 @@ Eigen::MatrixXd ReferToPair(const Positions& positions,
   return S * cov * S.transpose();
 }
 
-TEST_F(Datum, DirectionsAreOrthonormalAndRigid) {
-  const Positions positions = RandomPositions(6);
-  const Eigen::MatrixXd G = DatumDirections(positions);
-  EXPECT_THAT((G.transpose() * G).eval(),
-              testing::IsNearMatrix(Eigen::Matrix3d::Identity().eval(), 1e-12));
-  // Along each of them all distances stay, to first order.
-  for (Eigen::Index column = 0; column < 3; ++column) {
-    for (std::size_t i = 1; i < positions.size(); ++i) {
-      const Eigen::Vector2d moved =
-          G.col(column).segment<2>(static_cast<Eigen::Index>(2 * i)) - G.col(column).head<2>();
-      EXPECT_NEAR(moved.dot(positions[i] - positions[0]), 0.0, 1e-12);
-    }
-  }
-}
-
-TEST_F(Datum, OnePositionHasNoRotation) {
-  const Eigen::MatrixXd G = DatumDirections({Eigen::Vector2d(3.0, 4.0)});
-  EXPECT_EQ(G.col(2).norm(), 0.0);
-}
-
 TEST_F(Datum, ReferringForgetsWhereTheFrameWasHeld) {
   const Positions positions = RandomPositions(7);
   const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);

@@ -91,6 +91,32 @@ TEST(FreeNetworkTest, AMapThatMovesHasTheSameEllipsesTurned) {
   }
 }
 
+// Two tiles that no block connects: each is a network of its own, whatever the other one is.
+TEST(FreeNetworkTest, EachNetworkIsFreedByItself) {
+  const int half = kModes;
+  const Eigen::MatrixXd connected = Noise() + FrameCovariance(Circle(Noise()));
+  Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(2 * kModes, 2 * kModes);
+  cov.topLeftCorner(half, half) = connected.topLeftCorner(half, half);
+  cov.bottomRightCorner(half, half) = connected.bottomRightCorner(half, half);
+  Eigen::MatrixXd larger = cov;
+  larger.bottomRightCorner(half, half) *= 9.0;
+  const MapContent free = FreeNetwork(Circle(cov)).content;
+  const MapContent of_larger = FreeNetwork(Circle(larger)).content;
+  for (int i = 0; i < kModes; ++i) {
+    const double factor = i < kModes / 2 ? 1.0 : 9.0;
+    EXPECT_LT((CovOf(of_larger, i) - factor * CovOf(free, i)).norm(), 1e-9);
+    EXPECT_LT(CovOf(free, i).trace(), 3e-4);
+  }
+}
+
+TEST(FreeNetworkTest, ModesAtOnePlaceStay) {
+  MapContent content = Circle(Noise() + FrameCovariance(Circle(Noise())));
+  for (LandmarkGroup& group : content.groups) group.modes[0].p_map_landmark.setConstant(0.1);
+  const FreeMap free = FreeNetwork(content);
+  EXPECT_EQ(free.scale_sd, 0.0);
+  for (int i = 0; i < kModes; ++i) EXPECT_EQ(CovOf(free.content, i), CovOf(content, i));
+}
+
 TEST(FreeNetworkTest, SurveyedModesThatAreByThemselvesStay) {
   const MapContent content = Circle(Noise());
   const MapContent free = FreeNetwork(content).content;

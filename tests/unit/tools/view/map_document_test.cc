@@ -11,6 +11,7 @@
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
+#include "tools/plot/free_network.h"
 #include "tools/view/compact_values.h"
 
 namespace shiftmap {
@@ -101,6 +102,36 @@ TEST_F(MapDocumentTest, HasEveryModeToATenthOfAMillimetre) {
   }
 }
 
+// The ellipses of pictures, of each version in the frame of the one that is shown.
+TEST_F(MapDocumentTest, HasTheFreeNetworkOfEachVersion) {
+  ASSERT_NO_FATAL_FAILURE(Commit({.groups = 12, .cross_block_share = 0.9}, 1));
+  const LandmarkGroup& group = content_.groups[0];
+  MapEdit control;
+  control.kind = EditKind::kControl;
+  control.author = control.reason = "test";
+  control.signature = group.signature;
+  control.mode = group.modes[0].number;
+  control.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(700.0, -40.0);
+  control.sd_m = 0.02;
+  ASSERT_THAT(store_.Edit("hall", control), IsOk());
+  const auto document = MapDocument("hall", {}, &store_);
+  ASSERT_THAT(document, IsOk());
+  ASSERT_EQ((*document)["maps"].size(), 2U);
+  const Json& parent = (*document)["maps"][1];
+  const FreeMap free = FreeNetwork(content_);
+  ASSERT_EQ(parent[3].size(), 1U + 3U * static_cast<std::size_t>(content_.covariance.size()));
+  EXPECT_NEAR(parent[3][0].get<double>(), free.scale_sd, 0.06 * free.scale_sd);
+  std::size_t at = 1;
+  for (const LandmarkGroup& freed : free.content.groups) {
+    for (const Mode& mode : freed.modes) {
+      const double major = 1e-4 * parent[3][at].get<double>();
+      const double minor = 1e-4 * parent[3][at + 1].get<double>();
+      EXPECT_NEAR(std::hypot(major, minor), std::sqrt(mode.cov_p_map_landmark.trace()), 2e-4);
+      at += 3;
+    }
+  }
+}
+
 TEST_F(MapDocumentTest, NamesAreInert) {
   ASSERT_NO_FATAL_FAILURE(Commit({.groups = 2}, 1));
   const auto document = MapDocument("hall", {}, &store_);
@@ -148,7 +179,7 @@ TEST_F(MapDocumentTest, SaysWhichRhythmsAreLeftOut) {
 
 TEST_F(MapDocumentTest, OfTenThousandModesWithALongPastIsBelowFiveMegabytes) {
   ASSERT_NO_FATAL_FAILURE(
-      Commit({.groups = 4000, .max_modes = 4, .rhythms = 100, .cross_block_share = 0.0}, 6));
+      Commit({.groups = 4000, .max_modes = 4, .rhythms = 100, .cross_block_share = 0.2}, 6));
   for (int shift = 0; shift < 12; ++shift) ASSERT_NO_FATAL_FAILURE(Return(shift, 5000));
   const auto document = MapDocument("hall", {}, &store_);
   ASSERT_THAT(document, IsOk());
