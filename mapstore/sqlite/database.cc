@@ -55,7 +55,10 @@ Status CheckFile(const std::string& path, Database::Mode mode) {
   if (path.empty()) return InvalidArgument("{}: expected the path of a file", NameOf(path));
   struct stat info {};
   if (stat(path.c_str(), &info) == 0) {
-    if (S_ISREG(info.st_mode) && !IsOfProc(path)) return OkStatus();
+    if (S_ISREG(info.st_mode) && !IsOfProc(path)) {
+      if (faccessat(AT_FDCWD, path.c_str(), R_OK, AT_EACCESS) == 0) return OkStatus();
+      return Unavailable("{}: cannot be read: {}", NameOf(path), std::strerror(errno));
+    }
     return FailedPrecondition("{}: not a map store: not a regular file", NameOf(path));
   }
   if (mode != Database::Mode::kReadWriteCreate) {

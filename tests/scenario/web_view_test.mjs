@@ -170,7 +170,7 @@ const tests = {
     const relative = await axes();
     const drawn = await page.$eval('#map', (map) => map.toDataURL());
     assert.match(await text(page, '#ellipse-key'), /free network.*\(sd [\d.]+ %\)$/);
-    assert.match((await texts(page, '#landmark th')).join(), /relative 1σ/);
+    assert.match((await texts(page, '#landmark th')).join(), /rel\. 1σ/);
     await page.select('#ellipses', 'map');
     await settle(page);
     assert.notEqual(await page.$eval('#map', (map) => map.toDataURL()), drawn);

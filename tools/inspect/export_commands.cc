@@ -49,7 +49,7 @@ StatusOr<std::string> MapText(const ExportArguments& arguments,
 }
 
 Status ExportMap(const ExportArguments& arguments, MapStore* store, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string text, MapText(arguments, map, store));
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.output, text));
   context.Report({{"area", map.area()},
@@ -99,7 +99,7 @@ Status ExportTrajectories(const ExportArguments& arguments, MapStore* store, Con
 }
 
 Status ExportSnapshot(const ExportArguments& arguments, MapStore* store, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, store, context));
   std::string sha256;
   std::string name;
   if (!context.dry_run()) {
@@ -132,6 +132,7 @@ std::string CheckExport(const ExportArguments& arguments) {
   if (arguments.snapshot && (arguments.store.version || arguments.store.at_s)) {
     return "--snapshot is of the published version as it is now, without --version and --at";
   }
+  if (arguments.output == "-") return "--output '-': expected the name of a file";
   if (arguments.run && !arguments.tum) return "--run is for --tum";
   if (arguments.replay && !arguments.html) return "--replay is for --html";
   return "";

@@ -62,11 +62,13 @@ Status UnknownSignature(const MapSnapshot& map, const std::string& signature) {
 StatusOr<LandmarkHistory> Load(const StoreArguments& arguments,
                                const std::string& signature,
                                const HistoryOptions& options,
+                               const Context& context,
                                MapStore* store) {
   StatusOr<LandmarkHistory> history =
       LoadLandmarkHistory(store, arguments.area, Signature(signature), options);
+  if (history.ok()) WarnOfEarlierTime(arguments, history->stamp, context);
   if (history.ok() || history.status().code() != StatusCode::kNotFound) return history;
-  const StatusOr<MapSnapshot> map = LoadMap(arguments, store);
+  const StatusOr<MapSnapshot> map = LoadMap(arguments, store, context);
   if (!map.ok() || map->GroupIndex(Signature(signature)) >= 0) return history;
   return UnknownSignature(*map, signature);
 }
@@ -93,7 +95,7 @@ Json ModeJson(const LandmarkGroup& group, std::size_t index) {
 
 Status RunAllModes(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store, context));
   if (context.json()) {
     Json list = Json::array();
     Json rhythms = Json::object();
@@ -133,7 +135,7 @@ Status RunModes(const ModesArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(
       const LandmarkHistory history,
-      Load(arguments.store, arguments.signature, OptionsOf(arguments.store), &store));
+      Load(arguments.store, arguments.signature, OptionsOf(arguments.store), context, &store));
   if (!history.in_version) {
     return NotFound("area '{}': version {} has no landmark '{}'; only versions {}",
                     history.area,
@@ -243,7 +245,7 @@ Status RunHistory(const HistoryArguments& arguments, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(options.track, TrackTimes(arguments, version, &store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
-                            Load(arguments.store, arguments.signature, options, &store));
+                            Load(arguments.store, arguments.signature, options, context, &store));
   const auto limit = arguments.limit ? static_cast<std::size_t>(*arguments.limit) : kShownVisits;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string unexplained, UnexplainedText(history, &store));
   std::string text = VerdictText(history) + unexplained + "\n" +

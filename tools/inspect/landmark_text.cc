@@ -173,7 +173,9 @@ std::string NoteText(const ModeHistory& mode) {
                      now.version.value());
 }
 
-std::string DaysText(double seconds) {
+std::string DurationText(double seconds) {
+  if (seconds < 120.0) return fmt::format("{:.0f} s", seconds);
+  if (seconds < 7200.0) return fmt::format("{:.0f} min", seconds / 60.0);
   return seconds < kDayS ? fmt::format("{:.1f} h", seconds / 3600.0)
                          : fmt::format("{:.1f} days", seconds / kDayS);
 }
@@ -187,7 +189,7 @@ std::string LastVisitText(const LandmarkHistory& history) {
   return fmt::format(
       "last visit that counts: {} UTC, {} earlier, {} ({}), seen in {} scans, says {}",
       TimeText(last->begin),
-      DaysText(ToSeconds(history.stamp - last->begin)),
+      DurationText(ToSeconds(history.stamp - last->begin)),
       InertLine(last->vehicle),
       SourceText(*last),
       last->observations,
@@ -210,10 +212,11 @@ std::string VerdictText(const LandmarkHistory& history) {
   const auto aside = std::count_if(history.visits.begin(), history.visits.end(), [](const auto& v) {
     return v.set_aside.has_value();
   });
-  text += fmt::format("\n{}\n{} visits, {} of them do not count\n",
-                      LastVisitText(history),
-                      history.visits.size(),
-                      aside);
+  text += history.visits.empty() ? std::string("\nno visit yet\n")
+                                 : fmt::format("\n{}\n{} visits, {} of them do not count\n",
+                                               LastVisitText(history),
+                                               history.visits.size(),
+                                               aside);
   if (history.statement) {
     text += fmt::format("version {} states its probabilities at {} UTC; they count as evidence\n",
                         history.statement->version.value(),

@@ -53,7 +53,7 @@ std::string MapText(const MapSnapshot& map, const TextStyle& style) {
 
 Status RunShow(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto parent, ParentOf(map.area(), map.version(), &store));
   context.Report(context.json() ? MapJson(map, parent) : Json(),
                  context.json() ? "" : MapText(map, context.style()));
@@ -62,7 +62,7 @@ Status RunShow(const StoreArguments& arguments, Context& context) {
 
 Status RunVehicles(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments, &store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VehicleTrust> trust,
                             store.Trust(map.area(), map.version()));
   context.Report({{"area", map.area()},

@@ -87,14 +87,14 @@ StatusOr<std::vector<StampedPose>> ReadTruth(const PictureArguments& arguments,
 
 StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const LineRuns runs, RunsOfLine(map.area(), map.version(), &store));
   return Picture{PlotMap(map, runs.own, runs.earlier), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
   const int index = map.GroupIndex(Signature(arguments.subjects[0]));
   if (index < 0) {
     return NotFound("area '{}': version {} has no landmark '{}'",
@@ -140,7 +140,7 @@ StatusOr<Picture> DrawDiff(const PictureArguments& arguments, const Context& con
 
 StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
   std::vector<NamedTrajectory> estimates;
   for (const std::string& path : arguments.subjects) {
     SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(path));
@@ -177,7 +177,7 @@ StatusOr<Picture> DrawConsistency(const PictureArguments& arguments, const Conte
 
 StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> evidence,
                             store.Evidence(map.area(), map.version()));
   return Picture{PlotRates(map, EstimateLeaveRates(map, evidence)), AboutMap(map)};

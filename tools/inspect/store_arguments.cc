@@ -40,13 +40,28 @@ StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore*
   return *published;
 }
 
-StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store) {
+void WarnOfEarlierTime(const StoreArguments& arguments, Stamp stamp, const Context& context) {
+  if (!arguments.at_s) return;
+  const Stamp at = StampFromSeconds(*arguments.at_s);
+  // A time in seconds has less digits than a stamp.
+  if (at + FromSeconds(1e-3) >= stamp) return;
+  context.Warn(fmt::format(
+      "--at {}: the version tells of no time before {} UTC; --known gives what was known then",
+      FormatUtc(at),
+      FormatUtc(stamp)));
+}
+
+StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments,
+                              MapStore* store,
+                              const Context& context) {
   std::optional<VersionNumber> version;
   if (arguments.version) version = VersionNumber(*arguments.version);
   const Stamp now = arguments.known_s ? StampFromSeconds(*arguments.known_s) : SystemNow();
   const Stamp at = arguments.at_s ? StampFromSeconds(*arguments.at_s) : now;
-  return arguments.known_s ? store->LoadKnown(arguments.area, now, version, at)
-                           : store->LoadAt(arguments.area, version, at);
+  StatusOr<MapSnapshot> map = arguments.known_s ? store->LoadKnown(arguments.area, now, version, at)
+                                                : store->LoadAt(arguments.area, version, at);
+  if (map.ok()) WarnOfEarlierTime(arguments, map->stamp(), context);
+  return map;
 }
 
 bool Gates(const UnmappedSighting& sighting,

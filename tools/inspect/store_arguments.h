@@ -39,8 +39,15 @@ StatusOr<MapStore> OpenStore(const StoreArguments& arguments, const Context& con
 StatusOr<VersionNumber> SelectVersion(const StoreArguments& arguments, MapStore* store);
 
 /// The map that the arguments name, at the time they name, as it was known at the time they name;
-/// without one, by this host's clock.
-StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments, MapStore* store);
+/// without one, by this host's clock. Warns as WarnOfEarlierTime.
+StatusOr<MapSnapshot> LoadMap(const StoreArguments& arguments,
+                              MapStore* store,
+                              const Context& context);
+
+/// Warns if --at is before the version that was loaded: a version tells of no time before its
+/// newest run.
+/// @param stamp  Of the probabilities that were loaded.
+void WarnOfEarlierTime(const StoreArguments& arguments, Stamp stamp, const Context& context);
 
 /// Whether a sighting may be of a landmark that stands at a position: within the 99.9 % gate.
 bool Gates(const UnmappedSighting& sighting,

@@ -193,6 +193,7 @@ void ChangePlot::DrawLabels(Svg* svg) const {
   const bool few = changes_.changes.size() <= kMostLabels;
   std::size_t labels = 0;
   for (const MapChange& change : changes_.changes) {
+    if (change.detail.empty()) continue;
     if (++labels > kMostLabels) break;
     const std::string name = Svg::Shortened(change.signature.text(), kLabelSize, 120.0, true);
     const double name_width = Svg::TextWidth(name, kLabelSize, true) + 4.0;
@@ -321,9 +322,9 @@ std::string PlotNight(const MapSnapshot& map, const Night& night) {
                    : std::string("the first version");
   return plot.Draw(
       {.title = fmt::format("{} · version {} · {}", map.area(), map.version().value(), since),
-       .subtitle = fmt::format("probabilities at {} UTC · {} landmarks · runs mapped: {}",
+       .subtitle = fmt::format("probabilities at {} UTC · {} · runs mapped: {}",
                                MinuteText(map.stamp()),
-                               map.groups().size(),
+                               CountText(map.groups().size(), "landmark"),
                                night.mapped.size())},
       legend);
 }

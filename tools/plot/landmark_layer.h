@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "mapstore/map/landmark_group.h"
@@ -26,6 +27,9 @@ bool IsLikelyAbsent(const LandmarkGroup& group);
 
 /// A probability in per cent: `97 %`, `< 1 %`, `> 99 %`.
 std::string PercentText(double probability);
+
+/// A number of things: `1 mode`, `2 modes`.
+std::string CountText(std::size_t count, std::string_view thing);
 
 /// The landmarks of a map and the frame that has room for them.
 ///

@@ -106,6 +106,19 @@ class Finder {
     }
   }
 
+  // Whether the newest changes, those of one landmark, have a new mode there; its label is then
+  // that of the move.
+  bool TakeLabelOfNewMode(const Signature& signature, const Eigen::Vector2d& at) {
+    for (auto change = found_.changes.rbegin();
+         change != found_.changes.rend() && change->signature == signature;
+         ++change) {
+      if (change->kind != ChangeKind::kNewMode || change->p_to != at) continue;
+      change->detail.clear();
+      return true;
+    }
+    return false;
+  }
+
   // Where the landmark stands, or how sure that is.
   void AddStanding(const GroupDiff& diff) {
     const LandmarkGroup& from = *from_.at(diff.signature);
@@ -130,12 +143,14 @@ class Finder {
     const bool same = from.CarriedStateOf(after.number) == from.StateOf(before.number) ||
                       to.CarriedStateOf(before.number) == to.StateOf(after.number);
     if (!same && !IsLikelyAbsent(to)) {
+      const bool is_new = TakeLabelOfNewMode(diff.signature, p_after);
       Add(ChangeKind::kStandsElsewhere,
           diff.signature,
           p_before,
           p_after,
-          fmt::format("m{} to m{}, {}",
+          fmt::format("m{} to {}m{}, {}",
                       before.number.value(),
+                      is_new ? "new " : "",
                       after.number.value(),
                       PercentText(ProbabilityOf(to, after.number))));
     } else if (diff.probability_change > kLeastProbabilityChange) {

@@ -32,7 +32,7 @@ struct MapChange {
   Signature signature;
   Eigen::Vector2d p_from = Eigen::Vector2d::Zero();  ///< Of an arrow, where it begins. [m]
   Eigen::Vector2d p_to = Eigen::Vector2d::Zero();    ///< Where it is shown. Map frame. [m]
-  std::string detail;                                ///< E.g. `m1 to m2`, `62 to 97 %`.
+  std::string detail;  ///< `m1 to m2`, `62 to 97 %`; empty: another has it.
 };
 
 struct MapChanges {

@@ -19,10 +19,11 @@ std::string PlotMap(const MapSnapshot& map,
   run_layer.AddTo(&legend);
   Svg svg =
       StartMapPage({.title = fmt::format("{} · version {}", map.area(), map.version().value()),
-                    .subtitle = fmt::format("probabilities at {} UTC · {} landmarks, {} modes",
-                                            FormatUtc(map.stamp()),
-                                            map.groups().size(),
-                                            map.covariance().size())},
+                    .subtitle = fmt::format(
+                        "probabilities at {} UTC · {}, {}",
+                        FormatUtc(map.stamp()),
+                        CountText(map.groups().size(), "landmark"),
+                        CountText(static_cast<std::size_t>(map.covariance().size()), "mode"))},
                    landmarks.frame(),
                    legend);
   run_layer.Draw(landmarks.frame(), &svg);

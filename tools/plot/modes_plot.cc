@@ -265,17 +265,18 @@ std::string ModesPlot::Draw() const {
       },
       "moves of the chain, the wider the more often");
   legend.Note(fmt::format("absent: {}", PercentText(group_.probabilities(0))));
-  Svg svg = StartMapPage(
-      {.title = fmt::format("{} · {} · version {}",
-                            Svg::Shortened(group_.signature.text(), 18.0, 400.0, true),
-                            map_.area(),
-                            map_.version().value()),
-       .subtitle = fmt::format(
-           "probabilities at {} UTC · {} modes", FormatUtc(map_.stamp()), group_.modes.size()),
-       .below = PanelsHeight() + TableHeight(),
-       .least_width = LeastWidth()},
-      layer_.frame(),
-      legend);
+  Svg svg =
+      StartMapPage({.title = fmt::format("{} · {} · version {}",
+                                         Svg::Shortened(group_.signature.text(), 18.0, 400.0, true),
+                                         map_.area(),
+                                         map_.version().value()),
+                    .subtitle = fmt::format("probabilities at {} UTC · {}",
+                                            FormatUtc(map_.stamp()),
+                                            CountText(group_.modes.size(), "mode")),
+                    .below = PanelsHeight() + TableHeight(),
+                    .least_width = LeastWidth()},
+                   layer_.frame(),
+                   legend);
   LabelPlacer placer = layer_.MakePlacer();
   DrawRates(&placer, &svg);
   layer_.Draw(1.0, &svg);

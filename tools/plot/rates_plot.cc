@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "tools/plot/chart_frame.h"
+#include "tools/plot/landmark_layer.h"
 #include "tools/plot/legend.h"
 #include "tools/plot/palette.h"
 
@@ -149,14 +150,19 @@ std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
       },
       "of the map, with the 95 % interval that its visits leave");
   legend.Note("Landmarks share a prior: one with few visits gets the rate that is usual here.");
-  if (!named) legend.Note(fmt::format("{} landmarks, too many for names", rates.size()));
+  if (!named) {
+    legend.Note(
+        fmt::format("Rows are landmarks by their rate; {} are too many for names.", rates.size()));
+  }
   const double column = x.pixel_max + (named ? kVisits : 0.0) + 22.0;
   const double width = column + Legend::kWidth + kEdge;
   Svg svg(width, kTop + std::max(height, legend.height()) + kBottom);
   std::int64_t visits = 0;
   for (const auto& [signature, rate] : rates) visits += rate.visits;
   DrawTitles(fmt::format("{} · version {} · leave rates", map.area(), map.version().value()),
-             fmt::format("{} landmarks · {} visits", rates.size(), visits),
+             fmt::format("{} · {}",
+                         CountText(rates.size(), "landmark"),
+                         CountText(static_cast<std::size_t>(visits), "visit")),
              kEdge,
              width - 2.0 * kEdge,
              &svg);

@@ -155,8 +155,8 @@ StatusOr<std::string> PlotTrajectories(const MapSnapshot& map,
   const MapFrame& frame = landmarks.frame();
   Svg svg = StartMapPage(
       {.title = fmt::format("{} · version {} · trajectories", map.area(), map.version().value()),
-       .subtitle = fmt::format("{} landmarks · trajectories: {}{}",
-                               map.groups().size(),
+       .subtitle = fmt::format("{} · trajectories: {}{}",
+                               CountText(map.groups().size(), "landmark"),
                                estimates.size(),
                                truth ? ", and the truth" : ""),
        .below = errors.empty() ? 0.0 : kChartTop + kChartHeight + kChartBottom},

@@ -2,7 +2,7 @@
 //
 // The difference of two maps: modes are the same if signature and number are (mapstore/map/map_diff.h).
 import type {LandmarkMap, Mode} from './data';
-import {toX, toY, type Context, type Frame, type Theme} from './layers';
+import {toX, toY, type Context, type Frame, type LabelPlacer, type Theme} from './layers';
 
 export interface ModeChange {
   signature: number;
@@ -70,7 +70,8 @@ export function compareMaps(from: LandmarkMap, to: LandmarkMap): MapChanges {
 }
 
 /** Rings, and an arrow for what moved; shapes differ, not only colours. */
-export function drawChanges(context: Context, frame: Frame, theme: Theme, changes: MapChanges): void {
+export function drawChanges(
+    context: Context, frame: Frame, theme: Theme, labels: LabelPlacer, changes: MapChanges): void {
   context.lineWidth = 2.25;
   const ring = (mode: Mode, color: string, sign: string) => {
     const [x, y] = [toX(frame, mode.x), toY(frame, mode.y)];
@@ -82,7 +83,9 @@ export function drawChanges(context: Context, frame: Frame, theme: Theme, change
     context.font = '700 14px system-ui, sans-serif';
     context.textAlign = 'center';
     context.textBaseline = 'middle';
-    context.fillText(sign, x + 15, y - 9);
+    context.fillText(sign, x, y - 16);
+    labels.reserve(x - 9, y - 9, 18, 18);
+    labels.reserve(x - 5, y - 22, 10, 12);
   };
   for (const change of changes.fresh) ring(change.to!, theme.fresh, '+');
   context.setLineDash([3, 3]);

@@ -34,8 +34,8 @@ export class ComparePanel {
   get toMap(): LandmarkMap { return this.maps.get(Number(this.to.value))!; }
 
   /** Over each of the two maps. */
-  readonly overlay: Overlay = (context, frame, theme) =>
-    drawChanges(context, frame, theme, this.changes);
+  readonly overlay: Overlay = (context, frame, theme, labels) =>
+    drawChanges(context, frame, theme, labels, this.changes);
 
   update(): void {
     this.changes = compareMaps(this.fromMap, this.toMap);

@@ -99,7 +99,7 @@ export class LandmarkPanel {
     });
     return element(
         'div', {class: 'scroll'},
-        table(['Mode', 'Probability', '', 'x, y / m', `${relative ? 'relative' : 'map'} 1σ / cm`], rows, `Modes of ${group.name}`));
+        table(['Mode', 'Probability', '', 'x, y / m', `${relative ? 'rel.' : 'map'} 1σ / cm`], rows, `Modes of ${group.name}`));
   }
 
   private visitTable(visits: Visit[]): HTMLElement {

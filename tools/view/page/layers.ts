@@ -100,6 +100,15 @@ export function drawRulers(context: Context, frame: Frame, theme: Theme): void {
   drawAxes(context, frame, theme);
 }
 
+/** Keeps labels clear of what drawRulers draws. */
+export function reserveRulers(frame: Frame, labels: LabelPlacer): void {
+  labels.reserve(0, 0, 44, frame.height);
+  labels.reserve(0, frame.height - 18, frame.width, 18);
+  labels.reserve(50, frame.height - 66, 80, 48);
+  const scale = niceStep(70 / frame.k) * frame.k;
+  labels.reserve(frame.width - 20 - scale, frame.height - 48, scale + 20, 30);
+}
+
 function drawScale(context: Context, frame: Frame, theme: Theme): void {
   const length = niceStep(70 / frame.k);
   const x = frame.width - 14 - length * frame.k;
@@ -323,10 +332,13 @@ export interface Label {
   x: number;
   y: number;
   text: string;
+  /** From the mark to the text. [px] */
+  gap: number;
+  /** Bold, and drawn whatever it covers: above or below its place if there is room. */
   strong?: boolean;
 }
 
-/** Labels beside their marks, in order, each unless it would cover one before it. */
+/** Labels beside their marks, in order, each unless it would cover what has its place before. */
 export class LabelPlacer {
   private static readonly widths = new Map<string, number>();
   private readonly cells = new Set<number>();
@@ -335,19 +347,30 @@ export class LabelPlacer {
     context.font = label.strong ? `600 ${FONT}` : FONT;
     const text = label.text.length > 28 ? `${label.text.slice(0, 27)}…` : label.text;
     const width = this.widthOf(context, text);
-    for (const left of [label.x + 9, label.x - 9 - width]) {
-      if (!this.take(left, label.y - 8, width, label.strong === true)) continue;
-      context.textAlign = 'left';
-      context.textBaseline = 'middle';
-      context.lineWidth = 3;
-      context.lineJoin = 'round';
-      context.strokeStyle = theme.ground;
-      context.strokeText(text, left, label.y);
-      context.fillStyle = theme.ink;
-      context.fillText(text, left, label.y);
-      return true;
-    }
-    return false;
+    const places = (label.strong ? [0, 17, -17, 34, -34] : [0]).flatMap((down) =>
+        [label.x + label.gap, label.x - label.gap - width].map((left) => [left, label.y + down] as const));
+    const place = places.find(([x, y]) => this.isFree(x, y - 8, width, 15)) ?? (label.strong && places[0]);
+    if (!place) return false;
+    const [left, y] = place;
+    this.reserve(left, y - 8, width, 15);
+    context.textAlign = 'left';
+    context.textBaseline = 'middle';
+    context.lineWidth = 3;
+    context.lineJoin = 'round';
+    context.strokeStyle = theme.ground;
+    context.strokeText(text, left, y);
+    context.fillStyle = theme.ink;
+    context.fillText(text, left, y);
+    return true;
+  }
+
+  /** Keeps labels out of a rectangle. */
+  reserve(x: number, y: number, width: number, height: number): void {
+    for (const cell of this.cellsOf(x, y, width, height)) this.cells.add(cell);
+  }
+
+  private isFree(x: number, y: number, width: number, height: number): boolean {
+    return this.cellsOf(x, y, width, height).every((cell) => !this.cells.has(cell));
   }
 
   private widthOf(context: Context, text: string): number {
@@ -362,16 +385,13 @@ export class LabelPlacer {
   }
 
   // The page is cut into cells of 8 by 8 pixels.
-  private take(x: number, y: number, width: number, always: boolean): boolean {
+  private cellsOf(x: number, y: number, width: number, height: number): number[] {
     const cells: number[] = [];
-    for (let row = Math.floor(y / 8); row <= Math.floor((y + 15) / 8); ++row) {
+    for (let row = Math.floor(y / 8); row <= Math.floor((y + height) / 8); ++row) {
       for (let column = Math.floor(x / 8); column <= Math.floor((x + width) / 8); ++column) {
-        const cell = (row + 512) * 4096 + column + 512;
-        if (this.cells.has(cell) && !always) return false;
-        cells.push(cell);
+        cells.push((row + 512) * 4096 + column + 512);
       }
     }
-    for (const cell of cells) this.cells.add(cell);
-    return true;
+    return cells;
   }
 }

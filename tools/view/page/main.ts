@@ -247,6 +247,7 @@ class Page {
     left.onMove = (transform) => right.follow(transform);
     right.onMove = (transform) => left.follow(transform);
     left.overlay = right.overlay = this.compare.overlay;
+    left.ringed = right.ringed = true;
     for (const [view, id] of [[left, 'map-caption'], [right, 'map-2-caption']] as const) {
       byId(id).textContent = `Version ${view.map.version}, as built ${timeText(view.map.stamp).slice(0, 16)}`;
     }

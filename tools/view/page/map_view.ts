@@ -4,7 +4,7 @@ import {select, type Selection} from 'd3-selection';
 import {zoom, zoomIdentity, zoomTransform, type ZoomBehavior, type ZoomTransform} from 'd3-zoom';
 import type {Group, LandmarkMap, Run} from './data';
 import {
-  drawAnonymous, drawGrid, drawLinks, drawRulers, drawRuns, LabelPlacer, ModeMarks, toX, toY,
+  drawAnonymous, drawGrid, drawLinks, drawRulers, drawRuns, LabelPlacer, ModeMarks, reserveRulers, toX, toY,
   type Context, type Frame, type Theme,
 } from './layers';
 import {modeName, percent} from './markup';
@@ -17,8 +17,12 @@ export interface ViewSettings {
   labels: boolean;
 }
 
-/** More that is drawn over the marks, e.g. differences or a vehicle. */
-export type Overlay = (context: Context, frame: Frame, theme: Theme) => void;
+/** More that is drawn over the marks, e.g. differences or a vehicle, and what labels are to keep clear of. */
+export type Overlay = (context: Context, frame: Frame, theme: Theme, labels: LabelPlacer) => void;
+
+/** From a mark to its label, past the ring of a change. [px] */
+const LABEL_GAP = 9;
+const LABEL_GAP_OF_RINGS = 20;
 
 /** Where more modes than this are in view, nobody could tell whose a label is. */
 const MOST_LABELLED = 400;
@@ -45,6 +49,8 @@ export class MapView {
   selected: Group | null = null;
   overlay: Overlay | null = null;
   runs: Run[] = [];
+  /** Whether the overlay draws rings around marks. */
+  ringed = false;
   time = 0;
   onPick: (group: Group | null) => void = () => {};
   onMove: (transform: ZoomTransform) => void = () => {};
@@ -184,8 +190,9 @@ export class MapView {
     drawAnonymous(context, frame, theme, this.map.anonymous);
     this.marks.draw(context, frame, theme, this.settings.sigmas);
     if (this.selected) this.drawSelected(this.selected, frame);
-    this.overlay?.(context, frame, theme);
     const labels = new LabelPlacer();
+    reserveRulers(frame, labels);
+    this.overlay?.(context, frame, theme, labels);
     if (this.selected) this.labelSelected(this.selected, frame, labels);
     const crowded = this.marks.countVisible(frame) > MOST_LABELLED;
     if (this.settings.labels && !crowded) this.drawLabels(frame, labels);
@@ -208,7 +215,7 @@ export class MapView {
     const p = this.probabilities(group.index);
     group.modes.forEach((mode, i) => {
       labels.draw(this.context, this.theme, {
-        x: toX(frame, mode.x) + 3, y: toY(frame, mode.y), strong: true,
+        x: toX(frame, mode.x), y: toY(frame, mode.y), gap: LABEL_GAP + 3, strong: true,
         text: `${group.name} ${modeName(mode.number)}: ${percent(p[i + 1] ?? 0)}`,
       });
     });
@@ -216,12 +223,13 @@ export class MapView {
 
   // Of the landmarks in view, at their most probable position.
   private drawLabels(frame: Frame, labels: LabelPlacer): void {
+    const gap = this.ringed ? LABEL_GAP_OF_RINGS : LABEL_GAP;
     for (const group of this.map.groups) {
       const mode = group.modes[Math.max(0, this.mostProbable(group))];
       if (group === this.selected || !mode) continue;
       const [x, y] = [toX(frame, mode.x), toY(frame, mode.y)];
       if (x < 0 || y < 0 || x > frame.width || y > frame.height) continue;
-      labels.draw(this.context, this.theme, {x, y, text: group.name});
+      labels.draw(this.context, this.theme, {x, y, gap, text: group.name});
     }
   }
 }

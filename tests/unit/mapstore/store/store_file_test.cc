@@ -239,6 +239,14 @@ TEST_F(StoreFileTest, ReadOnlyFolderAndFileAreReadButNotWritten) {
   ASSERT_EQ(chmod(dir_.path().c_str(), 0755), 0);
 }
 
+TEST_F(StoreFileTest, AFileThatMayNotBeReadSaysSo) {
+  MakeStore();
+  ASSERT_EQ(chmod(path_.c_str(), 0), 0);
+  const WithoutPrivilege unprivileged;
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
+              StatusIs(StatusCode::kUnavailable, "cannot be read: Permission denied"));
+}
+
 TEST_F(StoreFileTest, WhetherAStoreCanBeWrittenIsKnownBefore) {
   const std::string missing = dir_.File("missing.db");
   EXPECT_THAT(MapStore::CheckWritable(missing), IsOk());

@@ -223,6 +223,11 @@ TEST_F(ExportCommand, ADryRunWritesNothing) {
   }
 }
 
+TEST_F(ExportCommand, StandardOutputIsNoFile) {
+  EXPECT_EQ(Export(store_, {"--csv", "--output", "-"}), 2);
+  EXPECT_FALSE(std::filesystem::exists("-"));
+}
+
 TEST_F(ExportCommand, AMapFileThatIsWrongIsRefusedWithThePlace) {
   const std::string file = dir_.File("map.geojson");
   ASSERT_EQ(Export(store_, {"--geojson", "--output", file}), 0);

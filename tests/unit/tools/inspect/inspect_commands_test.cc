@@ -156,6 +156,22 @@ TEST_F(InspectCommands, AtATimeTheChainsAreRunToIt) {
   }
 }
 
+TEST_F(InspectCommands, ATimeBeforeTheVersionIsAnsweredWithAWarning) {
+  const double stamp = ToSecondsSinceEpoch(content_.stamp);
+  const std::string signature = content_.groups[0].signature.text();
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"show"}, {"modes"}, {"history", signature}}) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), {"--at", fmt::format("{:.3f}", stamp - 3600.0)});
+    const Outcome earlier = Run(arguments);
+    ASSERT_EQ(earlier.code, 0) << earlier.err;
+    EXPECT_THAT(earlier.err, HasSubstr("the version tells of no time before 2023-11-14 22:13:20"));
+    // As precise as `show --json` prints it, which is no earlier time.
+    arguments.back() = fmt::format("{:.6f}", stamp);
+    EXPECT_EQ(Run(arguments).err, "");
+  }
+}
+
 TEST_F(InspectCommands, WithoutATimeTheyAreRunToNow) {
   const double before_s = ToSecondsSinceEpoch(SystemNow());
   const Json map = Run({"show", "--json"}).json();

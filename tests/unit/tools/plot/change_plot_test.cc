@@ -88,6 +88,21 @@ TEST(MapChanges, AreFoundOncePerKind) {
   EXPECT_EQ(changes.changes.front().detail, "m1 to m2, 95 %");
 }
 
+// A landmark that stands at a mode that is new has one label.
+TEST(MapChanges, AMoveToANewModeSaysSo) {
+  MapContent after = After();
+  for (LandmarkGroup& group : after.groups) {
+    if (group.signature == Signature("L3")) {
+      group.probabilities = Eigen::Vector4d(0.02, 0.02, 0.01, 0.95);
+    }
+  }
+  std::vector<std::string> details;
+  for (const MapChange& change : FindChanges(Before(), after).changes) {
+    if (change.signature == Signature("L3")) details.push_back(change.detail);
+  }
+  EXPECT_EQ(details, (std::vector<std::string>{"m1 to new m3, 95 %", ""}));
+}
+
 TEST(MapChanges, WhatLeftComesBackTheOtherWay) {
   const MapChanges changes = FindChanges(After(), Before());
   EXPECT_EQ(CountOf(changes, ChangeKind::kCameBack), 1);

@@ -64,6 +64,19 @@ class MapDocumentTest : public ::testing::Test {
     ASSERT_THAT(store_.Return(report), IsOk());
   }
 
+  // Moves the map by (700, -40) m.
+  MapEdit Control() const {
+    const LandmarkGroup& group = content_.groups[0];
+    MapEdit control;
+    control.kind = EditKind::kControl;
+    control.author = control.reason = "test";
+    control.signature = group.signature;
+    control.mode = group.modes[0].number;
+    control.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(700.0, -40.0);
+    control.sd_m = 0.02;
+    return control;
+  }
+
   std::mt19937_64 random_{testing::TestSeed(3)};
   testing::TempDir dir_;
   Stamp clock_ = SystemNow();
@@ -105,14 +118,7 @@ TEST_F(MapDocumentTest, HasEveryModeToATenthOfAMillimetre) {
 // The ellipses of pictures, of each version in the frame of the one that is shown.
 TEST_F(MapDocumentTest, HasTheFreeNetworkOfEachVersion) {
   ASSERT_NO_FATAL_FAILURE(Commit({.groups = 12, .cross_block_share = 0.9}, 1));
-  const LandmarkGroup& group = content_.groups[0];
-  MapEdit control;
-  control.kind = EditKind::kControl;
-  control.author = control.reason = "test";
-  control.signature = group.signature;
-  control.mode = group.modes[0].number;
-  control.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(700.0, -40.0);
-  control.sd_m = 0.02;
+  const MapEdit control = Control();
   ASSERT_THAT(store_.Edit("hall", control), IsOk());
   const auto document = MapDocument("hall", {}, &store_);
   ASSERT_THAT(document, IsOk());
@@ -197,14 +203,7 @@ TEST_F(MapDocumentTest, OfTenThousandModesWithALongPastIsBelowFiveMegabytes) {
 // A control point moves the map: what earlier versions hold is drawn where the map is now.
 TEST_F(MapDocumentTest, EarlierRunsAndVersionsAreInTheFrameOfTheOneThatIsShown) {
   ASSERT_NO_FATAL_FAILURE(Commit({.groups = 5}, 2));
-  const LandmarkGroup& group = content_.groups[0];
-  MapEdit control;
-  control.kind = EditKind::kControl;
-  control.author = control.reason = "test";
-  control.signature = group.signature;
-  control.mode = group.modes[0].number;
-  control.p_map_landmark = group.modes[0].p_map_landmark + Eigen::Vector2d(700.0, -40.0);
-  control.sd_m = 0.02;
+  const MapEdit control = Control();
   ASSERT_THAT(store_.Edit("hall", control), IsOk());
   MapEdit rename = control;
   rename.kind = EditKind::kRename;
