@@ -32,8 +32,9 @@ export function timeText(seconds: number): string {
 export function dayText(seconds: number): string { return timeText(seconds).slice(0, 10); }
 
 export function percent(p: number): string {
-  if (p > 0 && p < 0.001) return '< 0.1 %';
-  if (p < 1 && p > 0.999) return '> 99.9 %';
+  // Tracks are rounded to 1/10000: neither 0 nor 1 is certain.
+  if (p < 0.001) return '< 0.1 %';
+  if (p > 0.999) return '> 99.9 %';
   return `${(100 * p).toFixed(1)} %`;
 }
 
