@@ -9,6 +9,7 @@
 #include "localizer/initialization/start_pose.h"
 #include "localizer/localizer.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/python/python_values.h"
 
 namespace shiftmap::python {
@@ -42,6 +43,13 @@ void BindRunLogInfo(py::class_<RunLog>* log_class) {
       .def_property_readonly("uuid", [](const RunLog& log) { return Text(log.run.info.uuid); })
       .def_property_readonly("area", [](const RunLog& log) { return Text(log.run.info.area); })
       .def_property_readonly("sha256", [](const RunLog& log) { return log.sha256; })
+      .def("__repr__",
+           [](const RunLog& log) {
+             return Text(fmt::format("<RunLog vehicle='{}' scans={} observations={}>",
+                                     InertLine(log.run.info.vehicle),
+                                     log.run.scans.size(),
+                                     Rows(log.run).size()));
+           })
       .def_property_readonly(
           "truncation",
           [](const RunLog& log) { return Text(log.truncation); },
@@ -290,6 +298,10 @@ void BindRuns(py::module_* module) {
   BindRunLogInfo(&log_class);
   BindRunLogArrays(&log_class);
   py::class_<Replay> replay_class(*module, "Replay", "What a localizer said on a map about a log.");
+  replay_class.def("__repr__", [](const Replay& replay) {
+    return fmt::format(
+        "<Replay poses={} innovations={}>", replay.estimates.size(), replay.innovations.size());
+  });
   BindReplayArrays(&replay_class);
   BindReplayColumns(&replay_class);
   module->def("replay",

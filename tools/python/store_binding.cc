@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/map_store.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/python/python_values.h"
@@ -112,6 +113,13 @@ void BindHistory(py::module_* module) {
                     &LandmarkHistory::in_version,
                     "The version has the landmark; if not, no visit counts.")
       .def_readonly("leave_rate_per_s", &LandmarkHistory::leave_rate_per_s)
+      .def("__repr__",
+           [](const LandmarkHistory& history) {
+             return Text(fmt::format("<History signature='{}' version={} visits={}>",
+                                     InertLine(history.signature.text()),
+                                     history.version.value(),
+                                     history.visits.size()));
+           })
       .def_property_readonly(
           "modes",
           [](const LandmarkHistory& history) {

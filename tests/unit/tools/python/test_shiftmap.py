@@ -89,6 +89,17 @@ class Package(unittest.TestCase):
         self.assertEqual(floor.content_hash, shown["content_hash"])
         self.assertEqual((floor.area, floor.version), ("floor", 1))
 
+    def test_what_a_shell_prints_of_an_object_says_what_it_holds(self):
+        log = shiftmap.read_run_log(str(self.log))
+        self.assertEqual(repr(log), f"<RunLog vehicle='{log.vehicle}' scans={len(log.scans_ns)} "
+                                    f"observations={len(log.observations_ns)}>")
+        shift = shiftmap.replay(self.store.load("floor"), str(self.log))
+        self.assertEqual(repr(shift), f"<Replay poses={len(shift.poses)} "
+                                      f"innovations={len(shift.innovations['nis'])}>")
+        history = self.store.history("floor", "L01")
+        self.assertEqual(repr(history), "<History signature='L01' version=1 "
+                                        f"visits={len(history.visits['begin_ns'])}>")
+
     def test_the_joint_covariance_has_the_marginals_on_its_diagonal(self):
         floor = self.store.load("floor")
         joint = floor.joint_covariance()
