@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <utility>
@@ -13,6 +14,7 @@
 #include "mapper/cli/area_build.h"
 #include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/candidate.h"
+#include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/since_published.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/map/sha256.h"
@@ -49,6 +51,9 @@ class Area {
                                      const std::vector<LogHead>& given) const;
   Status Hold(const LogHead& log, const std::string& reason);
   StatusOr<bool> HoldSuspects(const Judgement& judgement, std::vector<LogHead>* given);
+  StatusOr<bool> BuildWithout(const std::function<bool(const LogHead&)>& blames,
+                              const Judgement& judgement,
+                              const std::vector<LogHead>& given);
   StatusOr<bool> BuildWithoutWorst(const Judgement& judgement, const std::vector<LogHead>& given);
   Status WriteHolds();
   Status NoteWaiting();
@@ -102,15 +107,19 @@ Status Area::HoldOut() {
 StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
                                          const std::vector<LogHead>& given) const {
   std::optional<MapStore> store;
+  JudgedLogs logs{given, held_out_, logs_.mapped};
   if (candidate.version.parent) {
     SHIFTMAP_ASSIGN_OR_RETURN(store, Open(MapStore::Access::kReadOnly));
+    SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &*store));
+    logs.refused = static_cast<int>(since.refused.size());
+    SHIFTMAP_ASSIGN_OR_RETURN(logs.refused_until, RefusedUntil(since, night_.area, &*store));
   }
   return Judge(
       night_.area,
       candidate.version,
-      {given, held_out_, logs_.mapped},
+      logs,
       options_.judge,
-      [this](const std::vector<LogHead>& logs) { return candidates_.BuildFold(logs); },
+      [this](const std::vector<LogHead>& some) { return candidates_.BuildFold(some); },
       store ? &*store : nullptr,
       CheckStopped);
 }
@@ -165,24 +174,15 @@ StatusOr<bool> Area::HoldSuspects(const Judgement& judgement, std::vector<LogHea
   return any;
 }
 
-// The vehicle whose runs fit the old map worst is to blame if the map without them is not worse.
-// Whether it was, and that map is published.
-StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
-                                       const std::vector<LogHead>& given) {
-  std::string worst;
-  double most = -1.0;
-  for (const JudgedShift& shift : judgement.shifts) {
-    if (!shift.in_build || !shift.before) continue;
-    const double misfit =
-        std::log(std::max(1.0, shift.before->nis_per_dof())) + shift.before->doubt_share();
-    if (misfit <= most) continue;
-    most = misfit;
-    worst = shift.vehicle;
-  }
+// Whether the map without some of the runs is not worse. It is published then, and these runs are
+// held.
+StatusOr<bool> Area::BuildWithout(const std::function<bool(const LogHead&)>& blames,
+                                  const Judgement& judgement,
+                                  const std::vector<LogHead>& given) {
   std::vector<LogHead> without = given;
   std::vector<LogHead> blamed;
   std::erase_if(without, [&](const LogHead& log) {
-    if (log.info.vehicle != worst) return false;
+    if (!blames(log)) return false;
     blamed.push_back(log);
     return true;
   });
@@ -199,6 +199,31 @@ StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
   night_.judgement = std::move(again);
   SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
   return true;
+}
+
+// Of a map that is worse the vehicle may be to blame whose runs fit the old map worst, or else the
+// runs that made it worse in earlier nights.
+StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
+                                       const std::vector<LogHead>& given) {
+  std::string worst;
+  double most = -1.0;
+  for (const JudgedShift& shift : judgement.shifts) {
+    if (!shift.in_build || !shift.before) continue;
+    const double misfit =
+        std::log(std::max(1.0, shift.before->nis_per_dof())) + shift.before->doubt_share();
+    if (misfit <= most) continue;
+    most = misfit;
+    worst = shift.vehicle;
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const bool done,
+      BuildWithout(
+          [&](const LogHead& log) { return log.info.vehicle == worst; }, judgement, given));
+  if (done || !HasStore(options_)) return done;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Stamp until, RefusedUntil(since, night_.area, &store));
+  return BuildWithout([&](const LogHead& log) { return log.begin <= until; }, judgement, given);
 }
 
 void Area::Say(const std::string& line) {
@@ -308,7 +333,7 @@ StatusOr<Area::Step> Area::Build() {
   if (candidate->version.number) {
     SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since,
                               ReadSincePublished(night_.area, options_.build.store, context_));
-    if (since.refused.contains(std::to_string(candidate->version.number->value()))) {
+    if (since.refused.contains(*candidate->version.number)) {
       Take(*candidate);
       return Step::kDone;
     }
@@ -337,6 +362,9 @@ StatusOr<AreaNight> Area::Run() {
     if (*step == Step::kDone) break;
   }
   SHIFTMAP_RETURN_IF_ERROR(NoteWaiting());
+  if (HasStore(options_) && !context_.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(CompactRefused(night_.area, options_.build.store, context_));
+  }
   return night_;
 }
 
@@ -351,15 +379,15 @@ StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
                             ReadSincePublished(area, options.build.store, context));
   night.refused_in_a_row = static_cast<int>(since.refused.size());
   if (night.version && !night.published) {
-    const auto refused = since.refused.find(std::to_string(night.version->value()));
+    const auto refused = since.refused.find(*night.version);
     if (refused != since.refused.end()) {
       night.reasons.insert(
           night.reasons.begin(),
           fmt::format("version {} is not published: {}; to take it all the same: shiftmap-inspect "
                       "publish {}",
-                      refused->first,
+                      refused->first.value(),
                       refused->second,
-                      refused->first));
+                      refused->first.value()));
     }
   }
   if (night.alarm()) {

@@ -63,20 +63,19 @@ void CountChanges(const MapContent& before, const MapContent& after, Judgement* 
   }
 }
 
-// By how much the new map is worse for each shift. One-sided; what a run that made the map gains on
-// it is no proof, and what it loses counts in folds too.
+// By how much the new map is worse for each shift. One-sided: what a run that made the map gains on
+// it is no proof, unless it gains on a map that is built without it.
 std::vector<double> Differences(const Judgement& judgement,
                                 const std::function<double(const ShiftScore&)>& of) {
-  const bool folds = judgement.judged_by == JudgedBy::kFolds;
-  std::map<std::string, double> own;
+  std::map<std::string, double> least;  // Of the build's runs, that count at least.
+  for (const JudgedShift& shift : judgement.shifts) {
+    if (shift.before && shift.fold > 0) least[shift.run] = of(shift.after) - of(*shift.before);
+  }
   std::vector<double> differences;
   for (const JudgedShift& shift : judgement.shifts) {
-    if (!shift.before) continue;
+    if (!shift.before || shift.fold > 0) continue;
     const double d = of(shift.after) - of(*shift.before);
-    if (shift.in_build) own[shift.run] = d;
-    if (!folds) differences.push_back(shift.in_build ? std::max(0.0, d) : d);
-    // The build's own shifts come first.
-    if (folds && shift.fold > 0) differences.push_back(std::max(d, own[shift.run]));
+    differences.push_back(shift.in_build ? std::max(least[shift.run], d) : d);
   }
   return differences;
 }
@@ -232,11 +231,35 @@ class Replays {
   const std::function<Status()>& go_on_;
 };
 
-// The logs that the version was built from, the newest first.
-std::vector<LogHead> Used(const JudgedVersion& version, const JudgedLogs& logs, std::size_t count) {
+std::vector<LogHead> Used(const JudgedVersion& version, const JudgedLogs& logs) {
   std::vector<LogHead> used = logs.built;
   std::erase_if(used, [&](const LogHead& log) { return !version.Has(log); });
-  return Newest(std::move(used), count);
+  return used;
+}
+
+// Of new logs those that judged no refused version; all if none is left.
+std::vector<LogHead> Unspent(std::vector<LogHead> fresh, const JudgedLogs& logs) {
+  std::vector<LogHead> unspent = fresh;
+  std::erase_if(unspent, [&](const LogHead& log) { return log.begin <= logs.refused_until; });
+  return unspent.empty() ? fresh : unspent;
+}
+
+// The build's shifts that judge it.
+std::vector<LogHead> OwnJudges(const JudgedVersion& version,
+                               const JudgedLogs& logs,
+                               std::size_t max_shifts) {
+  return Newest(Unspent(Used(version, logs), logs), max_shifts);
+}
+
+// The mapped shifts that judge, after those that judged refused versions.
+std::vector<LogHead> MappedJudges(const JudgedLogs& logs,
+                                  std::size_t max_shifts,
+                                  std::size_t count) {
+  const std::size_t spent =
+      std::min(static_cast<std::size_t>(logs.refused) * max_shifts, logs.mapped.size());
+  std::vector<LogHead> judges = Newest(logs.mapped, spent + count);
+  judges.erase(judges.begin(), judges.begin() + static_cast<std::ptrdiff_t>(spent));
+  return judges;
 }
 
 Status ReplayAll(const JudgedVersion& version,
@@ -245,14 +268,15 @@ Status ReplayAll(const JudgedVersion& version,
                  const Replays& replays,
                  Judgement* judgement) {
   // All that the build took are looked at; half of the others at least come from older days.
-  for (const LogHead& log : Used(version, logs, max_shifts)) {
+  for (const LogHead& log : OwnJudges(version, logs, max_shifts)) {
     SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, true, 0, &judgement->shifts));
   }
-  const std::vector<LogHead> unseen = Newest(logs.held_out, max_shifts / 2 + 1);
+  const std::vector<LogHead> unseen = Newest(Unspent(logs.held_out, logs), max_shifts / 2 + 1);
   for (const LogHead& log : unseen) {
     SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, false, 0, &judgement->shifts));
   }
-  for (const LogHead& log : Newest(logs.mapped, max_shifts - std::min(max_shifts, unseen.size()))) {
+  const std::size_t left = max_shifts - std::min(max_shifts, unseen.size());
+  for (const LogHead& log : MappedJudges(logs, max_shifts, left)) {
     SHIFTMAP_RETURN_IF_ERROR(replays.Add(log, version, false, 0, &judgement->shifts));
   }
   return OkStatus();
@@ -265,21 +289,25 @@ Status ReplayFolds(const JudgedVersion& version,
                    const FoldBuilder& build,
                    const Replays& replays,
                    Judgement* judgement) {
-  const std::vector<LogHead> used = Used(version, logs, logs.built.size());
+  const std::vector<LogHead> judges =
+      OwnJudges(version, logs, static_cast<std::size_t>(options.max_shifts));
   const std::size_t folds =
-      std::min(static_cast<std::size_t>(std::max(0, options.max_folds)), used.size());
-  if (folds < 2) return OkStatus();
-  std::size_t left = static_cast<std::size_t>(options.max_shifts);
+      std::min(static_cast<std::size_t>(std::max(0, options.max_folds)), judges.size());
+  if (options.max_folds < 2) return OkStatus();
   for (std::size_t fold = 0; fold < folds; ++fold) {
-    std::vector<LogHead> without;
-    for (std::size_t i = 0; i < used.size(); ++i) {
-      if (i % folds != fold) without.push_back(used[i]);
-    }
+    std::vector<LogHead> part;
+    for (std::size_t i = fold; i < judges.size(); i += folds) part.push_back(judges[i]);
+    std::vector<LogHead> without = Used(version, logs);
+    std::erase_if(without, [&](const LogHead& log) {
+      return std::any_of(
+          part.begin(), part.end(), [&](const LogHead& of) { return of.path == log.path; });
+    });
+    if (without.empty()) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<JudgedVersion> map, build(without));
     if (!map) continue;
-    for (std::size_t i = fold; i < used.size() && left > 0; i += folds, --left) {
+    for (const LogHead& log : part) {
       SHIFTMAP_RETURN_IF_ERROR(
-          replays.Add(used[i], *map, false, static_cast<int>(fold) + 1, &judgement->shifts));
+          replays.Add(log, *map, false, static_cast<int>(fold) + 1, &judgement->shifts));
     }
   }
   return OkStatus();
@@ -292,8 +320,11 @@ bool AnyShift(const Judgement& judgement, bool in_build, bool in_fold) {
 }
 
 JudgedBy BasisOf(const Judgement& judgement) {
-  if (AnyShift(judgement, false, false)) return JudgedBy::kShifts;
-  if (AnyShift(judgement, false, true)) return JudgedBy::kFolds;
+  const bool folds = AnyShift(judgement, false, true);
+  if (AnyShift(judgement, false, false)) {
+    return folds ? JudgedBy::kShiftsAndFolds : JudgedBy::kShifts;
+  }
+  if (folds) return JudgedBy::kFolds;
   return AnyShift(judgement, true, false) ? JudgedBy::kOwnShifts : JudgedBy::kNothing;
 }
 
@@ -322,7 +353,8 @@ StatusOr<Judgement> Judge(const std::string& area,
       ReplayAll(version, logs, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
   FindSuspects(options, &judgement);
   // One that is built again anyway needs no other judge.
-  if (before && judgement.suspects.empty() && !AnyShift(judgement, false, false)) {
+  const bool alone = !AnyShift(judgement, false, false) || logs.refused > 0;
+  if (before && judgement.suspects.empty() && alone) {
     SHIFTMAP_RETURN_IF_ERROR(ReplayFolds(version, logs, options, build, replays, &judgement));
   }
   judgement.judged_by = BasisOf(judgement);

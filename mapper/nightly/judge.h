@@ -58,9 +58,10 @@ struct JudgedShift {
 
 /// What the tests of a judgement rest on.
 enum class JudgedBy {
-  kNothing,    ///< There is no map before, or no shift.
-  kShifts,     ///< Shifts that the build did not take, beside its own.
-  kFolds,      ///< The build's shifts, each on a map that was built without it.
+  kNothing,  ///< There is no map before, or no shift.
+  kShifts,   ///< Shifts that the build did not take, beside its own.
+  kFolds,    ///< The build's shifts, each on a map that was built without it.
+  kShiftsAndFolds,
   kOwnShifts,  ///< The build's shifts alone.
 };
 
@@ -103,6 +104,11 @@ struct JudgedLogs {
   std::vector<LogHead> built;     ///< Given to the build.
   std::vector<LogHead> held_out;  ///< New, and kept from it for the judgement.
   std::vector<LogHead> mapped;    ///< In the map already.
+
+  /// Versions refused since the one before was published, and when the newest of their runs began:
+  /// shifts that judged them judge no other.
+  int refused = 0;
+  Stamp refused_until = Stamp::min();
 };
 
 /// Builds some logs on the map that the version was made from, and adds nothing to the store.

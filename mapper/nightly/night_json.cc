@@ -35,6 +35,8 @@ const char* Word(JudgedBy basis) {
       return "nothing";
     case JudgedBy::kShifts:
       return "shifts";
+    case JudgedBy::kShiftsAndFolds:
+      return "shifts_and_folds";
     case JudgedBy::kFolds:
       return "folds";
     case JudgedBy::kOwnShifts:

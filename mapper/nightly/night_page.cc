@@ -150,10 +150,13 @@ std::string Words(const std::string& measure) {
 // What the tests rest on, for people.
 std::string BasisWords(const std::string& judged_by) {
   if (judged_by == "shifts") return "Judged by shifts that the build did not take, beside its own.";
+  if (judged_by == "shifts_and_folds") {
+    return "Judged, after a refusal, by mapped shifts that did not judge yet, and by its own new "
+           "ones, each on a map that was built without its fold.";
+  }
   if (judged_by == "folds") {
-    return "No shift was there that the build did not take: each of its own is judged on a map "
-           "that "
-           "was built without its fold.";
+    return "No other shift could judge: each of its own is judged on a map that was built without "
+           "its fold.";
   }
   if (judged_by == "own_shifts") {
     return "Judged by the build's own shifts alone: others were not there, and no fold could be "

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "mapper/nightly/night_json.h"
+#include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/take_over.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/atomic_file.h"
@@ -211,7 +212,9 @@ Status Collect(const NightPlan& plan,
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore from, OpenStore(copy, MapStore::Access::kReadOnly, context));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore to,
                             OpenStore(plan.store, MapStore::Access::kReadWriteCreate, context));
-  return TakeOver(plan.areas[index].area, plan.areas[index].base, &from, &to);
+  const NightPlan::Area& area = plan.areas[index];
+  SHIFTMAP_RETURN_IF_ERROR(TakeOver(area.area, area.base, &from, &to));
+  return CompactRefused(area.area, plan.store, context);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/since_published.h"
 
+#include <charconv>
 #include <filesystem>
 #include <system_error>
 #include <vector>
@@ -8,6 +9,12 @@
 #include "mapstore/cli/store_access.h"
 
 namespace shiftmap {
+
+VersionNumber VersionOf(const AuditEntry& entry) {
+  VersionNumber::Value number = 0;
+  std::from_chars(entry.subject.data(), entry.subject.data() + entry.subject.size(), number);
+  return VersionNumber(number);
+}
 
 StatusOr<SincePublished> ReadSincePublished(const std::string& area, MapStore* store) {
   SincePublished since;
@@ -20,7 +27,7 @@ StatusOr<SincePublished> ReadSincePublished(const std::string& area, MapStore* s
   for (const AuditEntry& entry : audit) {
     if (entry.Is(AuditAction::kRefuse)) {
       const std::size_t blank = entry.subject.find(' ');
-      since.refused[entry.subject.substr(0, blank)] =
+      since.refused[VersionOf(entry)] =
           blank == std::string::npos ? "" : entry.subject.substr(blank + 1);
     } else if (entry.Is(AuditAction::kInclude)) {
       since.included.insert(entry.subject.substr(0, entry.subject.find(": ")));

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "mapstore/cli/context.h"
+#include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/map_store.h"
 #include "proto/core/status.h"
@@ -15,8 +16,8 @@ namespace shiftmap {
 /// What was decided of an area since its published version became that.
 struct SincePublished {
   Stamp published = Stamp::min();
-  std::map<std::string, std::string> refused;  ///< Reasons by version number.
-  std::set<std::string> included;              ///< Subjects of "include", of the whole past.
+  std::map<VersionNumber, std::string> refused;  ///< Reasons.
+  std::set<std::string> included;                ///< Subjects of "include", of the whole past.
 };
 
 /// Errors: those of the store.
@@ -26,5 +27,8 @@ StatusOr<SincePublished> ReadSincePublished(const std::string& area, MapStore* s
 StatusOr<SincePublished> ReadSincePublished(const std::string& area,
                                             const std::string& store,
                                             const Context& context);
+
+/// The version that a "publish", "rollback" or "refuse" is about.
+VersionNumber VersionOf(const AuditEntry& entry);
 
 }  // namespace shiftmap

@@ -4,13 +4,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <optional>
 #include <set>
 #include <tuple>
 #include <utility>
 #include <vector>
+
+#include "mapper/nightly/since_published.h"
 
 namespace shiftmap {
 namespace {
@@ -164,9 +165,7 @@ Status TakeEntry(const std::string& area,
     return to->Exclude(area, hold);
   }
   if (entry.Is(AuditAction::kPublish)) {
-    VersionNumber::Value number = 0;
-    std::from_chars(entry.subject.data(), entry.subject.data() + entry.subject.size(), number);
-    return to->Publish(area, VersionNumber(number), base.published);
+    return to->Publish(area, VersionOf(entry), base.published);
   }
   return OkStatus();
 }

@@ -59,6 +59,18 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
   return OkStatus();
 }
 
+// What a version says of the runs that it maps.
+Status DeleteMapped(Database& database, std::int64_t version_id) {
+  for (const char* sql : {"DELETE FROM mapped_evidence WHERE version_id = ?1",
+                          "DELETE FROM mapped_visibility WHERE version_id = ?1",
+                          "DELETE FROM ledger_summary WHERE version_id = ?1 AND report_id = 0"}) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare(sql));
+    statement.Bind(version_id);
+    SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
+  }
+  return OkStatus();
+}
+
 // Rows of visits that ended before `before` and that count for none of the versions.
 StatusOr<std::vector<LedgerKey>> FindSpentEvidence(Database& database,
                                                    std::int64_t area_id,
@@ -277,6 +289,46 @@ StatusOr<CompactResult> CompactStore(const std::string& path,
   }
   result.bytes_after = std::filesystem::file_size(path, error);
   return result;
+}
+
+StatusOr<std::int64_t> CompactVersions(const std::string& path,
+                                       const std::string& area,
+                                       const std::vector<VersionNumber>& versions) {
+  Database::Options options;
+  options.mode = Database::Mode::kReadWrite;
+  SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, options));
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
+                            Transaction::Begin(database, Transaction::Kind::kWrite));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::vector<std::int64_t> areas,
+      ReadIds(database, "SELECT area_id FROM area WHERE name = ?1", std::string_view(area)));
+  if (areas.empty()) return NotFound("{}: no area '{}'", database.name(), area);
+  std::vector<std::int64_t> compacted;
+  for (const VersionNumber version : versions) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const std::vector<std::int64_t> ids,
+        ReadIds(database,
+                "SELECT version_id FROM version v WHERE area_id = ?1 AND number = ?2 "
+                "AND content_stored = 1 AND version_id <> coalesce("
+                "(SELECT published_version_id FROM area a WHERE a.area_id = ?1), 0) "
+                "AND NOT EXISTS (SELECT 1 FROM version c WHERE v.version_id IN "
+                "(c.parent_version_id, c.edited_version_id)) "
+                "AND NOT EXISTS (SELECT 1 FROM shift_report r WHERE r.version_id = v.version_id)",
+                areas.front(),
+                version.value()));
+    for (const std::int64_t version_id : ids) {
+      SHIFTMAP_RETURN_IF_ERROR(DeleteContent(database, version_id));
+      SHIFTMAP_RETURN_IF_ERROR(DeleteMapped(database, version_id));
+      compacted.push_back(version.value());
+    }
+  }
+  if (compacted.empty()) return 0;
+  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                       areas.front(),
+                                       AuditAction::kCompact,
+                                       fmt::format("content of {}", fmt::join(compacted, ", "))));
+  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
+  return static_cast<std::int64_t>(compacted.size());
 }
 
 }  // namespace shiftmap

@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "proto/core/status.h"
 
@@ -43,5 +45,13 @@ struct CompactResult {
 StatusOr<CompactResult> CompactStore(const std::string& path,
                                      const RetentionPolicy& policy,
                                      bool dry_run);
+
+/// Deletes the content of some versions of an area and what they alone say of the ledger; the file
+/// keeps the space for what comes. Left are those that are published, or that another version or a
+/// report is about. Returns how many lost their content.
+/// Errors: as MapStore.
+StatusOr<std::int64_t> CompactVersions(const std::string& path,
+                                       const std::string& area,
+                                       const std::vector<VersionNumber>& versions);
 
 }  // namespace shiftmap

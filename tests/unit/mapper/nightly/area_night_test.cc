@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -17,6 +18,7 @@
 #include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/candidate.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -113,6 +115,8 @@ TEST_F(AreaNightTest, AVersionThatIsWorseIsNotPublishedAndThreeInARowAreAnAlarm)
   for (int night = 1; night <= kAlarmRefusals; ++night) {
     fresh.push_back(Log(1 + night));
     const VersionNumber worse = CommitMoved(fresh, 1.0);
+    // What the area is built from once more, without the runs of the refused one.
+    if (night > 1) CommitMoved({fresh.back()}, 1.0);
     for (const char* const time : {"first", "again"}) {
       const AreaNight result = Night(fresh, mapped);
       EXPECT_EQ(result.version, worse) << time;
@@ -130,6 +134,84 @@ TEST_F(AreaNightTest, AVersionThatIsWorseIsNotPublishedAndThreeInARowAreAnAlarm)
   const AreaNight good = Night(fresh, mapped);
   EXPECT_TRUE(good.published) << (good.reasons.empty() ? "" : good.reasons.front());
   EXPECT_EQ(good.refused_in_a_row, 0);
+}
+
+// What a night judged by: mapped shifts, and those of the build, in the order of time.
+std::vector<std::string> Judges(const AreaNight& night, bool in_build) {
+  std::vector<std::string> runs;
+  for (const JudgedShift& shift : night.judgement->shifts) {
+    if (shift.fold == 0 && shift.in_build == in_build) runs.push_back(shift.run);
+  }
+  std::sort(runs.begin(), runs.end());
+  return runs;
+}
+
+// One that is an outlier would stop the area for good.
+TEST_F(AreaNightTest, AfterARefusalOtherShiftsJudge) {
+  night_.judge.max_shifts = 1;
+  const std::vector<LogHead> mapped = {Log(0), Log(1), Log(2)};
+  ASSERT_TRUE(Night(mapped).published);
+  std::vector<LogHead> fresh = {Log(3)};
+  CommitMoved(fresh, 1.0);
+  const AreaNight refused = Night(fresh, mapped);
+  EXPECT_FALSE(refused.published);
+  EXPECT_EQ(Judges(refused, false), std::vector<std::string>{mapped[2].identity()});
+  fresh.push_back(Log(4));
+  const AreaNight night = Night(fresh, mapped);
+  EXPECT_TRUE(night.published) << (night.reasons.empty() ? "" : night.reasons.front());
+  EXPECT_EQ(Judges(night, false), std::vector<std::string>{mapped[1].identity()});
+  EXPECT_EQ(Judges(night, true), std::vector<std::string>{fresh[1].identity()});
+  EXPECT_EQ(night.judgement->judged_by, JudgedBy::kShiftsAndFolds);
+  EXPECT_EQ(night.judgement->tests.front().result.shifts, 2);
+}
+
+// A run that makes every map worse, and that nothing else tells from the others.
+TEST_F(AreaNightTest, RunsOfARefusedVersionAreHeldIfTheMapIsGoodWithoutThem) {
+  const std::vector<LogHead> mapped = {Log(0), Log(1)};
+  ASSERT_TRUE(Night(mapped).published);
+  std::vector<LogHead> fresh = {Log(2)};
+  CommitMoved(fresh, 1.0);
+  EXPECT_FALSE(Night(fresh, mapped).published);
+  fresh.push_back(Log(3));
+  CommitMoved(fresh, 1.0);
+  const AreaNight night = Night(fresh, mapped);
+  EXPECT_TRUE(night.published);
+  const std::vector<Exclusion> held = *Store().Exclusions("floor");
+  ASSERT_EQ(held.size(), 1u);
+  EXPECT_EQ(held.front().run, fresh.front().identity());
+  EXPECT_TRUE(held.front().held);
+}
+
+TEST_F(AreaNightTest, OfRefusedVersionsOnlyTheNewestKeepsItsContent) {
+  const std::vector<LogHead> mapped = {Log(0), Log(1)};
+  ASSERT_TRUE(Night(mapped).published);
+  std::vector<LogHead> fresh;
+  std::vector<VersionNumber> refused;
+  const auto stored = [&] {
+    std::vector<VersionNumber> of;
+    const std::vector<VersionSummary> versions = *Store().Versions("floor");
+    for (const VersionSummary& version : versions) {
+      const bool among =
+          std::find(refused.begin(), refused.end(), version.version) != refused.end();
+      if (among && version.content_stored) of.push_back(version.version);
+    }
+    return of;
+  };
+  for (int night = 1; night <= 3; ++night) {
+    fresh.push_back(Log(1 + night));
+    refused.push_back(CommitMoved(fresh, 1.0));
+    if (night > 1) CommitMoved({fresh.back()}, 1.0);
+    EXPECT_FALSE(Night(fresh, mapped).published);
+    EXPECT_EQ(stored(), std::vector<VersionNumber>{refused.back()}) << night;
+  }
+  fresh.push_back(Log(5));
+  EXPECT_TRUE(Night(fresh, mapped).published);
+  EXPECT_TRUE(stored().empty());
+  // Why they were refused stays.
+  EXPECT_EQ(Store().AuditLog("floor", {AuditAction::kRefuse})->size(), refused.size());
+  const StatusOr<VerifyResult> verified = VerifyStore(night_.build.store);
+  ASSERT_THAT(verified.status(), IsOk());
+  EXPECT_TRUE(verified->clean());
 }
 
 TEST_F(AreaNightTest, LandmarksThatMovedBlockNothing) {
