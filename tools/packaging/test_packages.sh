@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Installs the Debian packages into a clean Debian root, upgrades them from a version before with a
-# store full of maps, removes and purges them. Needs root, mmdebstrap, lintian and the network.
+# store full of maps, boots it and runs the services, removes and purges them. Needs root, mmdebstrap,
+# lintian and the network; to boot, systemd-nspawn.
 # Usage: tools/packaging/test_packages.sh [BUILD_DIR]   with what is built there; else builds anew
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -27,7 +28,7 @@ lintian --fail-on warning,error "$debs/shiftmap_${version}_$(dpkg --print-archit
 # The root has the machine's package sources, and what is installed is removed with it.
 in_root() { chroot "$root" env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 "$@"; }
 trap 'rm -rf "$root"' EXIT
-mmdebstrap --quiet --variant=apt --include=adduser bookworm "$root" >"$debs/root.log" 2>&1 || fail "no root: $debs/root.log"
+mmdebstrap --quiet --variant=apt --include=adduser,systemd-sysv bookworm "$root" >"$debs/root.log" 2>&1 || fail "no root: $debs/root.log"
 mkdir "$root/debs"
 cp "$debs"/*.deb "$root/debs/"
 
@@ -63,6 +64,8 @@ for example in shiftmap-localizer/examples/vda5050_client.py shiftmap-server/exa
   in_root python3 -c 'import ast, sys; ast.parse(open(sys.argv[1]).read())' "/usr/share/doc/$example" || fail "no example $example"
 done
 in_root bash -c 'source /usr/share/bash-completion/completions/shiftmap-inspect && complete -p shiftmap-inspect' >/dev/null
+
+tools/packaging/boot_services.sh "$root" "$debs/boot.log" || fail "the services do not run: $debs/boot.log"
 
 in_root apt-get remove -y -qq "${packages[@]}" >>"$debs/root.log" 2>&1 || fail "cannot be removed: $debs/root.log"
 [[ -s $root/var/lib/shiftmap/maps.db ]] || fail "removing the packages removed the maps"
