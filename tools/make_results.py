@@ -34,6 +34,7 @@ EXPERIMENTS = {
     "fleet-links": ("200 vehicles over links that are cut", "SHIFTMAP_LONG_TESTS=1 SHIFTMAP_RESULTS=OUT shiftmap_fleet_links_test"),
     "fleet-nights": ("thirty nights of ten areas", "shiftmap-experiment fleet-nights --output OUT --work WORK --nights 30 --worlds 10 --groups 16 --size-m 22 --duration-s 60"),
     "fleet-nights-frame": ("nights of one area with and without control points", "shiftmap-experiment fleet-nights --worlds 1 --nights 60 --vehicles 1 --groups 10 --size-m 16 --duration-s 30 --control-points 3 --output OUT --work WORK"),
+    "fleet-nights-long": ("300 nights of one area with and without control points, each judged by one shift of earlier days", "shiftmap-experiment fleet-nights --worlds 1 --nights 300 --vehicles 1 --groups 10 --size-m 16 --duration-s 30 --control-points 3 --judge-shifts 1 --seed 2 --output OUT --work WORK"),
     "fleet-nights-one-area": ("300 nights of one area: its frame stays", "shiftmap-experiment fleet-nights --output OUT --work WORK --worlds 1 --nights 300 --vehicles 2"),
     "groupings": ("the same days built every night, every few, or in one batch", "shiftmap-experiment groupings --worlds 2 --groups 20 --size-m 25 --duration-s 60 --output OUT --work WORK"),
     "incremental": ("time of a step of the frame-by-frame mapper", "shiftmap_incremental_bench " + BENCH.format("incremental_bench")),

@@ -31,10 +31,11 @@ StatusOr<ReturnResult> StoreWriter::Run(Job job) {
   {
     const std::lock_guard lock(mutex_);
     if (stopped_) return Unavailable("the server is stopping");
-    if (jobs_.size() >= capacity_) {
-      return MakeStatus(StatusCode::kResourceExhausted, "{} writes wait already", jobs_.size());
+    const std::size_t waiting = reports_.size() + notes_.size();
+    if (waiting >= capacity_) {
+      return MakeStatus(StatusCode::kResourceExhausted, "{} writes wait already", waiting);
     }
-    jobs_.push_back(std::move(job));
+    (job.report ? reports_ : notes_).push_back(std::move(job));
   }
   changed_.notify_one();
   return done.get();
@@ -51,7 +52,7 @@ void StoreWriter::Stop() {
 
 std::size_t StoreWriter::waiting() const {
   const std::lock_guard lock(mutex_);
-  return jobs_.size();
+  return reports_.size() + notes_.size();
 }
 
 std::chrono::steady_clock::duration StoreWriter::busy() const {
@@ -62,37 +63,37 @@ std::chrono::steady_clock::duration StoreWriter::busy() const {
 
 void StoreWriter::Work() {
   for (;;) {
-    std::vector<Job> jobs;
+    std::vector<Job> reports;
+    std::optional<Job> note;
     {
       std::unique_lock lock(mutex_);
       busy_since_.reset();
-      changed_.wait(lock, [this] { return stopped_ || !jobs_.empty(); });
-      if (jobs_.empty()) return;
+      changed_.wait(lock, [this] { return stopped_ || !reports_.empty() || !notes_.empty(); });
+      if (reports_.empty() && notes_.empty()) return;
       const auto end =
-          jobs_.begin() + static_cast<std::ptrdiff_t>(std::min(jobs_.size(), kMostTogether));
-      jobs.assign(std::make_move_iterator(jobs_.begin()), std::make_move_iterator(end));
-      jobs_.erase(jobs_.begin(), end);
+          reports_.begin() + static_cast<std::ptrdiff_t>(std::min(reports_.size(), kMostTogether));
+      reports.assign(std::make_move_iterator(reports_.begin()), std::make_move_iterator(end));
+      reports_.erase(reports_.begin(), end);
+      if (!notes_.empty()) {
+        note = std::move(notes_.front());
+        notes_.pop_front();
+      }
       busy_since_ = std::chrono::steady_clock::now();
     }
-    Write(std::move(jobs));
+    WriteReports(std::move(reports));
+    if (!note) continue;
+    const Status noted = store_.NoteUpload(note->log, note->by);
+    note->done.set_value(noted.ok() ? StatusOr<ReturnResult>(ReturnResult()) : noted);
   }
 }
 
-void StoreWriter::Write(std::vector<Job> jobs) {
+void StoreWriter::WriteReports(std::vector<Job> jobs) {
+  if (jobs.empty()) return;
   std::vector<AttributedReport> reports;
-  std::vector<Job*> reporters;
-  for (Job& job : jobs) {
-    if (job.report) {
-      reports.push_back({*std::move(job.report), job.by});
-      reporters.push_back(&job);
-      continue;
-    }
-    const Status noted = store_.NoteUpload(job.log, job.by);
-    job.done.set_value(noted.ok() ? StatusOr<ReturnResult>(ReturnResult()) : noted);
-  }
+  for (Job& job : jobs) reports.push_back({*std::move(job.report), job.by});
   std::vector<StatusOr<ReturnResult>> results = store_.ReturnAll(reports);
   for (std::size_t i = 0; i < results.size(); ++i) {
-    reporters[i]->done.set_value(std::move(results[i]));
+    jobs[i].done.set_value(std::move(results[i]));
   }
 }
 

@@ -17,8 +17,9 @@
 
 namespace shiftmap::server {
 
-/// The one writer of this process to a map store: a thread with a queue of bounded length. What
-/// waits is written together, in one transaction; each caller gets what became of its own.
+/// The one writer of this process to a map store: a thread with a queue of bounded length. Reports
+/// that wait are written together, in one transaction; each caller gets what became of its own. A
+/// report waits for one note of an upload at most, however many are there.
 ///
 /// Errors, of every write: as MapStore; kResourceExhausted if too many wait; kUnavailable once it
 /// is stopped. Threads: any.
@@ -57,13 +58,14 @@ class StoreWriter {
 
   StatusOr<ReturnResult> Run(Job job);
   void Work();
-  void Write(std::vector<Job> jobs);
+  void WriteReports(std::vector<Job> jobs);
 
   MapStore store_;
   const std::size_t capacity_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<Job> jobs_;
+  std::deque<Job> reports_;
+  std::deque<Job> notes_;
   bool stopped_ = false;
   std::optional<std::chrono::steady_clock::time_point> busy_since_;
   std::thread thread_;
