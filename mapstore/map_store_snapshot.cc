@@ -3,6 +3,7 @@
 // Snapshots: what a vehicle carries.
 #include <chrono>
 #include <filesystem>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -73,28 +74,32 @@ StatusOr<ExportedSnapshot> MapStore::State::Export(const std::string& area,
       SnapshotWriter snapshot,
       SnapshotWriter::Open(
           database, temporary.path(), database.writable() ? kWriterWait : kReaderWait));
-  // Keeps writers out until all rows are copied and compared. A writer that waits for a reader lets
-  // no second one in, and the copy is read by a connection of its own: so writers are kept from
-  // beginning, where this may write, and else nothing comes between the two.
-  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, database.writable() ? Write() : Read());
-  SHIFTMAP_RETURN_IF_ERROR(database.QueryInt64("SELECT count(*) FROM area").status());
-  SHIFTMAP_RETURN_IF_ERROR(snapshot.Begin());
   // One time for all that follows.
-  const Stamp latest = LatestStamp();
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot expected,
-                            Load(area, std::nullopt, {.latest = latest}));
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow version, PublishedRow(area, area_row));
+  Stamp latest;
+  std::optional<MapSnapshot> expected;
+  VersionRow version;
   {
+    // Keeps writers out until all rows are copied, and no longer: they wait for it. A writer that
+    // waits for a reader lets no second one in, and the copy is read by a connection of its own: so
+    // writers are kept from beginning, where this may write, and else nothing comes between the
+    // two.
+    SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction,
+                              database.writable() ? Write() : Read());
+    SHIFTMAP_RETURN_IF_ERROR(database.QueryInt64("SELECT count(*) FROM area").status());
+    SHIFTMAP_RETURN_IF_ERROR(snapshot.Begin());
+    latest = LatestStamp();
+    SHIFTMAP_ASSIGN_OR_RETURN(expected, Load(area, std::nullopt, {.latest = latest}));
+    SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+    SHIFTMAP_ASSIGN_OR_RETURN(version, PublishedRow(area, area_row));
     SnapshotWriter closed_after = std::move(snapshot);
     SHIFTMAP_RETURN_IF_ERROR(
-        closed_after.Write(database, area_row.area_id, version, expected.content(), latest));
+        closed_after.Write(database, area_row.area_id, version, expected->content(), latest));
   }
-  SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), latest, expected));
+  SHIFTMAP_RETURN_IF_ERROR(VerifySnapshotFile(temporary.path(), latest, *expected));
   SHIFTMAP_ASSIGN_OR_RETURN(std::string sha256, HashFile(temporary.path()));
   SHIFTMAP_RETURN_IF_ERROR(PlaceDatabase(temporary.path(), path));
   return ExportedSnapshot{
-      std::move(sha256), version.number, version.content_hash, expected.ledger_position()};
+      std::move(sha256), version.number, version.content_hash, expected->ledger_position()};
 }
 
 }  // namespace shiftmap
