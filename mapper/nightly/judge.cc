@@ -238,7 +238,7 @@ std::vector<LogHead> Used(const JudgedVersion& version, const JudgedLogs& logs) 
 }
 
 // Of new logs those that judged no refused version; all if none is left.
-std::vector<LogHead> Unspent(std::vector<LogHead> fresh, const JudgedLogs& logs) {
+std::vector<LogHead> Unspent(const std::vector<LogHead>& fresh, const JudgedLogs& logs) {
   std::vector<LogHead> unspent = fresh;
   std::erase_if(unspent, [&](const LogHead& log) { return log.begin <= logs.refused_until; });
   return unspent.empty() ? fresh : unspent;

@@ -2,6 +2,7 @@
 #include "mapstore/maintenance/compact.h"
 
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <set>
 #include <string>
@@ -38,20 +39,10 @@ StatusOr<std::vector<std::int64_t>> ReadIds(Database& database,
   }
 }
 
-Status DeleteContent(Database& database, std::int64_t version_id) {
-  for (const char* sql : {"DELETE FROM mode_rate WHERE version_id = ?1",
-                          "DELETE FROM mode_rhythm WHERE version_id = ?1",
-                          "DELETE FROM merged_mode WHERE version_id = ?1",
-                          "DELETE FROM mode WHERE version_id = ?1",
-                          "DELETE FROM landmark_group WHERE version_id = ?1",
-                          "DELETE FROM mode_covariance WHERE version_id = ?1",
-                          "DELETE FROM anonymous_landmark WHERE version_id = ?1",
-                          "DELETE FROM vehicle_calibration WHERE version_id = ?1 "
-                          "AND version_id NOT IN (SELECT kept_version_id FROM map_edit "
-                          "WHERE kept_version_id IS NOT NULL)",
-                          "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
-                          "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
-                          "UPDATE version SET content_stored = 0 WHERE version_id = ?1"}) {
+Status ExecuteEach(Database& database,
+                   std::initializer_list<const char*> statements,
+                   std::int64_t version_id) {
+  for (const char* sql : statements) {
     SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare(sql));
     statement.Bind(version_id);
     SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
@@ -59,16 +50,31 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
   return OkStatus();
 }
 
+Status DeleteContent(Database& database, std::int64_t version_id) {
+  return ExecuteEach(database,
+                     {"DELETE FROM mode_rate WHERE version_id = ?1",
+                      "DELETE FROM mode_rhythm WHERE version_id = ?1",
+                      "DELETE FROM merged_mode WHERE version_id = ?1",
+                      "DELETE FROM mode WHERE version_id = ?1",
+                      "DELETE FROM landmark_group WHERE version_id = ?1",
+                      "DELETE FROM mode_covariance WHERE version_id = ?1",
+                      "DELETE FROM anonymous_landmark WHERE version_id = ?1",
+                      "DELETE FROM vehicle_calibration WHERE version_id = ?1 "
+                      "AND version_id NOT IN (SELECT kept_version_id FROM map_edit "
+                      "WHERE kept_version_id IS NOT NULL)",
+                      "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
+                      "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
+                      "UPDATE version SET content_stored = 0 WHERE version_id = ?1"},
+                     version_id);
+}
+
 // What a version says of the runs that it maps.
 Status DeleteMapped(Database& database, std::int64_t version_id) {
-  for (const char* sql : {"DELETE FROM mapped_evidence WHERE version_id = ?1",
-                          "DELETE FROM mapped_visibility WHERE version_id = ?1",
-                          "DELETE FROM ledger_summary WHERE version_id = ?1 AND report_id = 0"}) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Statement statement, database.Prepare(sql));
-    statement.Bind(version_id);
-    SHIFTMAP_RETURN_IF_ERROR(statement.Execute());
-  }
-  return OkStatus();
+  return ExecuteEach(database,
+                     {"DELETE FROM mapped_evidence WHERE version_id = ?1",
+                      "DELETE FROM mapped_visibility WHERE version_id = ?1",
+                      "DELETE FROM ledger_summary WHERE version_id = ?1 AND report_id = 0"},
+                     version_id);
 }
 
 // Rows of visits that ended before `before` and that count for none of the versions.
