@@ -50,6 +50,11 @@ Status ExecuteEach(Database& database,
   return OkStatus();
 }
 
+// An edit may have values of a version hold instead of others.
+constexpr const char* kDeleteCalibrations =
+    "DELETE FROM vehicle_calibration WHERE version_id = ?1 AND version_id NOT IN "
+    "(SELECT kept_version_id FROM map_edit WHERE kept_version_id IS NOT NULL)";
+
 Status DeleteContent(Database& database, std::int64_t version_id) {
   return ExecuteEach(database,
                      {"DELETE FROM mode_rate WHERE version_id = ?1",
@@ -59,9 +64,7 @@ Status DeleteContent(Database& database, std::int64_t version_id) {
                       "DELETE FROM landmark_group WHERE version_id = ?1",
                       "DELETE FROM mode_covariance WHERE version_id = ?1",
                       "DELETE FROM anonymous_landmark WHERE version_id = ?1",
-                      "DELETE FROM vehicle_calibration WHERE version_id = ?1 "
-                      "AND version_id NOT IN (SELECT kept_version_id FROM map_edit "
-                      "WHERE kept_version_id IS NOT NULL)",
+                      kDeleteCalibrations,
                       "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
                       "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
                       "UPDATE version SET content_stored = 0 WHERE version_id = ?1"},
