@@ -17,6 +17,7 @@ class Dice {
   double Uniform(double low, double high) { return low + (high - low) * uniform_(random_); }
   bool Coin(double probability) { return uniform_(random_) < probability; }
   double Normal() { return normal_(random_); }
+  int Poisson(double mean) { return std::poisson_distribution<int>(mean)(random_); }
   Eigen::Vector2d Normal2() {
     const double x = Normal();
     return {x, Normal()};

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <optional>
-#include <random>
 #include <utility>
 
 #include "mapper/chain/group_chains.h"
@@ -92,10 +91,10 @@ class Site {
       report.begin = At(day);
       report.end = At(day + 1.0);
     }
-    std::poisson_distribution<int> visits(options_.visits_per_day);
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
       std::vector<double> times;
-      for (int k = visits(random_); k > 0; --k) times.push_back(day + dice_.Uniform(0.0, 0.999));
+      for (int k = dice_.Poisson(options_.visits_per_day); k > 0; --k)
+        times.push_back(day + dice_.Uniform(0.0, 0.999));
       std::sort(times.begin(), times.end());
       for (const double time : times) {
         const auto vehicle = static_cast<std::size_t>(dice_.Uniform(0.0, options_.vehicles));
@@ -208,7 +207,6 @@ class Site {
   LedgerYearsOptions options_;
   std::string path_;
   Dice dice_;
-  std::mt19937_64 random_{7};
   std::vector<Landmark> landmarks_;
   std::optional<MapStore> store_;
   std::optional<VersionNumber> version_;

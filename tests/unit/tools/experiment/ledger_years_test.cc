@@ -42,5 +42,19 @@ TEST(LedgerYears, SummedUpAYearSaysWhatItsRowsSaid) {
   EXPECT_LT(difference / static_cast<double>(all.probabilities.size()), 0.05);
 }
 
+TEST(LedgerYears, AnotherSeedDrawsOtherVisits) {
+  const TempDir dir;
+  LedgerYearsOptions options;
+  options.groups = 8;
+  options.vehicles = 3;
+  options.visits_per_day = 0.1;
+  const auto first = RunLedgerYears(options, dir.File("first.db"), [](double) {});
+  ++options.seed;
+  const auto second = RunLedgerYears(options, dir.File("second.db"), [](double) {});
+  ASSERT_TRUE(first.ok());
+  ASSERT_TRUE(second.ok());
+  EXPECT_NE(first->front().visits, second->front().visits);
+}
+
 }  // namespace
 }  // namespace shiftmap::testing
