@@ -33,8 +33,15 @@ const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
       .modes[static_cast<std::size_t>(mode.state) - 1];
 }
 
+// Second order of q over the noise from which on an observation is linearized where it puts the
+// pose.
+constexpr double kMaxBend = 0.1;
+
 // H_pose X for the Jacobian of q by the pose and the rows of X that are the pose's.
-Eigen::Matrix2d TimesPoseJacobian(const Eigen::Vector2d& q, const KnownMapFilter::StateByPoint& X) {
+Eigen::Matrix2d TimesPoseJacobian(const KnownMapFilter::Point& point,
+                                  const KnownMapFilter::StateByPoint& X) {
+  if (point.relinearized) return point.H_pose * X.topRows<3>();
+  const Eigen::Vector2d& q = point.q;
   Eigen::Matrix2d product;
   product.row(0) = X.row(2) * q.y() - X.row(0);
   product.row(1) = X.row(2) * -q.x() - X.row(1);
@@ -240,6 +247,7 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(const Eigen::Vector2d& p_map_
                                                    const StateByPoint& cross) const {
   Point point;
   point.q = R_vehicle_map_ * (p_map_landmark - T_map_vehicle_.translation());
+  point.q_linear = point.q;
   point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
   point.H_landmark = R_vehicle_map_;
   const StateByPoint cross_q = cross * point.H_landmark.transpose();
@@ -248,8 +256,8 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(const Eigen::Vector2d& p_map_
   cov_state.col(0) = P_.col(2) * point.q.y() - P_.col(0);
   cov_state.col(1) = P_.col(2) * -point.q.x() - P_.col(1);
   point.cov_state_q = cov_state + cross_q;
-  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point.q, cross_q);
-  point.cov_q = TimesPoseJacobian(point.q, cov_state) + H_cross + H_cross.transpose() +
+  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point, cross_q);
+  point.cov_q = TimesPoseJacobian(point, cov_state) + H_cross + H_cross.transpose() +
                 point.H_landmark * cov_p * point.H_landmark.transpose();
   point.cov_q = Symmetrized(point.cov_q);
   return point;
@@ -266,17 +274,78 @@ KnownMapFilter::Measurement KnownMapFilter::Measure(const Observation& observati
   return measurement;
 }
 
+// By the second order of Exp(-ξ) q, ½ [θ]² (t + θ × q), at one standard deviation.
+bool KnownMapFilter::IsDeformable(const Measurement& measurement, const Point& point) const {
+  const double yaw = P_(2, 2);
+  const double bend = 0.25 * yaw * (P_(0, 0) + P_(1, 1) + yaw * point.q.squaredNorm());
+  return bend > kMaxBend * kMaxBend * measurement.cov_noise.trace();
+}
+
+KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
+                                                   const Point& point) const {
+  const Se2 T_here_there = Se2::Exp(xi);
+  const Eigen::Matrix2d R = T_here_there.Rotation().transpose();
+  const Eigen::Vector2d q = T_here_there.Inverse() * point.q;
+  // What comes of the mode: its error's covariance with the state's, and its own.
+  const StateByPoint cov_state = P_.leftCols<3>() * point.H_pose.transpose();
+  const StateByPoint cross_q = point.cov_state_q - cov_state;
+  const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
+  const Eigen::Matrix2d cov_mode =
+      point.cov_q - point.H_pose * cov_state.topRows<3>() - H_cross - H_cross.transpose();
+
+  Point there;
+  there.q = point.q;
+  there.relinearized = true;
+  there.H_pose << -1.0, 0.0, q.y(), 0.0, -1.0, -q.x();
+  there.q_linear = q - there.H_pose * xi;
+  there.H_pose = (there.H_pose * Se2::RightJacobian(xi)).eval();
+  there.H_landmark = R * point.H_landmark;
+  const StateByPoint cross_there = cross_q * R.transpose();
+  const StateByPoint state_there = P_.leftCols<3>() * there.H_pose.transpose();
+  there.cov_state_q = state_there + cross_there;
+  const Eigen::Matrix2d H_cross_there = there.H_pose * cross_there.topRows<3>();
+  there.cov_q = there.H_pose * state_there.topRows<3>() + H_cross_there +
+                H_cross_there.transpose() + R * cov_mode * R.transpose();
+  there.cov_q = Symmetrized(there.cov_q);
+  return there;
+}
+
+// Gauss-Newton for the correction that is likeliest given the observation. Where it does not come
+// to rest, the linearization at the present pose has to do.
 KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement& measurement,
                                                               const Point& point) const {
+  constexpr double kMaxNis = 50.0;
+  constexpr double kMaxTurn = 1.0;   // [rad]
+  constexpr double kMaxStep = 0.01;  // The last one, in standard deviations of the pose.
+  constexpr int kIterations = 6;
+  const Prediction here = PredictLinear(measurement, point);
+  if (point.relinearized || !(here.nis < kMaxNis) || !IsDeformable(measurement, point)) return here;
+  const Eigen::Array3d sd = P_.diagonal().head<3>().cwiseSqrt();
+  Eigen::Vector3d xi = Eigen::Vector3d::Zero();
+  Prediction there = here;
+  for (int i = 0; i < kIterations; ++i) {
+    const Eigen::Vector3d next = there.cov_state_z.topRows<3>() * there.S.inverse() * there.nu;
+    if (!(std::abs(next.z()) < kMaxTurn)) return here;
+    const bool rests = ((next - xi).array().abs() < kMaxStep * sd).all();
+    xi = next;
+    there = PredictLinear(measurement, LinearizedAt(xi, point));
+    if (!there.usable()) return here;
+    if (rests) return there;
+  }
+  return here;
+}
+
+KnownMapFilter::Prediction KnownMapFilter::PredictLinear(const Measurement& measurement,
+                                                         const Point& point) const {
   Prediction prediction;
   prediction.point = point;
   prediction.measurement = measurement;
-  prediction.nu = measurement.q - point.q;
+  prediction.nu = measurement.q - point.q_linear;
 
   const SensorBias& bias = BiasOf(measurement.kind);
   const Eigen::Matrix2d& dq_dz = measurement.dq_dz;
   const StateByPoint cross_bias = bias.cross * dq_dz.transpose();
-  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point.q, cross_bias);
+  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point, cross_bias);
   prediction.cov_state_z = point.cov_state_q + cross_bias;
   prediction.S = point.cov_q + H_cross + H_cross.transpose() +
                  dq_dz * bias.cov * dq_dz.transpose() + measurement.cov_noise;
@@ -328,16 +397,15 @@ void KnownMapFilter::Update(const Prediction& prediction,
   const bool cartesian = prediction.measurement.kind == Observation::Kind::kCartesian;
   for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
     const bool observed = (bias == &position_bias_) == cartesian;
-    Eigen::Matrix2d cov_z_bias = TimesPoseJacobian(prediction.point.q, bias->cross);
+    Eigen::Matrix2d cov_z_bias = TimesPoseJacobian(prediction.point, bias->cross);
     if (observed) cov_z_bias += prediction.measurement.dq_dz * bias->cov;
     bias->cross -= K * cov_z_bias;
   }
   // The first columns of I - K H, the others are unit ones.
   Eigen::Matrix<double, kStates, 3> T = Eigen::Matrix<double, kStates, 3>::Identity();
-  T.col(0) += K.col(0);
-  T.col(1) += K.col(1);
-  T.col(2) -= K.col(0) * prediction.point.q.y() - K.col(1) * prediction.point.q.x();
-  const Eigen::Matrix3d A_pose = Move(K * prediction.nu).topLeftCorner<3, 3>();
+  T -= K * prediction.point.H_pose;
+  const Eigen::Matrix3d A_pose =
+      Move(K * prediction.nu, prediction.point.relinearized).topLeftCorner<3, 3>();
   MovePose(A_pose, &T);
   Correct(T, &pending_);
   for (ConsideredMode& considered : considered_) {
@@ -357,12 +425,13 @@ void KnownMapFilter::Update(const Prediction& prediction,
 }
 
 KnownMapFilter::StateMatrix KnownMapFilter::Move(
-    const Eigen::Matrix<double, kStates, 1>& correction) {
+    const Eigen::Matrix<double, kStates, 1>& correction, bool relinearized) {
   const Se2 step = Se2::Exp(correction.head<3>());
   MoveTo(T_map_vehicle_ * step);
   log_scale_ += correction.tail<2>();
   StateMatrix A = StateMatrix::Identity();
-  const Eigen::Matrix3d A_pose = step.InverseAdjoint();
+  const Eigen::Matrix3d A_pose =
+      relinearized ? Se2::RightJacobian(correction.head<3>()) : step.InverseAdjoint();
   A.topLeftCorner<3, 3>() = A_pose;
   MovePose(A_pose, &P_);
   P_.transposeInPlace();
@@ -384,8 +453,8 @@ void KnownMapFilter::StartPlace(int group,
   place.kind = measurement.kind;
   place.p_map_landmark = T_map_vehicle_ * measurement.q;
   place.p_odom_viewpoint = p_odom_viewpoint;
-  const Prediction prediction = PredictObservation(
-      measurement, PredictPoint(place.p_map_landmark, place.cov, place.cross_state));
+  const Prediction prediction =
+      PredictLinear(measurement, PredictPoint(place.p_map_landmark, place.cov, place.cross_state));
   const SensorBias& bias = BiasOf(measurement.kind);
   const Eigen::Matrix2d cov_bias_z =
       bias.cross.topRows<3>().transpose() * prediction.point.H_pose.transpose() +
@@ -402,7 +471,7 @@ KnownMapFilter::Point KnownMapFilter::PredictPlace(const UnknownPlace& place) co
 
 KnownMapFilter::Prediction KnownMapFilter::PredictPlace(const UnknownPlace& place,
                                                         const Measurement& measurement) const {
-  Prediction prediction = PredictObservation(measurement, PredictPlace(place));
+  Prediction prediction = PredictLinear(measurement, PredictPlace(place));
   const Eigen::Matrix2d cross =
       measurement.dq_dz * place.CrossBias(measurement.kind) * R_vehicle_map_.transpose();
   prediction.S += cross + cross.transpose();

@@ -68,8 +68,10 @@ class KnownMapFilter {
     Eigen::Vector2d q = Eigen::Vector2d::Zero();
     Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();  ///< dq/dξ.
     Eigen::Matrix2d H_landmark = Eigen::Matrix2d::Zero();  ///< dq/dp_map_landmark.
-    StateByPoint cov_state_q = StateByPoint::Zero();       ///< Of the state's error with q's.
-    Eigen::Matrix2d cov_q = Eigen::Matrix2d::Zero();       ///< Of pose and mode, without sensor.
+    Eigen::Vector2d q_linear = Eigen::Vector2d::Zero();    ///< Linear model of q at ξ = 0. [m]
+    bool relinearized = false;  ///< At the pose that an observation makes likeliest, not at ξ = 0.
+    StateByPoint cov_state_q = StateByPoint::Zero();  ///< Of the state's error with q's.
+    Eigen::Matrix2d cov_q = Eigen::Matrix2d::Zero();  ///< Of pose and mode, without sensor.
   };
   Point PredictPoint(ModeRef mode, const MapSnapshot& snapshot) const;
 
@@ -106,6 +108,9 @@ class KnownMapFilter {
     /// The largest that it could be, for nu = 0.
     double LogPeak() const { return usable() ? LogLikelihood() + 0.5 * nis : LogLikelihood(); }
   };
+
+  /// Linearized at the present pose; or, where that is so vague that the second order of q matters,
+  /// at the pose that the observation makes likeliest. A point that is relinearized stays as it is.
   Prediction PredictObservation(const Measurement& measurement, const Point& point) const;
   Prediction PredictObservation(const Observation& observation,
                                 const Eigen::Matrix2d& cov_z,
@@ -187,6 +192,10 @@ class KnownMapFilter {
   const SensorBias& BiasOf(Observation::Kind kind) const {
     return kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
   }
+  Prediction PredictLinear(const Measurement& measurement, const Point& point) const;
+  bool IsDeformable(const Measurement& measurement, const Point& point) const;
+  // A point linearized at ξ = 0, linearized at another ξ.
+  Point LinearizedAt(const Eigen::Vector3d& xi, const Point& point) const;
   Point PredictPoint(const Eigen::Vector2d& p_map_landmark,
                      const Eigen::Matrix2d& cov_p,
                      const StateByPoint& cross) const;
@@ -202,8 +211,9 @@ class KnownMapFilter {
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
-  // unknown to the next one. Returns what the step makes of an error, for the gains.
-  StateMatrix Move(const Eigen::Matrix<double, kStates, 1>& correction);
+  // unknown to the next one. If the observation was linearized at the corrected pose, the right
+  // Jacobian does this. Returns what the step makes of an error, for the gains.
+  StateMatrix Move(const Eigen::Matrix<double, kStates, 1>& correction, bool relinearized);
   void MarginalizeWeakest(int except);
 
   void MoveTo(const Se2& T_map_vehicle);

@@ -116,15 +116,20 @@ class DenseFilter {
 };
 
 TEST(KnownMapFilter, EqualsADenseSchmidtKalmanFilter) {
-  const MapContent content = CorrelatedMap(0.1, 0.05);
+  // The heading stays so certain that the second order of q does not matter.
+  MapContent content = CorrelatedMap(0.1, 0.05);
+  content.calibration.odometry.noise_omega = 0.005;
+  content.calibration.odometry.sd_log_scale = 0.005;
   const MapSnapshot snapshot = Snapshot(content);
   SimulationOptions options;
   options.duration_s = 20.0;
   const std::vector<int> states(content.groups.size(), 1);
   const SimulatedRun simulated = Simulate(content, PositionsOf(content, states), options);
 
-  KnownMapFilter filter(Start(options.T_map_start), content.calibration);
-  DenseFilter dense(Start(options.T_map_start), snapshot);
+  const PoseWithCovariance start{options.T_map_start,
+                                 Eigen::Vector3d(0.01, 0.01, 0.0001).asDiagonal()};
+  KnownMapFilter filter(start, content.calibration);
+  DenseFilter dense(start, snapshot);
   OdometryBuffer odometry(content.calibration.odometry);
   for (const OdometrySample& sample : simulated.run.odometry) odometry.Add(sample);
   int updates = 0;
@@ -144,6 +149,76 @@ TEST(KnownMapFilter, EqualsADenseSchmidtKalmanFilter) {
   const Se2 difference = dense.T_map_vehicle().Inverse() * filter.T_map_vehicle();
   EXPECT_LT(difference.Log().norm(), 1e-9);
   EXPECT_LT((dense.StateCovariance() - filter.covariance()).norm(), 1e-9);
+}
+
+// The density of a position q seen by a vehicle whose pose is N(0, P) around the origin, and the
+// mean yaw then. For a given yaw q is linear in the rest of ξ; the integral over yaw is a sum.
+struct ExactSighting {
+  ExactSighting(const Eigen::Matrix3d& P,
+                const Eigen::Vector2d& p_map_landmark,
+                const Eigen::Vector2d& q,
+                const Eigen::Matrix2d& cov_q) {
+    const Eigen::Vector2d regression = P.topRightCorner<2, 1>() / P(2, 2);
+    const Eigen::Matrix2d rest =
+        P.topLeftCorner<2, 2>() - regression * P.topRightCorner<2, 1>().transpose();
+    const double sd = std::sqrt(P(2, 2));
+    constexpr double kStep = 1e-3;
+    for (double yaw = -6.0 * sd; yaw < 6.0 * sd; yaw += kStep) {
+      // Exp(ξ)⁻¹ p for ξ = (ρ, yaw) is Rᵀ (p - V ρ).
+      Eigen::Matrix2d V;
+      V.col(0) = Se2::Exp({1.0, 0.0, yaw}).translation();
+      V.col(1) = Se2::Exp({0.0, 1.0, yaw}).translation();
+      const Eigen::Matrix2d R = Se2(0.0, 0.0, yaw).Rotation().transpose();
+      const Eigen::Vector2d nu = q - R * (p_map_landmark - V * regression * yaw);
+      const Eigen::Matrix2d RV = R * V;
+      const Eigen::Matrix2d S = RV * rest * RV.transpose() + cov_q;
+      const double weight =
+          std::exp(LogGaussian(nu, S) - 0.5 * yaw * yaw / P(2, 2)) / sd / 2.506628274631;
+      density += kStep * weight;
+      mean_yaw += kStep * weight * yaw;
+    }
+    mean_yaw /= density;
+  }
+
+  double density = 0.0;
+  double mean_yaw = 0.0;
+};
+
+// After a long drive by odometry alone q bends by more than the sensor errs.
+TEST(KnownMapFilter, ASightingByAVaguePoseWeighsAsTheIntegralOverPoses) {
+  MapContent content = CorrelatedMap(0.0, 0.05);
+  Mode& mode = content.groups[0].modes[0];
+  mode.p_map_landmark = {5.0, 1.0};
+  const MapSnapshot snapshot = Snapshot(content);
+  Eigen::Matrix3d P;
+  P << 1.0, 0.0, 0.0, 0.0, 4.0, 0.5, 0.0, 0.5, 0.12;
+  const KnownMapFilter before({Se2(), P}, content.calibration);
+  const Eigen::Vector2d sd_z(content.calibration.sensor.sd_range_m,
+                             content.calibration.sensor.sd_bearing_rad);
+  const Eigen::Matrix2d cov_z = sd_z.cwiseAbs2().asDiagonal();
+  for (const Eigen::Vector2d& q : {Eigen::Vector2d(5.0, 1.0),
+                                   Eigen::Vector2d(6.0, 2.5),
+                                   Eigen::Vector2d(4.0, -3.0),
+                                   Eigen::Vector2d(5.5, 4.5)}) {
+    Observation observation;
+    observation.signature = content.groups[0].signature;
+    observation.z = {q.norm(), std::atan2(q.y(), q.x())};
+    const auto seen = KnownMapFilter::Measure(observation, cov_z);
+    constexpr double kBias = 1.0 + KnownMapFilter::kBiasShare * KnownMapFilter::kBiasShare;
+    const ExactSighting exact(
+        P, mode.p_map_landmark, q, kBias * seen.cov_noise + mode.cov_p_map_landmark);
+    KnownMapFilter filter = before;
+    const auto prediction = filter.PredictObservation(observation, cov_z, {0, 1}, snapshot);
+    EXPECT_NEAR(filter.LogLikelihood(prediction, {0, 1}, snapshot) - seen.log_m2_per_unit,
+                std::log(exact.density),
+                0.15)
+        << q.transpose();
+    filter.Update(prediction, {0, 1}, snapshot);
+    EXPECT_NEAR(filter.T_map_vehicle().yaw(), exact.mean_yaw, 0.03) << q.transpose();
+    // And the landmark is then where it was seen.
+    const auto after = filter.PredictPoint({0, 1}, snapshot);
+    EXPECT_LT((after.q - q).norm(), 0.06) << q.transpose();
+  }
 }
 
 // What a position and a bias get wrong is in all sightings from where a vehicle stands: the next
