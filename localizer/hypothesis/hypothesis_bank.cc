@@ -19,6 +19,9 @@ namespace {
 constexpr double kTrustedDistance = 0.3;  // [m]
 constexpr double kTrustedTurn = 0.1;      // [rad]
 
+// Ways without sightings on which wheels slip, as a share. [-]
+constexpr double kSlipShare = 0.1;
+
 Eigen::Vector2d EdgeOfView(const SensorCalibration& sensor) {
   const double bearing = std::min(sensor.max_bearing_rad, std::numbers::pi);
   return {std::cos(bearing), std::sin(bearing)};
@@ -64,13 +67,13 @@ void BankEvents::Clear() {
 void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
   stamp_ = stamp;
   agreed_ = {};
-  T_odom_confirmed_ = T_odom_vehicle_;
-  unconfirmed_since_.reset();
+  ConfirmPose();
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {
   T_odom_vehicle_ = T_odom_vehicle_ * increment.T_begin_end;
+  unseen_way_.Add(increment);
   for (Leaf* leaf : tree_.leaves().all()) leaf->filter.Predict(increment, elapsed_s);
 }
 
@@ -98,9 +101,7 @@ const BankEvents& HypothesisBank::Correct(const Scan& scan, const LidarView* lid
 
 // Wheels slip where nothing is seen: a pose that has moved on is confirmed by two landmarks.
 void HypothesisBank::JudgePose(const ObservationOutcome& outcome, Visit* visit) {
-  const Se2 moved = T_odom_confirmed_.Inverse() * T_odom_vehicle_;
-  const bool far =
-      moved.translation().norm() > kTrustedDistance || std::abs(moved.yaw()) > kTrustedTurn;
+  const bool far = IsFarFromConfirmed();
   if (far && !unconfirmed_since_) unconfirmed_since_ = stamp_;
   if (far && !visit->doubted_since && outcome.state != visit->Favourite()) {
     visit->doubted_since = stamp_;
@@ -111,8 +112,34 @@ void HypothesisBank::JudgePose(const ObservationOutcome& outcome, Visit* visit) 
   std::move_backward(agreed_.begin(), known, known + 1);
   agreed_.front() = {outcome.group, stamp_};
   if (far && CountAgreeing(*unconfirmed_since_, -1) < kConfirming) return;
+  ConfirmPose();
+}
+
+void HypothesisBank::ConfirmPose() {
   T_odom_confirmed_ = T_odom_vehicle_;
+  unseen_way_.Clear();
+  slip_allowed_ = false;
   unconfirmed_since_.reset();
+}
+
+bool HypothesisBank::IsFarFromConfirmed() const {
+  const Se2 moved = T_odom_confirmed_.Inverse() * T_odom_vehicle_;
+  return moved.translation().norm() > kTrustedDistance || std::abs(moved.yaw()) > kTrustedTurn;
+}
+
+void HypothesisBank::AllowForSlip() {
+  if (slip_allowed_ || !(unseen_way_.length_m() > 0.0) || !IsFarFromConfirmed()) return;
+  slip_allowed_ = true;
+  MotionIncrement slip;
+  slip.cov.topLeftCorner<2, 2>() = unseen_way_.SlipCovariance();
+  for (Leaf* leaf : tree_.leaves().Rebuild()) {
+    Leaf& slipped = tree_.leaves().Add(*leaf);
+    slipped.filter.Predict(slip, 0.0);
+    slipped.log_weight += std::log(kSlipShare);
+    leaf->log_weight += std::log1p(-kSlipShare);
+    tree_.leaves().Keep(leaf);
+  }
+  tree_.leaves().SortByWeight();
 }
 
 int HypothesisBank::CountAgreeing(Stamp since, int except) const {

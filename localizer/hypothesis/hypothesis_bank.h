@@ -7,6 +7,7 @@
 
 #include "localizer/hypothesis/hypothesis_tree.h"
 #include "localizer/hypothesis/known_map_leaf.h"
+#include "localizer/hypothesis/unseen_way.h"
 #include "localizer/models/field_of_view.h"
 #include "localizer/models/mode_grid.h"
 #include "mapstore/map/map_snapshot.h"
@@ -157,6 +158,10 @@ class HypothesisBank {
   ObservationOutcome Judge(const SeenObservation& seen);
   // Takes in whether an observation agrees with the pose, and whether it doubts the map or that.
   void JudgePose(const ObservationOutcome& outcome, Visit* visit);
+  void ConfirmPose();
+  bool IsFarFromConfirmed() const;
+  // Each leaf goes on as two after a way without sightings: in one of them the wheels have slipped.
+  void AllowForSlip();
   int CountAgreeing(Stamp since, int except) const;
   // Whether others have agreed with the pose since a visit contradicts the map.
   bool IsConfirmed(const Visit& visit) const;
@@ -196,6 +201,8 @@ class HypothesisBank {
   };
   std::array<Agreement, kConfirming + 1> agreed_;
   Se2 T_odom_confirmed_;                    // Dead-reckoned, where the pose was confirmed last.
+  UnseenWay unseen_way_;                    // Since then.
+  bool slip_allowed_ = false;               // On it.
   std::optional<Stamp> unconfirmed_since_;  // First observation too far from there.
   double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
 };

@@ -62,6 +62,7 @@ struct HypothesisBank::SeenObservation {
 };
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
+  AllowForSlip();
   const SeenObservation seen(observation,
                              group,
                              tree_.BeliefIndex(group),

@@ -47,6 +47,39 @@ TEST_P(DecisionCalibration, WrongDecisionsAreAsRareAsPromised) {
   EXPECT_GE(tally.MeanDelay(), tally.WaldDelay());
 }
 
+// Where nothing was seen for a while the pose is vague, and wheels may have slipped.
+struct BlindPoint {
+  double blind_s = 5.0;
+  double slip_share = 0.0;
+};
+
+class BlindDecisionCalibration : public ::testing::TestWithParam<BlindPoint> {};
+
+TEST_P(BlindDecisionCalibration, WrongDecisionsAreAsRareAsPromisedAfterABlindDrive) {
+  constexpr double kAlpha = 0.01;
+  constexpr int kVisits = 400;
+  VisitScene scene;
+  scene.modes = 3;
+  scene.blind_s = GetParam().blind_s;
+  scene.slip_share = GetParam().slip_share;
+  scene.alone_scans = 10;
+  HypothesisOptions options;
+  options.alpha = kAlpha;
+  const DecisionTally tally = TallyDecisions(scene, options, 1, kVisits, 1);
+  RecordProperty("wrong_share", std::to_string(tally.WrongShare()));
+  RecordProperty("mean_delay", std::to_string(tally.MeanDelay()));
+
+  ASSERT_GT(tally.decided, kVisits);
+  EXPECT_LE(IntervalOf(tally.Wrong()).low, kAlpha) << tally.wrong << " of " << tally.decided;
+  EXPECT_LT(tally.MeanDelay(), 8.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Visits,
+                         BlindDecisionCalibration,
+                         ::testing::Values(BlindPoint{5.0, 0.1},
+                                           BlindPoint{15.0, 0.1},
+                                           BlindPoint{60.0, 0.0}));
+
 std::string NameOf(const ::testing::TestParamInfo<Point>& info) {
   const Point& point = info.param;
   const auto millimetres = static_cast<int>(1000.0 * point.sd_pose_m);

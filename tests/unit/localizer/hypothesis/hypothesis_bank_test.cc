@@ -219,6 +219,28 @@ TEST(HypothesisBank, AfterABlindDriveALandmarkAloneDoesNotContradictTheMap) {
   }
 }
 
+// A slip takes off the way along it, and not across.
+TEST(HypothesisBank, AfterABlindDriveALandmarkAloneTellsModesApartThatNoSlipConfuses) {
+  const auto probability_of_second = [](const Eigen::Vector2d& p2) {
+    MapContent content = OneGroup({7.0, 0.0}, p2);
+    content.groups[0].probabilities = Eigen::Vector3d(0.02, 0.49, 0.49);
+    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.05), StampFromSeconds(1000.0));
+    MotionIncrement blind;
+    blind.T_begin_end = Se2(3.0, 0.0, 0.0);
+    blind.cov = Eigen::Vector3d(0.01, 0.01, 0.0004).asDiagonal();
+    bank.Predict(blind, 10.0);
+    const Eigen::Vector2d q = p2 - Eigen::Vector2d(3.0, 0.0);
+    for (int i = 0; i < 20; ++i) {
+      bank.Correct(ScanOf(content, 10.0 + 0.3 * i, {q.norm(), std::atan2(q.y(), q.x())}));
+    }
+    return bank.Probabilities(0)[2];
+  };
+  EXPECT_GT(probability_of_second({7.0, 1.0}), 0.999);
+  const double confused = probability_of_second({8.0, 0.0});
+  EXPECT_GT(confused, 0.9);
+  EXPECT_LT(confused, 0.998);
+}
+
 TEST(HypothesisBank, ALandmarkAtNoModeComesOutAbsent) {
   const MapContent content = ThreeGroups();
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
