@@ -35,7 +35,7 @@ const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
 
 // Second order of q over the noise from which on an observation is linearized where it puts the
 // pose.
-constexpr double kMaxBend = 0.1;
+constexpr double kMaxSecondOrder = 0.1;
 
 // H_pose X for the Jacobian of q by the pose and the rows of X that are the pose's.
 Eigen::Matrix2d TimesPoseJacobian(const KnownMapFilter::Point& point,
@@ -275,10 +275,10 @@ KnownMapFilter::Measurement KnownMapFilter::Measure(const Observation& observati
 }
 
 // By the second order of Exp(-ξ) q, ½ [θ]² (t + θ × q), at one standard deviation.
-bool KnownMapFilter::IsDeformable(const Measurement& measurement, const Point& point) const {
+bool KnownMapFilter::IsNonlinear(const Measurement& measurement, const Point& point) const {
   const double yaw = P_(2, 2);
-  const double bend = 0.25 * yaw * (P_(0, 0) + P_(1, 1) + yaw * point.q.squaredNorm());
-  return bend > kMaxBend * kMaxBend * measurement.cov_noise.trace();
+  const double second_order = 0.25 * yaw * (P_(0, 0) + P_(1, 1) + yaw * point.q.squaredNorm());
+  return second_order > kMaxSecondOrder * kMaxSecondOrder * measurement.cov_noise.trace();
 }
 
 KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
@@ -319,7 +319,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement&
   constexpr double kMaxStep = 0.01;  // The last one, in standard deviations of the pose.
   constexpr int kIterations = 6;
   const Prediction here = PredictLinear(measurement, point);
-  if (point.relinearized || !(here.nis < kMaxNis) || !IsDeformable(measurement, point)) return here;
+  if (point.relinearized || !(here.nis < kMaxNis) || !IsNonlinear(measurement, point)) return here;
   const Eigen::Array3d sd = P_.diagonal().head<3>().cwiseSqrt();
   Eigen::Vector3d xi = Eigen::Vector3d::Zero();
   Prediction there = here;

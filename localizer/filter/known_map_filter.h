@@ -193,7 +193,7 @@ class KnownMapFilter {
     return kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
   }
   Prediction PredictLinear(const Measurement& measurement, const Point& point) const;
-  bool IsDeformable(const Measurement& measurement, const Point& point) const;
+  bool IsNonlinear(const Measurement& measurement, const Point& point) const;
   // A point linearized at ξ = 0, linearized at another ξ.
   Point LinearizedAt(const Eigen::Vector3d& xi, const Point& point) const;
   Point PredictPoint(const Eigen::Vector2d& p_map_landmark,

@@ -184,7 +184,7 @@ struct ExactSighting {
   double mean_yaw = 0.0;
 };
 
-// After a long drive by odometry alone q bends by more than the sensor errs.
+// After a long drive by odometry alone the second order of q is larger than the sensor's errors.
 TEST(KnownMapFilter, ASightingByAVaguePoseWeighsAsTheIntegralOverPoses) {
   MapContent content = CorrelatedMap(0.0, 0.05);
   Mode& mode = content.groups[0].modes[0];
