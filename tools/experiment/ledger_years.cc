@@ -49,7 +49,7 @@ MapContent MakeMap(int groups) {
     group.probabilities = group.chain.stationary();
     content.groups.push_back(std::move(group));
   }
-  const auto modes = static_cast<std::size_t>(groups * kModes);
+  const std::size_t modes = static_cast<std::size_t>(groups) * kModes;
   content.covariance =
       JointCovariance(std::vector<Eigen::Matrix2d>(modes, 1e-4 * Eigen::Matrix2d::Identity()), {});
   return content;
