@@ -21,6 +21,7 @@
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/parallel.h"
+#include "mapper/registration/misfit_runs.h"
 #include "mapper/registration/misregistered_runs.h"
 #include "mapper/registration/place_run_maps.h"
 #include "mapper/run_maps/run_map.h"
@@ -196,7 +197,8 @@ constexpr double kLossReach = 50.0;
 // A run that is put back may be what another one is to be held against.
 constexpr int kRelocationRounds = 3;
 
-// What is discrete in all runs together, where every run is where the others say.
+// What is discrete in all runs together, where every run is where the others say, without those
+// that do not fit there.
 int RefineAndRelocate(const MapperOptions& options,
                       const StepCallback& on_step,
                       BuildState* build,
@@ -211,8 +213,15 @@ int RefineAndRelocate(const MapperOptions& options,
        ++round) {
     iterations += refine();
   }
+  while (TakeOutMisfitRun(options, build) && !build->runs.empty() &&
+         (!on_step || on_step(*build))) {
+    iterations += refine();
+  }
   return iterations;
 }
+
+// Whether no run is left in the map and at least one waits.
+bool AllWait(const BuildState& build) { return build.runs.empty() && !build.waiting.empty(); }
 
 // Takes out modes of too few sightings, and runs that nothing holds then.
 Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
@@ -233,6 +242,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   GraphSolver solver;  // Rounds of noise go on from where this ends.
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
+  if (AllWait(*build)) return iterations;
   SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
   SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (!options.calibrate) return iterations;
@@ -278,7 +288,7 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
                rejected,
                watch->During("placing runs", kSingleRunsShare));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  if (build.runs.empty() && !build.waiting.empty()) return build;
+  if (AllWait(build)) return build;
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build.runs.empty(), *rejected));
   std::stable_sort(build.runs.begin(), build.runs.end(), [](const BuildRun& a, const BuildRun& b) {
     return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
@@ -373,6 +383,10 @@ AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature
   AmbiguousChange change;
   for (const WaitingRuns::Run& run : waiting.runs) change.runs.push_back({run.name, run.sha256});
   change.deciding = Named(signatures, waiting.explanations.deciding);
+  if (waiting.misfit) {
+    const JoinedFit& fit = *waiting.misfit;
+    change.misfit = {Named(signatures, fit.groups), fit.chi2, fit.limit, fit.dof};
+  }
   for (const Explanation& explanation : waiting.explanations.frames) {
     if (explanation.probability < kUnlikely && change.explanations.size() > 1) break;
     change.explanations.push_back({Named(signatures, explanation.alignment.signatures),
@@ -440,6 +454,10 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
 
   SHIFTMAP_ASSIGN_OR_RETURN(BuildState build,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
+  if (!build.runs.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &build));
+    SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &build));
+  }
   for (const WaitingRuns& waiting : build.waiting) {
     result.ambiguous_changes.push_back(Describe(waiting, signatures));
   }
@@ -447,9 +465,6 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
     result.content = prior.value();
     return result;
   }
-  SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &build));
-
-  SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &build));
   if (!prior) AnchorFrame(&build);
   watch.Report("covariance", 0.9, build);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());

@@ -19,7 +19,8 @@
 
 namespace shiftmap {
 
-/// Changes between a run and the map that have several explanations: the run waits.
+/// Changes between a run and the map that have several explanations, or none that fits: the run
+/// waits.
 struct AmbiguousChange {
   struct Alternative {
     std::vector<Signature> stayed;  ///< None: fewer than two landmarks did.
@@ -32,11 +33,21 @@ struct AmbiguousChange {
     std::string sha256;
   };
 
+  /// The run does not fit as well as by itself with landmarks where the map has them (JoinedFit).
+  struct Misfit {
+    std::vector<Signature> stayed;  ///< These.
+    double chi2 = 0.0;
+    double limit = 0.0;  ///< Of chi2.
+    int degrees_of_freedom = 0;
+  };
+
   std::vector<Run> runs;
   std::vector<Alternative> explanations;  ///< By falling probability, the unlikely ones left out.
 
   /// Stayed in one of the first two explanations only: another run past them decides.
   std::vector<Signature> deciding;
+
+  std::optional<Misfit> misfit;  ///< There are no explanations then.
 };
 
 /// Without a run if all that there are wait; the content is then that of the prior map.

@@ -66,6 +66,7 @@ Status MapperOptions::Validate() const {
       {"confirmation min_share", confirmation.min_share, Range::kNotNegative},
       {"confirmation min_probability", confirmation.min_probability, Range::kProbability},
       {"min_probability_of_most", confirmation.min_probability_of_most, Range::kProbability},
+      {"false_misfit", confirmation.false_misfit, Range::kProbability},
       {"none_stayed", confirmation.prior.none_stayed, Range::kProbability},
       {"near_share", confirmation.prior.near_share, Range::kProbability},
       {"group_share", confirmation.prior.group_share, Range::kNotNegative},

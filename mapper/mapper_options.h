@@ -85,8 +85,12 @@ struct ConfirmationOptions {
   /// is likelier than MovePrior has it, which takes any number of them for equally likely.
   double min_probability_of_most = 0.9;
 
-  /// Modes that the map has of a run's landmarks up to which its place is confirmed: their
-  /// covariance is dense.
+  /// A run whose fit with the others is this improbable beside its fit by itself (FitJoined) is
+  /// taken out again, and waits.
+  double false_misfit = 1e-6;
+
+  /// Modes that the map has of a run's landmarks up to which its place is confirmed, and modes of a
+  /// run up to which its fit is: their covariance is dense.
   int max_modes = 300;
 
   MovePrior prior;

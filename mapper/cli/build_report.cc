@@ -65,11 +65,18 @@ Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
                             {"moved", SignaturesJson(explanation.moved)},
                             {"probability", explanation.probability}});
   }
-  return {{"id", id},
-          {"state", "waiting"},
-          {"runs", runs},
-          {"deciding", SignaturesJson(change.deciding)},
-          {"explanations", explanations}};
+  Json document = {{"id", id},
+                   {"state", "waiting"},
+                   {"runs", runs},
+                   {"deciding", SignaturesJson(change.deciding)},
+                   {"explanations", explanations}};
+  if (change.misfit) {
+    document["misfit"] = {{"stayed", SignaturesJson(change.misfit->stayed)},
+                          {"chi2", change.misfit->chi2},
+                          {"limit", change.misfit->limit},
+                          {"degrees_of_freedom", change.misfit->degrees_of_freedom}};
+  }
+  return document;
 }
 
 // "12, 27 and 54", or how many they are.
@@ -102,6 +109,14 @@ Json IntervalJson(const Interval& interval) {
 }  // namespace
 
 std::string WaitingReason(const AmbiguousChange& change) {
+  if (change.misfit) {
+    return fmt::format(
+        "with {} where the map has them it does not fit as it does by itself (chi-square {:.0f}, "
+        "at most {:.0f} expected)",
+        List(change.misfit->stayed),
+        change.misfit->chi2,
+        change.misfit->limit);
+  }
   std::string text;
   for (std::size_t i = 0; i < change.explanations.size(); ++i) {
     text += i == 0 ? "either " : ", or ";

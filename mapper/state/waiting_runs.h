@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "mapper/alignment/explain_alignment.h"
+#include "mapper/state/joined_fit.h"
 
 namespace shiftmap {
 
 /// Runs that wait: they agree with each other, may lie at several places in the map, and nothing
-/// decides between these.
+/// decides between these; or a run that does not fit at the place that was decided for.
 struct WaitingRuns {
   struct Run {
     std::string name;
@@ -17,7 +19,8 @@ struct WaitingRuns {
   };
 
   std::vector<Run> runs;
-  Explanations explanations;
+  Explanations explanations;        ///< Of one that does not fit: none.
+  std::optional<JoinedFit> misfit;  ///< Of one that does not fit.
 };
 
 }  // namespace shiftmap

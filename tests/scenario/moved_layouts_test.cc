@@ -97,8 +97,8 @@ std::string Described(const MapperResult& result) {
   return text;
 }
 
-MapperResult Build(std::vector<MapperInput> inputs) {
-  return BuildMap(std::move(inputs), std::nullopt, MapperOptions()).value();
+MapperResult Build(std::vector<MapperInput> inputs, const MapperOptions& options = {}) {
+  return BuildMap(std::move(inputs), std::nullopt, options).value();
 }
 
 class MovedLayoutsTest : public ::testing::Test {
@@ -147,6 +147,20 @@ TEST_F(MovedLayoutsTest, ThreeRunsInOneLayoutAndOneInTheOtherAreRightOrOneWaits)
   for (const int second : {1, 2, 4}) {
     bool all = false;
     ExpectRightOrWaiting({Input(1, 1), Input(1, 2), Input(1, 3), Input(2, second)}, &all);
+  }
+}
+
+// Placed where most landmarks agree, a run of robot 4 is 0.6 to 0.8 m wrong and bent to fit.
+TEST_F(MovedLayoutsTest, AWrongPlaceThatIsForcedIsFoundOutByTheFit) {
+  MapperOptions options;
+  options.confirmation.enabled = false;
+  for (const int first : {1, 2, 3}) {
+    const MapperResult result = Build({Input(1, first), Input(2, 4)}, options);
+    ExpectRight(fmt::format("s1r{} and s2r4", first), result);
+    ASSERT_EQ(result.ambiguous_changes.size(), 1U);
+    EXPECT_EQ(result.ambiguous_changes.front().runs.front().name, "s2r4");
+    ASSERT_TRUE(result.ambiguous_changes.front().misfit);
+    EXPECT_EQ(result.ambiguous_changes.front().misfit->stayed.size(), 6U);
   }
 }
 

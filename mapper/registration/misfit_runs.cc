@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/misfit_runs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "mapper/covariance/datum.h"
+#include "mapper/modes/mode_merging.h"
+#include "mapper/modes/unconstrained_runs.h"
+#include "mapper/run_maps/variance_factor.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// Fewer positions have no shape.
+constexpr std::size_t kMinShared = 3;
+
+// Translation, rotation and scale.
+constexpr int kDatum = 4;
+
+// A run by itself with the modes that it has in a joint map, and where that map has them.
+struct RunAlone {
+  BuildState build;
+  std::vector<int> groups;              // Of the modes that others or the prior map have as well.
+  std::vector<int> shared;              // These modes, flat.
+  std::vector<Eigen::Vector2d> places;  // And their positions in the joint map. [m]
+};
+
+const BuildMode& ModeAt(const BuildState& build, const BuildModeRef& mode) {
+  return build.modes[static_cast<std::size_t>(mode.group)][static_cast<std::size_t>(mode.mode)];
+}
+
+// The modes that a run has and another one, or the prior map, has as well.
+std::vector<BuildModeRef> SharedModes(const BuildState& build, std::size_t run) {
+  std::set<BuildModeRef> of_others;
+  for (std::size_t r = 0; r < build.runs.size(); ++r) {
+    if (r == run) continue;
+    for (const BuildModeRef& mode : ModesOf(build.runs[r])) of_others.insert(mode);
+  }
+  std::vector<BuildModeRef> modes = ModesOf(build.runs[run]);
+  std::erase_if(modes, [&](const BuildModeRef& mode) {
+    return ModeAt(build, mode).number == kAbsent && !of_others.contains(mode);
+  });
+  return modes;
+}
+
+RunAlone TakeAlone(const BuildState& build,
+                   std::size_t run,
+                   const std::vector<BuildModeRef>& shared) {
+  RunAlone alone;
+  alone.build.sensor = build.sensor;
+  alone.build.modes = build.modes;
+  for (std::vector<BuildMode>& group : alone.build.modes) {
+    for (BuildMode& mode : group) mode.number = kAbsent;
+  }
+  alone.build.runs.push_back(build.runs[run]);
+  DropUnusedModes(&alone.build);
+  const std::vector<BuildModeRef> own = ModesOf(build.runs[run]);  // In their flat order.
+  for (const BuildModeRef& mode : shared) {
+    const auto at = std::lower_bound(own.begin(), own.end(), mode);
+    alone.shared.push_back(static_cast<int>(at - own.begin()));
+    alone.places.push_back(ModeAt(build, mode).p_map_landmark);
+    alone.groups.push_back(mode.group);
+  }
+  alone.groups.erase(std::unique(alone.groups.begin(), alone.groups.end()), alone.groups.end());
+  return alone;
+}
+
+// Cost of a run with some modes held.
+double CostHeld(const MapperOptions& options, BuildState held, const RunAlone& alone, double sd_m) {
+  held.priors = HoldModes(alone.shared, alone.places, sd_m);
+  SolveContinuous(options, &held);
+  return held.cost;
+}
+
+}  // namespace
+
+std::optional<JoinedFit> FitJoined(const MapperOptions& options,
+                                   const BuildState& build,
+                                   std::size_t run) {
+  const std::vector<BuildModeRef> shared = SharedModes(build, run);
+  const auto own = std::ssize(ModesOf(build.runs[run]));
+  if (shared.size() < kMinShared || own > options.confirmation.max_modes) return std::nullopt;
+  RunAlone alone = TakeAlone(build, run, shared);
+  // The scale of its ranges is free.
+  MapperOptions scaled = options;
+  scaled.sd_run_range_scale =
+      std::numbers::sqrt2 * std::hypot(options.sd_range_scale, options.sd_run_range_scale);
+  alone.build.in_map_units = true;
+
+  JoinedFit fit;
+  fit.groups = alone.groups;
+  fit.dof = static_cast<int>(2 * shared.size()) - kDatum;
+  fit.limit = ChiSquareQuantile(1.0 - options.confirmation.false_misfit, fit.dof);
+  const double sd_m = options.modes.position_floor_m / std::numbers::sqrt2;
+  const BuildState joined = alone.build;
+  SolveContinuous(scaled, &alone.build);
+  const double least = alone.build.cost;
+  fit.chi2 = 2.0 * (CostHeld(scaled, joined, alone, sd_m) - least);
+  if (fit.is_good()) return fit;
+  const double factor = VarianceFactor(scaled, alone.build);
+  fit.chi2 = 2.0 * (CostHeld(scaled, joined, alone, sd_m / std::sqrt(factor)) - least) / factor;
+  return fit;
+}
+
+bool TakeOutMisfitRun(const MapperOptions& options, BuildState* build) {
+  std::size_t worst = 0;
+  std::optional<JoinedFit> of_worst;
+  for (std::size_t r = 0; r < build->runs.size(); ++r) {
+    std::optional<JoinedFit> fit = FitJoined(options, *build, r);
+    if (!fit || fit->is_good()) continue;
+    if (of_worst && fit->chi2 / fit->limit <= of_worst->chi2 / of_worst->limit) continue;
+    worst = r;
+    of_worst = std::move(fit);
+  }
+  if (!of_worst) return false;
+  const MappingRun& data = *build->runs[worst].data;
+  WaitingRuns& waiting = build->waiting.emplace_back();
+  waiting.runs.push_back({data.name, data.sha256});
+  waiting.misfit = *std::move(of_worst);
+  build->runs.erase(build->runs.begin() + static_cast<std::ptrdiff_t>(worst));
+  DropUnusedModes(build);
+  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  return true;
+}
+
+}  // namespace shiftmap

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "mapper/mapper_options.h"
+#include "mapper/state/build_state.h"
+#include "mapper/state/joined_fit.h"
+
+namespace shiftmap {
+
+/// Compares the fit of a run of a joint map with that of the run by itself (mapper/METHOD.md, 6).
+///
+/// Nothing is returned for a run that shares fewer than three modes with the others and the prior
+/// map, which have no shape, or that has more than ConfirmationOptions::max_modes.
+/// @param build  Solved, with the noise that runs by themselves have.
+std::optional<JoinedFit> FitJoined(const MapperOptions& options,
+                                   const BuildState& build,
+                                   std::size_t run);
+
+/// Takes out the run that fits worst of those that do not fit, and what it leaves loose
+/// (RemoveUnconstrainedRuns). It waits (BuildState::waiting). Nothing is solved. Returns false if
+/// all fit.
+bool TakeOutMisfitRun(const MapperOptions& options, BuildState* build);
+
+}  // namespace shiftmap
