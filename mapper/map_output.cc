@@ -188,9 +188,11 @@ LandmarkGroup MakeGroup(const BuildState& build,
 }
 
 // The modes of the map that the prior map does not have.
+// @param sources     Of the groups.
 // @param visibility  By run of the build.
-std::vector<NewMode> NewModes(const std::vector<LandmarkGroup>& groups,
-                              const std::optional<MapContent>& prior,
+std::vector<NewMode> NewModes(const BuildState& build,
+                              const std::vector<GroupSource>& sources,
+                              const std::vector<LandmarkGroup>& groups,
                               const std::vector<std::vector<ModeVisibility>>& visibility) {
   std::map<std::pair<Signature, ModeNumber>, Visibility> scans;
   for (const std::vector<ModeVisibility>& of_run : visibility) {
@@ -198,13 +200,10 @@ std::vector<NewMode> NewModes(const std::vector<LandmarkGroup>& groups,
       scans[{of_mode.signature, of_mode.mode}] += of_mode.scans;
     }
   }
-  std::map<Signature, const LandmarkGroup*> known;
-  if (prior) {
-    for (const LandmarkGroup& group : prior->groups) known[group.signature] = &group;
-  }
   std::vector<NewMode> modes;
-  for (const LandmarkGroup& group : groups) {
-    const LandmarkGroup* const before = known[group.signature];
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    const LandmarkGroup& group = groups[i];
+    const LandmarkGroup* const before = build.Known(sources[i].group);
     for (const Mode& mode : group.modes) {
       if (before != nullptr && before->StateOf(mode.number) > 0) continue;
       modes.push_back({group.signature,
@@ -413,7 +412,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
   }
   output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
   output.older = FindUnseenModes(options.older_runs,
-                                 NewModes(content.groups, prior, output.visibility),
+                                 NewModes(build, sources, content.groups, output.visibility),
                                  options.chains.ledger,
                                  options.front_end.visit_gap_s,
                                  build.sensor,

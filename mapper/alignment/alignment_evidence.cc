@@ -5,23 +5,19 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
+#include "localizer/hypothesis/log_math.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/se2.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr double kNever = -std::numeric_limits<double>::infinity();
 const double kLog2Pi = std::log(2.0 * std::numbers::pi);
-
-double LogGaussian(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov) {
-  return -0.5 * r.dot(cov.inverse() * r) - 0.5 * std::log(cov.determinant()) - kLog2Pi;
-}
 
 Eigen::Index RowOf(std::size_t point) { return static_cast<Eigen::Index>(2 * point); }
 Eigen::Index RowOf(int point) { return Eigen::Index{2} * point; }
@@ -30,9 +26,9 @@ Eigen::Matrix2d RotationBy(double yaw_rad) { return Se2(0.0, 0.0, yaw_rad).Rotat
 
 }  // namespace
 
-double LogSum(double a, double b) {
-  const double most = std::max(a, b);
-  return most == kNever ? most : most + std::log1p(std::exp(std::min(a, b) - most));
+double LogChoose(double n, double k) {
+  const auto log_gamma = [](double x) { return Eigen::numext::lgamma(x); };
+  return log_gamma(n + 1.0) - log_gamma(k + 1.0) - log_gamma(n - k + 1.0);
 }
 
 Eigen::Vector2d SimilarityFit::operator*(const Eigen::Vector2d& p_reference) const {
@@ -98,10 +94,7 @@ double AlignmentEvidence::Variance(int match) const {
 
 double AlignmentEvidence::LogStaying(int stayed) const {
   const auto count = static_cast<double>(groups_.size());
-  const double log_choose = Eigen::numext::lgamma(count + 1.0) -
-                            Eigen::numext::lgamma(stayed + 1.0) -
-                            Eigen::numext::lgamma(count - stayed + 1.0);
-  return std::log1p(-prior_.none_stayed) - std::log(count - 1.0) - log_choose;
+  return std::log1p(-prior_.none_stayed) - std::log(count - 1.0) - LogChoose(count, stayed);
 }
 
 double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov_r) const {
@@ -114,7 +107,7 @@ double AlignmentEvidence::LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matr
     const double s2 = sd * sd;
     const double gain = s2 / (s2 + variance);
     const double ring = (gain * gain * r.squaredNorm() + 2.0 * gain * variance) / (2.0 * s2);
-    log_density = LogSum(
+    log_density = LogAdd(
         log_density,
         log_size + std::log(ring) + LogGaussian(r, cov_r + s2 * Eigen::Matrix2d::Identity()));
   }
@@ -143,16 +136,16 @@ class SetEvaluation {
     score.log_moved.assign(e_.groups_.size(), 0.0);
     score.log_score = score.log_evidence + e_.LogStaying(stayed);
     for (const int k : in_) score.log_score -= LogModes(k);
-    if (gains != nullptr) gains->assign(e_.matches_.size(), kNever);
+    if (gains != nullptr) gains->assign(e_.matches_.size(), kLogZero);
     const double up = e_.LogStaying(stayed + 1) - e_.LogStaying(stayed);
     residual_ -= jacobian_ * step_;
     const Eigen::VectorXd whitened = llt_.solve(residual_);
     for (const int landmark : moved_) {
       const auto [first, end] = e_.MatchesOf(landmark);
-      double log_moved = kNever;
+      double log_moved = kLogZero;
       for (int k = first; k < end; ++k) {
         const auto [r, cov] = Predict(k, whitened);
-        log_moved = LogSum(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
+        log_moved = LogAdd(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
         if (gains != nullptr && !stayed_.Intersects(e_.Rivals(k))) {
           (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
         }
@@ -164,7 +157,7 @@ class SetEvaluation {
       score.log_score += log_moved;
     }
     if (gains != nullptr && stayed > 2) AddRemovals(gains);
-    if (!std::isfinite(score.log_score)) score.log_score = kNever;
+    if (!std::isfinite(score.log_score)) score.log_score = kLogZero;
     return score;
   }
 

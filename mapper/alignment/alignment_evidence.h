@@ -118,7 +118,7 @@ class AlignmentEvidence {
   std::vector<MatchSet> rivals_;
 };
 
-/// log(eᵃ + eᵇ).
-double LogSum(double a, double b);
+/// log of n! / (k! (n - k)!).
+double LogChoose(double n, double k);
 
 }  // namespace shiftmap

@@ -4,20 +4,20 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <random>
 #include <utility>
 
+#include "localizer/hypothesis/log_math.h"
+
 namespace shiftmap {
 namespace {
 
-constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
 // log(eᵃ - eᵇ), a >= b but for rounding.
 double LogDifference(double a, double b) {
-  return b < a ? a + std::log1p(-std::exp(b - a)) : kNever;
+  return b < a ? a + std::log1p(-std::exp(b - a)) : kLogZero;
 }
 
 // A Gaussian over rigid transforms: (centre_other, yaw_rad) of `fit`.
@@ -46,7 +46,7 @@ class AllMoved {
     for (const SimilarityFit& start : starts) proposals.push_back(AroundLeastMoves(start));
     std::mt19937_64 random(1);
     std::normal_distribution<double> normal;
-    double total = kNever;
+    double total = kLogZero;
     for (const Proposal& proposal : proposals) {
       for (int i = 0; i < kDraws; ++i) {
         const Eigen::Vector3d z(normal(random), normal(random), normal(random));
@@ -56,11 +56,11 @@ class AllMoved {
         SimilarityFit x = proposal.fit;
         x.centre_other += step.head<2>();
         x.yaw_rad += step[2];
-        double log_proposal = kNever;
+        double log_proposal = kLogZero;
         for (const Proposal& other : proposals) {
-          log_proposal = LogSum(log_proposal, other.LogDensity(x));
+          log_proposal = LogAdd(log_proposal, other.LogDensity(x));
         }
-        total = LogSum(total, LogSomeNear(x) - log_proposal);
+        total = LogAdd(total, LogSomeNear(x) - log_proposal);
       }
     }
     // Each has as many draws: of their mixture.
@@ -99,11 +99,11 @@ class AllMoved {
   // log density of a landmark that moved near or anywhere, from any of its modes.
   double LogMoved(int landmark, const SimilarityFit& fit) const {
     const auto [first, end] = e_.MatchesOf(landmark);
-    double log_density = kNever;
+    double log_density = kLogZero;
     for (int k = first; k < end; ++k) {
       const Eigen::Vector2d r = e_.PositionInOther(k) - fit * e_.PositionInReference(k);
       log_density =
-          LogSum(log_density, e_.LogMovedBy(r, e_.Variance(k) * Eigen::Matrix2d::Identity()));
+          LogAdd(log_density, e_.LogMovedBy(r, e_.Variance(k) * Eigen::Matrix2d::Identity()));
     }
     return log_density - std::log(static_cast<double>(end - first));
   }
@@ -132,7 +132,7 @@ class AllMoved {
       }
     };
     visit_all([&](const auto&, const auto&, double, double log_density) {
-      total = LogSum(total, log_density);
+      total = LogAdd(total, log_density);
     });
     visit_all([&](const Eigen::Vector2d& q,
                   const Eigen::Vector2d& r,

@@ -27,7 +27,7 @@ constexpr std::array<double, 8> kMapVarianceFactors = {
 
 // Noise that is less likely than the likeliest by this no longer takes part. One more displaced
 // landmark does not make up for it.
-constexpr double kNegligible = 20.0;
+constexpr double kNegligibleNoise = 20.0;
 
 // log of the density of log v for ν / v ~ χ²_ν, but for a constant.
 double LogDensity(double v, double dof) { return -0.5 * dof * (std::log(v) + 1.0 / v); }
@@ -58,11 +58,11 @@ std::vector<Noise> NoiseOfAllSizes(const Eigen::VectorXd& difference,
   return noise;
 }
 
-class Search {
+class DisplacementSearch {
  public:
-  Search(const std::vector<Eigen::Vector2d>& positions,
-         std::vector<Noise> noise,
-         const DisplacementOptions& options)
+  DisplacementSearch(const std::vector<Eigen::Vector2d>& positions,
+                     std::vector<Noise> noise,
+                     const DisplacementOptions& options)
       : options_(options),
         prior_(positions, options.prior),
         noise_(std::move(noise)),
@@ -160,7 +160,7 @@ class Search {
     std::vector<std::size_t> sizes(noise_.size());
     std::iota(sizes.begin(), sizes.end(), std::size_t{0});
     const std::vector<double> scores = Scores(clusters, sizes);
-    const double least = *std::max_element(scores.begin(), scores.end()) - kNegligible;
+    const double least = *std::max_element(scores.begin(), scores.end()) - kNegligibleNoise;
     std::erase_if(sizes, [&](std::size_t size) { return scores[size] < least; });
     return sizes;
   }
@@ -281,7 +281,7 @@ std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
                                const DifferenceCovariance& cov,
                                const DisplacementOptions& options) {
   if (difference.size() == 0) return {};
-  return Search(positions, NoiseOfAllSizes(difference, cov, options), options).Run();
+  return DisplacementSearch(positions, NoiseOfAllSizes(difference, cov, options), options).Run();
 }
 
 }  // namespace shiftmap

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <utility>
 
+#include "localizer/hypothesis/log_math.h"
 #include "mapper/alignment/moved_bodies.h"
 #include "mapper/alignment/rigid_bodies.h"
 #include "proto/core/check.h"
@@ -14,8 +14,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kNever = -std::numeric_limits<double>::infinity();
-constexpr double kNegligible = 30.0;  // [nats]
+constexpr double kNegligibleSet = 30.0;  // [nats]
 constexpr std::size_t kMaxLandmarks = 20;
 
 // All lists of at most two bodies beside what stayed.
@@ -24,10 +23,10 @@ double LogBodies(const MovedBodies& none, const MatchSet& stayed, const std::vec
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     if (bodies[i].matches.Intersects(stayed)) continue;
     const MovedBodies one = none.With(bodies[i]);
-    total = LogSum(total, one.LogScore());
+    total = LogAdd(total, one.LogScore());
     for (std::size_t j = i + 1; j < bodies.size(); ++j) {
       if (bodies[j].matches.Intersects(stayed | bodies[i].matches)) continue;
-      total = LogSum(total, one.With(bodies[j]).LogScore());
+      total = LogAdd(total, one.With(bodies[j]).LogScore());
     }
   }
   return total;
@@ -43,7 +42,7 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
   const RigidBodies rigid(evidence, prior);
   std::vector<std::pair<MatchSet, SetScore>> sets;
   std::vector<Body> bodies;
-  double best = kNever;
+  double best = kLogZero;
   for (std::uint64_t bits = 0; bits < std::uint64_t{1} << landmarks; ++bits) {
     const MatchSet set = MatchSet::OfBits(bits);
     const int count = set.Count();
@@ -51,11 +50,11 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
     SetScore score = evidence.Score(set);
     const bool may_be_body = prior.group_share > 0.0 && count >= RigidBodies::kMinSize;
     if (may_be_body && score.log_evidence + rigid.LogProbability(set) >
-                           count * evidence.log_anywhere() - kNegligible) {
+                           count * evidence.log_anywhere() - kNegligibleSet) {
       bodies.push_back({set, score.fit, score.log_evidence});
     }
     best = std::max(best, score.log_score);
-    if (score.log_score > best - kNegligible) sets.emplace_back(set, std::move(score));
+    if (score.log_score > best - kNegligibleSet) sets.emplace_back(set, std::move(score));
   }
   std::vector<Hypothesis> found;
   for (const Hypothesis& hypothesis : SearchHypotheses(evidence, prior, {})) {

@@ -3,21 +3,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 #include <queue>
 #include <unordered_set>
 #include <utility>
 
+#include "localizer/hypothesis/log_math.h"
 #include "mapper/alignment/all_moved.h"
 #include "mapper/alignment/moved_bodies.h"
 #include "mapper/alignment/rigid_bodies.h"
 
 namespace shiftmap {
 namespace {
-
-constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 // Of two landmarks that stayed the distances agree to this, in standard deviations.
 constexpr double kPairGate = 4.0;
@@ -28,9 +26,11 @@ constexpr int kManyMatches = 15;
 // Bodies that are looked for together.
 constexpr std::size_t kMaxBodies = 6;
 
-class Search {
+class ExplanationSearch {
  public:
-  Search(const AlignmentEvidence& evidence, const MovePrior& prior, const ExplanationLimits& limits)
+  ExplanationSearch(const AlignmentEvidence& evidence,
+                    const MovePrior& prior,
+                    const ExplanationLimits& limits)
       : e_(evidence),
         prior_(prior),
         limits_(limits),
@@ -77,7 +77,7 @@ class Search {
   }
 
   double Best() const {
-    double best = kNever;
+    double best = kLogZero;
     for (const auto& [stayed, score] : scores_) best = std::max(best, score.log_score);
     return best;
   }
@@ -141,7 +141,7 @@ class Search {
   void Expand() {
     std::priority_queue<std::pair<double, MatchSet>> queue;
     std::unordered_set<MatchSet> queued;
-    double best = kNever;
+    double best = kLogZero;
     const auto add = [&](const MatchSet& stayed) {
       const double score = Score(stayed).log_score;
       best = std::max(best, score);
@@ -221,12 +221,12 @@ class Search {
     double total = present;
     if (prior_.group_share <= 0.0) return total;
     while (moved.matches().size() < kMaxBodies) {
-      double best = kNever;
+      double best = kLogZero;
       std::optional<MovedBodies> likeliest;
       for (const Body& body : BodiesBeside(taken)) {
         MovedBodies more = moved.With(body);
         const double log_score = more.LogScore();
-        total = LogSum(total, log_score);
+        total = LogAdd(total, log_score);
         if (log_score <= best) continue;
         best = log_score;
         likeliest = std::move(more);
@@ -250,7 +250,7 @@ class Search {
     none.log_moved.assign(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
     const double bodies = landmarks_ * e_.log_anywhere() + LogBodies(none, nullptr);
     Hypothesis nothing;
-    nothing.log_score = LogSum(near, bodies) + std::log(prior_.none_stayed);
+    nothing.log_score = LogAdd(near, bodies) + std::log(prior_.none_stayed);
     return nothing;
   }
 
@@ -282,8 +282,8 @@ class Search {
 }  // namespace
 
 void NormalizeAndSort(std::vector<Hypothesis>* hypotheses) {
-  double total = kNever;
-  for (const Hypothesis& hypothesis : *hypotheses) total = LogSum(total, hypothesis.log_score);
+  double total = kLogZero;
+  for (const Hypothesis& hypothesis : *hypotheses) total = LogAdd(total, hypothesis.log_score);
   for (Hypothesis& hypothesis : *hypotheses) {
     hypothesis.probability = std::exp(hypothesis.log_score - total);
   }
@@ -295,7 +295,7 @@ void NormalizeAndSort(std::vector<Hypothesis>* hypotheses) {
 std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
                                          const MovePrior& prior,
                                          const ExplanationLimits& limits) {
-  return Search(evidence, prior, limits).Find();
+  return ExplanationSearch(evidence, prior, limits).Find();
 }
 
 }  // namespace shiftmap

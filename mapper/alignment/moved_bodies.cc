@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "localizer/hypothesis/log_math.h"
 #include "mapstore/geometry/se2.h"
 
 namespace shiftmap {
@@ -52,7 +53,7 @@ MovedBodies MovedBodies::With(const Body& body) const {
     const double log_each = std::log(prior_->exchange_share / static_cast<double>(bodies_.size()));
     log_went += std::log1p(-prior_->exchange_share);
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      log_went = LogSum(log_went, log_each + LogExchanged(*bodies_[i], body) - log_went_[i]);
+      log_went = LogAdd(log_went, log_each + LogExchanged(*bodies_[i], body) - log_went_[i]);
     }
   }
   more.log_gain_ += body.log_evidence + log_went;

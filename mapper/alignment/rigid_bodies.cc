@@ -3,16 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
+#include "localizer/hypothesis/log_math.h"
+
 namespace shiftmap {
 namespace {
-
-constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 // Landmarks of one body, and bodies of one site, that are looked for by where they stand.
 constexpr std::size_t kMaxSize = 16;
@@ -24,10 +23,6 @@ constexpr double kMinWeight = 0.02;
 constexpr double kReach = 3.0;
 
 double LogGamma(double x) { return Eigen::numext::lgamma(x); }
-
-double LogChoose(double n, double k) {
-  return LogGamma(n + 1.0) - LogGamma(k + 1.0) - LogGamma(n - k + 1.0);
-}
 
 // A polynomial in the probability p that something stayed: the sum of c pᵃ (1 - p)ᵇ.
 class StayingPolynomial {
@@ -53,11 +48,11 @@ class StayingPolynomial {
 
   // log of its integral over p from 0 to 1.
   double LogIntegral() const {
-    double total = kNever;
+    double total = kLogZero;
     for (const auto& [exponents, weight] : terms_) {
       if (!(weight > 0.0)) continue;
       const auto [a, b] = exponents;
-      total = LogSum(
+      total = LogAdd(
           total, std::log(weight) + LogGamma(a + 1.0) + LogGamma(b + 1.0) - LogGamma(a + b + 2.0));
     }
     return total;
@@ -72,6 +67,7 @@ class StayingPolynomial {
 RigidBodies::RigidBodies(const AlignmentEvidence& evidence, const MovePrior& prior)
     : e_(evidence), prior_(prior), landmarks_(static_cast<int>(evidence.groups().size())) {
   if (prior.group_share > 0.0) FindClusters();
+  for (const MatchSet& cluster : clusters_) log_probabilities_.push_back(LogProbability(cluster));
 }
 
 double RigidBodies::LogWeight(const MatchSet& body) const {
@@ -85,9 +81,9 @@ double RigidBodies::LogWeight(const MatchSet& body) const {
   }
   double squared = 0.0;
   for (const int k : members) squared += (e_.PositionInReference(k) - mean).squaredNorm();
-  double log_compact = kNever;
+  double log_compact = kLogZero;
   for (const double sd : prior_.body_sd_m) {
-    log_compact = LogSum(
+    log_compact = LogAdd(
         log_compact,
         -(count - 1.0) * std::log(2.0 * std::numbers::pi * sd * sd) - 0.5 * squared / (sd * sd));
   }
@@ -161,7 +157,8 @@ double RigidBodies::LogStaying(const MatchSet& stayed, const std::vector<MatchSe
   for (const int k : stayed.Members()) present = present | e_.Rivals(k);
   int singly_stayed = stayed.Count();
   std::vector<std::vector<StayingPolynomial::Term>> factors;
-  for (const MatchSet& cluster : clusters_) {
+  for (std::size_t c = 0; c < clusters_.size(); ++c) {
+    const MatchSet& cluster = clusters_[c];
     if (cluster.Intersects(in_moved)) continue;
     const MatchSet there = cluster & stayed;
     const int stays = there.Count();
@@ -169,7 +166,7 @@ double RigidBodies::LogStaying(const MatchSet& stayed, const std::vector<MatchSe
     if (stays + leaves < kMinSize) continue;
     const double together =
         stays < kMinSize ? 0.0 : (1.0 - prior_.body_apart) * std::exp(LogProbability(there));
-    const double is_one = (1.0 - prior_.body_apart) * std::exp(LogProbability(cluster));
+    const double is_one = (1.0 - prior_.body_apart) * std::exp(log_probabilities_[c]);
     singly_stayed -= stays;
     singly_moved -= leaves;
     factors.push_back({{1.0 - std::max(together, is_one), stays, leaves}, {together, 1, leaves}});
@@ -188,9 +185,9 @@ double RigidBodies::LogAllMoved(const std::vector<MatchSet>& moved) const {
     in_moved = in_moved | body;
     log_prior += LogProbability(body) + std::log1p(-prior_.body_apart);
   }
-  for (const MatchSet& cluster : clusters_) {
-    if (cluster.Intersects(in_moved)) continue;
-    log_prior += std::log1p(-(1.0 - prior_.body_apart) * std::exp(LogProbability(cluster)));
+  for (std::size_t c = 0; c < clusters_.size(); ++c) {
+    if (clusters_[c].Intersects(in_moved)) continue;
+    log_prior += std::log1p(-(1.0 - prior_.body_apart) * std::exp(log_probabilities_[c]));
   }
   return log_prior;
 }

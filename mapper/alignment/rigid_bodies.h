@@ -9,7 +9,7 @@
 namespace shiftmap {
 
 /// Landmarks that stand on one rigid body, a rack for instance: where they stand close together in
-/// the reference says so before anything moves (README.md: Bodies).
+/// the reference says so before anything moves (mapper/METHOD.md, 6).
 ///
 /// Threads: const-safe. `evidence` and `prior` must outlive it.
 class RigidBodies {
@@ -45,7 +45,8 @@ class RigidBodies {
   const MovePrior& prior_;
   int landmarks_;
   std::vector<MatchSet> clusters_;
-  std::vector<double> weights_;  // Of clusters_, against that there is no such body.
+  std::vector<double> weights_;            // Of clusters_, against that there is no such body.
+  std::vector<double> log_probabilities_;  // LogProbability() of clusters_.
 };
 
 }  // namespace shiftmap

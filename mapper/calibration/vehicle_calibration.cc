@@ -24,7 +24,7 @@ const Eigen::Array<int, 5, 1> kTakenOff = {0, 1, 2, 4, 5};
 constexpr double kUnsettled = 2.0 * 0.025 * 0.025;
 
 // Draws of the posterior for redundancies.
-constexpr int kOffsetSamples = 4;
+constexpr int kStatisticsSamples = 4;
 
 Parameters ParametersOf(const OdometryCalibration& odometry, const SensorBias& bias) {
   Parameters parameters;
@@ -184,7 +184,7 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
   const Systematic systematic =
       CombineRuns(options.calibration.odometry, graph, posterior, build, by_vehicle);
   const std::vector<ResidualStatistics> statistics =
-      ComputeRunStatistics(graph, posterior, kOffsetSamples, options.seed);
+      ComputeRunStatistics(graph, posterior, kStatisticsSamples, options.seed);
   const ModeGrid grid = GridOf(build, build.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;
   for (const auto& [name, runs] : by_vehicle) {

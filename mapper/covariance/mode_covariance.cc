@@ -13,7 +13,7 @@ namespace shiftmap {
 namespace {
 
 // Samples that bound the covariance of differences.
-constexpr int kSamples = 32;
+constexpr int kCovarianceSamples = 32;
 
 using Modes = std::vector<int>;
 
@@ -112,7 +112,7 @@ std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolv
   // Few differences cost less than the samples that would spare them.
   if (IsTiled(graph)) {
     std::mt19937_64 random(1);
-    result.samples_ = result.posterior_->DrawModes(kSamples, random);
+    result.samples_ = result.posterior_->DrawModes(kCovarianceSamples, random);
   }
   return result;
 }

@@ -62,16 +62,17 @@ void KeepOne(const AlignmentEvidence& evidence, const MatchSet& body, std::set<i
 
 }  // namespace
 
-bool FewAgree(const ConfirmationOptions& options,
-              const std::vector<AlignmentPoint>& reference,
-              double area_m2,
-              const RunMap& run_map,
-              const Alignment& consensus) {
+bool MostAgree(const ConfirmationOptions& options,
+               const std::vector<AlignmentPoint>& reference,
+               double area_m2,
+               const RunMap& run_map,
+               const std::optional<Alignment>& consensus) {
+  if (!consensus) return false;
   const JointPoints of_reference{reference, {}};
   const JointPoints of_run_map{run_map.points, {}};
   const AlignmentEvidence evidence(of_reference, of_run_map, area_m2, options.prior);
   std::set<int> common(evidence.groups().begin(), evidence.groups().end());
-  std::set<int> agreeing(consensus.signatures.begin(), consensus.signatures.end());
+  std::set<int> agreeing(consensus->signatures.begin(), consensus->signatures.end());
   if (evidence.matches().size() <= kMaxMatches) {
     const RigidBodies rigid(evidence, options.prior);
     for (const MatchSet& body : rigid.clusters()) {
@@ -79,8 +80,8 @@ bool FewAgree(const ConfirmationOptions& options,
       KeepOne(evidence, body, &agreeing);
     }
   }
-  return std::ssize(agreeing) < options.min_signatures ||
-         static_cast<double>(agreeing.size()) <=
+  return std::ssize(agreeing) >= options.min_signatures &&
+         static_cast<double>(agreeing.size()) >
              options.min_share * static_cast<double>(common.size());
 }
 
@@ -88,9 +89,9 @@ bool NeedsConfirmation(const MapperOptions& options,
                        const std::vector<AlignmentPoint>& reference,
                        double area_m2,
                        const RunMap& run_map,
-                       const std::optional<Alignment>& consensus) {
-  if (!consensus || FewAgree(options.confirmation, reference, area_m2, run_map, *consensus))
-    return true;
+                       const std::optional<Alignment>& consensus,
+                       bool most_agree) {
+  if (!most_agree) return true;
   if (!IsStiff(run_map)) return false;
   std::vector<AlignmentPoint> others;
   for (const AlignmentPoint& point : run_map.points) {
@@ -139,14 +140,12 @@ bool IsSamePlace(const ConfirmationOptions& options,
 }
 
 bool IsDecided(const ConfirmationOptions& options,
-               const std::vector<AlignmentPoint>& reference,
-               double area_m2,
                const RunMap& run_map,
                const std::optional<Alignment>& consensus,
+               bool most_agree,
                const Explanation& best) {
   if (best.nothing_stayed()) return false;
-  const bool most = consensus && !FewAgree(options, reference, area_m2, run_map, *consensus) &&
-                    IsSamePlace(options, run_map, best.alignment, *consensus);
+  const bool most = most_agree && IsSamePlace(options, run_map, best.alignment, *consensus);
   return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
 }
 

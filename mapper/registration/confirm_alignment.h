@@ -11,27 +11,29 @@
 
 namespace shiftmap {
 
-/// Whether few landmarks agree in a consensus (ConfirmationOptions). Those of one body count as
-/// one: a rack that was moved agrees with itself.
+/// Whether more than few landmarks agree in a consensus (ConfirmationOptions). Those of one body
+/// count as one: a rack that was moved agrees with itself.
 /// @param reference  Modes of the map.
 /// @param area_m2    That the map takes. [m²]
-bool FewAgree(const ConfirmationOptions& options,
-              const std::vector<AlignmentPoint>& reference,
-              double area_m2,
-              const RunMap& run_map,
-              const Alignment& consensus);
+/// @param consensus  Nothing, in which none agrees, if there is none.
+bool MostAgree(const ConfirmationOptions& options,
+               const std::vector<AlignmentPoint>& reference,
+               double area_m2,
+               const RunMap& run_map,
+               const std::optional<Alignment>& consensus);
 
 /// Whether another place may explain a run map as well as that of a consensus: few landmarks agree,
 /// or others agree at another place. Of a run map that is not stiff (IsStiff) the latter says
 /// nothing: it differs from the map by more than its covariance knows.
-/// @param reference  Modes of the map.
-/// @param area_m2    That the map takes. [m²]
-/// @param consensus  Nothing if there is none.
+/// @param reference   Modes of the map.
+/// @param area_m2     That the map takes. [m²]
+/// @param most_agree  MostAgree() of the consensus.
 bool NeedsConfirmation(const MapperOptions& options,
                        const std::vector<AlignmentPoint>& reference,
                        double area_m2,
                        const RunMap& run_map,
-                       const std::optional<Alignment>& consensus);
+                       const std::optional<Alignment>& consensus,
+                       bool most_agree);
 
 /// Where a run map lies in the map, by the joint covariances of both (Explain). A map that is
 /// solved from runs has the variance factor that these show, and so has the run map; of a prior
@@ -56,12 +58,12 @@ bool IsSamePlace(const ConfirmationOptions& options,
                  const Alignment& other);
 
 /// Whether an explanation is so probable that it is decided for (ConfirmationOptions).
-/// @param best  The likeliest one.
+/// @param most_agree  MostAgree() of the consensus.
+/// @param best        The likeliest one.
 bool IsDecided(const ConfirmationOptions& options,
-               const std::vector<AlignmentPoint>& reference,
-               double area_m2,
                const RunMap& run_map,
                const std::optional<Alignment>& consensus,
+               bool most_agree,
                const Explanation& best);
 
 }  // namespace shiftmap

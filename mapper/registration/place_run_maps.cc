@@ -179,11 +179,13 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
   if (!options.confirmation.enabled || IsDeformable(run_map)) return aligned;
   const std::optional<Alignment> consensus =
       aligned ? std::optional(aligned->alignment) : std::nullopt;
-  if (!NeedsConfirmation(options, reference, area_m2, run_map, consensus)) return aligned;
+  const bool most_agree = MostAgree(options.confirmation, reference, area_m2, run_map, consensus);
+  if (!NeedsConfirmation(options, reference, area_m2, run_map, consensus, most_agree))
+    return aligned;
   std::optional<Explanations> found = ExplainRunMap(options, prior, build, area_m2, run_map);
   if (!found) return aligned;
   const Explanation& best = found->frames.front();
-  if (!IsDecided(options.confirmation, reference, area_m2, run_map, consensus, best)) {
+  if (!IsDecided(options.confirmation, run_map, consensus, most_agree, best)) {
     if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
     return std::nullopt;
   }
@@ -191,9 +193,7 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
   const bool same =
       consensus && IsSamePlace(options.confirmation, run_map, best.alignment, *consensus);
   if (!same) aligned.emplace().alignment = best.alignment;
-  if (!same || FewAgree(options.confirmation, reference, area_m2, run_map, *consensus)) {
-    aligned->stayed = Stayed(best, run_map, build);
-  }
+  if (!same || !most_agree) aligned->stayed = Stayed(best, run_map, build);
   return aligned;
 }
 

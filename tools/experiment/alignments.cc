@@ -80,7 +80,7 @@ class PairScore {
     best_ = explanations->frames.front();
     outcome_.probability = best_.probability;
     outcome_.is_right = IsRight(best_);
-    if (IsDecided(options, pair_.reference.points, pair_.area_m2, run_map_, std::nullopt, best_)) {
+    if (IsDecided(options, run_map_, std::nullopt, false, best_)) {
       answer.right = outcome_.is_right;
     }
     for (const Explanation& frame : explanations->frames) {
@@ -98,8 +98,12 @@ class PairScore {
     answer.seconds = ThreadProcessorSeconds() - start;
     if (alignment) answer.right = IsRight(*alignment);
     Of(if_sure).seconds = answer.seconds;
+    const std::vector<AlignmentPoint>& reference = pair_.reference.points;
+    const double area_m2 = pair_.area_m2;
+    const bool most_agree =
+        MostAgree(options_.confirmation, reference, area_m2, run_map_, alignment);
     const bool sure =
-        !NeedsConfirmation(options_, pair_.reference.points, pair_.area_m2, run_map_, alignment);
+        !NeedsConfirmation(options_, reference, area_m2, run_map_, alignment, most_agree);
     if (sure) Of(if_sure).right = answer.right;
     return alignment;
   }
@@ -109,12 +113,10 @@ class PairScore {
     answer = Of(AlignmentMethod::kConsensusSure);
     if (answer.right) return;
     answer.seconds += Of(AlignmentMethod::kPosterior).seconds;
-    if (IsDecided(options_.confirmation,
-                  pair_.reference.points,
-                  pair_.area_m2,
-                  run_map_,
-                  consensus,
-                  best_)) {
+    const ConfirmationOptions& options = options_.confirmation;
+    const bool most_agree =
+        MostAgree(options, pair_.reference.points, pair_.area_m2, run_map_, consensus);
+    if (IsDecided(options, run_map_, consensus, most_agree, best_)) {
       answer.right = outcome_.is_right;
     }
   }

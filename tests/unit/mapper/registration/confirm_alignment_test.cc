@@ -40,12 +40,10 @@ bool NeedsConfirmation(const std::vector<AlignmentPoint>& points) {
   RunMap run_map;
   run_map.points = points;
   const std::vector<AlignmentPoint> reference = Points(0, Eigen::Vector2d::Zero(), 0.01);
-  return shiftmap::NeedsConfirmation(
-      options,
-      reference,
-      kArea,
-      run_map,
-      AlignByConsensus(reference, run_map.points, kArea, options.alignment));
+  const std::optional<Alignment> consensus =
+      AlignByConsensus(reference, run_map.points, kArea, options.alignment);
+  const bool most_agree = MostAgree(options.confirmation, reference, kArea, run_map, consensus);
+  return shiftmap::NeedsConfirmation(options, reference, kArea, run_map, consensus, most_agree);
 }
 
 TEST(NeedsConfirmation, MostThatAgreeAreEnough) {
