@@ -9,6 +9,7 @@
 #include "mapper/association/anonymous_landmarks.h"
 #include "mapper/association/track_names.h"
 #include "mapper/calibration/fleet_calibration.h"
+#include "mapper/modes/doubtful_modes.h"
 #include "mapper/modes/missed_visits.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapstore/map/mode_filter.h"
@@ -93,10 +94,10 @@ std::vector<BuildVisit> EvidenceOf(const BuildState& build,
   std::vector<BuildVisit> evidence;
   for (const VisitRef& ref : source.visits) {
     const MappingVisit& visit = VisitOf(build, ref);
+    Eigen::VectorXd log_likelihoods = VisitLogLikelihood(build, ref, options);
+    MixAlternatives(build, ref, &log_likelihoods);
     evidence.push_back(
-        {ref.run,
-         MakeEvidence(
-             group, visit.begin, visit.end, VisitLogLikelihood(build, ref, options)(states))});
+        {ref.run, MakeEvidence(group, visit.begin, visit.end, log_likelihoods(states))});
     evidence.back().evidence.observations = std::ssize(visit.sightings);
   }
   for (const MissedVisit& visit : missed) {

@@ -17,6 +17,7 @@
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/map_output.h"
 #include "mapper/memory_estimate.h"
+#include "mapper/modes/doubtful_modes.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/modes/unconstrained_runs.h"
@@ -213,8 +214,7 @@ int RefineAndRelocate(const MapperOptions& options,
        ++round) {
     iterations += refine();
   }
-  while (TakeOutMisfitRun(options, build) && !build->runs.empty() &&
-         (!on_step || on_step(*build))) {
+  while (RemoveMisfitRun(options, build) && !build->runs.empty() && (!on_step || on_step(*build))) {
     iterations += refine();
   }
   return iterations;
@@ -396,6 +396,26 @@ AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature
   return change;
 }
 
+AmbiguousChange Describe(const KeptAlternatives& kept, const std::vector<Signature>& signatures) {
+  AmbiguousChange change;
+  change.waits = false;
+  for (const WaitingRuns::Run& run : kept.runs) change.runs.push_back({run.name, run.sha256});
+  for (const StayedSet& stayed : kept.alternatives) {
+    std::vector<int> moved;
+    std::set_difference(kept.groups.begin(),
+                        kept.groups.end(),
+                        stayed.groups.begin(),
+                        stayed.groups.end(),
+                        std::back_inserter(moved));
+    change.explanations.push_back(
+        {Named(signatures, stayed.groups), Named(signatures, moved), stayed.probability});
+  }
+  std::vector<int> deciding;
+  for (const KeptAlternatives::Doubt& doubt : kept.doubts) deciding.push_back(doubt.group);
+  change.deciding = Named(signatures, deciding);
+  return change;
+}
+
 // What is told of a solved build.
 Status Conclude(const std::vector<Signature>& signatures,
                 const std::optional<MapContent>& prior,
@@ -460,6 +480,10 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   }
   for (const WaitingRuns& waiting : build.waiting) {
     result.ambiguous_changes.push_back(Describe(waiting, signatures));
+  }
+  DropSettledAlternatives(&build);
+  for (const KeptAlternatives& kept : build.kept) {
+    result.ambiguous_changes.push_back(Describe(kept, signatures));
   }
   if (build.runs.empty()) {  // Without a prior map one run at least is in the map.
     result.content = prior.value();

@@ -19,8 +19,7 @@
 
 namespace shiftmap {
 
-/// Changes between a run and the map that have several explanations, or none that fits: the run
-/// waits.
+/// Changes between a run and the map that have several explanations, or none that fits.
 struct AmbiguousChange {
   struct Alternative {
     std::vector<Signature> stayed;  ///< None: fewer than two landmarks did.
@@ -41,6 +40,10 @@ struct AmbiguousChange {
     int degrees_of_freedom = 0;
   };
 
+  /// The runs wait. Else they are in the map, in a frame that all explanations have, and landmarks
+  /// have the modes of all.
+  bool waits = true;
+
   std::vector<Run> runs;
   std::vector<Alternative> explanations;  ///< By falling probability, the unlikely ones left out.
 
@@ -55,8 +58,8 @@ struct MapperResult {
   MapContent content;
   std::vector<MappedRun> runs;  ///< By begin, then hash.
   std::vector<RejectedRun> rejected;
-  std::vector<AmbiguousChange> ambiguous_changes;  ///< The runs of these wait.
-  int modes_created = 0;                           ///< Modes that the prior map does not have.
+  std::vector<AmbiguousChange> ambiguous_changes;
+  int modes_created = 0;  ///< Modes that the prior map does not have.
   int modes_merged = 0;
   int outer_iterations = 0;
   SelectionSummary selection;

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <random>
 
 namespace shiftmap {
@@ -26,6 +27,7 @@ struct Frame {
   const Hypothesis* best = nullptr;
   double probability = 0.0;
   std::vector<double> stays;  // Per landmark, times the probability of the frame.
+  std::map<MatchSet, double> sets = {};
 };
 
 // Whether two transforms place every landmark this alike.
@@ -74,6 +76,7 @@ void AddTo(const AlignmentEvidence& evidence,
            double probability,
            Frame* frame) {
   frame->probability += probability;
+  frame->sets[hypothesis.stayed] += probability;
   for (const int k : hypothesis.stayed.Members()) {
     frame->stays[static_cast<std::size_t>(evidence.LandmarkOf(k))] += probability;
   }
@@ -142,9 +145,41 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   return alignment;
 }
 
+// The sets of groups that stayed in a frame, the unlikely ones left out.
+std::vector<StayedSet> AlternativesIn(const AlignmentEvidence& evidence, const Frame& frame) {
+  constexpr double kUnlikely = 0.01;
+  std::map<std::vector<int>, double> sets;
+  for (const auto& [stayed, probability] : frame.sets) {
+    sets[GroupsOf(evidence, stayed)] += probability / frame.probability;
+  }
+  std::vector<StayedSet> alternatives;
+  for (const auto& [groups, probability] : sets) {
+    if (probability >= kUnlikely) alternatives.push_back({groups, probability});
+  }
+  std::stable_sort(
+      alternatives.begin(), alternatives.end(), [](const StayedSet& x, const StayedSet& y) {
+        return x.probability > y.probability;
+      });
+  return alternatives;
+}
+
+// Per group the probability that one of its landmarks stayed in a frame.
+std::vector<std::pair<int, double>> StaysIn(const AlignmentEvidence& evidence, const Frame& frame) {
+  std::map<int, double> stays;
+  for (const int group : evidence.groups()) stays[group] = 0.0;
+  for (const auto& [stayed, probability] : frame.sets) {
+    for (const int group : GroupsOf(evidence, stayed)) {
+      stays[group] += probability / frame.probability;
+    }
+  }
+  return {stays.begin(), stays.end()};
+}
+
 Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
   Explanation explanation;
   explanation.probability = frame.probability;
+  explanation.alternatives = AlternativesIn(evidence, frame);
+  explanation.stays = StaysIn(evidence, frame);
   if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
   for (const int k : frame.best->stayed.Members()) {

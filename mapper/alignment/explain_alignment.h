@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "mapper/alignment/alignment_evidence.h"
@@ -9,6 +10,12 @@
 #include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
+
+/// A set of groups that stayed.
+struct StayedSet {
+  std::vector<int> groups;   ///< Ascending.
+  double probability = 0.0;  ///< Given the frame.
+};
 
 /// One frame that the other map may have in the reference, and the most likely set of landmarks
 /// that stayed in it.
@@ -19,6 +26,12 @@ struct Explanation {
   std::vector<int>
       together;  ///< Of these, those of the likeliest body, if one is likelier than none.
   double probability = 0.0;  ///< Of the frame, over all sets of landmarks that lead to it.
+
+  /// The sets that lead to it, by falling probability, those below 0.01 left out.
+  std::vector<StayedSet> alternatives;
+
+  /// Per group in common, ascending, the probability that it stayed, given the frame.
+  std::vector<std::pair<int, double>> stays;
 
   bool nothing_stayed() const { return alignment.signatures.empty(); }
 };

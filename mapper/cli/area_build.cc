@@ -353,6 +353,7 @@ TreeSlamOptions MakeTreeOptions(const AreaBuildOptions& options, const MapperOpt
 std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
   std::vector<UnplacedRun> unplaced;
   for (const AmbiguousChange& change : result.ambiguous_changes) {
+    if (!change.waits) continue;
     for (const AmbiguousChange::Run& run : change.runs) {
       unplaced.push_back({run.name, run.sha256, {}});
     }
@@ -510,6 +511,7 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
 
 void WarnOfRuns(const AreaBuild& build, Context& context) {
   for (const std::string& line : WaitingLines(build.result)) context.Attend(line);
+  for (const std::string& line : KeptLines(build.result)) context.Warn(line);
   for (const UnplacedRun& run : build.not_given) {
     context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
   }

@@ -66,7 +66,7 @@ Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
                             {"probability", explanation.probability}});
   }
   Json document = {{"id", id},
-                   {"state", "waiting"},
+                   {"state", change.waits ? "waiting" : "kept"},
                    {"runs", runs},
                    {"deciding", SignaturesJson(change.deciding)},
                    {"explanations", explanations}};
@@ -123,6 +123,7 @@ std::string WaitingReason(const AmbiguousChange& change) {
     text += Words(change.explanations[i]);
   }
   if (change.explanations.size() == 1) text = Words(change.explanations.front());
+  if (!change.waits) text += fmt::format("; {} kept both places", List(change.deciding));
   if (!change.deciding.empty()) {
     text += fmt::format("; another run past {} would tell", List(change.deciding));
   }
@@ -137,7 +138,19 @@ std::vector<std::string> WaitingLines(const MapperResult& result) {
   std::vector<std::string> lines;
   for (const AmbiguousChange& change : result.ambiguous_changes) {
     for (const AmbiguousChange::Run& run : change.runs) {
+      if (!change.waits) continue;
       lines.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
+    }
+  }
+  return lines;
+}
+
+std::vector<std::string> KeptLines(const MapperResult& result) {
+  std::vector<std::string> lines;
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    for (const AmbiguousChange::Run& run : change.runs) {
+      if (change.waits) continue;
+      lines.push_back(fmt::format("run '{}' is ambiguous: {}", run.name, WaitingReason(change)));
     }
   }
   return lines;
@@ -200,6 +213,7 @@ Json BuildJson(const std::string& area,
     document["ambiguous_changes"].push_back(
         AmbiguousChangeJson(document["ambiguous_changes"].size() + 1, change));
     for (const AmbiguousChange::Run& run : change.runs) {
+      if (!change.waits) continue;
       document["waiting"].push_back({{"run", run.name}, {"reason", WaitingReason(change)}});
     }
   }

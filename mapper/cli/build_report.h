@@ -22,8 +22,10 @@ std::string WaitingReason(const AmbiguousChange& change);
 /// The same of one that waits since an earlier build and was not given to this one.
 std::string WaitingReason(const UnplacedRun& run);
 
-/// One line for each run of a build that waits, and for each that is left out, with the reason.
+/// One line for each run of a build that waits, that is in the map while it is ambiguous which of
+/// its landmarks stayed, and that is left out, with the reason.
 std::vector<std::string> WaitingLines(const MapperResult& result);
+std::vector<std::string> KeptLines(const MapperResult& result);
 std::vector<std::string> LeftOutLines(const MapperResult& result);
 
 /// What `shiftmap-mapper build --json` says of a build.

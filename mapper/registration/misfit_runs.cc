@@ -108,7 +108,7 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
   return fit;
 }
 
-bool TakeOutMisfitRun(const MapperOptions& options, BuildState* build) {
+bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
   std::size_t worst = 0;
   std::optional<JoinedFit> of_worst;
   for (std::size_t r = 0; r < build->runs.size(); ++r) {

@@ -22,6 +22,6 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
 /// Takes out the run that fits worst of those that do not fit, and what it leaves loose
 /// (RemoveUnconstrainedRuns). It waits (BuildState::waiting). Nothing is solved. Returns false if
 /// all fit.
-bool TakeOutMisfitRun(const MapperOptions& options, BuildState* build);
+bool RemoveMisfitRun(const MapperOptions& options, BuildState* build);
 
 }  // namespace shiftmap

@@ -10,6 +10,7 @@
 #include "mapper/registration/confirm_alignment.h"
 #include "mapper/registration/deformed_fit.h"
 #include "mapper/registration/displaced_modes.h"
+#include "mapper/registration/keep_alternatives.h"
 #include "mapper/registration/mode_match.h"
 #include "mapper/registration/run_map_alignment.h"
 #include "mapper/registration/waiting_run_maps.h"
@@ -78,11 +79,14 @@ bool Absorb(const MapperOptions& options,
     known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
   } else if (aligned) {
     known = KnownModes(options, *aligned, run_map, mode_matches, displaced, *build);
+    const std::optional<KeptAlternatives> kept =
+        KeepAlternatives(options, *aligned, run_map, mode_matches, *build, &known);
+    if (kept) build->kept.push_back(*kept);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (std::ssize(known) - unknown < kMinTyingModes) return false;
     std::vector<bool> decided;  // With all modes of the prior at once.
     for (const ModeMatch& mode_match : mode_matches) {
-      decided.push_back(MatchesPrior(*build, mode_match));
+      decided.push_back(MatchesPrior(*build, mode_match) || IsInDoubt(kept, mode_match.group));
     }
     // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
     const auto met = std::count_if(mode_matches.begin(),
@@ -106,6 +110,7 @@ bool Absorb(const MapperOptions& options,
             ? known[i]
             : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
   }
+  build->kept.insert(build->kept.end(), run_map.build.kept.begin(), run_map.build.kept.end());
   for (BuildRun& run : run_map.build.runs) {
     for (std::size_t v = 0; v < run.assignment.size(); ++v) {
       int& assignment = run.assignment[v];
@@ -193,7 +198,11 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
   const bool same =
       consensus && IsSamePlace(options.confirmation, run_map, best.alignment, *consensus);
   if (!same) aligned.emplace().alignment = best.alignment;
-  if (!same || !most_agree) aligned->stayed = Stayed(best, run_map, build);
+  if (!same || !most_agree) {
+    aligned->stayed = Stayed(best, run_map, build);
+    aligned->alternatives = best.alternatives;
+    aligned->stays = best.stays;
+  }
   return aligned;
 }
 

@@ -27,6 +27,9 @@ namespace shiftmap {
 /// itself, without a prior map the largest such map is the one, and the others are tried once more
 /// as one run map each. BuildState::waiting is what has several explanations then.
 ///
+/// Where the frame is decided, but not which landmarks stayed in it, those in doubt get a mode
+/// beside the one that they may have left (BuildState::kept).
+///
 /// What aligns with nothing is rejected, and so is what the landmarks that moved leave without two
 /// that did not.
 /// @param on_step  Asked before each run map; if it says no, the others are neither placed nor

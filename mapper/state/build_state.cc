@@ -98,6 +98,9 @@ void MoveBuild(const Se2& T_map_old, BuildState* build) {
   for (std::vector<BuildMode>& group : build->modes) {
     for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
   }
+  for (KeptAlternatives& kept : build->kept) {
+    for (KeptAlternatives::Doubt& doubt : kept.doubts) doubt.place = T_map_old * doubt.place;
+  }
 }
 
 BuildState StartBuild(std::size_t groups, const SensorCalibration& sensor) {

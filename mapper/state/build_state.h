@@ -14,6 +14,7 @@
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
+#include "mapper/state/kept_alternatives.h"
 #include "mapper/state/rejected_run.h"
 #include "mapper/state/waiting_runs.h"
 #include "mapstore/core/ids.h"
@@ -70,8 +71,9 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 struct BuildState {
   std::vector<BuildRun> runs;                 ///< By begin.
   std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
-  std::vector<RejectedRun> left_out;  ///< Runs taken out again, and why (unconstrained_runs.h).
-  std::vector<WaitingRuns> waiting;   ///< Without a decided place (place_run_maps.h).
+  std::vector<RejectedRun> left_out;   ///< Runs taken out again, and why (unconstrained_runs.h).
+  std::vector<WaitingRuns> waiting;    ///< Without a decided place (place_run_maps.h).
+  std::vector<KeptAlternatives> kept;  ///< Of runs in the map (place_run_maps.h).
   SensorCalibration sensor;
 
   /// Per group what the prior map has of it; nothing for one that it does not have. Empty without a

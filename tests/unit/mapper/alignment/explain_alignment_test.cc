@@ -287,6 +287,45 @@ TEST(ExplainAlignmentTest, ProbabilitiesOfFramesAreThoseOfEnumerationWithBodies)
   }
 }
 
+// Five landmarks stayed, and one is elsewhere by a few standard deviations: the frame is sure, and
+// not whether that landmark stayed. The oracle: the sum over all sets.
+TEST(ExplainAlignmentTest, AlternativesOfOneFrameAreThoseOfEnumeration) {
+  constexpr int kInDoubt = 5;
+  int ambiguous = 0;
+  for (int step = 0; step < 8; ++step) {
+    std::vector<Eigen::Vector2d> places = {
+        {0.0, 0.0}, {6.0, 0.5}, {5.5, 5.0}, {0.5, 6.0}, {3.0, 2.0}, {2.0, 4.5}};
+    const JointPoints reference = Points(places, 0.05);
+    places[kInDoubt].x() += 0.1 + 0.04 * step;
+    const JointPoints other = Points(places, 0.05);
+    const MovePrior prior;
+    const AlignmentEvidence evidence(reference, other, kArea, prior);
+    std::map<std::vector<int>, double> sets;
+    double in_frame = 0.0;
+    double stayed = 0.0;
+    for (const Hypothesis& hypothesis : EnumerateHypotheses(evidence, prior)) {
+      if (hypothesis.stayed.empty()) continue;
+      const std::vector<int> members = hypothesis.stayed.Members();
+      sets[members] += hypothesis.probability;
+      in_frame += hypothesis.probability;
+      if (hypothesis.stayed.Contains(kInDoubt)) stayed += hypothesis.probability;
+    }
+    const Explanation best = Explain(reference, other, kArea, prior, {}).value().frames.front();
+    ASSERT_GT(best.probability, kDecided);
+    ASSERT_THAT(best.stays, SizeIs(places.size()));
+    EXPECT_NEAR(best.stays[kInDoubt].second, stayed / in_frame, 0.01);
+    ASSERT_FALSE(best.alternatives.empty());
+    double sum = 0.0;
+    for (const StayedSet& set : best.alternatives) {
+      EXPECT_NEAR(set.probability, sets.at(set.groups) / in_frame, 0.01);
+      sum += set.probability;
+    }
+    EXPECT_GT(sum, 0.9);
+    ambiguous += best.stays[kInDoubt].second > 0.05 && best.stays[kInDoubt].second < 0.95 ? 1 : 0;
+  }
+  EXPECT_GE(ambiguous, 2);
+}
+
 // Four places of two landmarks mostly decide where all others stand elsewhere.
 TEST(ExplainAlignmentTest, WhereALandmarkStoodAtTwoTimesIsTwoPlaces) {
   std::mt19937_64 random(Seed());

@@ -93,7 +93,7 @@ TEST_F(MisfitRuns, ARunThatIsJoinedRightFitsAsItDoesByItself) {
       EXPECT_GE(fit->chi2, -0.1);
       EXPECT_LT(fit->chi2, fit->dof) << seed;  // The floor takes up what noise there is.
     }
-    EXPECT_FALSE(TakeOutMisfitRun(options_, &joined));
+    EXPECT_FALSE(RemoveMisfitRun(options_, &joined));
     EXPECT_EQ(joined.runs.size(), 2U);
   }
 }
@@ -101,14 +101,14 @@ TEST_F(MisfitRuns, ARunThatIsJoinedRightFitsAsItDoesByItself) {
 TEST_F(MisfitRuns, AJoinThatIsForcedUponLandmarksThatMovedIsRefused) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     BuildState joined = JoinedByForce(seed, EveryThird);
-    ASSERT_TRUE(TakeOutMisfitRun(options_, &joined)) << seed;
+    ASSERT_TRUE(RemoveMisfitRun(options_, &joined)) << seed;
     ASSERT_EQ(joined.runs.size(), 1U);
     ASSERT_EQ(joined.waiting.size(), 1U);
     const WaitingRuns& waiting = joined.waiting.front();
     EXPECT_NE(waiting.runs.front().name, joined.runs.front().data->name);
     EXPECT_TRUE(waiting.explanations.frames.empty());
     EXPECT_GT(waiting.misfit.value().chi2, waiting.misfit.value().limit);
-    EXPECT_FALSE(TakeOutMisfitRun(options_, &joined));  // By itself it fits.
+    EXPECT_FALSE(RemoveMisfitRun(options_, &joined));  // By itself it fits.
   }
 }
 

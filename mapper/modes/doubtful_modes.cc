@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/modes/doubtful_modes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace shiftmap {
+namespace {
+
+bool IsOf(const KeptAlternatives& kept, const std::string& sha256) {
+  return std::any_of(kept.runs.begin(), kept.runs.end(), [&](const WaitingRuns::Run& run) {
+    return run.sha256 == sha256;
+  });
+}
+
+// The mode of a group that is nearest to a place. Precondition: there is one.
+int NearestTo(const Eigen::Vector2d& place, const std::vector<BuildMode>& modes) {
+  const auto nearest =
+      std::min_element(modes.begin(), modes.end(), [&](const BuildMode& a, const BuildMode& b) {
+        return (a.p_map_landmark - place).squaredNorm() < (b.p_map_landmark - place).squaredNorm();
+      });
+  return static_cast<int>(nearest - modes.begin());
+}
+
+// Whether a visit is of a landmark in doubt, at another mode than that which it may have left.
+bool IsInDoubt(const BuildState& build,
+               const VisitRef& visit,
+               const KeptAlternatives::Doubt& doubt) {
+  const int assigned = AssignmentOf(build, visit);
+  return VisitOf(build, visit).group == doubt.group && assigned != kUnassigned &&
+         assigned != NearestTo(doubt.place, build.modes[static_cast<std::size_t>(doubt.group)]);
+}
+
+}  // namespace
+
+void MixAlternatives(const BuildState& build,
+                     const VisitRef& visit,
+                     Eigen::VectorXd* log_likelihoods) {
+  const std::string& sha256 = build.runs[static_cast<std::size_t>(visit.run)].data->sha256;
+  for (const KeptAlternatives& kept : build.kept) {
+    if (!IsOf(kept, sha256)) continue;
+    for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
+      if (!IsInDoubt(build, visit, doubt)) continue;
+      const int left = NearestTo(doubt.place, build.modes[static_cast<std::size_t>(doubt.group)]);
+      (*log_likelihoods)[1 + left] = (*log_likelihoods)[1 + AssignmentOf(build, visit)] +
+                                     std::log(doubt.stayed) - std::log1p(-doubt.stayed);
+    }
+  }
+}
+
+void DropSettledAlternatives(BuildState* build) {
+  for (KeptAlternatives& kept : build->kept) {
+    std::erase_if(kept.doubts, [&](const KeptAlternatives::Doubt& doubt) {
+      for (std::size_t r = 0; r < build->runs.size(); ++r) {
+        const BuildRun& run = build->runs[r];
+        if (!IsOf(kept, run.data->sha256)) continue;
+        for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+          if (IsInDoubt(*build, {static_cast<int>(r), static_cast<int>(v)}, doubt)) return false;
+        }
+      }
+      return true;
+    });
+  }
+  std::erase_if(build->kept, [](const KeptAlternatives& kept) { return kept.doubts.empty(); });
+}
+
+}  // namespace shiftmap

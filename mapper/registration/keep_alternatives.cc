@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/registration/keep_alternatives.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "mapper/modes/unconstrained_runs.h"
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// The sets that differ in landmarks in doubt; of the others the first says whether they stayed.
+std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
+                                   const KeptAlternatives& kept) {
+  std::map<std::set<int>, double> sets;
+  for (const StayedSet& set : all) {
+    std::set<int> stayed(all.front().groups.begin(), all.front().groups.end());
+    for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
+      stayed.erase(doubt.group);
+      if (std::binary_search(set.groups.begin(), set.groups.end(), doubt.group)) {
+        stayed.insert(doubt.group);
+      }
+    }
+    sets[stayed] += set.probability;
+  }
+  std::vector<StayedSet> in_doubt;
+  for (const auto& [stayed, probability] : sets) {
+    in_doubt.push_back({{stayed.begin(), stayed.end()}, probability});
+  }
+  std::stable_sort(in_doubt.begin(), in_doubt.end(), [](const auto& x, const auto& y) {
+    return x.probability > y.probability;
+  });
+  return in_doubt;
+}
+
+}  // namespace
+
+bool IsInDoubt(const std::optional<KeptAlternatives>& kept, int group) {
+  return kept && std::any_of(kept->doubts.begin(), kept->doubts.end(), [&](const auto& doubt) {
+           return doubt.group == group;
+         });
+}
+
+std::optional<KeptAlternatives> KeepAlternatives(const MapperOptions& options,
+                                                 const RunMapAlignment& aligned,
+                                                 const RunMap& run_map,
+                                                 const std::vector<ModeMatch>& mode_matches,
+                                                 const BuildState& build,
+                                                 std::vector<int>* known) {
+  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
+  const double floor = options.modes.position_floor_m;
+  const double decided = options.confirmation.min_probability;
+  const std::map<int, double> stays(aligned.stays.begin(), aligned.stays.end());
+  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  KeptAlternatives kept;
+  std::vector<int> without = *known;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const ModeMatch& mode_match = mode_matches[i];
+    const auto stay = stays.find(mode_match.group);
+    if (stay == stays.end() || mode_match.nearest == kUnassigned) continue;
+    if (stay->second >= decided || stay->second <= 1.0 - decided) continue;
+    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor;
+    if (mode_match.squared_m2 < gate * variance) continue;
+    without[i] = kUnassigned;
+    kept.doubts.push_back(
+        {mode_match.group, NearestMode(build, mode_match).p_map_landmark, stay->second});
+  }
+  const auto left = std::ssize(without) - std::count(without.begin(), without.end(), kUnassigned);
+  if (kept.doubts.empty() || left < kMinTyingModes) return std::nullopt;
+  *known = std::move(without);
+  for (const BuildRun& run : run_map.build.runs) {
+    kept.runs.push_back({run.data->name, run.data->sha256});
+  }
+  kept.alternatives = SetsInDoubt(aligned.alternatives, kept);
+  for (const auto& [group, probability] : stays) kept.groups.push_back(group);
+  return kept;
+}
+
+}  // namespace shiftmap
