@@ -65,10 +65,35 @@ RunAlone TakeAlone(const BuildState& build,
     const auto at = std::lower_bound(own.begin(), own.end(), mode);
     alone.shared.push_back(static_cast<int>(at - own.begin()));
     alone.places.push_back(ModeAt(build, mode).p_map_landmark);
-    alone.groups.push_back(mode.group);
   }
-  alone.groups.erase(std::unique(alone.groups.begin(), alone.groups.end()), alone.groups.end());
   return alone;
+}
+
+// A mode is taken for another one if that is nearer by this factor, squared.
+constexpr double kMistaken = 9.0;
+
+// Takes out modes of which the run by itself is much nearer to another one of the group: selection,
+// by the time of its visits, took the wrong one, which says nothing of where the run is.
+// @param shared  Of the joint map, as alone->shared.
+void DropMistaken(const BuildState& build,
+                  const std::vector<BuildModeRef>& shared,
+                  RunAlone* alone) {
+  const std::vector<Eigen::Vector2d> positions = ModePositions(alone->build);
+  RunAlone kept{std::move(alone->build), {}, {}, {}};
+  for (std::size_t i = 0; i < shared.size(); ++i) {
+    const Eigen::Vector2d& p = positions[static_cast<std::size_t>(alone->shared[i])];
+    const double squared = (alone->places[i] - p).squaredNorm();
+    const std::vector<BuildMode>& group = build.modes[static_cast<std::size_t>(shared[i].group)];
+    if (std::any_of(group.begin(), group.end(), [&](const BuildMode& mode) {
+          return kMistaken * (mode.p_map_landmark - p).squaredNorm() < squared;
+        })) {
+      continue;
+    }
+    kept.groups.push_back(shared[i].group);
+    kept.shared.push_back(alone->shared[i]);
+    kept.places.push_back(alone->places[i]);
+  }
+  *alone = std::move(kept);
 }
 
 // Cost of a run with some modes held.
@@ -93,13 +118,16 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
       std::numbers::sqrt2 * std::hypot(options.sd_range_scale, options.sd_run_range_scale);
   alone.build.in_map_units = true;
 
-  JoinedFit fit;
-  fit.groups = alone.groups;
-  fit.dof = static_cast<int>(2 * shared.size()) - kDatum;
-  fit.limit = ChiSquareQuantile(1.0 - options.confirmation.false_misfit, fit.dof);
-  const double sd_m = options.modes.position_floor_m / std::numbers::sqrt2;
   const BuildState joined = alone.build;
   SolveContinuous(scaled, &alone.build);
+  DropMistaken(build, shared, &alone);
+  if (alone.shared.size() < kMinShared) return std::nullopt;
+  JoinedFit fit;
+  fit.groups = alone.groups;
+  fit.groups.erase(std::unique(fit.groups.begin(), fit.groups.end()), fit.groups.end());
+  fit.dof = static_cast<int>(2 * alone.shared.size()) - kDatum;
+  fit.limit = ChiSquareQuantile(1.0 - options.confirmation.false_misfit, fit.dof);
+  const double sd_m = options.modes.position_floor_m / std::numbers::sqrt2;
   const double least = alone.build.cost;
   fit.chi2 = 2.0 * (CostHeld(scaled, joined, alone, sd_m) - least);
   if (fit.is_good()) return fit;
