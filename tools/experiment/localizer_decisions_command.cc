@@ -163,7 +163,10 @@ Status Measure(const Arguments& arguments, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Wrong decisions and their delay over simulated visits", table));
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));
+  // Blind drives begin at one pose.
+  if (!arguments.blind) {
+    SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("wrong", WrongShareChart(rows)));
+  }
   const Json options{{"visits", arguments.visits},
                      {"seed", arguments.seed},
                      {"max_leaves", arguments.max_leaves},
