@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <string_view>
 #include <utility>
 
 #include "mapper/nightly/clock_check.h"
@@ -135,39 +137,63 @@ MapSnapshot WithCalibrationOf(const MapSnapshot& map, const MapSnapshot& other) 
   return WithContent(map, std::move(content));
 }
 
+// A score of which a run of the build must not have much more than the others.
+struct SuspectMeasure {
+  std::function<double(const ShiftScore&)> of;
+  double allowed = 0.0;
+  double usual = 0.0;  // The least that counts as the median of the others.
+  std::function<std::string(double own, double others)> reason;
+};
+
+std::vector<SuspectMeasure> SuspectMeasures(const JudgeOptions& options) {
+  const auto share = [](std::string_view before, std::string_view after) {
+    return [before, after](double own, double others) {
+      return fmt::format("{}{:.0f} % {}, {:.0f} % in the median of the others",
+                         before,
+                         100.0 * own,
+                         after,
+                         100.0 * others);
+    };
+  };
+  return {{[](const ShiftScore& score) { return score.nis_per_dof(); },
+           options.suspect_nis,
+           1.0,
+           [](double own, double others) {
+             return fmt::format(
+                 "NIS per degree of freedom is {:.1f}, {:.1f} in the median of the others",
+                 own,
+                 others);
+           }},
+          {[](const ShiftScore& score) { return score.unlocalized_share(); },
+           options.suspect_lost_share,
+           0.0,
+           share("it is lost for ", "of its time")},
+          {[](const ShiftScore& score) { return score.ungated_share(); },
+           options.suspect_ungated_share,
+           0.0,
+           share("", "of its observations fit no place of their landmarks")}};
+}
+
 void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
-  const auto nis = [](const ShiftScore& score) { return score.nis_per_dof(); };
-  const auto lost = [](const ShiftScore& score) { return score.unlocalized_share(); };
+  const std::vector<SuspectMeasure> measures = SuspectMeasures(options);
   for (const JudgedShift& shift : judgement->shifts) {
     if (!shift.in_build) continue;
-    std::vector<double> other_nis;
-    std::vector<double> other_lost;
-    for (const JudgedShift& other : judgement->shifts) {
-      if (other.run == shift.run || other.fold > 0) continue;
-      other_nis.push_back(Least(other, nis));
-      other_lost.push_back(Least(other, lost));
+    for (const SuspectMeasure& measure : measures) {
+      std::vector<double> others;
+      for (const JudgedShift& other : judgement->shifts) {
+        if (other.run != shift.run && other.fold == 0) others.push_back(Least(other, measure.of));
+      }
+      if (others.empty()) continue;
+      const double own = Least(shift, measure.of);
+      const double median = Median(others);
+      if (own <= measure.allowed ||
+          own <= options.suspect_factor * std::max(measure.usual, median)) {
+        continue;
+      }
+      judgement->suspects.push_back(
+          {shift.path, "fits neither the old map nor the new one: " + measure.reason(own, median)});
+      break;
     }
-    if (other_nis.empty()) continue;
-    const double own_nis = Least(shift, nis);
-    const double own_lost = Least(shift, lost);
-    std::string reason;
-    if (own_nis > options.suspect_nis &&
-        own_nis > options.suspect_factor * std::max(1.0, Median(other_nis))) {
-      reason =
-          fmt::format("NIS per degree of freedom is {:.1f}, {:.1f} in the median of the others",
-                      own_nis,
-                      Median(other_nis));
-    } else if (own_lost > options.suspect_lost_share &&
-               own_lost > options.suspect_factor * Median(other_lost)) {
-      reason = fmt::format(
-          "it is lost for {:.0f} % of its time, {:.0f} % in the median of "
-          "the others",
-          100.0 * own_lost,
-          100.0 * Median(other_lost));
-    }
-    if (reason.empty()) continue;
-    judgement->suspects.push_back(
-        {shift.path, "fits neither the old map nor the new one: " + reason});
   }
 }
 

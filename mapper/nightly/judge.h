@@ -32,8 +32,10 @@ struct JudgeOptions {
   double cost_factor = 2.0;
 
   // A run of the build that fits neither map while the others fit is suspect: it is LOST for more
-  // than this share of its time, or has more NIS per degree of freedom, ...
+  // than this share of its time, sees more than this share of landmarks at no place of theirs, or
+  // has more NIS per degree of freedom, ...
   double suspect_lost_share = 0.15;
+  double suspect_ungated_share = 0.15;
   double suspect_nis = 3.0;
   double suspect_factor = 2.0;  ///< ... and so many times as much as the median of the others.
 };

@@ -55,6 +55,12 @@ double ShiftScore::lost_share() const {
   return ShareOf(LocalizerState::kInitializing) + ShareOf(LocalizerState::kLost);
 }
 
+double ShiftScore::ungated_share() const {
+  constexpr std::int64_t kDof = 2;  // Of an observation.
+  const std::int64_t seen = dof / kDof + ungated;
+  return seen > 0 ? static_cast<double>(ungated) / static_cast<double>(seen) : 0.0;
+}
+
 double ShiftScore::wrong_share() const {
   return met > 0 ? 1.0 - std::min(1.0, static_cast<double>(right) / met) : 0.0;
 }

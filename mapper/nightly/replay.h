@@ -40,6 +40,9 @@ struct ShiftScore {
   /// Share of the time LOST; all of it if nothing ever corrected a pose.
   double unlocalized_share() const { return dof > 0 ? ShareOf(LocalizerState::kLost) : 1.0; }
 
+  /// Share of the observations of known landmarks that were at no place of theirs.
+  double ungated_share() const;
+
   /// Share of the landmarks met that were not decided, or for another mode.
   double wrong_share() const;
 
