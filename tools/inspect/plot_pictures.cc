@@ -144,6 +144,7 @@ StatusOr<Picture> DrawTrajectories(const PictureArguments& arguments, const Cont
   std::vector<NamedTrajectory> estimates;
   for (const std::string& path : arguments.subjects) {
     SHIFTMAP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTum(path));
+    if (poses.empty()) return InvalidArgument("trajectory '{}': no pose", path);
     estimates.push_back({StemOf(path), std::move(poses)});
   }
   std::optional<NamedTrajectory> truth;

@@ -319,7 +319,7 @@ std::string PlotNight(const MapSnapshot& map, const Night& night) {
   AddRunLists(night, &legend);
   const std::string since =
       night.parent ? fmt::format("since version {}", night.parent->map.version().value())
-                   : std::string("the first version");
+                   : std::string("no version before");
   return plot.Draw(
       {.title = fmt::format("{} · version {} · {}", map.area(), map.version().value(), since),
        .subtitle = fmt::format("probabilities at {} UTC · {} · runs mapped: {}",

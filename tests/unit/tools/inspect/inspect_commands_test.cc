@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
@@ -329,6 +330,8 @@ TEST_F(InspectCommands, PicturesNameWhatIsMissing) {
   expect({"map", "--truth", "t.tum"}, 2, "--truth is for trajectory and consistency");
   expect({"trajectory", "a.tum", "--align"}, 2, "--align is for --truth");
   expect({"trajectory", dir_.File("none.tum")}, 6, "none.tum");
+  std::ofstream(dir_.File("empty.tum")).flush();
+  expect({"trajectory", dir_.File("empty.tum")}, 3, "empty.tum': no pose");
   expect({"consistency", dir_.File("none.csv")}, 6, "none.csv");
 }
 

@@ -172,7 +172,7 @@ TEST(NightPlot, ListsRunsThatAreMappedWaitOrAreHeld) {
 TEST(NightPlot, OfTheFirstVersionAllIsNew) {
   const std::string svg = PlotNight(Map(Before(), 1), {});
   EXPECT_EQ(PictureDefect(svg), "");
-  EXPECT_THAT(TextsOf(svg), HasSubstr("the first version"));
+  EXPECT_THAT(TextsOf(svg), HasSubstr("no version before"));
   EXPECT_THAT(TextsOf(svg), HasSubstr("new landmark: 8"));
 }
 
