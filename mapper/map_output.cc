@@ -110,8 +110,8 @@ std::vector<BuildVisit> EvidenceOf(const BuildState& build,
   return evidence;
 }
 
-// What earlier runs tell of how visible the build's modes are, flat order. What is told of a
-// merged mode is about the mode that stands for it.
+// The visibility of the build's modes in earlier runs, flat order. That of a merged mode belongs to
+// the mode that stands for it.
 std::vector<Visibility> KnownVisibility(const BuildState& build,
                                         const std::vector<Signature>& signatures,
                                         const FlatModes& flat,

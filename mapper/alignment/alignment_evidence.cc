@@ -19,16 +19,14 @@ namespace {
 
 const double kLog2Pi = std::log(2.0 * std::numbers::pi);
 
-Eigen::Index RowOf(std::size_t point) { return static_cast<Eigen::Index>(2 * point); }
-Eigen::Index RowOf(int point) { return Eigen::Index{2} * point; }
-
 Eigen::Matrix2d RotationBy(double yaw_rad) { return Se2(0.0, 0.0, yaw_rad).Rotation(); }
 
 }  // namespace
 
+double LogGamma(double x) { return Eigen::numext::lgamma(x); }
+
 double LogChoose(double n, double k) {
-  const auto log_gamma = [](double x) { return Eigen::numext::lgamma(x); };
-  return log_gamma(n + 1.0) - log_gamma(k + 1.0) - log_gamma(n - k + 1.0);
+  return LogGamma(n + 1.0) - LogGamma(k + 1.0) - LogGamma(n - k + 1.0);
 }
 
 Eigen::Vector2d SimilarityFit::operator*(const Eigen::Vector2d& p_reference) const {

@@ -118,6 +118,9 @@ class AlignmentEvidence {
   std::vector<MatchSet> rivals_;
 };
 
+/// log Γ(x). (std::lgamma writes a global, and threads would race for it.)
+double LogGamma(double x);
+
 /// log of n! / (k! (n - k)!).
 double LogChoose(double n, double k);
 

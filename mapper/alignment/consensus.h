@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <concepts>
 #include <optional>
 #include <vector>
 
@@ -15,6 +16,11 @@ struct AlignmentPoint {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< [m]
   Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();       ///< Marginal. [m²]
 };
+
+/// The row of a point's x in a vector or covariance of points, stacked (x, y).
+constexpr Eigen::Index RowOf(std::integral auto point) {
+  return 2 * static_cast<Eigen::Index>(point);
+}
 
 struct AlignmentOptions {
   /// Fewer agreeing signatures than this are no alignment: two may agree by accident.

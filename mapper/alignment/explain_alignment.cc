@@ -152,15 +152,8 @@ std::vector<StayedSet> AlternativesIn(const AlignmentEvidence& evidence, const F
   for (const auto& [stayed, probability] : frame.sets) {
     sets[GroupsOf(evidence, stayed)] += probability / frame.probability;
   }
-  std::vector<StayedSet> alternatives;
-  for (const auto& [groups, probability] : sets) {
-    if (probability >= kUnlikely) alternatives.push_back({groups, probability});
-  }
-  std::stable_sort(
-      alternatives.begin(), alternatives.end(), [](const StayedSet& x, const StayedSet& y) {
-        return x.probability > y.probability;
-      });
-  return alternatives;
+  std::erase_if(sets, [&](const auto& set) { return set.second < kUnlikely; });
+  return ByFallingProbability(sets);
 }
 
 // Per group the probability that one of its landmarks stayed in a frame.
@@ -206,6 +199,15 @@ std::vector<int> Deciding(const AlignmentEvidence& evidence, const Frame& x, con
 }
 
 }  // namespace
+
+std::vector<StayedSet> ByFallingProbability(const std::map<std::vector<int>, double>& sets) {
+  std::vector<StayedSet> sorted;
+  for (const auto& [groups, probability] : sets) sorted.push_back({groups, probability});
+  std::stable_sort(sorted.begin(), sorted.end(), [](const StayedSet& x, const StayedSet& y) {
+    return x.probability > y.probability;
+  });
+  return sorted;
+}
 
 Explanations SumToExplanations(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,

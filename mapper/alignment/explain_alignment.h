@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -16,6 +17,9 @@ struct StayedSet {
   std::vector<int> groups;   ///< Ascending.
   double probability = 0.0;  ///< Given the frame.
 };
+
+/// Sets of groups by falling probability.
+std::vector<StayedSet> ByFallingProbability(const std::map<std::vector<int>, double>& sets);
 
 /// One frame that the other map may have in the reference, and the most likely set of landmarks
 /// that stayed in it.

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
@@ -21,8 +20,6 @@ constexpr std::size_t kMaxClusters = 8;
 // farther than this many of the largest MovePrior::body_sd_m.
 constexpr double kMinWeight = 0.02;
 constexpr double kReach = 3.0;
-
-double LogGamma(double x) { return Eigen::numext::lgamma(x); }
 
 // A polynomial in the probability p that something stayed: the sum of c pᵃ (1 - p)ᵇ.
 class StayingPolynomial {

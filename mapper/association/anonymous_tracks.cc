@@ -189,8 +189,8 @@ class Tracker {
     }
   }
 
-  // Until no two tracks are of one landmark: what is fused moves, and may be another one's
-  // duplicate.
+  // Repeated until no two tracks are of one landmark: a merged track moves, and may then be a
+  // duplicate of another one.
   void MergeDuplicates() {
     std::vector<int> landmarks;
     for (const int landmark : state_.active()) {
@@ -202,7 +202,7 @@ class Tracker {
     }
   }
 
-  // Takes out of `landmarks` what is the duplicate of one before it. True if there was any.
+  // Removes each track of `landmarks` that is a duplicate of an earlier one. True if there was any.
   bool FuseOnce(std::vector<int>* landmarks) {
     const std::size_t before = landmarks->size();
     for (std::size_t i = 0; i < landmarks->size(); ++i) {

@@ -73,7 +73,7 @@ struct AnonymousAssociation {
 /// Per scan: prediction, observations with signatures, joint association of the others with the
 /// confirmed tracks near by, then of what is left with tentative ones; what is far from all of them
 /// begins a track. Sightings that FindUsableSightings() leaves out are not used.
-/// @param on_step  Asked now and then; false ends with what is found by then.
+/// @param on_step  Called between scans; false ends the search with the tracks so far.
 /// Precondition: the run and the options are valid. Determinism: same input, same output.
 AnonymousAssociation AssociateAnonymous(const Run& run,
                                         const Calibration& calibration,

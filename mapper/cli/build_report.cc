@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
@@ -106,6 +107,20 @@ Json IntervalJson(const Interval& interval) {
   return {{"value", interval.value}, {"interval_95", {interval.low, interval.high}}};
 }
 
+// One line for each run that waits, or for each that does not.
+std::vector<std::string> AmbiguousLines(const MapperResult& result,
+                                        bool waits,
+                                        std::string_view what) {
+  std::vector<std::string> lines;
+  for (const AmbiguousChange& change : result.ambiguous_changes) {
+    if (change.waits != waits) continue;
+    for (const AmbiguousChange::Run& run : change.runs) {
+      lines.push_back(fmt::format("run '{}' {}: {}", run.name, what, WaitingReason(change)));
+    }
+  }
+  return lines;
+}
+
 }  // namespace
 
 std::string WaitingReason(const AmbiguousChange& change) {
@@ -135,25 +150,11 @@ std::string WaitingReason(const UnplacedRun& run) {
 }
 
 std::vector<std::string> WaitingLines(const MapperResult& result) {
-  std::vector<std::string> lines;
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      if (!change.waits) continue;
-      lines.push_back(fmt::format("run '{}' waits: {}", run.name, WaitingReason(change)));
-    }
-  }
-  return lines;
+  return AmbiguousLines(result, true, "waits");
 }
 
 std::vector<std::string> KeptLines(const MapperResult& result) {
-  std::vector<std::string> lines;
-  for (const AmbiguousChange& change : result.ambiguous_changes) {
-    for (const AmbiguousChange::Run& run : change.runs) {
-      if (change.waits) continue;
-      lines.push_back(fmt::format("run '{}' is ambiguous: {}", run.name, WaitingReason(change)));
-    }
-  }
-  return lines;
+  return AmbiguousLines(result, false, "is ambiguous");
 }
 
 std::vector<std::string> LeftOutLines(const MapperResult& result) {

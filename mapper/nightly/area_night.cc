@@ -110,9 +110,7 @@ StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
   JudgedLogs logs{given, held_out_, logs_.mapped};
   if (candidate.version.parent) {
     SHIFTMAP_ASSIGN_OR_RETURN(store, Open(MapStore::Access::kReadOnly));
-    SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &*store));
-    logs.refused = static_cast<int>(since.refused.size());
-    SHIFTMAP_ASSIGN_OR_RETURN(logs.refused_until, RefusedUntil(since, night_.area, &*store));
+    SHIFTMAP_ASSIGN_OR_RETURN(logs.refused, ReadRefused(night_.area, &*store));
   }
   return Judge(
       night_.area,
@@ -221,9 +219,9 @@ StatusOr<bool> Area::BuildWithoutWorst(const Judgement& judgement,
           [&](const LogHead& log) { return log.info.vehicle == worst; }, judgement, given));
   if (done || !HasStore(options_)) return done;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(night_.area, &store));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Stamp until, RefusedUntil(since, night_.area, &store));
-  return BuildWithout([&](const LogHead& log) { return log.begin <= until; }, judgement, given);
+  SHIFTMAP_ASSIGN_OR_RETURN(const RefusedVersions refused, ReadRefused(night_.area, &store));
+  return BuildWithout(
+      [&](const LogHead& log) { return log.begin <= refused.until; }, judgement, given);
 }
 
 void Area::Say(const std::string& line) {

@@ -266,7 +266,7 @@ std::vector<LogHead> Used(const JudgedVersion& version, const JudgedLogs& logs) 
 // Of new logs those that judged no refused version; all if none is left.
 std::vector<LogHead> Unspent(const std::vector<LogHead>& fresh, const JudgedLogs& logs) {
   std::vector<LogHead> unspent = fresh;
-  std::erase_if(unspent, [&](const LogHead& log) { return log.begin <= logs.refused_until; });
+  std::erase_if(unspent, [&](const LogHead& log) { return log.begin <= logs.refused.until; });
   return unspent.empty() ? fresh : unspent;
 }
 
@@ -282,7 +282,7 @@ std::vector<LogHead> MappedJudges(const JudgedLogs& logs,
                                   std::size_t max_shifts,
                                   std::size_t count) {
   const std::size_t spent =
-      std::min(static_cast<std::size_t>(logs.refused) * max_shifts, logs.mapped.size());
+      std::min(static_cast<std::size_t>(logs.refused.count) * max_shifts, logs.mapped.size());
   std::vector<LogHead> judges = Newest(logs.mapped, spent + count);
   judges.erase(judges.begin(), judges.begin() + static_cast<std::ptrdiff_t>(spent));
   return judges;
@@ -379,7 +379,7 @@ StatusOr<Judgement> Judge(const std::string& area,
       ReplayAll(version, logs, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
   FindSuspects(options, &judgement);
   // One that is built again anyway needs no other judge.
-  const bool alone = !AnyShift(judgement, false, false) || logs.refused > 0;
+  const bool alone = !AnyShift(judgement, false, false) || logs.refused.count > 0;
   if (before && judgement.suspects.empty() && alone) {
     SHIFTMAP_RETURN_IF_ERROR(ReplayFolds(version, logs, options, build, replays, &judgement));
   }

@@ -9,6 +9,7 @@
 #include "mapper/nightly/fleet_folder.h"
 #include "mapper/nightly/judged_version.h"
 #include "mapper/nightly/paired_test.h"
+#include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/replay.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/map_store.h"
@@ -107,10 +108,7 @@ struct JudgedLogs {
   std::vector<LogHead> held_out;  ///< New, and kept from it for the judgement.
   std::vector<LogHead> mapped;    ///< In the map already.
 
-  /// Versions refused since the one before was published, and when the newest of their runs began:
-  /// shifts that judged them judge no other.
-  int refused = 0;
-  Stamp refused_until = Stamp::min();
+  RefusedVersions refused = {};  ///< Shifts that judged these judge no other.
 };
 
 /// Builds some logs on the map that the version was made from, and adds nothing to the store.

@@ -38,15 +38,14 @@ StatusOr<std::vector<VersionNumber>> FindSuperseded(const std::string& area, Map
 
 }  // namespace
 
-StatusOr<Stamp> RefusedUntil(const SincePublished& since,
-                             const std::string& area,
-                             MapStore* store) {
-  Stamp until = Stamp::min();
+StatusOr<RefusedVersions> ReadRefused(const std::string& area, MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since, ReadSincePublished(area, store));
+  RefusedVersions refused{static_cast<int>(since.refused.size())};
   for (const auto& [version, reasons] : since.refused) {
     SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store->LoadProvenance(area, version));
-    for (const RunRecord& run : provenance.runs) until = std::max(until, run.begin);
+    for (const RunRecord& run : provenance.runs) refused.until = std::max(refused.until, run.begin);
   }
-  return until;
+  return refused;
 }
 
 Status CompactRefused(const std::string& area, const std::string& store, const Context& context) {

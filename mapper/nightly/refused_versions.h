@@ -11,9 +11,14 @@
 
 namespace shiftmap {
 
-/// When the newest run began that a version has which was refused since the published one became
-/// that; Stamp::min() if there is none. Errors: those of the store.
-StatusOr<Stamp> RefusedUntil(const SincePublished& since, const std::string& area, MapStore* store);
+/// The versions that were refused since the published one became that.
+struct RefusedVersions {
+  int count = 0;
+  Stamp until = Stamp::min();  ///< When the newest run that one of them has began.
+};
+
+/// Errors: those of the store.
+StatusOr<RefusedVersions> ReadRefused(const std::string& area, MapStore* store);
 
 /// Deletes the content of refused versions (CompactVersions), but of the newest one if nothing was
 /// published since: the next night's has their runs. Reasons and rows of versions stay.

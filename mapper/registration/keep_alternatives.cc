@@ -15,7 +15,7 @@ namespace {
 // The sets that differ in landmarks in doubt; of the others the first says whether they stayed.
 std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
                                    const KeptAlternatives& kept) {
-  std::map<std::set<int>, double> sets;
+  std::map<std::vector<int>, double> sets;
   for (const StayedSet& set : all) {
     std::set<int> stayed(all.front().groups.begin(), all.front().groups.end());
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
@@ -24,16 +24,9 @@ std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
         stayed.insert(doubt.group);
       }
     }
-    sets[stayed] += set.probability;
+    sets[{stayed.begin(), stayed.end()}] += set.probability;
   }
-  std::vector<StayedSet> in_doubt;
-  for (const auto& [stayed, probability] : sets) {
-    in_doubt.push_back({{stayed.begin(), stayed.end()}, probability});
-  }
-  std::stable_sort(in_doubt.begin(), in_doubt.end(), [](const auto& x, const auto& y) {
-    return x.probability > y.probability;
-  });
-  return in_doubt;
+  return ByFallingProbability(sets);
 }
 
 }  // namespace

@@ -19,9 +19,6 @@ struct RunMap {
   Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
 };
 
-/// The row of a mode's x in RunMap::covariance.
-inline Eigen::Index RowOf(std::size_t mode) { return static_cast<Eigen::Index>(2 * mode); }
-
 /// Standard deviation per axis of the mode that a run map knows worst against the others; 0 if it
 /// has none. [m]
 double WorstSd(const RunMap& run_map);

@@ -18,8 +18,6 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kRackSide = 1.5;  // [m]
 
-Eigen::Index RowOf(std::size_t point) { return static_cast<Eigen::Index>(2 * point); }
-
 // The covariance of a map of these places (DrawAlignmentPair).
 Eigen::MatrixXd DrawCovariance(const std::vector<Eigen::Vector2d>& places, Dice* dice) {
   constexpr int kBends = 8;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/inspect/store_arguments.h"
@@ -38,10 +39,6 @@ struct Sums {
   int rates = 0;
   int covariances = 0;
 };
-
-std::string Counted(int count, const char* what) {
-  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
-}
 
 std::string ModeName(ModeNumber mode) {
   return mode == kAbsent ? "absent" : fmt::format("mode {}", mode.value());
@@ -77,7 +74,7 @@ class DiffLines {
                       signature.text(),
                       "",
                       change,
-                      Counted(static_cast<int>(group.modes.size()), "mode")});
+                      CountText(group.modes.size(), "mode")});
   }
 
   void AddGroup(const GroupDiff& diff) {
@@ -219,21 +216,21 @@ std::string SumsText(const Sums& sums, const MapDiff& diff, std::size_t unchange
   if (sums.moves > 0) {
     text += fmt::format(
         "{} shifted within their covariance, by {:.3f} m on average and at most {:.3f} m\n",
-        Counted(sums.moves, "mode"),
+        CountText(sums.moves, "mode"),
         sums.total_m / sums.moves,
         sums.largest_m);
   }
   if (sums.rates > 0) {
-    text +=
-        fmt::format("{} changed within their 95 % intervals\n", Counted(sums.rates, "leave rate"));
+    text += fmt::format("{} changed within their 95 % intervals\n",
+                        CountText(sums.rates, "leave rate"));
   }
   if (sums.covariances > 0) {
-    text += fmt::format("other covariances: {}\n", Counted(sums.covariances, "landmark"));
+    text += fmt::format("other covariances: {}\n", CountText(sums.covariances, "landmark"));
   }
   if (diff.anonymous_changed) {
     text += fmt::format("anonymous landmarks: {} to {}\n", diff.anonymous_from, diff.anonymous_to);
   }
-  return text + fmt::format("unchanged: {}\n", Counted(static_cast<int>(unchanged), "landmark"));
+  return text + fmt::format("unchanged: {}\n", CountText(unchanged, "landmark"));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -25,7 +26,7 @@ std::string SplitText(const MapEdit& edit, const std::string& name) {
       [](const std::string& mode, const Eigen::Vector2d& p, const std::vector<std::string>& runs) {
         std::string text = fmt::format("{} at ({:.3f}, {:.3f}) m", mode, p.x(), p.y());
         if (runs.empty()) return text;
-        return text + fmt::format(" ({} run{})", runs.size(), runs.size() == 1 ? "" : "s");
+        return text + fmt::format(" ({})", CountText(runs.size(), "run"));
       };
   const std::string second =
       edit.into == kAbsent ? "a new mode" : fmt::format("mode {}", edit.into.value());

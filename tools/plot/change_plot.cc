@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/quantile.h"
 #include "tools/plot/label_placer.h"
 #include "tools/plot/landmark_layer.h"

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "tools/plot/chart_frame.h"
 #include "tools/plot/landmark_layer.h"
 #include "tools/plot/legend.h"

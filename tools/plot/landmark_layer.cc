@@ -95,10 +95,6 @@ std::string PercentText(double probability) {
   return fmt::format("{:.0f} %", 100.0 * probability);
 }
 
-std::string CountText(std::size_t count, std::string_view thing) {
-  return fmt::format("{} {}{}", count, thing, count == 1 ? "" : "s");
-}
-
 LandmarkLayer::LandmarkLayer(const MapContent& content, std::vector<Eigen::Vector2d> others)
     : content_(content) {
   const std::vector<const Mode*> modes = AllModes(content);

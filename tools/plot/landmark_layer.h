@@ -28,9 +28,6 @@ bool IsLikelyAbsent(const LandmarkGroup& group);
 /// A probability in per cent: `97 %`, `< 1 %`, `> 99 %`.
 std::string PercentText(double probability);
 
-/// A number of things: `1 mode`, `2 modes`.
-std::string CountText(std::size_t count, std::string_view thing);
-
 /// The landmarks of a map and the frame that has room for them.
 ///
 /// Every mode is a dot whose opacity is its probability, in its 95 % ellipse, which is that of a

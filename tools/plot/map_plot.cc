@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "tools/plot/landmark_layer.h"
 #include "tools/plot/run_layer.h"
 
@@ -19,11 +20,10 @@ std::string PlotMap(const MapSnapshot& map,
   run_layer.AddTo(&legend);
   Svg svg =
       StartMapPage({.title = fmt::format("{} · version {}", map.area(), map.version().value()),
-                    .subtitle = fmt::format(
-                        "probabilities at {} UTC · {}, {}",
-                        FormatUtc(map.stamp()),
-                        CountText(map.groups().size(), "landmark"),
-                        CountText(static_cast<std::size_t>(map.covariance().size()), "mode"))},
+                    .subtitle = fmt::format("probabilities at {} UTC · {}, {}",
+                                            FormatUtc(map.stamp()),
+                                            CountText(map.groups().size(), "landmark"),
+                                            CountText(map.covariance().size(), "mode"))},
                    landmarks.frame(),
                    legend);
   run_layer.Draw(landmarks.frame(), &svg);

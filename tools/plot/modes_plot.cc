@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/free_network.h"
 #include "tools/plot/landmark_layer.h"

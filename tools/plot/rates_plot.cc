@@ -7,8 +7,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "mapstore/core/count_text.h"
 #include "tools/plot/chart_frame.h"
-#include "tools/plot/landmark_layer.h"
 #include "tools/plot/legend.h"
 #include "tools/plot/palette.h"
 
@@ -159,13 +159,12 @@ std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
   Svg svg(width, kTop + std::max(height, legend.height()) + kBottom);
   std::int64_t visits = 0;
   for (const auto& [signature, rate] : rates) visits += rate.visits;
-  DrawTitles(fmt::format("{} · version {} · leave rates", map.area(), map.version().value()),
-             fmt::format("{} · {}",
-                         CountText(rates.size(), "landmark"),
-                         CountText(static_cast<std::size_t>(visits), "visit")),
-             kEdge,
-             width - 2.0 * kEdge,
-             &svg);
+  DrawTitles(
+      fmt::format("{} · version {} · leave rates", map.area(), map.version().value()),
+      fmt::format("{} · {}", CountText(rates.size(), "landmark"), CountText(visits, "visit")),
+      kEdge,
+      width - 2.0 * kEdge,
+      &svg);
   DrawChartFrame(x, y, &svg);
   DrawPeriods(x, &svg);
   if (named) {

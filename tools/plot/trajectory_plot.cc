@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "mapstore/core/count_text.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/plot/chart_frame.h"
 #include "tools/plot/landmark_layer.h"
