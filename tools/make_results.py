@@ -27,7 +27,7 @@ BENCH = "--benchmark_out=OUT/{0}.json --benchmark_out_format=json"
 
 # Name: (what it shows, command; OUT is the folder, WORK a scratch folder, DATA recorded data).
 EXPERIMENTS = {
-    "alignments": ("how often a transform between maps with moved landmarks is right, four methods", "shiftmap-experiment alignments --pairs 1600 --output OUT"),
+    "alignments": ("how often a transform between maps with moved landmarks is right, four methods", "shiftmap-experiment alignments --pairs 10000 --output OUT"),
     "chain": ("time to learn the chains of a map", "shiftmap_chain_bench " + BENCH.format("chain_bench")),
     "displaced": ("recorded runs on a map with four displaced landmarks, IJRR 8.2: build, oracle, static map, Cauchy loss", "shiftmap-experiment ijrr-utias --data DATA/utias --methods ours oracle static static-cauchy --output OUT"),
     "engines": ("maps of the graph and of the tree engine on the same sites", "shiftmap-experiment engines --sites 2 --output OUT"),

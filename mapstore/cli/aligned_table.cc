@@ -81,6 +81,10 @@ std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
   return widths;
 }
 
+std::string AlignedTable::ToString(const TextStyle& style, const std::string& none) const {
+  return rows() == 0 ? none + "\n" : ToString(style);
+}
+
 std::string AlignedTable::ToString(const TextStyle& style) const {
   std::vector<bool> numeric(rows_.front().cells.size(), true);
   for (std::size_t i = 1; i < rows_.size(); ++i) {

@@ -25,6 +25,9 @@ class AlignedTable {
   /// ellipsis is in the place of both. With colour, emphasis is there as Marked() text.
   std::string ToString(const TextStyle& style = {}) const;
 
+  /// Likewise; without a row, the line `none` instead, which says what there is none of.
+  std::string ToString(const TextStyle& style, const std::string& none) const;
+
  private:
   // Of the columns that are shown: as wide as the cells, but where the terminal is narrower.
   std::vector<std::size_t> Widths(const std::vector<bool>& numeric, std::size_t columns) const;

@@ -10,6 +10,7 @@
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/mode_name.h"
 #include "tools/inspect/landmark_history.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -39,10 +40,6 @@ struct Sums {
   int rates = 0;
   int covariances = 0;
 };
-
-std::string ModeName(ModeNumber mode) {
-  return mode == kAbsent ? "absent" : fmt::format("mode {}", mode.value());
-}
 
 // The mode that most likely holds, and its probability.
 std::pair<ModeNumber, double> Holding(const LandmarkGroup& group) {

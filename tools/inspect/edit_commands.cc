@@ -175,7 +175,8 @@ Status List(const StoreArguments& arguments, Context& context) {
                                             edit.undone->reason)
                               : "in force"});
   }
-  context.Report({{"area", arguments.area}, {"edits", list}}, table.ToString());
+  context.Report({{"area", arguments.area}, {"edits", list}},
+                 table.ToString(context.style(), "no edits"));
   return OkStatus();
 }
 

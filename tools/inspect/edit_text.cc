@@ -7,6 +7,7 @@
 
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/mode_name.h"
 #include "tools/inspect/store_arguments.h"
 
 namespace shiftmap {
@@ -28,15 +29,13 @@ std::string SplitText(const MapEdit& edit, const std::string& name) {
         if (runs.empty()) return text;
         return text + fmt::format(" ({})", CountText(runs.size(), "run"));
       };
-  const std::string second =
-      edit.into == kAbsent ? "a new mode" : fmt::format("mode {}", edit.into.value());
-  return fmt::format(
-      "mode {} of {} split: {}, {}, sd {:.3f} m",
-      edit.mode.value(),
-      name,
-      place(fmt::format("mode {}", edit.mode.value()), edit.p_map_landmark, edit.first_runs),
-      place(second, edit.p_map_second, edit.second_runs),
-      edit.sd_m);
+  const std::string second = edit.into == kAbsent ? "a new mode" : ModeName(edit.into);
+  return fmt::format("{} of {} split: {}, {}, sd {:.3f} m",
+                     ModeName(edit.mode),
+                     name,
+                     place(ModeName(edit.mode), edit.p_map_landmark, edit.first_runs),
+                     place(second, edit.p_map_second, edit.second_runs),
+                     edit.sd_m);
 }
 
 void AddPosition(const MapEdit& edit, Json* json) {

@@ -9,6 +9,7 @@
 
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/nearest_name.h"
 #include "mapstore/map_store.h"
 #include "tools/inspect/edit_text.h"
@@ -216,10 +217,10 @@ StatusOr<std::string> UnexplainedText(const LandmarkHistory& history, MapStore* 
   std::string text;
   for (std::size_t i = 0; i < std::min(sightings.size(), kShown); ++i) {
     const UnmappedSighting& sighting = sightings[i];
-    text += fmt::format("seen where it has no mode: at ({:.2f}, {:.2f}) m, {} times until {} UTC\n",
+    text += fmt::format("seen where it has no mode: at ({:.2f}, {:.2f}) m, {} until {} UTC\n",
                         sighting.p_map_landmark.x(),
                         sighting.p_map_landmark.y(),
-                        sighting.count,
+                        CountText(sighting.count, "time"),
                         TimeText(sighting.last));
   }
   return text;

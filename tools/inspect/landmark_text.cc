@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/mode_name.h"
 #include "tools/inspect/leave_rate.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -17,10 +19,6 @@ namespace {
 
 constexpr double kDayS = 86'400.0;
 constexpr double kLeastLogOdds = 0.05;  // Less is shown as nothing. [nat]
-
-std::string ModeName(ModeNumber mode) {
-  return mode == kAbsent ? "absent" : fmt::format("mode {}", mode.value());
-}
 
 // Odds from their logarithm, to two digits; beyond a billion nobody counts.
 std::string OddsText(double log_odds) {
@@ -186,14 +184,13 @@ std::string LastVisitText(const LandmarkHistory& history) {
                                  history.visits.rend(),
                                  [](const HistoryVisit& visit) { return !visit.set_aside; });
   if (last == history.visits.rend()) return "no visit counts";
-  return fmt::format(
-      "last visit that counts: {} UTC, {} earlier, {} ({}), seen in {} scans, says {}",
-      TimeText(last->begin),
-      DurationText(ToSeconds(history.stamp - last->begin)),
-      InertLine(last->vehicle),
-      SourceText(*last),
-      last->observations,
-      EvidenceText(*last));
+  return fmt::format("last visit that counts: {} UTC, {} earlier, {} ({}), seen in {}, says {}",
+                     TimeText(last->begin),
+                     DurationText(ToSeconds(history.stamp - last->begin)),
+                     InertLine(last->vehicle),
+                     SourceText(*last),
+                     CountText(last->observations, "scan"),
+                     EvidenceText(*last));
 }
 
 }  // namespace
@@ -212,11 +209,12 @@ std::string VerdictText(const LandmarkHistory& history) {
   const auto aside = std::count_if(history.visits.begin(), history.visits.end(), [](const auto& v) {
     return v.set_aside.has_value();
   });
-  text += history.visits.empty() ? std::string("\nno visit yet\n")
-                                 : fmt::format("\n{}\n{} visits, {} of them do not count\n",
-                                               LastVisitText(history),
-                                               history.visits.size(),
-                                               aside);
+  text += history.visits.empty()
+              ? std::string("\nno visit yet\n")
+              : fmt::format("\n{}\n{}{}\n",
+                            LastVisitText(history),
+                            CountText(history.visits.size(), "visit"),
+                            aside > 0 ? fmt::format(", {} set aside", aside) : "");
   if (history.statement) {
     text += fmt::format("version {} states its probabilities at {} UTC; they count as evidence\n",
                         history.statement->version.value(),
@@ -271,12 +269,12 @@ std::string LeaveRateText(const LandmarkHistory& history) {
   if (!(history.leave_rate_per_s > 0.0)) return "";
   const LeaveRateEstimate rate = LeaveRateOf(history);
   return fmt::format(
-      "leaves a mode {:.3g} times a day (95 % interval {:.3g} to {:.3g}, from {} visits), once in "
+      "leaves a mode {:.3g} times a day (95 % interval {:.3g} to {:.3g}, from {}), once in "
       "{:.3g} days\n",
       kDayS * rate.rate_per_s,
       kDayS * rate.low_per_s,
       kDayS * rate.high_per_s,
-      rate.visits,
+      CountText(rate.visits, "visit"),
       1.0 / (kDayS * rate.rate_per_s));
 }
 
@@ -310,7 +308,8 @@ std::string VisitsText(const LandmarkHistory& history, std::size_t limit, const 
   }
   std::string text = table.ToString(style);
   if (first > 0) {
-    text += fmt::format("{} older visits are not shown: history --limit 0 shows all\n", first);
+    text += fmt::format("not shown: {}; history --limit 0 shows all\n",
+                        CountText(first, "older visit"));
   }
   return text;
 }

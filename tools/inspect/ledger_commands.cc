@@ -79,7 +79,7 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
                  aside > 0 && aside == report.evidence_rows ? Emphasis::kFaint : Emphasis::kNone);
   }
   context.Report({{"area", arguments.area}, {"version", version.value()}, {"reports", list}},
-                 table.ToString(context.style()));
+                 table.ToString(context.style(), "no reports"));
   return OkStatus();
 }
 
@@ -100,7 +100,7 @@ Status RunAudit(const LedgerArguments& arguments, Context& context) {
                     {"subject", entry.subject}});
     table.AddRow({TimeText(entry.written), entry.area, entry.action, entry.subject});
   }
-  context.Report({{"audit", list}}, table.ToString(context.style()));
+  context.Report({{"audit", list}}, table.ToString(context.style(), "no writes"));
   return OkStatus();
 }
 

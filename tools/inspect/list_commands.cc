@@ -30,7 +30,7 @@ Status RunAreas(const StoreArguments& arguments, Context& context) {
                     {"versions", area.versions}});
     table.AddRow({area.area, VersionText(area.published), fmt::format("{}", area.versions)});
   }
-  context.Report({{"areas", list}}, table.ToString(context.style()));
+  context.Report({{"areas", list}}, table.ToString(context.style(), "no areas"));
   return OkStatus();
 }
 
@@ -133,8 +133,7 @@ Status RunSightings(const SightingArguments& arguments, Context& context) {
                   nearest ? fmt::format("{:.2f}", nearest->distance_m) : "-"});
   }
   context.Report({{"area", arguments.area}, {"sightings", list}},
-                 table.rows() == 0 ? "no sightings that the map does not explain\n"
-                                   : table.ToString(context.style()));
+                 table.ToString(context.style(), "no sightings that the map does not explain"));
   return OkStatus();
 }
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mapstore/cli/aligned_table.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/map_export.h"
@@ -39,15 +40,15 @@ std::string MapText(const MapSnapshot& map, const TextStyle& style) {
     }
   }
   return fmt::format(
-      "area {}, version {}, content {}\nprobabilities at {} UTC; {} landmarks, {} "
-      "anonymous, {} vehicles\n\n{}",
+      "area {}, version {}, content {}\nprobabilities at {} UTC; {}, {} "
+      "anonymous, {}\n\n{}",
       InertLine(map.area()),
       map.version().value(),
       map.content_hash(),
       TimeText(map.stamp()),
-      map.groups().size(),
+      CountText(map.groups().size(), "landmark"),
       map.anonymous_landmarks().size(),
-      map.vehicles().size(),
+      CountText(map.vehicles().size(), "vehicle"),
       table.ToString(style));
 }
 

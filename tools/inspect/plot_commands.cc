@@ -92,7 +92,7 @@ std::string CheckPlot(const PlotArguments& arguments) {
     return fmt::format("plot diff: expected {}", kind.subjects);
   }
   if (kind.of_map && arguments.store.store.empty()) return "--store is required";
-  if (kind.of_map && arguments.store.area.empty()) return "--area is required";
+  if (kind.of_map && arguments.store.area.empty()) return MissingArea(arguments.store);
   if (!kind.truth && !arguments.truth.empty()) {
     return fmt::format("plot {}: --truth is for trajectory and consistency", kind.name);
   }

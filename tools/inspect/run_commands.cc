@@ -153,7 +153,8 @@ Status List(const RunsArguments& all_arguments, Context& context) {
                          {"exclusions", taken_out},
                          {"waiting", WaitingJson(waiting)}};
   context.Report(document,
-                 table.ToString(context.style()) + ExclusionsText(exclusions, context.style()) +
+                 table.ToString(context.style(), "no runs") +
+                     ExclusionsText(exclusions, context.style()) +
                      WaitingText(waiting, context.style()));
   return OkStatus();
 }

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/store_arguments.h"
 
+#include <fmt/ranges.h>
+
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/frame_change.h"
 
@@ -11,8 +14,21 @@ namespace shiftmap {
 void AddStoreOptions(StoreArguments* arguments, Command* command, bool required) {
   command->Option("--store", &arguments->store, "Map store, or a snapshot of one area");
   if (required) command->Required();
-  command->Option("--area", &arguments->area, "Area");
-  if (required) command->Required();
+  command->Option("--area", &arguments->area, required ? "Area; required" : "Area");
+  if (required) command->Check([arguments] { return MissingArea(*arguments); });
+}
+
+std::string MissingArea(const StoreArguments& arguments) {
+  if (!arguments.area.empty()) return "";
+  std::vector<std::string> names;
+  StatusOr<MapStore> store = MapStore::Open(arguments.store, MapStore::Access::kReadOnly);
+  const auto areas = store.ok() ? store->Areas() : store.status();
+  if (areas.ok()) {
+    for (const AreaSummary& area : *areas)
+      names.push_back(fmt::format("'{}'", InertLine(area.area)));
+  }
+  if (names.empty()) return "--area is required";
+  return fmt::format("--area is required, one of {}", fmt::join(names, ", "));
 }
 
 void AddMapOptions(StoreArguments* arguments, Command* command, bool required) {

@@ -25,6 +25,9 @@ struct StoreArguments {
 /// @param required  False: the command checks by itself whether it needs them.
 void AddStoreOptions(StoreArguments* arguments, Command* command, bool required = true);
 
+/// The usage error of a command without --area, with the areas of the store; nothing if it has one.
+std::string MissingArea(const StoreArguments& arguments);
+
 /// Adds --version and --at too.
 void AddMapOptions(StoreArguments* arguments, Command* command, bool required = true);
 

@@ -68,7 +68,7 @@ std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles, const 
                     fmt::format("{:.4f}", interval.high)});
     }
   }
-  return table.ToString(style);
+  return table.ToString(style, "no vehicles");
 }
 
 Json TrustJson(const std::vector<VehicleTrust>& trust) {

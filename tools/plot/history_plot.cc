@@ -10,6 +10,7 @@
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/mode_name.h"
 #include "tools/plot/chart_frame.h"
 #include "tools/plot/landmark_layer.h"
 #include "tools/plot/legend.h"
@@ -44,10 +45,6 @@ std::size_t StrengthOf(const HistoryVisit& visit) {
   std::size_t i = 0;
   while (i + 1 < kStrengths.size() && visit.log_odds < kStrengths[i].log_odds) ++i;
   return i;
-}
-
-std::string ModeName(ModeNumber mode) {
-  return mode == kAbsent ? std::string("absent") : fmt::format("mode {}", mode.value());
 }
 
 class HistoryPlot {

@@ -9,6 +9,7 @@
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/mode_name.h"
 #include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/free_network.h"
 #include "tools/plot/landmark_layer.h"
@@ -40,8 +41,7 @@ std::string Every(double rate_per_s) {
 }
 
 std::string StateName(const LandmarkGroup& group, Eigen::Index state) {
-  return state == 0 ? "absent"
-                    : fmt::format("mode {}", group.NumberOf(static_cast<int>(state)).value());
+  return ModeName(group.NumberOf(static_cast<int>(state)));
 }
 
 // The group alone, as a map.

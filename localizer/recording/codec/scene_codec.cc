@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/mode_name.h"
 #include "proto/foxglove.pb.h"
 
 namespace shiftmap {
@@ -123,7 +124,7 @@ void AddLines(const LandmarkGroup& group, foxglove::SceneEntity* entity) {
 
 void AddProbability(ModeNumber mode, double probability, foxglove::SceneEntity* entity) {
   foxglove::KeyValuePair* pair = entity->add_metadata();
-  pair->set_key(fmt::format("mode {}", mode.value()));
+  pair->set_key(ModeName(mode));
   pair->set_value(fmt::format("{:.4f}", probability));
 }
 

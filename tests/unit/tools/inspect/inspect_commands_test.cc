@@ -346,6 +346,28 @@ TEST_F(InspectCommands, ErrorsHaveTheirExitCodes) {
   EXPECT_EQ(Run({"show"}).code, 3);
 }
 
+TEST_F(InspectCommands, WithoutAnAreaTheyNameThoseOfTheStore) {
+  for (const char* command : {"show", "versions", "runs", "export"}) {
+    const Outcome outcome = Run({command}, false);
+    EXPECT_EQ(outcome.code, 2) << command;
+    EXPECT_THAT(outcome.err, HasSubstr("--area is required, one of 'hall'")) << command;
+  }
+  const Outcome plot = Run({"plot", "map", "--output", dir_.File("a.svg")}, false);
+  EXPECT_EQ(plot.code, 2);
+  EXPECT_THAT(plot.err, HasSubstr("--area is required, one of 'hall'"));
+  store_ = dir_.File("none.db");
+  EXPECT_THAT(Run({"show"}, false).err, HasSubstr("--area is required; try"));
+}
+
+TEST_F(InspectCommands, AnEmptyListSaysSo) {
+  EXPECT_EQ(Run({"reports"}).out, "no reports\n");
+  EXPECT_EQ(Run({"sightings"}).out, "no sightings that the map does not explain\n");
+  EXPECT_EQ(Run({"edit", "list"}).out, "no edits\n");
+  store_ = dir_.File("empty.db");
+  ASSERT_THAT(MapStore::Open(store_, MapStore::Access::kReadWriteCreate), IsOk());
+  EXPECT_EQ(Run({"areas"}, false).out, "no areas\n");
+}
+
 TEST_F(InspectCommands, EvaluatesAMapAgainstItsOwnExport) {
   const std::string truth = dir_.File("truth.csv");
   ASSERT_EQ(Run({"export", "--csv", "--output", truth}).code, 0);

@@ -119,7 +119,7 @@ TEST_F(LandmarkCommands, HistoryAnswersWhyALandmarkIsAbsent) {
   EXPECT_THAT(text, HasSubstr("moved 2.00 m in version 2"));
   EXPECT_THAT(text, HasSubstr("version 2 states its probabilities"));
   EXPECT_THAT(text, Not(HasSubstr("\x1b")));
-  EXPECT_THAT(Run({"history", "L02", "--limit", "1"}), HasSubstr("1 older visits are not shown"));
+  EXPECT_THAT(Run({"history", "L02", "--limit", "1"}), HasSubstr("not shown: 1 older visit;"));
 }
 
 TEST_F(LandmarkCommands, HistoryAsADocumentHasEveryVisit) {
