@@ -42,7 +42,7 @@ constexpr std::int64_t kSegmentFactor = 2 * 72;
 constexpr std::int64_t kSegmentPair = 8 + 2 * 8;
 
 // Dense matrices over the positions of all modes alive at a time while the joint covariance is
-// referred to the datum, and the blocks of it that the map keeps; of a large map over those of
+// referred to the gauge, and the blocks of it that the map keeps; of a large map over those of
 // kMaxJointModes, and copies of the blocks of its tiles.
 constexpr std::int64_t kDenseMatrices = 7;
 constexpr std::int64_t kTileCopies = 4;

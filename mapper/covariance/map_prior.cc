@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 
 namespace shiftmap {

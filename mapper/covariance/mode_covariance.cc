@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -45,15 +45,15 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
   Cut(positions, size, middle, end, tiles);
 }
 
-DatumChange MakeDatumChange(const Graph& graph, const GraphPosterior& posterior) {
-  Eigen::MatrixXd G = DatumDirections(graph.modes);
+STransformation MakeSTransformation(const Graph& graph, const GraphPosterior& posterior) {
+  Eigen::MatrixXd G = GaugeDirections(graph.modes);
   const Eigen::MatrixXd PG = posterior.ModeCovarianceTimes(G);
   return {std::move(G), PG};
 }
 
 // Root of what the scales of ranges make uncertain, relative to the positions as a whole: columns
 // sd S, and sd q for the common one.
-// @param G  DatumDirections().
+// @param G  GaugeDirections().
 Eigen::MatrixXd ScaleRoot(const Graph& graph,
                           const GraphPosterior& posterior,
                           const Eigen::MatrixXd& G,
@@ -81,7 +81,7 @@ JointCovariance TiledCovariance(const Graph& graph,
       tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
     }
   }
-  const DatumChange change = MakeDatumChange(graph, posterior);
+  const STransformation change = MakeSTransformation(graph, posterior);
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, change.G, scale);
   std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
@@ -150,7 +150,7 @@ JointCovariance MapCovariance(const Graph& graph,
                               const ScaleUncertainty& scale) {
   if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale);
   const Eigen::MatrixXd cov = posterior.ModeCovariance();
-  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, DatumDirections(graph.modes), scale);
+  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, GaugeDirections(graph.modes), scale);
   return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
 }
 

@@ -15,6 +15,7 @@
 #include "mapper/nightly/take_over.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/atomic_file.h"
+#include "mapstore/core/folder.h"
 #include "mapstore/core/utf8.h"
 #include "mapstore/maintenance/backup.h"
 
@@ -168,27 +169,6 @@ StatusOr<AreaBase> ReadBase(const std::string& area, MapStore* store) {
   base.audit = audit.size();
   return base;
 }
-
-// A folder that goes with its owner.
-class ScratchFolder {
- public:
-  static StatusOr<ScratchFolder> Make(const std::string& parent) {
-    std::string path = parent + "/shiftmap-night-XXXXXX";
-    if (mkdtemp(path.data()) == nullptr) return Unavailable("folder '{}': cannot be made", path);
-    return ScratchFolder(std::move(path));
-  }
-  ScratchFolder(ScratchFolder&& other) noexcept : path_(std::exchange(other.path_, "")) {}
-  ScratchFolder& operator=(ScratchFolder&&) = delete;
-  ~ScratchFolder() {
-    std::error_code error;
-    if (!path_.empty()) fs::remove_all(path_, error);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  explicit ScratchFolder(std::string path) : path_(std::move(path)) {}
-  std::string path_;
-};
 
 StatusOr<Json> ReadDocument(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

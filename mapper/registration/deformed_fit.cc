@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -52,7 +52,7 @@ class DeformedRunMap {
     for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
       group_.insert(group_.end(), run_map.build.modes[group].size(), group);
     }
-    covariance_ = FreeDatumAndScale(positions_, options.sd_range_scale, run_map.covariance);
+    covariance_ = FreeGauge(positions_, options.sd_range_scale, run_map.covariance);
     gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
   }
 

@@ -18,7 +18,7 @@ namespace shiftmap {
 ///
 ///   p + P_·M (P_MM + R)⁻¹ (z_M - p_M)
 ///
-/// with P the run map's joint covariance, its datum and scale left free, and are known there by the
+/// with P the run map's joint covariance, its gauge and scale left free, and are known there by the
 /// conditional covariance. One that gates with a mode of its group becomes known too, those known
 /// to 0.5 m first, and so on outward until no other does. What the other matches contradict (each
 /// left out in turn) is none.

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mapper/alignment/displaced_landmarks.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/registration/deformed_fit.h"
 
@@ -81,7 +81,7 @@ std::vector<int> ClustersOf(const MapperOptions& options,
     }
   }
   cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
-  cov.common = FreeDatumAndScale(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
+  cov.common = FreeGauge(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
   return FindDisplaced(before, difference, cov, options.displacement);
 }
 
@@ -138,7 +138,7 @@ std::vector<int> Undisplaced(const BuildState& map,
 
 // How far a run map would be deformed by what holds it, where most: the largest shift of a mode
 //
-//   P_·M (P'_MM + R)⁻¹ (z_M - p_M),   P' = P with datum and scale left free. [m]
+//   P_·M (P'_MM + R)⁻¹ (z_M - p_M),   P' = P with gauge and scale left free. [m]
 double Deformation(const MapperOptions& options,
                    const std::vector<GraphPrior>& held,
                    const RunMap& run_map) {
@@ -153,8 +153,7 @@ double Deformation(const MapperOptions& options,
     variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
     for (const int axis : {0, 1}) rows.push_back(RowOf(mode) + axis);
   }
-  Eigen::MatrixXd K =
-      FreeDatumAndScale(positions, options.sd_range_scale, run_map.covariance)(rows, rows);
+  Eigen::MatrixXd K = FreeGauge(positions, options.sd_range_scale, run_map.covariance)(rows, rows);
   K.diagonal() += variance;
   const Eigen::VectorXd shift = run_map.covariance(Eigen::all, rows) * K.llt().solve(difference);
   double most = 0.0;

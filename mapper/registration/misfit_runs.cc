@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/run_maps/variance_factor.h"
@@ -21,7 +21,7 @@ namespace {
 constexpr std::size_t kMinShared = 3;
 
 // Translation, rotation and scale.
-constexpr int kDatum = 4;
+constexpr int kGauge = 4;
 
 // A run by itself with the modes that it has in a joint map, and where that map has them.
 struct RunAlone {
@@ -125,7 +125,7 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
   JoinedFit fit;
   fit.groups = alone.groups;
   fit.groups.erase(std::unique(fit.groups.begin(), fit.groups.end()), fit.groups.end());
-  fit.dof = static_cast<int>(2 * alone.shared.size()) - kDatum;
+  fit.dof = static_cast<int>(2 * alone.shared.size()) - kGauge;
   fit.limit = ChiSquareQuantile(1.0 - options.confirmation.false_misfit, fit.dof);
   const double sd_m = options.modes.position_floor_m / std::numbers::sqrt2;
   const double least = alone.build.cost;

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/registration/run_map_alignment.h"

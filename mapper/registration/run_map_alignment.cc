@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 
 namespace shiftmap {

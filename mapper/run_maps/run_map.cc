@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_posterior.h"
 #include "mapstore/geometry/covariance.h"

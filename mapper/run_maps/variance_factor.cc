@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/graph/graph_posterior.h"
 
 namespace shiftmap {

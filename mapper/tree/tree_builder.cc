@@ -7,7 +7,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/calibration/detection.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/covariance/map_prior.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/frontend/pair_calibration.h"

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -46,6 +47,23 @@ Status MakeFolder(const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(path, error);
   return error ? CannotBeMade(path, error) : CheckAccess(path, path);
+}
+
+StatusOr<ScratchFolder> ScratchFolder::Make(const std::string& parent) {
+  std::error_code error;
+  std::filesystem::path path = parent;
+  if (parent.empty()) path = std::filesystem::temp_directory_path(error);
+  std::string made = (path / "shiftmap-XXXXXX").string();
+  if (!error && mkdtemp(made.data()) == nullptr) {
+    error = std::error_code(errno, std::generic_category());
+  }
+  if (error) return Unavailable("folder '{}': cannot be made: {}", made, error.message());
+  return ScratchFolder(std::move(made));
+}
+
+ScratchFolder::~ScratchFolder() {
+  std::error_code error;
+  if (!path_.empty()) std::filesystem::remove_all(path_, error);
 }
 
 StatusOr<FolderLock> FolderLock::Take(const std::string& path) {

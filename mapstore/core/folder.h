@@ -20,6 +20,24 @@ Status MakeFolder(const std::string& path);
 /// what works long before it writes. Makes nothing. Errors as MakeFolder().
 Status CheckFolder(const std::string& path);
 
+/// A new folder for files that do not outlive it: it is removed with all that is in it.
+class ScratchFolder {
+ public:
+  /// In a folder, or in that of the system for temporary files. Errors: kUnavailable.
+  static StatusOr<ScratchFolder> Make(const std::string& parent = "");
+
+  ScratchFolder(ScratchFolder&& other) noexcept : path_(std::exchange(other.path_, "")) {}
+  ScratchFolder& operator=(ScratchFolder&&) = delete;
+  ~ScratchFolder();
+
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit ScratchFolder(std::string path) : path_(std::move(path)) {}
+
+  std::string path_;
+};
+
 /// Holds a folder against other FolderLocks of it, in this process and in others, while it lives.
 class FolderLock {
  public:

@@ -13,7 +13,7 @@ Eigen::Vector2d Centroid(const std::vector<Eigen::Vector2d>& positions) {
   return centroid;
 }
 
-Eigen::MatrixXd DatumDirections(const std::vector<Eigen::Vector2d>& positions) {
+Eigen::MatrixXd GaugeDirections(const std::vector<Eigen::Vector2d>& positions) {
   const auto count = static_cast<Eigen::Index>(positions.size());
   const Eigen::Vector2d centroid = Centroid(positions);
   Eigen::MatrixXd G(2 * count, 3);
@@ -40,11 +40,12 @@ Eigen::VectorXd OffsetsFromCentroid(const std::vector<Eigen::Vector2d>& position
   return q;
 }
 
-DatumChange::DatumChange(Eigen::MatrixXd directions, const Eigen::MatrixXd& cov_times_directions)
+STransformation::STransformation(Eigen::MatrixXd directions,
+                                 const Eigen::MatrixXd& cov_times_directions)
     : G(std::move(directions)),
       W(cov_times_directions - 0.5 * G * (G.transpose() * cov_times_directions)) {}
 
-Eigen::Matrix2d DatumChange::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const {
+Eigen::Matrix2d STransformation::Refer(int a, int b, const Eigen::Matrix2d& cov_a_b) const {
   const auto G_a = G.middleRows<2>(Eigen::Index{2} * a);
   const auto G_b = G.middleRows<2>(Eigen::Index{2} * b);
   const auto W_a = W.middleRows<2>(Eigen::Index{2} * a);

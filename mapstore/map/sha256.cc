@@ -38,7 +38,7 @@ std::string Sha256::HexDigest() {
   return hex;
 }
 
-StatusOr<std::string> HashFile(const std::string& path) {
+StatusOr<Sha256> BeginHash(const std::string& path) {
   StatusOr<std::ifstream> opened = OpenInputFile(path);
   SHIFTMAP_RETURN_IF_ERROR(Annotate(opened.status(), "file '{}'", path));
   std::ifstream& file = *opened;
@@ -48,6 +48,11 @@ StatusOr<std::string> HashFile(const std::string& path) {
     hash.Update({buffer.data(), static_cast<std::size_t>(file.gcount())});
   }
   if (!file.eof()) return Unavailable("file '{}': cannot be read", path);
+  return hash;
+}
+
+StatusOr<std::string> HashFile(const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Sha256 hash, BeginHash(path));
   return hash.HexDigest();
 }
 

@@ -31,4 +31,7 @@ class Sha256 {
 /// Errors: kNotFound if it does not exist; kUnavailable if it cannot be read.
 StatusOr<std::string> HashFile(const std::string& path);
 
+/// The hash of a file's bytes, to go on with others. Errors as HashFile().
+StatusOr<Sha256> BeginHash(const std::string& path);
+
 }  // namespace shiftmap

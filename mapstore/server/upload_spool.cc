@@ -73,18 +73,6 @@ double AgeS(const std::filesystem::path& path) {
   return ToSecondsSinceEpoch(SystemNow()) - static_cast<double>(info.st_mtim.tv_sec);
 }
 
-// The hash of the bytes of a part so far, to go on with.
-StatusOr<Sha256> HashOfPart(const std::string& path) {
-  Sha256 hash;
-  std::ifstream file(path, std::ios::binary);
-  std::vector<char> block(std::size_t{1} << 20);
-  while (file.read(block.data(), static_cast<std::streamsize>(block.size())) || file.gcount() > 0) {
-    hash.Update({block.data(), static_cast<std::size_t>(file.gcount())});
-  }
-  if (file.eof()) return hash;
-  return Failed(path, "read");
-}
-
 // The head of a log, of which the rest need not be whole.
 StatusOr<RunInfo> ReadRunInfo(const std::string& path) {
   SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, /*lidar_scans=*/false));
@@ -244,7 +232,7 @@ StatusOr<UploadSpool::Upload> UploadSpool::Begin(const std::string& client,
   if (upload.fd_.get() < 0) return Failed(part, "opened");
   upload.stored_bytes_ = offset_bytes;
   if (!upload.turn_->hash || upload.turn_->hashed_bytes != offset_bytes) {
-    SHIFTMAP_ASSIGN_OR_RETURN(upload.turn_->hash, HashOfPart(part));
+    SHIFTMAP_ASSIGN_OR_RETURN(upload.turn_->hash, BeginHash(part));
     upload.turn_->hashed_bytes = offset_bytes;
   }
   return upload;

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mapper/alignment/move_prior.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "tools/experiment/dice.h"
 
 namespace shiftmap {

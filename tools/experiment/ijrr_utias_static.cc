@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "localizer/models/observation_model.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/graph/graph.h"
 #include "mapstore/core/median.h"

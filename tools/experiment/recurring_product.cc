@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
+#include "mapstore/core/folder.h"
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
@@ -18,31 +18,6 @@ namespace {
 
 constexpr char kArea[] = "replay";
 constexpr double kDayS = 86400.0;
-
-// A folder that goes with this.
-class TemporaryFolder {
- public:
-  static StatusOr<TemporaryFolder> Make() {
-    std::error_code error;
-    std::string path = std::filesystem::temp_directory_path(error).string() + "/replay-XXXXXX";
-    if (error || mkdtemp(path.data()) == nullptr) return Unavailable("no temporary folder");
-    return TemporaryFolder(std::move(path));
-  }
-
-  TemporaryFolder(TemporaryFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
-  TemporaryFolder& operator=(TemporaryFolder&&) = delete;
-  ~TemporaryFolder() {
-    std::error_code error;
-    if (!path_.empty()) std::filesystem::remove_all(path_, error);
-  }
-
-  std::string store() const { return path_ + "/maps.db"; }
-
- private:
-  explicit TemporaryFolder(std::string path) : path_(std::move(path)) {}
-
-  std::string path_;
-};
 
 // The landmark before anything is known of when it moves.
 MapContent MakeMap(const ChainHistory& history) {
@@ -130,11 +105,11 @@ StatusOr<bool> IsRecomputed(const MapSnapshot& map, MapStore* store) {
 }  // namespace
 
 StatusOr<ReplayedRecord> ReplayRecord(const ChainHistory& train, const ChainHistory& test) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const TemporaryFolder folder, TemporaryFolder::Make());
+  SHIFTMAP_ASSIGN_OR_RETURN(const ScratchFolder folder, ScratchFolder::Make());
   MapStore::OpenOptions options;
   options.access = MapStore::Access::kReadWriteCreate;
   options.checkpoint_rows = 256;  // A map is loaded for every visit.
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(folder.store(), options));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, MapStore::Open(folder.path() + "/maps.db", options));
   SHIFTMAP_RETURN_IF_ERROR(store.Commit(kArea, MakeMap(train), {}, {}).status());
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot first, store.LoadAt(kArea));
   SHIFTMAP_RETURN_IF_ERROR(ReturnDays(train, 0, first, &store));

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "mapper/calibration/noise_calibration.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"

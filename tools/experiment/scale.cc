@@ -13,7 +13,7 @@
 #include <set>
 #include <utility>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/mapper.h"
 #include "mapstore/core/median.h"
 #include "mapstore/geometry/covariance.h"

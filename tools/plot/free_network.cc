@@ -35,7 +35,7 @@ Network MakeNetwork(const std::vector<int>& indices, const std::vector<Mode*>& a
   const Eigen::VectorXd offsets = OffsetsFromCentroid(positions);
   network.size_m = offsets.norm();
   network.G.resize(offsets.size(), kCommon);
-  network.G << DatumDirections(positions), offsets / network.size_m;
+  network.G << GaugeDirections(positions), offsets / network.size_m;
   return network;
 }
 
@@ -57,7 +57,7 @@ Eigen::MatrixXd Times(const JointCovariance& P, const Eigen::MatrixXd& G) {
 // Returns the standard deviation of the scale.
 // @param PG  Rows of the network. [m²]
 double Free(const Network& network, const Eigen::MatrixXd& PG) {
-  const DatumChange change(network.G, PG);
+  const STransformation change(network.G, PG);
   for (std::size_t i = 0; i < network.modes.size(); ++i) {
     const int index = static_cast<int>(i);
     Eigen::Matrix2d& cov = network.modes[i]->cov_p_map_landmark;

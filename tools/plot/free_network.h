@@ -16,7 +16,7 @@ struct FreeMap {
 /// Frees a map from its frame. In the frame of a map without survey, the first pose of the first
 /// run, ellipses are wedges that grow with the distance from there; and a scale that is badly known
 /// makes thorns of them. Here the frame and the scale are those that fit all modes best, by inner
-/// constraints (DatumChange) in the directions of translation, rotation and scale.
+/// constraints (STransformation) in the directions of translation, rotation and scale.
 ///
 /// Modes that the map's covariance does not connect are networks of their own; of fewer than three
 /// modes, or with all of them at one place, they stay as they are. O(blocks of the covariance).

@@ -362,7 +362,7 @@ TEST(BuildMap, ARunThatDoesNotFitThePriorIsAnError) {
               StatusIs(StatusCode::kInvalidArgument, "'run-0': no consistent alignment"));
 }
 
-// The errors that are left after alignment are those of the inner-constraint datum, in which the
+// The errors that are left after alignment are those of the inner-constraint gauge, in which the
 // map states its covariance; the sensors of these worlds know how long a metre is.
 TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
   testing::MapConsistency maps;

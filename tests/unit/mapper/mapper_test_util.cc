@@ -8,7 +8,7 @@
 #include <cmath>
 #include <set>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
@@ -164,18 +164,18 @@ void MapConsistency::Add(const MapConsistency& other) {
 }
 
 MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world) {
-  constexpr int kDatum = 3;
+  constexpr int kGauge = 3;
   const auto [positions, error] = ErrorsOf(content, world);
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(error.size(), error.size()) - G * G.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
       Symmetrized(projector * content.covariance.Dense() * projector));
   MapConsistency result;
-  for (Eigen::Index i = kDatum; i < error.size(); ++i) {
+  for (Eigen::Index i = kGauge; i < error.size(); ++i) {
     result.nees += std::pow(solver.eigenvectors().col(i).dot(error), 2) / solver.eigenvalues()[i];
   }
-  result.dof = static_cast<int>(error.size()) - kDatum;
+  result.dof = static_cast<int>(error.size()) - kGauge;
   result.squared_error = error.squaredNorm();
   result.modes = static_cast<int>(positions.size());
   return result;

@@ -5,9 +5,6 @@
 #include <zstd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -171,14 +168,9 @@ StatusOr<std::vector<BagFile>> FindBagFiles(const std::string& path) {
 }
 
 StatusOr<ScratchCopy> ScratchCopy::Create(const std::string& path) {
-  std::error_code error;
-  std::string folder = (fs::temp_directory_path(error) / "shiftmap-bag-XXXXXX").string();
-  if (error || mkdtemp(folder.data()) == nullptr) {
-    return Unavailable("no folder for temporary files: {}", std::strerror(errno));
-  }
-  ScratchCopy copy(std::move(folder));
-  copy.path_ = (fs::path(copy.folder_) / fs::path(path).filename()).string();
-  return copy;
+  SHIFTMAP_ASSIGN_OR_RETURN(ScratchFolder folder, ScratchFolder::Make());
+  std::string copy = (fs::path(folder.path()) / fs::path(path).filename()).string();
+  return ScratchCopy(std::move(folder), std::move(copy));
 }
 
 StatusOr<ScratchCopy> ScratchCopy::Decompress(const std::string& path) {
@@ -198,14 +190,6 @@ StatusOr<ScratchCopy> ScratchCopy::WithWriteAheadLog(const std::string& path) {
   if (!error) fs::copy_file(path + kWalSuffix, copy.path_ + kWalSuffix, error);
   if (error) return Unavailable("copy to the folder for temporary files: {}", error.message());
   return copy;
-}
-
-ScratchCopy::ScratchCopy(ScratchCopy&& other) noexcept
-    : folder_(std::exchange(other.folder_, {})), path_(std::move(other.path_)) {}
-
-ScratchCopy::~ScratchCopy() {
-  std::error_code error;
-  if (!folder_.empty()) fs::remove_all(folder_, error);
 }
 
 bool HasWriteAheadLog(const std::string& path) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/core/folder.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::rosbag2 {
@@ -37,17 +38,14 @@ class ScratchCopy {
   /// Errors: kUnavailable, as above.
   static StatusOr<ScratchCopy> WithWriteAheadLog(const std::string& path);
 
-  ScratchCopy(ScratchCopy&& other) noexcept;
-  ScratchCopy& operator=(ScratchCopy&&) = delete;
-  ~ScratchCopy();
-
   const std::string& path() const { return path_; }
 
  private:
   static StatusOr<ScratchCopy> Create(const std::string& path);
-  explicit ScratchCopy(std::string folder) : folder_(std::move(folder)) {}
+  ScratchCopy(ScratchFolder folder, std::string path)
+      : folder_(std::move(folder)), path_(std::move(path)) {}
 
-  std::string folder_;
+  ScratchFolder folder_;
   std::string path_;
 };
 

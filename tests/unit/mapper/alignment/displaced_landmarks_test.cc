@@ -10,13 +10,13 @@
 #include <vector>
 
 #include "localizer/hypothesis/log_math.h"
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 
 namespace shiftmap {
 namespace {
 
 // Landmarks on a site, those nearest to the first one first, with noise of `sd_m` each, a third of
-// it the run's, and a datum that floats.
+// it the run's, and a gauge that floats.
 class Site {
  public:
   explicit Site(int count, double sd_m, unsigned seed) : random_(seed) {
@@ -27,7 +27,7 @@ class Site {
     });
     const Eigen::Index size = Eigen::Index{2} * count;
     const Eigen::MatrixXd noise = Eigen::MatrixXd::Identity(size, size) * (sd_m * sd_m);
-    const Eigen::MatrixXd G = DatumDirections(positions_);
+    const Eigen::MatrixXd G = GaugeDirections(positions_);
     cov_ = {noise / 3.0, 2.0 * noise / 3.0, 100.0 * G * G.transpose()};
   }
 

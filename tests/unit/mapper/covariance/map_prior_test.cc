@@ -7,7 +7,7 @@
 #include <Eigen/LU>
 #include <random>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"

@@ -9,7 +9,7 @@
 #include <random>
 #include <set>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 

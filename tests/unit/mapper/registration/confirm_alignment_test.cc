@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/run_maps/single_run.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 

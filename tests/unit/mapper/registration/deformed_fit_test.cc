@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "mapper/run_maps/single_run.h"
 #include "tests/support/random_map.h"
 #include "tests/unit/mapper/mapper_test_util.h"

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 #include "tests/support/random_map.h"
 
 namespace shiftmap {

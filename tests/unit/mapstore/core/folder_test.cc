@@ -78,5 +78,20 @@ TEST(FolderLock, NeedsAFolder) {
   EXPECT_THAT(FolderLock::Take(folder.File("file")), StatusIs(StatusCode::kUnavailable, "locked"));
 }
 
+TEST(ScratchFolderTest, GoesWithAllThatIsInIt) {
+  const TempDir dir;
+  std::string path;
+  {
+    StatusOr<ScratchFolder> made = ScratchFolder::Make(dir.path());
+    ASSERT_THAT(made, IsOk());
+    const ScratchFolder scratch = *std::move(made);
+    path = scratch.path();
+    EXPECT_TRUE(path.starts_with(dir.path()));
+    ASSERT_THAT(MakeFolder(path + "/a/b"), IsOk());
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+  EXPECT_THAT(ScratchFolder::Make(dir.File("none")), StatusIs(StatusCode::kUnavailable, "cannot be made"));
+}
+
 }  // namespace
 }  // namespace shiftmap::testing

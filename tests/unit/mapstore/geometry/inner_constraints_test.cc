@@ -22,7 +22,7 @@ class InnerConstraints : public ::testing::Test {
 
 TEST_F(InnerConstraints, DirectionsAreOrthonormalAndRigid) {
   const Positions positions = RandomPositions(6);
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   EXPECT_THAT((G.transpose() * G).eval(),
               testing::IsNearMatrix(Eigen::Matrix3d::Identity().eval(), 1e-12));
   // Along each of them all distances stay, to first order.
@@ -36,14 +36,14 @@ TEST_F(InnerConstraints, DirectionsAreOrthonormalAndRigid) {
 }
 
 TEST_F(InnerConstraints, OnePositionHasNoRotation) {
-  const Eigen::MatrixXd G = DatumDirections({Eigen::Vector2d(3.0, 4.0)});
+  const Eigen::MatrixXd G = GaugeDirections({Eigen::Vector2d(3.0, 4.0)});
   EXPECT_EQ(G.col(2).norm(), 0.0);
 }
 
 TEST_F(InnerConstraints, GrowthIsNoMotionOfTheFrame) {
   const Positions positions = RandomPositions(6);
   const Eigen::VectorXd q = OffsetsFromCentroid(positions);
-  EXPECT_NEAR((DatumDirections(positions).transpose() * q).norm(), 0.0, 1e-12 * q.norm());
+  EXPECT_NEAR((GaugeDirections(positions).transpose() * q).norm(), 0.0, 1e-12 * q.norm());
 }
 
 TEST_F(InnerConstraints, BlocksAreThoseOfTheProjectedCovariance) {
@@ -52,10 +52,10 @@ TEST_F(InnerConstraints, BlocksAreThoseOfTheProjectedCovariance) {
   std::normal_distribution<double> normal;
   for (double& value : root.reshaped()) value = normal(random_);
   const Eigen::MatrixXd P = root * root.transpose();
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   const Eigen::MatrixXd projector = Eigen::MatrixXd::Identity(10, 10) - G * G.transpose();
   const Eigen::MatrixXd expected = projector * P * projector;
-  const DatumChange change(G, P * G);
+  const STransformation change(G, P * G);
   for (int a = 0; a < 5; ++a) {
     for (int b = 0; b < 5; ++b) {
       EXPECT_THAT(change.Refer(a, b, P.block<2, 2>(2 * a, 2 * b)),

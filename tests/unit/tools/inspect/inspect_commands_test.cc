@@ -347,7 +347,7 @@ TEST_F(InspectCommands, ErrorsHaveTheirExitCodes) {
 }
 
 TEST_F(InspectCommands, WithoutAnAreaTheyNameThoseOfTheStore) {
-  for (const char* command : {"show", "versions", "runs", "export"}) {
+  for (const char* command : {"show", "versions", "runs", "vehicles"}) {
     const Outcome outcome = Run({command}, false);
     EXPECT_EQ(outcome.code, 2) << command;
     EXPECT_THAT(outcome.err, HasSubstr("--area is required, one of 'hall'")) << command;

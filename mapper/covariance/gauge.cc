@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
@@ -11,7 +11,7 @@ namespace shiftmap {
 namespace {
 
 constexpr double kFloorSd = 1e-3;  // [m]
-constexpr double kDatumSd = 1e-4;  // How firmly a prior holds the frame. [m]
+constexpr double kGaugeSd = 1e-4;  // How firmly a prior holds the frame. [m]
 
 Eigen::VectorXd Stacked(const std::vector<Eigen::Vector2d>& positions) {
   Eigen::VectorXd stacked(static_cast<Eigen::Index>(2 * positions.size()));
@@ -33,12 +33,12 @@ Eigen::MatrixXd Whitening(const Eigen::MatrixXd& cov) {
 
 Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
   Eigen::MatrixXd others(2 * std::ssize(positions), 4);
-  others << DatumDirections(positions), OffsetsFromCentroid(positions);
+  others << GaugeDirections(positions), OffsetsFromCentroid(positions);
   const Eigen::MatrixXd basis = Eigen::HouseholderQR<Eigen::MatrixXd>(others).householderQ();
   return basis.rightCols(others.rows() - others.cols());
 }
 
-Eigen::Matrix2d ReferBlock(const DatumChange& change,
+Eigen::Matrix2d ReferBlock(const STransformation& change,
                            int a,
                            int b,
                            const Eigen::Matrix2d& cov_a_b) {
@@ -49,8 +49,8 @@ Eigen::Matrix2d ReferBlock(const DatumChange& change,
 
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  Eigen::MatrixXd cov) {
-  const Eigen::MatrixXd G = DatumDirections(positions);
-  const DatumChange change(G, cov * G);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
+  const STransformation change(G, cov * G);
   cov.triangularView<Eigen::Lower>() -= G * change.W.transpose() + change.W * G.transpose();
   cov.triangularView<Eigen::StrictlyUpper>() = cov.transpose();
   cov.diagonal().array() += kFloorSd * kFloorSd;
@@ -64,12 +64,12 @@ Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& position
   return cov + sd_scale * sd_scale * q * q.transpose();
 }
 
-Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
-                                  double sd_scale,
-                                  const Eigen::MatrixXd& cov) {
+Eigen::MatrixXd FreeGauge(const std::vector<Eigen::Vector2d>& positions,
+                          double sd_scale,
+                          const Eigen::MatrixXd& cov) {
   constexpr double kFreeSd = 10.0;
   Eigen::MatrixXd result = AddScaleUncertainty(positions, sd_scale, cov);
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   result += kFreeSd * kFreeSd * G * G.transpose();
   return result;
 }
@@ -94,14 +94,14 @@ std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
 GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov) {
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   const Eigen::MatrixXd projector =
       Eigen::MatrixXd::Identity(cov.rows(), cov.cols()) - G * G.transpose();
-  // Where the frame of `cov` was held does not matter: what it says of the datum of these positions
+  // Where the frame of `cov` was held does not matter: what it says of the gauge of these positions
   // goes before it is inverted. Its inverse would tell of it in every other direction too.
   const Eigen::MatrixXd whitening = Whitening(projector * cov * projector) * projector;
   Eigen::MatrixXd sqrt_information(whitening.rows() + 3, whitening.cols());
-  sqrt_information << whitening, G.transpose() / kDatumSd;
+  sqrt_information << whitening, G.transpose() / kGaugeSd;
   return {modes, Stacked(positions), std::move(sqrt_information)};
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/covariance/datum.h"
+#include "mapper/covariance/gauge.h"
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ using Positions = std::vector<Eigen::Vector2d>;
 
 constexpr double kFloorVariance = 1e-6;  // What ReferToPositions adds per axis. [m²]
 
-class Datum : public ::testing::Test {
+class Gauge : public ::testing::Test {
  protected:
   Positions RandomPositions(int count) { return testing::RandomPositions(random_, count, 10.0); }
 
@@ -38,7 +38,7 @@ Eigen::MatrixXd ReferToPair(const Positions& positions,
                             std::size_t a,
                             std::size_t b,
                             const Eigen::MatrixXd& cov) {
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   const Eigen::Vector2d along = (positions[b] - positions[a]).normalized();
   const Eigen::Vector2d across(-along.y(), along.x());
   // Three conditions B e = 0 that fix the frame.
@@ -51,7 +51,7 @@ Eigen::MatrixXd ReferToPair(const Positions& positions,
   return S * cov * S.transpose();
 }
 
-TEST_F(Datum, ReferringForgetsWhereTheFrameWasHeld) {
+TEST_F(Gauge, ReferringForgetsWhereTheFrameWasHeld) {
   const Positions positions = RandomPositions(7);
   const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);
   const Eigen::MatrixXd direct = ReferToPositions(positions, cov);
@@ -63,7 +63,7 @@ TEST_F(Datum, ReferringForgetsWhereTheFrameWasHeld) {
   }
 }
 
-TEST_F(Datum, NoPairOfPositionsHoldsTheFrameWithLessTrace) {
+TEST_F(Gauge, NoPairOfPositionsHoldsTheFrameWithLessTrace) {
   const Positions positions = RandomPositions(7);
   const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);
   const double trace =
@@ -76,14 +76,14 @@ TEST_F(Datum, NoPairOfPositionsHoldsTheFrameWithLessTrace) {
   }
 }
 
-TEST_F(Datum, ReferredCovarianceIsPositiveDefinite) {
+TEST_F(Gauge, ReferredCovarianceIsPositiveDefinite) {
   const Positions positions = RandomPositions(5);
   const Eigen::MatrixXd cov = ReferToPositions(positions, RandomJointCovariance(5, 0.1));
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(cov);
   EXPECT_GT(solver.eigenvalues()[0], 0.9 * kFloorVariance);
 }
 
-TEST_F(Datum, ScaleMovesPositionsByTheirOffset) {
+TEST_F(Gauge, ScaleMovesPositionsByTheirOffset) {
   const Positions positions = {{0.0, 0.0}, {10.0, 0.0}, {0.0, 10.0}, {10.0, 10.0}};
   const Eigen::MatrixXd cov = AddScaleUncertainty(positions, 0.02, Eigen::MatrixXd::Zero(8, 8));
   // Every corner is (±5, ±5) from the centroid.
@@ -93,12 +93,12 @@ TEST_F(Datum, ScaleMovesPositionsByTheirOffset) {
   const Eigen::VectorXd d = Eigen::VectorXd::Unit(8, 2) - Eigen::VectorXd::Unit(8, 0);
   EXPECT_NEAR(d.dot(cov * d), 0.2 * 0.2, 1e-12);
   // It is no motion of the frame.
-  EXPECT_NEAR((DatumDirections(positions).transpose() * cov).norm(), 0.0, 1e-12);
+  EXPECT_NEAR((GaugeDirections(positions).transpose() * cov).norm(), 0.0, 1e-12);
 }
 
 // A map whose newest positions have joined those that hold its frame: where that was held must not
 // pass for knowledge of the newest ones.
-TEST_F(Datum, PriorForgetsWhereTheFrameWasHeld) {
+TEST_F(Gauge, PriorForgetsWhereTheFrameWasHeld) {
   const Positions positions = RandomPositions(7);
   const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);
   const Eigen::MatrixXd held =
@@ -112,7 +112,7 @@ TEST_F(Datum, PriorForgetsWhereTheFrameWasHeld) {
   EXPECT_LT((information(held) - expected).norm(), 1e-3 * expected.norm());
 }
 
-TEST_F(Datum, PriorHasTheInformationOfTheCovarianceItWasMadeFrom) {
+TEST_F(Gauge, PriorHasTheInformationOfTheCovarianceItWasMadeFrom) {
   const Positions positions = RandomPositions(6);
   Eigen::MatrixXd cov = ReferToPositions(positions, RandomJointCovariance(6, 0.1));
   const GraphPrior prior = MakeGraphPrior({5, 4, 3, 2, 1, 0}, positions, cov);
@@ -122,7 +122,7 @@ TEST_F(Datum, PriorHasTheInformationOfTheCovarianceItWasMadeFrom) {
   const Eigen::MatrixXd back = information.llt().solve(Eigen::MatrixXd::Identity(12, 12));
   EXPECT_THAT(ReferToPositions(positions, back), testing::IsNearMatrix(cov, 2e-6));
   // The frame is held: a rigid motion of a centimetre costs many standard deviations.
-  const Eigen::MatrixXd G = DatumDirections(positions);
+  const Eigen::MatrixXd G = GaugeDirections(positions);
   for (Eigen::Index column = 0; column < 3; ++column) {
     EXPECT_GT((prior.sqrt_information * 0.01 * G.col(column)).norm(), 50.0);
   }

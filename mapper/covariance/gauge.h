@@ -14,15 +14,18 @@ namespace shiftmap {
 Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions);
 
 /// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
-/// with G the datum directions: the inner-constraint solution of surveying. It does not depend on
+/// with G the gauge directions: the inner-constraint solution of surveying. It does not depend on
 /// which pose or landmark held the frame in the solve, and has the smallest trace of all choices. A
 /// floor of 1 mm per axis keeps it positive definite.
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  Eigen::MatrixXd cov);
 
 /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
-/// @param change  Of DatumDirections() of the positions.
-Eigen::Matrix2d ReferBlock(const DatumChange& change, int a, int b, const Eigen::Matrix2d& cov_a_b);
+/// @param change  Of GaugeDirections() of the positions.
+Eigen::Matrix2d ReferBlock(const STransformation& change,
+                           int a,
+                           int b,
+                           const Eigen::Matrix2d& cov_a_b);
 
 /// Adds what no run tells: the scale of the map, which the sensors' own scale sets. All positions
 /// move together along their offsets q from the centroid: P' = P + sd² q qᵀ.
@@ -31,14 +34,14 @@ Eigen::MatrixXd AddScaleUncertainty(const std::vector<Eigen::Vector2d>& position
                                     double sd_scale,
                                     const Eigen::MatrixXd& cov);
 
-/// The covariance of a run's positions before others hold it: AddScaleUncertainty(), and the datum
+/// The covariance of a run's positions before others hold it: AddScaleUncertainty(), and the gauge
 /// floats by ten metres.
-Eigen::MatrixXd FreeDatumAndScale(const std::vector<Eigen::Vector2d>& positions,
-                                  double sd_scale,
-                                  const Eigen::MatrixXd& cov);
+Eigen::MatrixXd FreeGauge(const std::vector<Eigen::Vector2d>& positions,
+                          double sd_scale,
+                          const Eigen::MatrixXd& cov);
 
-/// The prior of a map version as a graph takes it: information P⁻¹ outside the datum directions,
-/// and the datum held where it is.
+/// The prior of a map version as a graph takes it: information P⁻¹ outside the gauge directions,
+/// and the gauge held where it is.
 /// @param modes  Flat indices of the positions in the graph that will use it.
 GraphPrior MakeGraphPrior(const std::vector<int>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
