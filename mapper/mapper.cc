@@ -381,7 +381,7 @@ std::vector<Signature> Named(const std::vector<Signature>& signatures,
 AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature>& signatures) {
   constexpr double kUnlikely = 0.01;
   AmbiguousChange change;
-  for (const WaitingRuns::Run& run : waiting.runs) change.runs.push_back({run.name, run.sha256});
+  change.runs = waiting.runs;
   change.deciding = Named(signatures, waiting.explanations.deciding);
   if (waiting.misfit) {
     const JoinedFit& fit = *waiting.misfit;
@@ -399,7 +399,7 @@ AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature
 AmbiguousChange Describe(const KeptAlternatives& kept, const std::vector<Signature>& signatures) {
   AmbiguousChange change;
   change.waits = false;
-  for (const WaitingRuns::Run& run : kept.runs) change.runs.push_back({run.name, run.sha256});
+  change.runs = kept.runs;
   for (const StayedSet& stayed : kept.alternatives) {
     std::vector<int> moved;
     std::set_difference(kept.groups.begin(),

@@ -14,6 +14,7 @@
 #include "mapper/mapper_options.h"
 #include "mapper/modes/selection_summary.h"
 #include "mapper/state/rejected_run.h"
+#include "mapper/state/run_name.h"
 #include "mapstore/map/map_snapshot.h"
 #include "proto/core/status.h"
 
@@ -25,11 +26,6 @@ struct AmbiguousChange {
     std::vector<Signature> stayed;  ///< None: fewer than two landmarks did.
     std::vector<Signature> moved;   ///< Of those in common.
     double probability = 0.0;
-  };
-
-  struct Run {
-    std::string name;
-    std::string sha256;
   };
 
   /// The run does not fit as well as by itself with landmarks where the map has them (JoinedFit).
@@ -44,7 +40,7 @@ struct AmbiguousChange {
   /// have the modes of all.
   bool waits = true;
 
-  std::vector<Run> runs;
+  std::vector<RunName> runs;
   std::vector<Alternative> explanations;  ///< By falling probability, the unlikely ones left out.
 
   /// Stayed in one of the first two explanations only: another run past them decides.

@@ -354,7 +354,7 @@ std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
   std::vector<UnplacedRun> unplaced;
   for (const AmbiguousChange& change : result.ambiguous_changes) {
     if (!change.waits) continue;
-    for (const AmbiguousChange::Run& run : change.runs) {
+    for (const RunName& run : change.runs) {
       unplaced.push_back({run.name, run.sha256, {}});
     }
   }

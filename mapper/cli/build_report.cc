@@ -59,7 +59,7 @@ Json SignaturesJson(const std::vector<Signature>& signatures) {
 
 Json AmbiguousChangeJson(std::size_t id, const AmbiguousChange& change) {
   Json runs = Json::array();
-  for (const AmbiguousChange::Run& run : change.runs) runs.push_back(run.name);
+  for (const RunName& run : change.runs) runs.push_back(run.name);
   Json explanations = Json::array();
   for (const AmbiguousChange::Alternative& explanation : change.explanations) {
     explanations.push_back({{"stayed", SignaturesJson(explanation.stayed)},
@@ -114,7 +114,7 @@ std::vector<std::string> AmbiguousLines(const MapperResult& result,
   std::vector<std::string> lines;
   for (const AmbiguousChange& change : result.ambiguous_changes) {
     if (change.waits != waits) continue;
-    for (const AmbiguousChange::Run& run : change.runs) {
+    for (const RunName& run : change.runs) {
       lines.push_back(fmt::format("run '{}' {}: {}", run.name, what, WaitingReason(change)));
     }
   }
@@ -213,7 +213,7 @@ Json BuildJson(const std::string& area,
   for (const AmbiguousChange& change : result.ambiguous_changes) {
     document["ambiguous_changes"].push_back(
         AmbiguousChangeJson(document["ambiguous_changes"].size() + 1, change));
-    for (const AmbiguousChange::Run& run : change.runs) {
+    for (const RunName& run : change.runs) {
       if (!change.waits) continue;
       document["waiting"].push_back({{"run", run.name}, {"reason", WaitingReason(change)}});
     }

@@ -10,9 +10,8 @@ namespace shiftmap {
 namespace {
 
 bool IsOf(const KeptAlternatives& kept, const std::string& sha256) {
-  return std::any_of(kept.runs.begin(), kept.runs.end(), [&](const WaitingRuns::Run& run) {
-    return run.sha256 == sha256;
-  });
+  return std::any_of(
+      kept.runs.begin(), kept.runs.end(), [&](const RunName& run) { return run.sha256 == sha256; });
 }
 
 // The mode of a group that is nearest to a place. Precondition: there is one.

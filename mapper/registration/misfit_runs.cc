@@ -11,6 +11,7 @@
 #include "mapper/covariance/gauge.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/unconstrained_runs.h"
+#include "mapper/parallel.h"
 #include "mapper/run_maps/variance_factor.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -137,14 +138,19 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
 }
 
 bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
+  MapperOptions of_one = options;
+  of_one.threads = 1;
+  std::vector<std::optional<JoinedFit>> fits(build->runs.size());
+  ForEachIndex(
+      fits.size(), options.threads, [&](std::size_t r) { fits[r] = FitJoined(of_one, *build, r); });
   std::size_t worst = 0;
   std::optional<JoinedFit> of_worst;
-  for (std::size_t r = 0; r < build->runs.size(); ++r) {
-    std::optional<JoinedFit> fit = FitJoined(options, *build, r);
+  for (std::size_t r = 0; r < fits.size(); ++r) {
+    const std::optional<JoinedFit>& fit = fits[r];
     if (!fit || fit->is_good()) continue;
     if (of_worst && fit->chi2 / fit->limit <= of_worst->chi2 / of_worst->limit) continue;
     worst = r;
-    of_worst = std::move(fit);
+    of_worst = fit;
   }
   if (!of_worst) return false;
   const MappingRun& data = *build->runs[worst].data;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mapper/alignment/explain_alignment.h"
-#include "mapper/state/waiting_runs.h"
+#include "mapper/state/run_name.h"
 
 namespace shiftmap {
 
@@ -18,7 +18,7 @@ struct KeptAlternatives {
     double stayed = 0.0;                              ///< Probability that it did not leave it.
   };
 
-  std::vector<WaitingRuns::Run> runs;
+  std::vector<RunName> runs;
   std::vector<StayedSet> alternatives;
   std::vector<int> groups;  ///< In common, ascending.
   std::vector<Doubt> doubts;

@@ -2,23 +2,18 @@
 #pragma once
 
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "mapper/alignment/explain_alignment.h"
 #include "mapper/state/joined_fit.h"
+#include "mapper/state/run_name.h"
 
 namespace shiftmap {
 
 /// Runs that wait: they agree with each other, may lie at several places in the map, and nothing
 /// decides between these; or a run that does not fit at the place that was decided for.
 struct WaitingRuns {
-  struct Run {
-    std::string name;
-    std::string sha256;  ///< Of the log file.
-  };
-
-  std::vector<Run> runs;
+  std::vector<RunName> runs;
   Explanations explanations;        ///< Of one that does not fit: none.
   std::optional<JoinedFit> misfit;  ///< Of one that does not fit.
 };
