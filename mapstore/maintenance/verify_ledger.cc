@@ -5,6 +5,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/store/blob.h"
+#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/visibility_rows.h"
 
 namespace shiftmap {
@@ -85,6 +86,7 @@ Status VerifyVisits(Database& database,
 }
 
 Status VerifyEvidence(Database& database, DefectList* defects) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
   SHIFTMAP_RETURN_IF_ERROR(
       VerifyVisits(database,
                    "visit_evidence",
@@ -97,17 +99,21 @@ Status VerifyEvidence(Database& database, DefectList* defects) {
                    "FROM visit_evidence e LEFT JOIN shift_report r USING (report_id) "
                    "LEFT JOIN version v ON v.version_id = r.version_id",
                    defects));
+  // A snapshot has the runs of its own version only.
+  const std::string of_version =
+      snapshot ? ""
+               : "WHEN v.content_stored <> 0 AND NOT EXISTS (SELECT 1 FROM version_run vr "
+                 "WHERE vr.version_id <= e.version_id AND vr.run_id = e.run_id) "
+                 "THEN 'its run is not of its version, or of one before' ";
   return VerifyVisits(
       database,
       "mapped_evidence",
       "SELECT 'run ' || quote(coalesce(r.name, '')), e.signature, e.begin_ns, CASE "
-      "WHEN NOT coalesce(e.area_id = v.area_id, 0) THEN 'its area is not that of its version' "
-      "WHEN v.content_stored <> 0 AND NOT EXISTS (SELECT 1 FROM version_run vr "
-      "WHERE vr.version_id <= e.version_id AND vr.run_id = e.run_id) "
-      "THEN 'its run is not of its version, or of one before' "
-      "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' END, e.log_likelihoods "
-      "FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
-      "LEFT JOIN version v ON v.version_id = e.version_id",
+      "WHEN NOT coalesce(e.area_id = v.area_id, 0) THEN 'its area is not that of its version' " +
+          of_version +
+          "WHEN e.end_ns < e.begin_ns THEN 'ends before it begins' END, e.log_likelihoods "
+          "FROM mapped_evidence e LEFT JOIN run r USING (run_id) "
+          "LEFT JOIN version v ON v.version_id = e.version_id",
       defects);
 }
 

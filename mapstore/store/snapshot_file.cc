@@ -151,9 +151,8 @@ Status CopyVersions(Database& source,
     if (version_id == version.version_id) continue;
     SHIFTMAP_RETURN_IF_ERROR(
         Run(snapshot,
-            "UPDATE main.version SET content_stored = 0, configuration = '', "
-            "statement_version_id = NULL WHERE version_id = ?1 AND version_id <> "
-            "coalesce(?2, 0)",
+            "UPDATE main.version SET content_stored = 0, configuration = '', statement_version_id "
+            "= iif(version_id = ?2, statement_version_id, NULL) WHERE version_id = ?1",
             version_id,
             version.statement_version_id));
   }

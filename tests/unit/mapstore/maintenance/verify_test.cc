@@ -166,6 +166,41 @@ INSTANTIATE_TEST_SUITE_P(Damages,
                          ::testing::ValuesIn(kDamages),
                          [](const auto& damage) { return damage.param.name; });
 
+// It has rows of earlier versions, but neither their runs nor the reports that do not count.
+TEST(VerifyFileTest, ASnapshotOfASoundStoreIsSound) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  MakeStore(path);
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWrite);
+  ASSERT_THAT(store.Publish("mine", VersionNumber(3), VersionNumber(2)), IsOk());
+  const MapContent content = store.LoadVersion("mine", VersionNumber(3))->content();
+  std::mt19937_64 random(TestSeed(32));
+  CommitOptions commit;
+  commit.parent = VersionNumber(3);
+  commit.publish = true;
+  commit.states_probabilities = false;
+  StatusOr<CommitResult> last = NotFound("nothing");
+  for (const char* name : {"8", "9"}) {
+    RunRecord run{name, std::string(64, *name), "truck", At(900.0), At(909.0), {}};
+    run.evidence = {RandomEvidence(random, content.groups[1], At(901.0), At(902.0))};
+    last = store.Commit("mine", content, {"test", "", 0, {run}}, commit);
+    ASSERT_THAT(last, IsOk());
+    commit.parent = last->version;
+  }
+  ShiftReport twice = EmptyReport(*last, "mine", 7);
+  twice.run_hash = std::string(64, 'a');  // A report about this run counts already.
+  ASSERT_THAT(store.Return(twice), IsOk());
+  const std::string snapshot = dir.File("snapshot.db");
+  ASSERT_THAT(store.ExportSnapshot("mine", snapshot), IsOk());
+  for (const std::string& file : {path, snapshot}) {
+    const StatusOr<VerifyResult> result = VerifyStore(file);
+    ASSERT_THAT(result, IsOk());
+    for (const Defect& defect : result->defects) {
+      ADD_FAILURE() << file << ": " << defect.table << ' ' << defect.row << ": " << defect.problem;
+    }
+  }
+}
+
 TEST(VerifyFileTest, FindsADamagedPage) {
   const TempDir dir;
   const std::string path = dir.File("a.db");
