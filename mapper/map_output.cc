@@ -260,7 +260,7 @@ void SetProbabilities(const BuildState& build,
                       LandmarkGroup* group) {
   std::vector<EvidenceRow> older = RowsOf(build, source);
   std::vector<EvidenceRow> newer;
-  ModeState state = StationaryStart(*group, build.runs.front().data->begin());
+  ModeState state = StationaryStart(*group, build.runs.front().data->begin);
   const LandmarkGroup* known = build.Known(source.group);
   if (known != nullptr) {
     const auto first_newer = std::find_if(older.begin(), older.end(), [&](const EvidenceRow& row) {
@@ -285,8 +285,8 @@ void SetProbabilities(const BuildState& build,
 Stamp NewStamp(const BuildState& build,
                const std::optional<MapContent>& prior,
                const MapperOptions& options) {
-  Stamp end = build.runs.front().data->end();
-  for (const BuildRun& run : build.runs) end = std::max(end, run.data->end());
+  Stamp end = build.runs.front().data->end;
+  for (const BuildRun& run : build.runs) end = std::max(end, run.data->end);
   if (options.now) end = std::min(end, *options.now);
   return prior ? std::max(end, prior->stamp) : end;
 }

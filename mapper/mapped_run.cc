@@ -31,8 +31,8 @@ MappedRun MakeMappedRun(const BuildState& build, std::size_t index) {
   mapped.sha256 = run.data->sha256;
   mapped.uuid = run.data->info.uuid;
   mapped.vehicle = run.data->info.vehicle;
-  mapped.begin = run.data->begin();
-  mapped.end = run.data->end();
+  mapped.begin = run.data->begin;
+  mapped.end = run.data->end;
   mapped.poses = static_cast<int>(run.poses.size());
   mapped.observations = static_cast<int>(run.data->sightings.size());
   mapped.duplicate_observations = run.data->duplicate_observations;

@@ -291,8 +291,7 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
   if (AllWait(build)) return build;
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build.runs.empty(), *rejected));
   std::stable_sort(build.runs.begin(), build.runs.end(), [](const BuildRun& a, const BuildRun& b) {
-    return std::tie(a.data->odometry.front().stamp, a.data->sha256) <
-           std::tie(b.data->odometry.front().stamp, b.data->sha256);
+    return std::tie(a.data->begin, a.data->sha256) < std::tie(b.data->begin, b.data->sha256);
   });
   if (!prior) AnchorFrame(&build);
   if (options.calibrate) PoolNoiseByVehicle(&build);
@@ -357,7 +356,7 @@ MapContent AsOfRuns(MapContent map,
                     const MapperOptions& options) {
   map.stamp = *options.now;
   for (const MapperInput& input : inputs) {
-    map.stamp = std::min(map.stamp, input.run.odometry.front().stamp);
+    map.stamp = std::min(map.stamp, BeginOf(input.run));
   }
   for (LandmarkGroup& group : map.groups) {
     for (Mode& mode : group.modes) mode.last_seen = std::min(mode.last_seen, map.stamp);

@@ -31,8 +31,8 @@ Status CheckInputs(const std::vector<MapperInput>& inputs,
 
 void SortByBegin(std::vector<MapperInput>* inputs) {
   std::sort(inputs->begin(), inputs->end(), [](const MapperInput& a, const MapperInput& b) {
-    return std::make_tuple(a.run.odometry.front().stamp, std::cref(a.sha256)) <
-           std::make_tuple(b.run.odometry.front().stamp, std::cref(b.sha256));
+    return std::make_tuple(BeginOf(a.run), std::cref(a.sha256)) <
+           std::make_tuple(BeginOf(b.run), std::cref(b.sha256));
   });
 }
 

@@ -153,7 +153,7 @@ VehicleCalibration CalibrationFrom(const BuildState& build,
   vehicle.runs = static_cast<std::int64_t>(runs.size());
   for (const std::size_t r : runs) {
     const MappingRun& run = *build.runs[r].data;
-    vehicle.stamp = std::max(vehicle.stamp, run.end());
+    vehicle.stamp = std::max(vehicle.stamp, run.end);
     vehicle.mean_squared_bearing_rad2 +=
         run.mean_squared_bearing / static_cast<double>(runs.size());
   }

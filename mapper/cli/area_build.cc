@@ -114,7 +114,7 @@ Status LeaveOutExcluded(const std::string& area,
                         LoadedRuns* runs) {
   std::erase_if(runs->inputs, [&](const MapperInput& input) {
     const RunInfo& info = input.run.info;
-    const Stamp begin = input.run.odometry.empty() ? Stamp() : input.run.odometry.front().stamp;
+    const Stamp begin = input.run.odometry.empty() ? Stamp() : BeginOf(input.run);
     const Exclusion* exclusion = FindExclusion(exclusions, input.sha256, info.vehicle, begin);
     if (exclusion == nullptr && !info.uuid.empty()) {
       exclusion = FindExclusion(exclusions, info.uuid, info.vehicle, begin);
@@ -169,7 +169,7 @@ Status LoadMemory(const AreaBuildOptions& options,
   std::set<std::string> runs;
   Stamp begin = Stamp::max();
   for (const MapperInput& input : inputs) {
-    if (!input.run.odometry.empty()) begin = std::min(begin, input.run.odometry.front().stamp);
+    if (!input.run.odometry.empty()) begin = std::min(begin, BeginOf(input.run));
     runs.insert(input.sha256);
     if (!input.run.info.uuid.empty()) runs.insert(input.run.info.uuid);
   }

@@ -26,16 +26,6 @@ constexpr Stamp kFirstPlausibleStamp = std::chrono::sys_days(std::chrono::year(1
 
 std::string LogName(const std::string& path) { return fmt::format("run log '{}'", path); }
 
-Stamp EndOf(const Run& run) {
-  const Stamp odometry = run.odometry.back().stamp;
-  return run.scans.empty() ? odometry : std::max(odometry, run.scans.back().stamp);
-}
-
-Stamp BeginOf(const Run& run) {
-  const Stamp odometry = run.odometry.front().stamp;
-  return run.scans.empty() ? odometry : std::min(odometry, run.scans.front().stamp);
-}
-
 class Loader {
  public:
   Loader(const RunLoaderOptions& options, const Context& context)

@@ -70,6 +70,8 @@ MappingRun MakeMappingRun(const Run& run,
   MappingRun out;
   out.info = run.info;
   out.odometry = run.odometry;
+  out.begin = BeginOf(run);
+  out.end = EndOf(run);
   for (const Scan& scan : run.scans) {
     out.scan_stamps.push_back(scan.stamp);
     const UsableSightings usable = FindUsableSightings(scan, options);

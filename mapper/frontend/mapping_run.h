@@ -51,8 +51,8 @@ struct MappingRun {
   int duplicate_observations = 0;  ///< One signature at two places in one scan: both left out.
   int near_observations = 0;       ///< Nearer than min_range_m: left out.
 
-  Stamp begin() const { return odometry.front().stamp; }
-  Stamp end() const { return odometry.back().stamp; }
+  Stamp begin;  ///< BeginOf() the run.
+  Stamp end;    ///< EndOf() it.
 };
 
 /// All signatures seen in `runs` and those in `known`, ascending, each once.

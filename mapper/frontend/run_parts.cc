@@ -62,6 +62,8 @@ MappingRun PartOf(const MappingRun& run, int first, int last) {
   const Stamp begin = part.frames.front().stamp;
   const Stamp end = part.frames.back().stamp;
   part.odometry = OdometryBetween(run.odometry, begin, end);
+  part.begin = std::min(begin, part.odometry.front().stamp);
+  part.end = std::max(end, part.odometry.back().stamp);
   std::copy_if(run.scan_stamps.begin(),
                run.scan_stamps.end(),
                std::back_inserter(part.scan_stamps),

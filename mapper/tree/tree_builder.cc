@@ -276,8 +276,8 @@ class Pass {
     mapped.sha256 = run.input->sha256;
     mapped.uuid = run.input->run.info.uuid;
     mapped.vehicle = run.input->run.info.vehicle;
-    mapped.begin = run.input->run.odometry.front().stamp;
-    mapped.end = run.input->run.odometry.back().stamp;
+    mapped.begin = BeginOf(run.input->run);
+    mapped.end = EndOf(run.input->run);
     mapped.observations = run.observations;
     mapped.duplicate_observations = run.duplicates;
     mapped.near_observations = run.near;

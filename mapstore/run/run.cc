@@ -108,6 +108,16 @@ Status ValidateEvent(const RunEvent& event) {
   return std::visit([](const auto& item) { return ValidateItem(item); }, event);
 }
 
+Stamp BeginOf(const Run& run) {
+  const Stamp odometry = run.odometry.front().stamp;
+  return run.scans.empty() ? odometry : std::min(odometry, run.scans.front().stamp);
+}
+
+Stamp EndOf(const Run& run) {
+  const Stamp odometry = run.odometry.back().stamp;
+  return run.scans.empty() ? odometry : std::max(odometry, run.scans.back().stamp);
+}
+
 Status ValidateRun(const Run& run) {
   if (run.odometry.empty()) return InvalidArgument("run has no odometry");
   SHIFTMAP_RETURN_IF_ERROR(ValidateSequence(run.odometry, "odometry"));

@@ -63,6 +63,11 @@ struct Run {
   std::vector<LidarScan> lidar_scans = {};
 };
 
+/// The first and the last stamp of odometry and scans: a log may begin and end with either.
+/// Precondition: there is odometry.
+Stamp BeginOf(const Run& run);
+Stamp EndOf(const Run& run);
+
 /// One item of a run in the order of time, as a live vehicle delivers it. By index as they come
 /// where stamps are equal.
 using RunEvent = std::variant<OdometrySample, LidarScan, Scan>;

@@ -159,6 +159,11 @@ TEST(OddRuns, GiveAValidMapOrSayWhatIsWrong) {
         break;
       }
       EXPECT_THAT(ValidateMapContent(result->content), testing::IsOk()) << seed;
+      for (const MappedRun& run : result->runs) {
+        for (const VisitEvidence& visit : run.evidence) {
+          EXPECT_TRUE(run.begin <= visit.begin && visit.end <= run.end) << seed << ' ' << run.name;
+        }
+      }
       prior = result->content;
       ++maps;
     }

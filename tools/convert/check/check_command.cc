@@ -101,6 +101,8 @@ Json DocumentOf(const std::string& path, const LogCheck& check, const Checked& c
   }
   const auto misfit = check.motion().MedianMisfit();
   if (misfit) document["motion_misfit"] = *misfit;
+  const auto lag = check.lag().Lag();
+  document["lag_s"] = lag ? Json(*lag) : Json(nullptr);
   return document;
 }
 

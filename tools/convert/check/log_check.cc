@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "localizer/models/motion_model.h"
+
 namespace shiftmap {
 namespace {
 
@@ -40,10 +42,12 @@ void LogCheck::Add(const RunEvent& event) {
     odometry_times_.Add(stamp);
     odometry_.Add(*sample);
     motion_.Add(*sample);
+    lag_.Add(*sample);
   } else if (const auto* scan = std::get_if<Scan>(&event)) {
     scan_times_.Add(stamp);
     scans_.Add(*scan);
     motion_.Add(*scan);
+    lag_.Add(*scan);
   } else {
     ++lidar_scans_;
   }
@@ -136,7 +140,28 @@ void LogCheck::CheckOverlap(Findings* findings) const {
          fmt::format("scans, {}", TimeInRun(scan_times_.begin(), begin)),
          "all scans are before or after the odometry: they are stamped by different clocks",
          "stamp both by one clock, or synchronize the clocks"});
+    return;
   }
+  const double before_s = ToSeconds(begin - scan_times_.begin());
+  const double after_s = ToSeconds(scan_times_.end() - odometry_times_.end());
+  const double longest_s = std::max(before_s, after_s);
+  if (longest_s <= kOdometryHold) return;
+  findings->push_back({Severity::kWarning,
+                       "scans_without_odometry",
+                       fmt::format("scans, {}", before_s > after_s ? "begin" : "end"),
+                       fmt::format("scans go on for {:.1f} s without odometry", longest_s),
+                       "begin and end the recording of both together; the pose is a guess there"});
+}
+
+// A log with a mistake of signs or units fits at no lag.
+void LogCheck::CheckMotion(Findings* findings) const {
+  const std::size_t before = findings->size();
+  motion_.Report(findings);
+  const bool mistaken = std::any_of(
+      findings->begin() + static_cast<std::ptrdiff_t>(before), findings->end(), [](const auto& f) {
+        return f.severity == Severity::kWarning && f.code != "motion_misfit";
+      });
+  if (!mistaken) lag_.Report(findings);
 }
 
 Findings LogCheck::Finish(const RunInfo& info) const {
@@ -157,7 +182,7 @@ Findings LogCheck::Finish(const RunInfo& info) const {
     if (scan_times_.count() > 0) scan_times_.Report(begin, &findings);
     odometry_.Report(begin, &findings);
     scans_.Report(begin, &findings);
-    if (scans_.observations() > 0) motion_.Report(&findings);
+    if (scans_.observations() > 0) CheckMotion(&findings);
   }
   std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
     return a.severity > b.severity;

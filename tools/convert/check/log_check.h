@@ -8,6 +8,7 @@
 #include "mapstore/run/item_limits.h"
 #include "mapstore/run/run.h"
 #include "tools/convert/check/finding.h"
+#include "tools/convert/check/lag_check.h"
 #include "tools/convert/check/motion_check.h"
 #include "tools/convert/check/odometry_check.h"
 #include "tools/convert/check/scan_check.h"
@@ -39,12 +40,14 @@ class LogCheck {
   const OdometryCheck& odometry() const { return odometry_; }
   const ScanCheck& scans() const { return scans_; }
   const MotionCheck& motion() const { return motion_; }
+  const LagCheck& lag() const { return lag_; }
   std::int64_t lidar_scans() const { return lidar_scans_; }
 
  private:
   void CheckInfo(const RunInfo& info, Findings* findings) const;
   void CheckClock(Findings* findings) const;
   void CheckOverlap(Findings* findings) const;
+  void CheckMotion(Findings* findings) const;
 
   LogCheckOptions options_;
   TimeCheck odometry_times_;
@@ -52,6 +55,7 @@ class LogCheck {
   OdometryCheck odometry_;
   ScanCheck scans_;
   MotionCheck motion_;
+  LagCheck lag_;
   std::int64_t lidar_scans_ = 0;
   std::optional<Stamp> newest_;
   Duration worst_lateness_{0};
