@@ -34,6 +34,7 @@ struct PriorMap {
   std::optional<MapContent> content;
   std::set<std::string> known_runs;        // Hash and identity of those that are in it already.
   std::vector<UnplacedRun> waiting;        // Of earlier builds.
+  std::vector<RunRecord> fallen_out;       // Of versions newer than `version`.
   std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
   std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
   std::vector<ModeVisibility> visibility;  // Of the same line's runs.
@@ -74,6 +75,26 @@ Status TakeEditsIn(const AreaBuildOptions& options,
   return OkStatus();
 }
 
+// Runs of the published version's line that its prior does not rest on, but for excluded ones.
+Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap* prior) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions,
+                            store->Versions(options.area));
+  for (std::optional<VersionNumber> at = prior->published; at && *at != *prior->version;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                              store->LoadProvenance(options.area, *at));
+    for (const RunRecord& run : provenance.runs) {
+      const bool rests = prior->known_runs.contains(run.sha256);
+      const bool excluded =
+          FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
+      if (!rests && !excluded) prior->fallen_out.push_back(run);
+    }
+    const auto summary = std::find_if(
+        versions.begin(), versions.end(), [&](const auto& other) { return other.version == *at; });
+    at = summary == versions.end() ? std::nullopt : summary->parent;
+  }
+  return OkStatus();
+}
+
 StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
   PriorMap prior;
   std::error_code error;
@@ -105,6 +126,7 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   prior.content = snapshot.content();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.RunIdentities(options.area, *prior.version));
   SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
+  SHIFTMAP_RETURN_IF_ERROR(FindFallenOut(options, &store, &prior));
   return prior;
 }
 
@@ -362,14 +384,14 @@ std::vector<UnplacedRun> Unplaced(const MapperResult& result) {
 }
 
 // Runs that wait, but not of this build.
-std::vector<UnplacedRun> NotGiven(std::vector<UnplacedRun> waiting,
-                                  const std::vector<MapperInput>& inputs) {
-  std::erase_if(waiting, [&](const UnplacedRun& run) {
+template <typename SomeRun>
+std::vector<SomeRun> NotGiven(std::vector<SomeRun> runs, const std::vector<MapperInput>& inputs) {
+  std::erase_if(runs, [&](const SomeRun& run) {
     return std::any_of(inputs.begin(), inputs.end(), [&](const MapperInput& input) {
       return input.sha256 == run.sha256;
     });
   });
-  return waiting;
+  return runs;
 }
 
 void WarnOfDuplicates(const MapperResult& result, const Context& context) {
@@ -459,6 +481,9 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
                             MakeMapperOptions(options, prior, now));
   AreaBuild build;
   build.not_given = NotGiven(std::move(prior.waiting), runs.inputs);
+  for (const RunRecord& run : NotGiven(std::move(prior.fallen_out), runs.inputs)) {
+    build.fallen_out.push_back(run.name);
+  }
   std::unique_ptr<Progress> progress = context.MakeProgress();
   const MapperMonitor monitor = MakeMonitor(progress.get());
   StatusOr<MapperResult> result =
@@ -512,6 +537,10 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
 void WarnOfRuns(const AreaBuild& build, Context& context) {
   for (const std::string& line : WaitingLines(build.result)) context.Attend(line);
   for (const std::string& line : KeptLines(build.result)) context.Warn(line);
+  for (const std::string& run : build.fallen_out) {
+    context.Attend(fmt::format(
+        "run '{}' is no longer in the map: its version is no prior; build its log again", run));
+  }
   for (const UnplacedRun& run : build.not_given) {
     context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
   }

@@ -64,6 +64,7 @@ StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
 struct AreaBuild {
   MapperResult result;
   std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
+  std::vector<std::string> fallen_out;              ///< Of versions that are no prior any more.
   std::vector<UnplacedRun> not_given;               ///< That wait, but not of this build.
 
   // What CommitArea adds to the store with the map.

@@ -296,6 +296,21 @@ TEST_F(EditScenarioTest, WhatABuildWasMadeWithIsLeftOutOfTheNext) {
   EXPECT_EQ(Groups(kEdited), Groups(kPlain));
 }
 
+TEST_F(EditScenarioTest, ARunThatFallsOutWithAnEditIsNamedUntilItIsGivenAgain) {
+  const std::string signature = Places(kEdited).begin()->first;
+  Place moved = Places(kEdited).at(signature);
+  moved.x_m += 3.0;
+  Edit({"control", signature, Point(moved), "--mode", "1", "--sd", "0.02"});
+  Build(kEdited, {1});
+  RunCommand("shiftmap-inspect", EditOf({"undo", "1"}));
+  const CommandResult without = RunCommand("shiftmap-mapper", world_->BuildOf(kEdited, {2}));
+  EXPECT_EQ(without.exit_code, kAttention);
+  EXPECT_NE(without.err.find("run 'run_001' is no longer in the map"), std::string::npos)
+      << without.err;
+  const CommandResult with = RunCommand("shiftmap-mapper", world_->BuildOf(kEdited, {1}));
+  EXPECT_EQ(with.exit_code, 0) << with.err;
+}
+
 TEST_F(EditScenarioTest, AStatedRateWeighsInEveryFitUntilItIsTakenBack) {
   const std::string signature = Places(kEdited).begin()->first;
   const auto rate = [&](const std::string& store) {
