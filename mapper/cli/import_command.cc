@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "mapper/cli/commands.h"
 #include "mapper/cli/map_file.h"
@@ -32,6 +33,21 @@ struct ImportOptions {
   double clock_tolerance_s = kDefaultClockToleranceS;
 };
 
+// The version that an import would replace.
+StatusOr<std::optional<VersionNumber>> PublishedBefore(const ImportOptions& options,
+                                                       const Context& context) {
+  // Also in a dry run: what is there must be a store.
+  std::error_code error;
+  if (!std::filesystem::exists(options.store, error)) return std::optional<VersionNumber>();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  for (const AreaSummary& area : areas) {
+    if (area.area == options.area) return area.published;
+  }
+  return std::optional<VersionNumber>();
+}
+
 Status Import(const ImportOptions& options, Context& context) {
   const Stamp now = SystemNow();
   const auto check_clock = [&](Stamp stamp) {
@@ -52,13 +68,8 @@ Status Import(const ImportOptions& options, Context& context) {
   std::size_t modes = 0;
   for (const LandmarkGroup& group : content.groups) modes += group.modes.size();
 
-  // Also in a dry run: what is there must be a store.
-  std::error_code error;
-  if (std::filesystem::exists(options.store, error)) {
-    SHIFTMAP_RETURN_IF_ERROR(
-        OpenStore(options.store, MapStore::Access::kReadOnly, context).status());
-  }
-
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> before,
+                            PublishedBefore(options, context));
   Json document = {{"area", options.area}};
   std::string text = fmt::format("{} landmarks, {} modes", content.groups.size(), modes);
   if (!context.dry_run()) {
@@ -81,6 +92,15 @@ Status Import(const ImportOptions& options, Context& context) {
     document["content_hash"] = result.content_hash;
     text = fmt::format(
         "version {} of area '{}': {}", result.version.value(), InertLine(options.area), text);
+    if (before && !options.no_publish) {
+      context.Warn(fmt::format(
+          "area '{}': these landmarks replace version {}, and do not add to it; shiftmap-inspect "
+          "publish {} --expected {} takes that back",
+          InertLine(options.area),
+          before->value(),
+          before->value(),
+          result.version.value()));
+    }
   }
   document["groups"] = content.groups.size();
   document["modes"] = modes;
