@@ -8,6 +8,7 @@
 #include "mapper/chain/chain_series.h"
 #include "mapper/chain/chain_spectrum.h"
 #include "mapper/chain/gap_integral.h"
+#include "mapper/chain/log_product.h"
 #include "mapstore/map/rate_matrix.h"
 #include "proto/core/check.h"
 
@@ -91,8 +92,7 @@ class Recursion {
     filtered_.resize(steps_.states, count);
     evidence_.resize(count);
     Vector now = Vector::Constant(steps_.states, 1.0 / steps_.states);
-    double sum = 0.0;
-    double product = 1.0;  // Of evidence whose logarithm the sum does not have.
+    LogProduct product;
     for (Eigen::Index t = 0; t < count; ++t) {
       const int gap = steps_.gap_of_step[static_cast<std::size_t>(t)];
       if (gap >= 0) now = (flows_[Index(gap)] * now).eval();
@@ -102,15 +102,9 @@ class Recursion {
       now /= evidence;
       filtered_.col(t) = now;
       evidence_(t) = evidence;
-      if (t < from) continue;
-      constexpr double kSmall = 1e-150;
-      if (product < kSmall || evidence < kSmall) {
-        sum += std::log(product);
-        product = 1.0;
-      }
-      product *= evidence;
+      if (t >= from) product.Multiply(evidence);
     }
-    return sum + std::log(product);
+    return product.Log();
   }
 
   // After Forward: the integrals of each phase.

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "mapper/chain/log_product.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -39,8 +40,7 @@ UniformLikelihood Evaluate(const ChainSteps& steps, double log_rate) {
   Vector p1 = Vector::Zero(steps.states);           // its derivative,
   Vector p2 = p1;                                   // and the second one.
   UniformLikelihood result;
-  result.value = steps.log_scale;
-  double product = 1.0;  // Of evidence whose logarithm the value does not have.
+  LogProduct product;
   for (Eigen::Index t = 0; t < steps.likelihoods.cols(); ++t) {
     const int gap = steps.gap_of_step[static_cast<std::size_t>(t)];
     if (gap >= 0) {
@@ -64,14 +64,9 @@ UniformLikelihood Evaluate(const ChainSteps& steps, double log_rate) {
     p2 = p2 * inverse - 2.0 * p1 * slope - p * curvature;
     result.slope += slope;
     result.curvature += curvature - slope * slope;
-    constexpr double kSmall = 1e-150;
-    if (product < kSmall || evidence < kSmall) {
-      result.value += std::log(product);
-      product = 1.0;
-    }
-    product *= evidence;
+    product.Multiply(evidence);
   }
-  result.value += std::log(product);
+  result.value = steps.log_scale + product.Log();
   return result;
 }
 
