@@ -4,198 +4,211 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <unsupported/Eigen/MatrixFunctions>
 
+#include "mapper/chain/chain_series.h"
 #include "mapper/chain/chain_spectrum.h"
+#include "mapper/chain/gap_integral.h"
+#include "mapper/chain/log_product.h"
+#include "mapstore/map/rate_matrix.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-// A chain as its gaps are computed.
-struct PreparedChain {
-  explicit PreparedChain(const ModeChain& of) : chain(&of) {
-    if (!of.uniform()) spectrum = ChainSpectrum::Of(of);
-  }
-
-  Eigen::MatrixXd Transition(Duration gap) const {
-    if (!spectrum || !(gap > Duration(0))) return chain->Transition(gap);
-    return spectrum->Transition(ToSeconds(gap));
-  }
-
-  const ModeChain* chain;
-  std::optional<ChainSpectrum> spectrum;  // Of one that is not uniform, if it is good for it.
-};
-
-std::vector<PreparedChain> Prepare(const std::vector<ModeChain>& chains) {
-  return {chains.begin(), chains.end()};
-}
-
-// The filter's pass over the steps.
-struct ForwardPass {
-  std::vector<Eigen::MatrixXd> transitions;  // Per different gap.
-  Eigen::MatrixXd filtered;                  // states x steps, columns sum to 1.
-  Eigen::VectorXd evidence;                  // Per step, what the column was divided by.
-  double log_likelihood = 0.0;
-};
-
-ForwardPass RunForward(const ChainSteps& steps, const std::vector<PreparedChain>& chains) {
-  SHIFTMAP_CHECK(static_cast<int>(chains.size()) == steps.phases,
-                 "{} chains for {} phases",
-                 chains.size(),
-                 steps.phases);
-  ForwardPass pass;
-  for (const ChainSteps::Gap& gap : steps.gaps) {
-    const PreparedChain& prepared = chains[static_cast<std::size_t>(gap.phase)];
-    SHIFTMAP_CHECK(prepared.chain->states() == steps.states,
-                   "chain of {} states, history of {}",
-                   prepared.chain->states(),
-                   steps.states);
-    pass.transitions.push_back(prepared.Transition(gap.length));
-  }
-  const Eigen::Index count = steps.likelihoods.cols();
-  pass.filtered.resize(steps.states, count);
-  pass.evidence.resize(count);
-  pass.log_likelihood = steps.log_scale;
-  for (Eigen::Index t = 0; t < count; ++t) {
-    auto now = pass.filtered.col(t);
-    const int gap = steps.gap_of_step[static_cast<std::size_t>(t)];
-    if (gap < 0) {
-      now.setConstant(1.0 / steps.states);
-    } else {
-      now.noalias() =
-          pass.transitions[static_cast<std::size_t>(gap)].transpose() * pass.filtered.col(t - 1);
-    }
-    now.array() *= steps.likelihoods.col(t).array();
-    const double evidence = now.sum();
-    pass.evidence(t) = evidence;
-    pass.log_likelihood += std::log(evidence);
-    if (!(evidence > 0.0)) {
-      pass.log_likelihood = -std::numeric_limits<double>::infinity();
-      return pass;
-    }
-    now /= evidence;
-  }
-  return pass;
-}
-
-// Of a uniform chain Q = Qᵀ has the eigenvalues 0, of U = 1 1ᵀ / n, and -μ, of R = I - U. With
-// C = (U + R) C (U + R),
-//
-//   G = Δ U C U + Δ e^(-μΔ) R C R + (1 - e^(-μΔ)) / μ (U C R + R C U).
-Eigen::MatrixXd UniformIntegral(const ModeChain& chain, double length, const Eigen::MatrixXd& C) {
-  const Eigen::Index n = chain.states();
-  const auto count = static_cast<double>(n);
-  if (n == 1) return length * C;
-  const double decay = chain.leave_rate_per_s() * count / (count - 1.0) * length;  // μΔ
-  const double stays = length * std::exp(-decay);
-  const double mixes = decay > 0.0 ? length * -std::expm1(-decay) / decay : length;
-  const Eigen::MatrixXd UC = C.colwise().mean().replicate(n, 1);
-  const Eigen::MatrixXd CU = C.rowwise().mean().replicate(1, n);
-  const double UCU = C.mean();
-  const Eigen::ArrayXXd once = (UC + CU).array();  // U C R + R C U + 2 U C U
-  return (length * UCU + stays * (C.array() - once + UCU) + mixes * (once - 2.0 * UCU))
-      .cwiseMax(0.0);
-}
-
-// The integral as a block of an exponential, for a chain of `kStates` states.
+// The gaps of one phase.
 template <int kStates>
-Eigen::MatrixXd BlockIntegral(const ModeChain& chain, double length, const Eigen::MatrixXd& C) {
-  constexpr int kBlock = kStates == Eigen::Dynamic ? Eigen::Dynamic : 2 * kStates;
+class PhaseChain {
+ public:
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
-  const Eigen::Index n = chain.states();
-  int doublings = 0;
-  for (const double fastest = -chain.rate_matrix().diagonal().minCoeff(); length * fastest > 1.0;
-       length *= 0.5) {
-    ++doublings;
+
+  // @param rates  Outlives this.
+  explicit PhaseChain(const Eigen::MatrixXd& rates) : rates_(rates), series_(rates) {}
+
+  // Π(Δ)ᵀ.
+  Matrix Flow(double length_s) {
+    if (series_.Suits(length_s)) return series_.Flow(length_s);
+    if (HasSpectrum()) return spectrum_->Transition(length_s).transpose();
+    return StochasticExponential(rates_, length_s).transpose();
   }
-  // The block beside Qᵀ is scaled to the size of one, since it only enters as a factor and the
-  // exponential's precision is that of its largest part.
-  const double weight = C.maxCoeff();
-  Eigen::Matrix<double, kBlock, kBlock> block =
-      Eigen::Matrix<double, kBlock, kBlock>::Zero(2 * n, 2 * n);
-  block.topLeftCorner(n, n) = length * chain.rate_matrix().transpose();
-  block.bottomRightCorner(n, n) = block.topLeftCorner(n, n);
-  block.topRightCorner(n, n) = C / weight;
-  const Eigen::Matrix<double, kBlock, kBlock> exponential = block.exp();
-  Matrix integral = exponential.topRightCorner(n, n).cwiseMax(0.0) * (weight * length);
-  // G(2h) = exp(Qᵀh) G(h) + G(h) exp(Qᵀh), with rows of the transition that stay distributions
-  // over any number of doublings.
-  Matrix transition = exponential.topLeftCorner(n, n).transpose().cwiseMax(0.0);
-  for (; doublings > 0; --doublings) {
-    for (Eigen::Index row = 0; row < n; ++row) transition.row(row) /= transition.row(row).sum();
-    integral = (transition.transpose() * integral + integral * transition.transpose()).eval();
-    transition = (transition * transition).eval();
+
+  void AddIntegral(double length_s, const Matrix& weights) {
+    if (series_.Suits(length_s)) return series_.AddIntegral(length_s, weights);
+    if (HasSpectrum()) return spectrum_->AddIntegral(length_s, weights);
+    if (direct_.size() == 0) direct_.setZero(rates_.rows(), rates_.cols());
+    direct_ += GapIntegral(rates_, length_s, weights);
   }
-  return integral;
+
+  Eigen::MatrixXd Sum() {
+    Eigen::MatrixXd sum = series_.Sum();
+    if (spectrum_) sum += spectrum_->Sum();
+    if (direct_.size() > 0) sum += direct_;
+    return sum;
+  }
+
+ private:
+  bool HasSpectrum() {
+    if (!asked_) spectrum_ = ChainSpectrum::Of(rates_);
+    asked_ = true;
+    return spectrum_.has_value();
+  }
+
+  const Eigen::MatrixXd& rates_;
+  ChainSeries<kStates> series_;
+  bool asked_ = false;  // Whether there is a spectrum.
+  std::optional<ChainSpectrum> spectrum_;
+  Eigen::MatrixXd direct_;  // Integrals of what neither suits.
+};
+
+// The recursions over steps of so many states, or Eigen::Dynamic.
+template <int kStates>
+class Recursion {
+ public:
+  using Matrix = Eigen::Matrix<double, kStates, kStates>;
+  using Vector = Eigen::Matrix<double, kStates, 1>;
+
+  Recursion(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) : steps_(steps) {
+    SHIFTMAP_CHECK(static_cast<int>(rates.size()) == steps.phases,
+                   "{} chains for {} phases",
+                   rates.size(),
+                   steps.phases);
+    phases_.reserve(rates.size());
+    for (const Eigen::MatrixXd& of_phase : rates) {
+      SHIFTMAP_CHECK(of_phase.rows() == steps.states,
+                     "chain of {} states, history of {}",
+                     of_phase.rows(),
+                     steps.states);
+      phases_.emplace_back(of_phase);
+    }
+    flows_.reserve(steps.gaps.size());
+    for (const ChainSteps::Gap& gap : steps.gaps) {
+      flows_.push_back(gap.composed() ? Matrix(flows_[Index(gap.second)] * flows_[Index(gap.first)])
+                                      : Phase(gap).Flow(ToSeconds(gap.length)));
+    }
+  }
+
+  // The filter's pass. Returns the sum of the logarithms of the evidence from step `from` on.
+  double Forward(Eigen::Index from) {
+    const Eigen::Index count = steps_.likelihoods.cols();
+    filtered_.resize(steps_.states, count);
+    evidence_.resize(count);
+    Vector now = Vector::Constant(steps_.states, 1.0 / steps_.states);
+    LogProduct product;
+    for (Eigen::Index t = 0; t < count; ++t) {
+      const int gap = steps_.gap_of_step[static_cast<std::size_t>(t)];
+      if (gap >= 0) now = (flows_[Index(gap)] * now).eval();
+      now.array() *= steps_.likelihoods.col(t).array();
+      const double evidence = now.sum();
+      if (!(evidence > 0.0)) return -std::numeric_limits<double>::infinity();
+      now /= evidence;
+      filtered_.col(t) = now;
+      evidence_(t) = evidence;
+      if (t >= from) product.Multiply(evidence);
+    }
+    return product.Log();
+  }
+
+  // After Forward: the integrals of each phase.
+  std::vector<Eigen::MatrixXd> Integrals() {
+    const Matrix zero = Matrix::Zero(steps_.states, steps_.states);
+    // Gaps of one length share an integral: the weights add up.
+    std::vector<Matrix> weights(steps_.gaps.size(), zero);
+    Vector backward = Vector::Ones(steps_.states);
+    for (Eigen::Index t = steps_.likelihoods.cols() - 1; t > 0; --t) {
+      const std::size_t gap = Index(steps_.gap_of_step[static_cast<std::size_t>(t)]);
+      const Vector after = steps_.likelihoods.col(t).cwiseProduct(backward) / evidence_(t);
+      weights[gap].noalias() += filtered_.col(t - 1) * after.transpose();
+      backward.noalias() = flows_[gap].transpose() * after;
+    }
+    for (std::size_t i = steps_.gaps.size(); i-- > 0;) {
+      const ChainSteps::Gap& gap = steps_.gaps[i];
+      if (!gap.composed()) {
+        Phase(gap).AddIntegral(ToSeconds(gap.length), weights[i]);
+        continue;
+      }
+      weights[Index(gap.first)].noalias() += weights[i] * flows_[Index(gap.second)];
+      weights[Index(gap.second)].noalias() += flows_[Index(gap.first)] * weights[i];
+    }
+    std::vector<Eigen::MatrixXd> integrals;
+    for (PhaseChain<kStates>& phase : phases_) integrals.push_back(phase.Sum());
+    return integrals;
+  }
+
+ private:
+  static std::size_t Index(int gap) { return static_cast<std::size_t>(gap); }
+
+  PhaseChain<kStates>& Phase(const ChainSteps::Gap& gap) { return phases_[Index(gap.phase)]; }
+
+  const ChainSteps& steps_;
+  std::vector<PhaseChain<kStates>> phases_;
+  std::vector<Matrix> flows_;                                // Πᵀ per gap.
+  Eigen::Matrix<double, kStates, Eigen::Dynamic> filtered_;  // Columns sum to 1.
+  Eigen::VectorXd evidence_;  // Per step, what the column was divided by.
+};
+
+template <int kStates>
+ChainExpectations Expect(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {
+  Recursion<kStates> recursion(steps, rates);
+  const double log_likelihood = recursion.Forward(0);
+  SHIFTMAP_CHECK(std::isfinite(log_likelihood), "what was seen is impossible");
+  return {steps.log_scale + log_likelihood, recursion.Integrals()};
+}
+
+double LogEvidence(const ChainSteps& steps,
+                   Eigen::Index from,
+                   const std::vector<Eigen::MatrixXd>& rates) {
+  switch (steps.states) {
+    case 2:
+      return Recursion<2>(steps, rates).Forward(from);
+    case 3:
+      return Recursion<3>(steps, rates).Forward(from);
+    case 4:
+      return Recursion<4>(steps, rates).Forward(from);
+    default:
+      return Recursion<Eigen::Dynamic>(steps, rates).Forward(from);
+  }
 }
 
 }  // namespace
 
-Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights) {
-  const Eigen::Index n = chain.states();
-  const double length = ToSeconds(gap);
-  if (!(weights.maxCoeff() > 0.0) || !(length > 0.0)) return Eigen::MatrixXd::Zero(n, n);
-  if (chain.uniform()) return UniformIntegral(chain, length, weights);
-  switch (n) {
+ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {
+  switch (steps.states) {
     case 2:
-      return BlockIntegral<2>(chain, length, weights);
+      return Expect<2>(steps, rates);
     case 3:
-      return BlockIntegral<3>(chain, length, weights);
+      return Expect<3>(steps, rates);
     case 4:
-      return BlockIntegral<4>(chain, length, weights);
+      return Expect<4>(steps, rates);
     default:
-      return BlockIntegral<Eigen::Dynamic>(chain, length, weights);
+      return Expect<Eigen::Dynamic>(steps, rates);
   }
 }
 
-ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
-  std::vector<PreparedChain> prepared = Prepare(chains);
-  const ForwardPass pass = RunForward(steps, prepared);
-  SHIFTMAP_CHECK(std::isfinite(pass.log_likelihood), "what was seen is impossible");
-  const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(steps.states, steps.states);
-
-  // Gaps of one length share an integral: the weights add up.
-  std::vector<Eigen::MatrixXd> weights(steps.gaps.size(), zero);
-  Eigen::VectorXd backward = Eigen::VectorXd::Ones(steps.states);
-  Eigen::VectorXd after(steps.states);
-  for (Eigen::Index t = steps.likelihoods.cols() - 1; t > 0; --t) {
-    const auto gap = static_cast<std::size_t>(steps.gap_of_step[static_cast<std::size_t>(t)]);
-    after = steps.likelihoods.col(t).cwiseProduct(backward) / pass.evidence(t);
-    weights[gap].noalias() += pass.filtered.col(t - 1) * after.transpose();
-    backward.noalias() = pass.transitions[gap] * after;
-  }
-
-  ChainExpectations result{pass.log_likelihood, std::vector<Eigen::MatrixXd>(chains.size(), zero)};
-  for (std::size_t i = 0; i < steps.gaps.size(); ++i) {
-    const auto phase = static_cast<std::size_t>(steps.gaps[i].phase);
-    const Duration length = steps.gaps[i].length;
-    if (std::optional<ChainSpectrum>& spectrum = prepared[phase].spectrum) {
-      spectrum->AddIntegral(ToSeconds(length), weights[i]);
-    } else {
-      result.integrals[phase] += GapIntegral(chains[phase], length, weights[i]);
-    }
-  }
-  for (std::size_t phase = 0; phase < chains.size(); ++phase) {
-    if (prepared[phase].spectrum) result.integrals[phase] = prepared[phase].spectrum->Sum();
-  }
-  return result;
+double ChainLogLikelihood(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {
+  return steps.log_scale + LogEvidence(steps, 0, rates);
 }
 
-double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>& chains) {
-  return RunForward(steps, Prepare(chains)).log_likelihood;
+double PredictiveLogLikelihood(const ChainSteps& steps,
+                               std::size_t first,
+                               const std::vector<Eigen::MatrixXd>& rates) {
+  SHIFTMAP_CHECK(
+      first >= 1 && first <= steps.visits.size(), "{} of {} visits", first, steps.visits.size());
+  double sum = LogEvidence(steps, steps.visits[first - 1].step + 1, rates);
+  for (std::size_t i = first; i < steps.visits.size(); ++i) sum += steps.visits[i].log_scale;
+  return sum;
 }
 
 double PredictiveLogLikelihood(const ChainHistory& history,
                                std::size_t first,
                                const std::vector<ModeChain>& chains,
-                               Duration period,
-                               double gap_resolution) {
+                               Duration period) {
   const RhythmCalendar calendar{period, static_cast<int>(chains.size())};
-  const auto log_likelihood = [&](const ChainHistory& of) {
-    return ChainLogLikelihood(MakeChainSteps(of, calendar, gap_resolution), chains);
-  };
-  return log_likelihood(history) - log_likelihood(FirstVisits(history, first));
+  return PredictiveLogLikelihood(MakeChainSteps(history, calendar), first, RatesOf(chains));
+}
+
+std::vector<Eigen::MatrixXd> RatesOf(const std::vector<ModeChain>& chains) {
+  std::vector<Eigen::MatrixXd> rates;
+  for (const ModeChain& chain : chains) rates.push_back(chain.rate_matrix());
+  return rates;
 }
 
 }  // namespace shiftmap

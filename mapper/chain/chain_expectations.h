@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "mapper/chain/chain_steps.h"
@@ -23,29 +24,35 @@ struct ChainExpectations {
 ///     G = ∫_0^Δ exp(Qᵀ s) C exp(Qᵀ (Δ - s)) ds,   C = α (l ∘ β)ᵀ / c
 ///
 /// with α the filtered distribution before the gap, l and β likelihood and backward message after
-/// it, and c the evidence. The integral has a closed form for a uniform chain; else it is taken in
-/// the eigenvectors of Q (ChainSpectrum); where these lose digits, it is a block of an exponential
-/// of twice the size (Van Loan, IEEE Transactions on Automatic Control 23(3), 1978). The
-/// expectations are those of Hobolth and Jensen, Journal of Applied Probability 48(4), 2011. All
-/// states are alike at the first step.
+/// it, and c the evidence. The expectations are those of Hobolth and Jensen, Journal of Applied
+/// Probability 48(4), 2011. All states are alike at the first step.
 ///
-/// @param chains  One per phase of the steps; what was seen is possible under them.
-ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<ModeChain>& chains);
+/// Work is the steps times the squared states, and for each different gap a product of matrices or
+/// two: gaps in which the chain hardly jumps by ChainSeries, others by ChainSpectrum, GapIntegral
+/// where that loses digits. Of a gap of several phases, Π = Π₁ Π₂, its weights C go to the parts:
+/// C Π₂ᵀ to the first and Π₁ᵀ C to the second.
+///
+/// @param rates  Q of each phase of the steps, under which what was seen is possible; rows sum to
+///               0. [1/s]
+ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates);
 
 /// The log-likelihood alone; -infinity if what was seen is impossible.
-double ChainLogLikelihood(const ChainSteps& steps, const std::vector<ModeChain>& chains);
+double ChainLogLikelihood(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates);
 
-/// log p(visits from number `first` on | visits before). Prediction one visit ahead, the measure of
-/// held-out tests. [nat]
-/// @param chains          One per phase of `period`.
-/// @param gap_resolution  Of MakeChainSteps.
+/// log p(visits from number `first` on | visits before), first >= 1. Prediction one visit ahead,
+/// the measure of held-out tests. [nat]
+double PredictiveLogLikelihood(const ChainSteps& steps,
+                               std::size_t first,
+                               const std::vector<Eigen::MatrixXd>& rates);
+
+/// The same of a history.
+/// @param chains  One per phase of `period`.
 double PredictiveLogLikelihood(const ChainHistory& history,
                                std::size_t first,
                                const std::vector<ModeChain>& chains,
-                               Duration period = kRhythmDay,
-                               double gap_resolution = 0.0);
+                               Duration period = kRhythmDay);
 
-/// The integral G of one gap, for any C >= 0. [s, if C has no unit]
-Eigen::MatrixXd GapIntegral(const ModeChain& chain, Duration gap, const Eigen::MatrixXd& weights);
+/// The rate matrices of chains.
+std::vector<Eigen::MatrixXd> RatesOf(const std::vector<ModeChain>& chains);
 
 }  // namespace shiftmap

@@ -66,9 +66,9 @@ std::optional<ChainSpectrum> ChainSpectrum::Make(typename Basis<Scalar>::Vector 
   return spectrum;
 }
 
-std::optional<ChainSpectrum> ChainSpectrum::Of(const ModeChain& chain) {
-  if (chain.states() > kMaxStates) return std::nullopt;
-  const Eigen::EigenSolver<Eigen::MatrixXd> solver(chain.rate_matrix());
+std::optional<ChainSpectrum> ChainSpectrum::Of(const Eigen::MatrixXd& rate_matrix) {
+  if (rate_matrix.rows() > kMaxStates) return std::nullopt;
+  const Eigen::EigenSolver<Eigen::MatrixXd> solver(rate_matrix);
   if (solver.info() != Eigen::Success) return std::nullopt;
   if (solver.eigenvalues().imag().isZero(0.0)) {
     return Make<double>(solver.eigenvalues().real(), solver.pseudoEigenvectors());

@@ -6,8 +6,6 @@
 #include <optional>
 #include <variant>
 
-#include "mapstore/map/mode_chain.h"
-
 namespace shiftmap {
 
 /// A chain in the eigenvectors of its rate matrix, Q = V Λ V⁻¹: many gaps cost a few products of
@@ -24,9 +22,10 @@ class ChainSpectrum {
 
   /// Nothing if the chain has more states, or its eigenvectors are so near to each other that
   /// digits are lost.
-  static std::optional<ChainSpectrum> Of(const ModeChain& chain);
+  /// @param rates  Q, rows sum to 0. [1/s]
+  static std::optional<ChainSpectrum> Of(const Eigen::MatrixXd& rates);
 
-  /// Π(Δ), as ModeChain::Transition(). @param length_s  > 0.
+  /// Π(Δ). @param length_s  > 0.
   Eigen::MatrixXd Transition(double length_s) const;
 
   /// Adds the integral of one gap, GapIntegral(), to Sum(). @param weights  C >= 0.

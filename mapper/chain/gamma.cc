@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/chain/gamma.h"
 
+#include <algorithm>
 #include <cmath>
 #include <unsupported/Eigen/SpecialFunctions>
 
@@ -29,13 +30,34 @@ double Gamma::LogDensityOfLog(double log_rate) const {
 }
 
 double Gamma::Quantile(double probability) const {
-  // In log x: below this, P = (exposure x)^shape / Γ(shape + 1) is far less than any probability.
-  const double lowest = std::log(shape) - 60.0 - 60.0 / shape;
-  const double highest = std::log(shape + 40.0 * std::sqrt(shape) + 800.0);
-  const double log_scaled = Bisect(lowest, highest, [&](double value) {
-    return Eigen::numext::igamma(shape, std::exp(value)) - probability;
-  });
-  return std::exp(log_scaled) / exposure_s;
+  // In v = log x, Newton's method for the logarithm of the smaller tail, which is concave in v.
+  const bool is_lower = probability < 0.5;
+  const double log_tail = std::log(is_lower ? probability : 1.0 - probability);
+  const double log_gamma = Eigen::numext::lgamma(shape);
+  double low = std::log(shape) - 60.0 - 60.0 / shape;  // Far less than any probability.
+  double high = std::log(shape + 40.0 * std::sqrt(shape) + 800.0);
+  // P = x^shape / Γ(shape + 1) for small x, or the mean.
+  double value = std::min((std::log(probability) + Eigen::numext::lgamma(shape + 1.0)) / shape,
+                          std::log(shape + 1.0));
+  for (int i = 0; i < 200 && high - low > 1e-12; ++i) {
+    if (!(low < value && value < high)) value = 0.5 * (low + high);
+    const double x = std::exp(value);
+    double log_found = shape * value - log_gamma - std::log(shape);
+    if (x > 1e-12) {
+      log_found =
+          std::log(is_lower ? Eigen::numext::igamma(shape, x) : Eigen::numext::igammac(shape, x));
+    } else if (!is_lower) {
+      log_found = std::log1p(-std::exp(log_found));
+    }
+    const bool is_below = is_lower == (log_found < log_tail);
+    (is_below ? low : high) = value;
+    const double log_density = shape * value - x - log_gamma;  // Of v.
+    const double slope = std::exp(log_density - log_found) * (is_lower ? 1.0 : -1.0);
+    const double next = value - (log_found - log_tail) / slope;
+    if (std::abs(next - value) < 1e-11) break;
+    value = next;
+  }
+  return std::exp(value) / exposure_s;
 }
 
 Gamma GammaFromMeans(double mean, double mean_log) {

@@ -48,8 +48,8 @@ struct Choice {
   double general_gain = 0.0;
 
   // Where the searches ended, for one under almost the same prior.
-  std::optional<Eigen::VectorXd> uniform;
-  std::optional<Eigen::VectorXd> general;
+  std::optional<RateStart> uniform;
+  std::optional<RateStart> general;
 };
 
 // Chains of few states, whose rates cost nothing to fit.
@@ -83,6 +83,8 @@ Gamma WithStated(const Gamma& prior,
   return {prior.shape + stated.jumps / rates, prior.exposure_s + stated.seconds / rates};
 }
 
+RateStart StartAt(const RateFit& fit) { return {fit.log_rates, fit.covariance}; }
+
 Choice Fit(const ChainSteps& steps,
            const StatedRate& stated,
            const Gamma& shared,
@@ -94,7 +96,13 @@ Choice Fit(const ChainSteps& steps,
     return WithStated(shared, stated, structure, steps.states);
   };
   if (options.structure) {
-    choice.fit = FitRates(steps, *options.structure, prior(*options.structure), options.fit);
+    const bool is_uniform = *options.structure == ChainStructure::kUniform;
+    choice.fit = FitRates(steps,
+                          *options.structure,
+                          prior(*options.structure),
+                          options.fit,
+                          is_uniform ? before.uniform : before.general);
+    (is_uniform ? choice.uniform : choice.general) = StartAt(choice.fit);
     return choice;
   }
   RateFit uniform = FitRates(steps,
@@ -102,7 +110,7 @@ Choice Fit(const ChainSteps& steps,
                              prior(ChainStructure::kUniform),
                              options.fit,
                              before.uniform);
-  choice.uniform = uniform.log_rates;
+  choice.uniform = StartAt(uniform);
   if (!MayTellPairs(steps, uniform)) {
     choice.fit = std::move(uniform);
     return choice;
@@ -112,7 +120,7 @@ Choice Fit(const ChainSteps& steps,
                              prior(ChainStructure::kGeneral),
                              options.fit,
                              before.general);
-  choice.general = general.log_rates;
+  choice.general = StartAt(general);
   choice.general_gain = general.log_marginal - uniform.log_marginal;
   choice.fit = choice.general_gain > 0.0 ? std::move(general) : std::move(uniform);
   return choice;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "mapper/chain/chain_expectations.h"
@@ -23,18 +24,20 @@ constexpr int kHoursOfWeek = 168;
 constexpr int kLearnedPeriods = 3;
 constexpr int kHeldOutPeriods = 1;
 
+using Rates = Eigen::MatrixXd;
+
 // One step of EM for a phase.
-Eigen::MatrixXd Maximize(const ModeChain& chain,
-                         const Eigen::MatrixXd& integral,
-                         const ModeChain& toward,
-                         double weight) {
-  const int n = chain.states();
-  Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(n, n);
-  for (int from = 0; from < n; ++from) {
-    for (int to = 0; to < n; ++to) {
-      const double mean = toward.rate_matrix()(from, to);
+Rates Maximize(const Rates& at,
+               const Eigen::MatrixXd& integral,
+               const Rates& toward,
+               double weight) {
+  const Eigen::Index n = at.rows();
+  Rates rates = Rates::Zero(n, n);
+  for (Eigen::Index from = 0; from < n; ++from) {
+    for (Eigen::Index to = 0; to < n; ++to) {
+      const double mean = toward(from, to);
       if (from == to || mean == 0.0) continue;
-      const double jumps = chain.rate_matrix()(from, to) * integral(from, to);
+      const double jumps = at(from, to) * integral(from, to);
       rates(from, to) = (weight + jumps) / (weight / mean + integral(from, from));
     }
   }
@@ -43,7 +46,7 @@ Eigen::MatrixXd Maximize(const ModeChain& chain,
 }
 
 // Largest relative change of a rate.
-double Change(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after) {
+double Change(const Rates& before, const Rates& after) {
   double change = 0.0;
   for (Eigen::Index i = 0; i < before.size(); ++i) {
     if (before(i) != 0.0) change = std::max(change, std::abs(after(i) / before(i) - 1.0));
@@ -51,50 +54,83 @@ double Change(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after) {
   return change;
 }
 
-// A chain for each hour of a calendar.
-struct Hours {
-  RhythmCalendar calendar;
-  std::vector<ModeChain> chains;
-};
-
-// The hours of the day, drawn to a chain.
-Hours FitDay(const ChainHistory& history, const ModeChain& whole, const RhythmOptions& options) {
-  const RhythmCalendar day{kRhythmDay, kHoursOfDay};
-  return {day, FitPhases(history, day, {kHoursOfDay, whole}, options)};
+// The rates of each phase, drawn to others.
+std::vector<Rates> Fit(const ChainSteps& steps, const std::vector<Rates>& toward, double weight) {
+  std::vector<Rates> rates = toward;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const ChainExpectations expected = ExpectChain(steps, rates);
+    double change = 0.0;
+    for (std::size_t phase = 0; phase < rates.size(); ++phase) {
+      Rates next = Maximize(rates[phase], expected.integrals[phase], toward[phase], weight);
+      change = std::max(change, Change(rates[phase], next));
+      rates[phase] = std::move(next);
+    }
+    if (change < kTolerance) break;
+  }
+  return rates;
 }
 
-// The hours of the week, drawn to those of the day.
-Hours FitWeek(const ChainHistory& history, const Hours& day, const RhythmOptions& options) {
-  const RhythmCalendar week{kRhythmWeek, kHoursOfWeek};
-  std::vector<ModeChain> toward;
+// Each hour of the week with the rates of its hour of the day.
+std::vector<Rates> OfWeek(const std::vector<Rates>& day) {
+  std::vector<Rates> week;
   for (int hour = 0; hour < kHoursOfWeek; ++hour) {
-    toward.push_back(day.chains[static_cast<std::size_t>(hour % kHoursOfDay)]);
+    week.push_back(day[static_cast<std::size_t>(hour % kHoursOfDay)]);
   }
-  return {week, FitPhases(history, week, toward, options)};
+  return week;
 }
 
-// How the visits are split into those that are learned from and those that decide.
-struct Split {
-  const ChainHistory& history;
-  ChainHistory seen;
+// A history cut by the hours of a calendar, and what the first of its visits tell of the others.
+class HeldOutTest {
+ public:
+  HeldOutTest(const ChainHistory& history,
+              const RhythmCalendar& calendar,
+              std::size_t first,
+              double gap_resolution)
+      : steps_(MakeChainSteps(history, calendar, gap_resolution)), first_(first) {}
 
-  bool Tells(Duration period) const {
-    const std::vector<ChainVisit>& visits = history.visits;
-    const Stamp end = seen.visits.back().end;
-    return end - visits.front().begin >= kLearnedPeriods * period &&
-           visits.back().end - end >= kHeldOutPeriods * period;
+  // Of the visits that are not held out.
+  std::vector<Rates> FitSeen(const std::vector<Rates>& toward, double weight) const {
+    return Fit(FirstVisits(steps_, first_), toward, weight);
   }
 
-  double Predicted(const Hours& hours, double gap_resolution) const {
-    return PredictiveLogLikelihood(
-        history, seen.visits.size(), hours.chains, hours.calendar.period, gap_resolution);
+  std::vector<Rates> FitAll(const std::vector<Rates>& toward, double weight) const {
+    return Fit(steps_, toward, weight);
   }
+
+  // By how much hours predict the others better than one chain for all of them.
+  double Gain(const std::vector<Rates>& hours, const Rates& plain) const {
+    return PredictiveLogLikelihood(steps_, first_, hours) -
+           PredictiveLogLikelihood(steps_, first_, std::vector<Rates>(hours.size(), plain));
+  }
+
+ private:
+  ChainSteps steps_;
+  std::size_t first_;
 };
 
-StatusOr<ChainRhythm> RhythmOf(const Hours& hours) {
-  std::vector<Eigen::MatrixXd> rates;
-  for (const ModeChain& chain : hours.chains) rates.push_back(chain.rate_matrix());
-  return ChainRhythm::Make(hours.calendar.period, std::move(rates));
+// Whether visits tell a rhythm, and the ones held out whether it holds.
+bool Tells(const ChainHistory& history, std::size_t first, Duration period) {
+  const std::vector<ChainVisit>& visits = history.visits;
+  const Stamp end = visits[first - 1].end;
+  return end - visits.front().begin >= kLearnedPeriods * period &&
+         visits.back().end - end >= kHeldOutPeriods * period;
+}
+
+// The rates that the first visits tell, without a rhythm.
+StatusOr<Rates> PlainRates(const ChainHistory& history,
+                           std::size_t first,
+                           const RateFit& whole,
+                           const ChainLearningOptions& learning) {
+  const ChainHistory seen = FirstVisits(history, first);
+  if (learning.share_prior) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain plain, LearnChain(seen, learning));
+    return plain.chain().rate_matrix();
+  }
+  return MostProbableRates(MakeChainSteps(seen, {}, learning.gap_resolution),
+                           whole.structure,
+                           learning.prior,
+                           learning.fit,
+                           RateStart{whole.log_rates, whole.covariance});
 }
 
 }  // namespace
@@ -117,19 +153,11 @@ std::vector<ModeChain> FitPhases(const ChainHistory& history,
                                  const std::vector<ModeChain>& toward,
                                  const RhythmOptions& options) {
   const ChainSteps steps = MakeChainSteps(history, calendar, options.gap_resolution);
-  std::vector<ModeChain> chains = toward;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const ChainExpectations expected = ExpectChain(steps, chains);
-    double change = 0.0;
-    for (std::size_t phase = 0; phase < chains.size(); ++phase) {
-      const Eigen::MatrixXd rates =
-          Maximize(chains[phase], expected.integrals[phase], toward[phase], options.weight);
-      change = std::max(change, Change(chains[phase].rate_matrix(), rates));
-      StatusOr<ModeChain> chain = ModeChain::FromRates(rates);
-      SHIFTMAP_CHECK(chain.ok(), "rates of a phase: {}", chain.status().ToString());
-      chains[phase] = *std::move(chain);
-    }
-    if (change < kTolerance) break;
+  std::vector<ModeChain> chains;
+  for (const Rates& rates : Fit(steps, RatesOf(toward), options.weight)) {
+    StatusOr<ModeChain> chain = ModeChain::FromRates(rates);
+    SHIFTMAP_CHECK(chain.ok(), "rates of a phase: {}", chain.status().ToString());
+    chains.push_back(*std::move(chain));
   }
   return chains;
 }
@@ -144,29 +172,32 @@ StatusOr<LearnedRhythm> LearnRhythm(const ChainHistory& history,
   const auto first =
       static_cast<std::size_t>(static_cast<double>(count) * (1.0 - options.held_out));
   LearnedRhythm result;
-  if (history.states < 2 || whole.jumps < options.min_jumps || first < 2 || count - first < 2) {
+  if (history.states < 2 || whole.jumps < options.min_jumps || first < 2 || count - first < 2 ||
+      !Tells(history, first, kRhythmDay)) {
     return result;
   }
-  const Split split{history, FirstVisits(history, first)};
-  if (!split.Tells(kRhythmDay)) return result;
-  SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain plain, LearnChain(split.seen, learning));
-  const double gap_resolution = options.gap_resolution;
-  const double without = split.Predicted({{}, {plain.chain()}}, gap_resolution);
-  const Hours day = FitDay(split.seen, plain.chain(), options);
-  const double day_gain = split.Predicted(day, gap_resolution) - without;
-  const bool takes_day = day_gain >= options.min_gain;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Rates plain, PlainRates(history, first, whole, learning));
+  const auto cut = [&](Duration period, int hours) {
+    return HeldOutTest(history, {period, hours}, first, options.gap_resolution);
+  };
+  const HeldOutTest by_day = cut(kRhythmDay, kHoursOfDay);
+  const std::vector<Rates> day = by_day.FitSeen(std::vector(kHoursOfDay, plain), options.weight);
+  const double day_gain = by_day.Gain(day, plain);
   result.held_out_gain = day_gain;
+  std::optional<HeldOutTest> by_week;
   bool takes_week = false;
-  if (split.Tells(kRhythmWeek)) {
-    const Hours week = FitWeek(split.seen, day, options);
-    const double gain = split.Predicted(week, gap_resolution) - without;
+  if (Tells(history, first, kRhythmWeek)) {
+    by_week = cut(kRhythmWeek, kHoursOfWeek);
+    const double gain = by_week->Gain(by_week->FitSeen(OfWeek(day), options.weight), plain);
     takes_week = gain >= std::max(0.0, day_gain) + options.min_gain;
     if (takes_week) result.held_out_gain = gain;
   }
-  if (!takes_day && !takes_week) return result;
-  Hours hours = FitDay(history, whole.chain, options);
-  if (takes_week) hours = FitWeek(history, hours, options);
-  SHIFTMAP_ASSIGN_OR_RETURN(result.rhythm, RhythmOf(hours));
+  if (!takes_week && day_gain < options.min_gain) return result;
+  std::vector<Rates> rates =
+      by_day.FitAll(std::vector(kHoursOfDay, whole.chain.rate_matrix()), options.weight);
+  if (takes_week) rates = by_week->FitAll(OfWeek(rates), options.weight);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      result.rhythm, ChainRhythm::Make(takes_week ? kRhythmWeek : kRhythmDay, std::move(rates)));
   return result;
 }
 

@@ -2,122 +2,37 @@
 #include "mapper/chain/rate_fit.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
 
-#include "mapper/chain/chain_expectations.h"
+#include "mapper/chain/rate_posterior.h"
+#include "mapper/chain/uniform_likelihood.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-// Where the parameter of a pair of states is in log_rates.
-Eigen::Index ParameterOf(ChainStructure structure, int states, int from, int to) {
-  if (structure == ChainStructure::kUniform) return 0;
-  return static_cast<Eigen::Index>(from) * (states - 1) + (to < from ? to : to - 1);
+double SecondsOf(const ChainSteps& steps) {
+  double seconds = 0.0;
+  for (const int gap : steps.gap_of_step) {
+    if (gap >= 0) seconds += ToSeconds(steps.gaps[static_cast<std::size_t>(gap)].length);
+  }
+  return seconds;
 }
 
-Eigen::Index ParameterCount(ChainStructure structure, int states) {
-  return structure == ChainStructure::kUniform ? 1
-                                               : static_cast<Eigen::Index>(states) * (states - 1);
-}
+// A tenth of the prior's shape, the least curvature that a direction counts with.
+double LeastCurvature(const Gamma& prior) { return 0.1 * prior.shape; }
 
-// The posterior over log x: value, gradient and what EM needs, at one point.
-struct Evaluation {
-  double log_likelihood = 0.0;
-  double log_posterior = 0.0;
-  Eigen::VectorXd jumps;     // Expected, per parameter.
-  Eigen::VectorXd exposure;  // Expected time in which the parameter could jump. [s]
-};
-
-class Posterior {
- public:
-  Posterior(const ChainSteps& steps, ChainStructure structure, const Gamma& prior)
-      : steps_(steps), structure_(structure), prior_(prior) {}
-
-  ModeChain Chain(const Eigen::VectorXd& log_rates) const {
-    const int n = steps_.states;
-    if (structure_ == ChainStructure::kUniform) {
-      return ModeChain::Uniform(n - 1, std::exp(log_rates(0)));
-    }
-    Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(n, n);
-    for (int from = 0; from < n; ++from) {
-      for (int to = 0; to < n; ++to) {
-        if (from == to) continue;
-        rates(from, to) = std::exp(log_rates(ParameterOf(structure_, n, from, to))) / (n - 1);
-      }
-    }
-    rates.diagonal() = -rates.rowwise().sum();
-    StatusOr<ModeChain> chain = ModeChain::FromRates(rates);
-    SHIFTMAP_CHECK(chain.ok(), "rates of a fit: {}", chain.status().ToString());
-    return *std::move(chain);
-  }
-
-  Evaluation Evaluate(const Eigen::VectorXd& log_rates) const {
-    const int n = steps_.states;
-    const ModeChain chain = Chain(log_rates);
-    const ChainExpectations expected = ExpectChain(steps_, {chain});
-    const Eigen::MatrixXd& integral = expected.integrals.front();
-    Evaluation result;
-    result.log_likelihood = expected.log_likelihood;
-    result.log_posterior = expected.log_likelihood;
-    for (const double log_rate : log_rates) {
-      result.log_posterior += prior_.LogDensityOfLog(log_rate);
-    }
-    result.jumps = Eigen::VectorXd::Zero(log_rates.size());
-    result.exposure = Eigen::VectorXd::Zero(log_rates.size());
-    for (int from = 0; from < n; ++from) {
-      for (int to = 0; to < n; ++to) {
-        if (from == to) continue;
-        const Eigen::Index i = ParameterOf(structure_, n, from, to);
-        result.jumps(i) += chain.rate_matrix()(from, to) * integral(from, to);
-        result.exposure(i) += integral(from, from) / (n - 1);
-      }
-    }
-    return result;
-  }
-
-  // One step of EM.
-  Eigen::VectorXd Maximize(const Evaluation& at) const {
-    return ((prior_.shape + at.jumps.array()) / (prior_.exposure_s + at.exposure.array())).log();
-  }
-
-  // d log posterior / d log x.
-  Eigen::VectorXd Gradient(const Eigen::VectorXd& log_rates) const {
-    const Evaluation at = Evaluate(log_rates);
-    return prior_.shape + at.jumps.array() -
-           log_rates.array().exp() * (prior_.exposure_s + at.exposure.array());
-  }
-
- private:
-  const ChainSteps& steps_;
-  ChainStructure structure_;
-  Gamma prior_;
-};
-
-// Minus the Hessian of the posterior, by central differences.
-Eigen::MatrixXd Information(const Posterior& posterior, const Eigen::VectorXd& log_rates) {
-  constexpr double kStep = 1e-3;
-  const Eigen::Index count = log_rates.size();
-  Eigen::MatrixXd information(count, count);
-  Eigen::VectorXd moved = log_rates;
-  for (Eigen::Index i = 0; i < count; ++i) {
-    moved(i) = log_rates(i) + kStep;
-    const Eigen::VectorXd above = posterior.Gradient(moved);
-    moved(i) = log_rates(i) - kStep;
-    information.col(i) = (posterior.Gradient(moved) - above) / (2.0 * kStep);
-    moved(i) = log_rates(i);
-  }
-  return 0.5 * (information + information.transpose());
-}
-
-// Covariance and Laplace's integral.
-void Conclude(const Posterior& posterior, const Gamma& prior, double log_posterior, RateFit* fit) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      Information(posterior, fit->log_rates));
-  const Eigen::VectorXd values = solver.eigenvalues().cwiseMax(0.1 * prior.shape);
+// Covariance and Laplace's integral, from the posterior's curvature.
+void Conclude(const Eigen::MatrixXd& information,
+              const Gamma& prior,
+              double log_posterior,
+              RateFit* fit) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
+  const Eigen::VectorXd values = solver.eigenvalues().cwiseMax(LeastCurvature(prior));
   fit->covariance = solver.eigenvectors() * values.cwiseInverse().asDiagonal() *
                     solver.eigenvectors().transpose();
   fit->log_marginal =
@@ -131,6 +46,130 @@ void Conclude(const Posterior& posterior, const Gamma& prior, double log_posteri
   }
 }
 
+// The posterior of the one rate of a uniform chain, at one point.
+struct UniformPoint {
+  UniformPoint(const ChainSteps& steps, const Gamma& prior, double seconds, double at)
+      : log_rate(at), likelihood(EvaluateUniform(steps, at)) {
+    const double rate = std::exp(at);
+    jumps = likelihood.slope + rate * seconds;
+    log_posterior = likelihood.value + prior.LogDensityOfLog(at);
+    slope = likelihood.slope + prior.shape - rate * prior.exposure_s;
+    curvature = rate * prior.exposure_s - likelihood.curvature;
+    em_step = std::log((prior.shape + std::max(0.0, jumps)) / (prior.exposure_s + seconds)) - at;
+  }
+
+  double log_rate = 0.0;
+  UniformLikelihood likelihood;
+  double jumps = 0.0;  // Expected.
+  double log_posterior = 0.0;
+  double slope = 0.0;
+  double curvature = 0.0;  // Minus the second derivative.
+  double em_step = 0.0;    // Never lowers the posterior.
+};
+
+// Climbs until a step is no longer than `distance`.
+UniformPoint ClimbUniform(
+    const ChainSteps& steps, const Gamma& prior, double start, double distance, int* evaluations) {
+  const double seconds = SecondsOf(steps);
+  UniformPoint at(steps, prior, seconds, start);
+  --*evaluations;
+  while (*evaluations > 0) {
+    const bool is_near =
+        at.curvature > LeastCurvature(prior) && std::abs(at.slope) < 2.0 * at.curvature;
+    const double step = is_near ? at.slope / at.curvature : at.em_step;
+    if (std::abs(step) <= distance) break;
+    UniformPoint next(steps, prior, seconds, at.log_rate + step);
+    --*evaluations;
+    if (is_near && next.log_posterior < at.log_posterior) {
+      // Where both agree to the last digits, this was the top.
+      if (std::abs(at.em_step) <= distance) break;
+      next = UniformPoint(steps, prior, seconds, at.log_rate + at.em_step);
+      --*evaluations;
+    }
+    at = next;
+  }
+  return at;
+}
+
+RateFit FitUniform(const ChainSteps& steps,
+                   const Gamma& prior,
+                   const RateFitOptions& options,
+                   double start) {
+  RateFit fit;
+  int evaluations = options.max_iterations;
+  const UniformPoint at = ClimbUniform(steps, prior, start, options.tolerance, &evaluations);
+  fit.converged = evaluations > 0;
+  fit.iterations = options.max_iterations - evaluations;
+  fit.log_rates = Eigen::VectorXd::Constant(1, at.log_rate);
+  fit.chain = ModeChain::Uniform(steps.states - 1, std::exp(at.log_rate));
+  fit.log_likelihood = at.likelihood.value;
+  fit.jumps = at.jumps;
+  Conclude(Eigen::MatrixXd::Constant(1, 1, at.curvature), prior, at.log_posterior, &fit);
+  return fit;
+}
+
+// The estimate of a quasi-Newton method is no closer than this share of what it is asked for.
+constexpr double kShareOfDistance = 0.3;
+
+RateFit FitGeneral(const ChainSteps& steps,
+                   const Gamma& prior,
+                   const RateFitOptions& options,
+                   const RateStart& start) {
+  RateFit fit;
+  fit.structure = ChainStructure::kGeneral;
+  const RatePosterior posterior(steps, prior);
+  // Newton's step squares the distance.
+  const double distance = std::sqrt(options.tolerance);
+  int evaluations = options.max_iterations;
+  RatePoint at = posterior.Evaluate(start.log_rates);
+  --evaluations;
+  Eigen::MatrixXd covariance = start.covariance;
+  if (covariance.size() == 0) {
+    at = posterior.Evaluate(posterior.Maximize(at));
+    --evaluations;
+    covariance = posterior.CompleteCovariance(at);
+  }
+  do {
+    posterior.Climb(kShareOfDistance * distance, &at, &covariance, &evaluations);
+    fit.log_rates = at.log_rates;
+    Conclude(posterior.Information(at, &evaluations), prior, at.log_posterior, &fit);
+    covariance = fit.covariance;
+    const Eigen::VectorXd step = covariance * at.gradient;
+    fit.converged = step.cwiseAbs().maxCoeff() <= distance;
+    if (!fit.converged) continue;
+    RatePoint top = posterior.Evaluate(at.log_rates + step);
+    --evaluations;
+    if (top.log_posterior < at.log_posterior) continue;
+    fit.log_marginal += top.log_posterior - at.log_posterior;
+    at = std::move(top);
+  } while (!fit.converged && evaluations > 0);
+  fit.iterations = options.max_iterations - evaluations;
+  fit.log_rates = at.log_rates;
+  StatusOr<ModeChain> chain = ModeChain::FromRates(posterior.Rates(at.log_rates));
+  SHIFTMAP_CHECK(chain.ok(), "rates of a fit: {}", chain.status().ToString());
+  fit.chain = *std::move(chain);
+  fit.log_likelihood = at.log_likelihood;
+  fit.jumps = at.jumps.sum();
+  return fit;
+}
+
+RateStart StartOf(const ChainSteps& steps,
+                  ChainStructure structure,
+                  const Gamma& prior,
+                  const std::optional<RateStart>& given) {
+  SHIFTMAP_CHECK(
+      steps.states >= 2 && steps.phases == 1, "{} states, {} phases", steps.states, steps.phases);
+  const Eigen::Index count = structure == ChainStructure::kUniform
+                                 ? 1
+                                 : static_cast<Eigen::Index>(steps.states) * (steps.states - 1);
+  if (!given) return {Eigen::VectorXd::Constant(count, std::log(prior.mean())), {}};
+  SHIFTMAP_CHECK(given->log_rates.size() == count,
+                 "start of {} parameters, expected {}",
+                 given->log_rates.size(),
+                 count);
+  return *given;
+}
+
 }  // namespace
 
 Gamma RateFit::Posterior(Eigen::Index i) const {
@@ -140,7 +179,9 @@ Gamma RateFit::Posterior(Eigen::Index i) const {
 
 Gamma RateFit::PosteriorOfRate(int from, int to) const {
   SHIFTMAP_CHECK(from != to, "rate from {} to itself", from);
-  Gamma gamma = Posterior(ParameterOf(structure, chain.states(), from, to));
+  Gamma gamma = Posterior(structure == ChainStructure::kUniform
+                              ? 0
+                              : RatePosterior::ParameterOf(chain.states(), from, to));
   gamma.exposure_s *= chain.states() - 1;
   return gamma;
 }
@@ -157,48 +198,33 @@ RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
                  const RateFitOptions& options,
-                 const std::optional<Eigen::VectorXd>& given_start) {
-  SHIFTMAP_CHECK(
-      steps.states >= 2 && steps.phases == 1, "{} states, {} phases", steps.states, steps.phases);
-  const Posterior posterior(steps, structure, prior);
-  RateFit fit;
-  fit.structure = structure;
-  const Eigen::Index count = ParameterCount(structure, steps.states);
-  Eigen::VectorXd start =
-      given_start.value_or(Eigen::VectorXd::Constant(count, std::log(prior.mean())));
-  SHIFTMAP_CHECK(start.size() == count, "start of {} parameters, expected {}", start.size(), count);
-  Evaluation at = posterior.Evaluate(start);
-  while (fit.iterations < options.max_iterations && !fit.converged) {
-    const Eigen::VectorXd once = posterior.Maximize(at);
-    const Evaluation at_once = posterior.Evaluate(once);
-    const Eigen::VectorXd twice = posterior.Maximize(at_once);
-    const Eigen::VectorXd first = once - start;
-    const Eigen::VectorXd bend = (twice - once) - first;
-    fit.converged = (twice - once).cwiseAbs().maxCoeff() < options.tolerance;
-    fit.iterations += 2;
-    start = twice;
-    at = posterior.Evaluate(start);
-    if (fit.converged || !(bend.norm() > 0.0)) continue;
-    const double length = first.norm() / bend.norm();
-    if (!(length > 1.0)) continue;
-    const Eigen::VectorXd far = once - first + 2.0 * length * first + length * length * bend;
-    // Beyond e^20 an extrapolation is none.
-    if ((far - start).cwiseAbs().maxCoeff() > 20.0) continue;
-    const Evaluation at_far = posterior.Evaluate(far);
-    ++fit.iterations;
-    if (!(at_far.log_posterior >= at.log_posterior)) continue;
-    start = far;
-    at = at_far;
-  }
-  fit.log_rates = start;
-  fit.chain = posterior.Chain(start);
-  fit.log_likelihood = at.log_likelihood;
-  fit.jumps = at.jumps.sum();
-  for (const int gap : steps.gap_of_step) {
-    if (gap >= 0) fit.seconds += ToSeconds(steps.gaps[static_cast<std::size_t>(gap)].length);
-  }
-  Conclude(posterior, prior, at.log_posterior, &fit);
+                 const std::optional<RateStart>& given_start) {
+  const RateStart start = StartOf(steps, structure, prior, given_start);
+  RateFit fit = structure == ChainStructure::kUniform
+                    ? FitUniform(steps, prior, options, start.log_rates(0))
+                    : FitGeneral(steps, prior, options, start);
+  fit.seconds = SecondsOf(steps);
   return fit;
+}
+
+Eigen::MatrixXd MostProbableRates(const ChainSteps& steps,
+                                  ChainStructure structure,
+                                  const Gamma& prior,
+                                  const RateFitOptions& options,
+                                  const std::optional<RateStart>& given_start) {
+  const RateStart start = StartOf(steps, structure, prior, given_start);
+  int evaluations = options.max_iterations;
+  if (structure == ChainStructure::kUniform) {
+    const double log_rate =
+        ClimbUniform(steps, prior, start.log_rates(0), options.tolerance, &evaluations).log_rate;
+    return ModeChain::Uniform(steps.states - 1, std::exp(log_rate)).rate_matrix();
+  }
+  const RatePosterior posterior(steps, prior);
+  RatePoint at = posterior.Evaluate(start.log_rates);
+  Eigen::MatrixXd covariance =
+      start.covariance.size() > 0 ? start.covariance : posterior.CompleteCovariance(at);
+  posterior.Climb(kShareOfDistance * std::sqrt(options.tolerance), &at, &covariance, &evaluations);
+  return posterior.Rates(at.log_rates);
 }
 
 }  // namespace shiftmap

@@ -18,8 +18,16 @@ enum class ChainStructure {
 
 /// When the search for the rates ends.
 struct RateFitOptions {
-  int max_iterations = 500;  ///< Of EM.
-  double tolerance = 1e-7;   ///< Largest relative change of a rate in one.
+  int max_iterations = 500;  ///< Evaluations of the history.
+  double tolerance = 1e-7;   ///< Relative error of a rate, about.
+};
+
+/// Where a search begins.
+struct RateStart {
+  Eigen::VectorXd log_rates;  ///< log x of every parameter. [log 1/s]
+
+  /// Of these, from a fit to much the same; empty if unknown.
+  Eigen::MatrixXd covariance;
 };
 
 /// Rates that fit a history.
@@ -50,22 +58,34 @@ struct RateFit {
   Gamma PosteriorOfLeaveRate() const;
 };
 
-/// Most probable rates given history and prior, by EM in log x:
+/// Most probable rates given history and prior.
+///
+/// Of the uniform structure by Newton's method. Of the general one by a quasi-Newton method (BFGS)
+/// in log x that begins with the curvature, and the first step, of EM,
 ///
 ///     x <- (prior.shape + E[jumps of x]) / (prior.exposure_s + E[time in which x could jump])
 ///
-/// with every third step extrapolated (SQUAREM, Varadhan and Roland, Scandinavian Journal of
-/// Statistics 35(2), 2008) and taken back where the posterior falls. The covariance is the inverse
-/// of the Hessian of the posterior, from differences of its exact gradient; directions in which
-/// the history says less than a tenth of the prior's shape count as a tenth of it.
+/// and makes such a step wherever its own would lower the posterior (Jamshidian and Jennrich,
+/// Journal of the Royal Statistical Society B 59(3), 1997); the last step is Newton's. The
+/// covariance is the inverse of the Hessian of the posterior, of the general structure from
+/// differences of its exact gradient; directions in which the history says less than a tenth of the
+/// prior's shape count as a tenth of it.
 ///
 /// The answer depends on what was seen, not on how often: every gap counts with the real time.
 /// @param steps  Of one phase, at least two states.
-/// @param start  Where the search begins, log x of every parameter; none for the prior's mean.
+/// @param start  None: the prior's mean.
 RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
                  const RateFitOptions& options,
-                 const std::optional<Eigen::VectorXd>& start = std::nullopt);
+                 const std::optional<RateStart>& start = std::nullopt);
+
+/// Those rates alone, to the root of the tolerance: without covariance and marginal likelihood the
+/// general structure takes a fraction of the time. Q. [1/s]
+Eigen::MatrixXd MostProbableRates(const ChainSteps& steps,
+                                  ChainStructure structure,
+                                  const Gamma& prior,
+                                  const RateFitOptions& options,
+                                  const std::optional<RateStart>& start = std::nullopt);
 
 }  // namespace shiftmap

@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <random>
+#include <vector>
 
+#include "mapper/chain/gap_integral.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tools/sim/simulate_chain.h"
@@ -53,7 +56,7 @@ TEST(ChainExpectationsTest, GapIntegralIsTheIntegral) {
              chain.Transition(FromSeconds(length - s)).transpose();
     }
     sum *= length / kPieces / 3.0;
-    EXPECT_THAT(Eigen::MatrixXd(GapIntegral(chain, FromSeconds(length), weights) / sum.maxCoeff()),
+    EXPECT_THAT(Eigen::MatrixXd(GapIntegral(chain.rate_matrix(), length, weights) / sum.maxCoeff()),
                 IsNearMatrix(Eigen::MatrixXd(sum / sum.maxCoeff()), 1e-8))
         << length << " s";
   }
@@ -71,9 +74,9 @@ TEST(ChainExpectationsTest, TheClosedFormOfAUniformChainIsThatOfTheBlock) {
     const Eigen::MatrixXd weights = Eigen::MatrixXd::Random(states, states).cwiseAbs();
     for (const double length : {1e-3, 10.0, 1e4, 1e6}) {
       EXPECT_THAT(
-          Eigen::MatrixXd(GapIntegral(uniform, FromSeconds(length), weights) / length),
-          IsNearMatrix(Eigen::MatrixXd(GapIntegral(general, FromSeconds(length), weights) / length),
-                       1e-7))
+          Eigen::MatrixXd(GapIntegral(uniform.rate_matrix(), length, weights) / length),
+          IsNearMatrix(
+              Eigen::MatrixXd(GapIntegral(general.rate_matrix(), length, weights) / length), 1e-7))
           << states << " states, " << length << " s";
     }
   }
@@ -85,7 +88,8 @@ TEST(ChainExpectationsTest, GapsOfYearsStayExact) {
   const Duration years = FromSeconds(1e8);
   const Eigen::VectorXd start = RandomDistribution(random, 3);
   // All that is known is the start: the time in all states together is the time.
-  const Eigen::MatrixXd integral = GapIntegral(chain, years, start * Eigen::RowVectorXd::Ones(3));
+  const Eigen::MatrixXd integral =
+      GapIntegral(chain.rate_matrix(), ToSeconds(years), start * Eigen::RowVectorXd::Ones(3));
   EXPECT_NEAR(integral.trace() / 1e8, 1.0, 1e-12);
   const Eigen::VectorXd stationary = chain.Transition(years).row(0);
   EXPECT_THAT(Eigen::VectorXd(integral.diagonal() / 1e8), IsNearMatrix(stationary, 1e-7));
@@ -121,8 +125,8 @@ TEST(ChainExpectationsTest, LogLikelihoodSumsOverAllSequences) {
   for (const ModeChain& chain : {RandomChain(random, 3, 1e-4), ModeChain::Uniform(2, 3e-5)}) {
     const double expected = BruteForce(history, chain);
     const ChainSteps steps = MakeChainSteps(history);
-    EXPECT_NEAR(ChainLogLikelihood(steps, {chain}), expected, 1e-11);
-    EXPECT_NEAR(ExpectChain(steps, {chain}).log_likelihood, expected, 1e-11);
+    EXPECT_NEAR(ChainLogLikelihood(steps, {chain.rate_matrix()}), expected, 1e-11);
+    EXPECT_NEAR(ExpectChain(steps, {chain.rate_matrix()}).log_likelihood, expected, 1e-11);
     EXPECT_NEAR(PredictiveLogLikelihood(history, 4, {chain}),
                 expected - BruteForce(FirstVisits(history, 4), chain),
                 1e-11);
@@ -135,7 +139,7 @@ TEST(ChainExpectationsTest, IntegralsAreTheGradient) {
   const ChainHistory history = RandomHistory(random, 4, 12);
   const ChainSteps steps = MakeChainSteps(history);
   const ModeChain chain = RandomChain(random, 4, 2e-5);
-  const Eigen::MatrixXd integral = ExpectChain(steps, {chain}).integrals.front();
+  const Eigen::MatrixXd integral = ExpectChain(steps, {chain.rate_matrix()}).integrals.front();
   for (int from = 0; from < 4; ++from) {
     for (int to = 0; to < 4; ++to) {
       if (from == to) continue;
@@ -144,7 +148,7 @@ TEST(ChainExpectationsTest, IntegralsAreTheGradient) {
         Eigen::MatrixXd rates = chain.rate_matrix();
         rates(from, to) += offset;
         rates(from, from) -= offset;
-        return ChainLogLikelihood(steps, {*ModeChain::FromRates(rates)});
+        return ChainLogLikelihood(steps, {rates});
       };
       const double expected = (at(step) - at(-step)) / (2.0 * step);
       EXPECT_NEAR(integral(from, to) - integral(from, from),
@@ -163,7 +167,7 @@ TEST(ChainExpectationsTest, TimeIsSpentSomewhere) {
     seconds += ToSeconds(history.visits[i].begin - history.visits[i - 1].end);
   }
   const ChainExpectations expected =
-      ExpectChain(MakeChainSteps(history), {RandomChain(random, 3, 1e-4)});
+      ExpectChain(MakeChainSteps(history), {RandomChain(random, 3, 1e-4).rate_matrix()});
   EXPECT_NEAR(expected.integrals.front().trace() / seconds, 1.0, 1e-11);
 }
 
@@ -171,15 +175,64 @@ TEST(ChainExpectationsTest, CuttingTheDayChangesNothingIfRatesStay) {
   std::mt19937_64 random(TestSeed(6));
   const ChainHistory history = RandomHistory(random, 3, 30);
   const ModeChain chain = RandomChain(random, 3, 1e-4);
-  const ChainExpectations whole = ExpectChain(MakeChainSteps(history), {chain});
+  const ChainExpectations whole = ExpectChain(MakeChainSteps(history), {chain.rate_matrix()});
   const ChainExpectations cut =
-      ExpectChain(MakeChainSteps(history, {kRhythmDay, 24}), std::vector<ModeChain>(24, chain));
+      ExpectChain(MakeChainSteps(history, {kRhythmDay, 24}), std::vector(24, chain.rate_matrix()));
   EXPECT_NEAR(cut.log_likelihood, whole.log_likelihood, 1e-10);
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(3, 3);
   for (const Eigen::MatrixXd& integral : cut.integrals) sum += integral;
   const double scale = whole.integrals.front().maxCoeff();
   EXPECT_THAT(Eigen::MatrixXd(sum / scale),
               IsNearMatrix(Eigen::MatrixXd(whole.integrals.front() / scale), 1e-11));
+}
+
+// Steps at the end of each phase in place of gaps of several phases.
+ChainSteps PhaseByPhase(const ChainSteps& steps) {
+  ChainSteps single = steps;
+  single.gap_of_step.clear();
+  std::vector<Eigen::VectorXd> columns;
+  const auto add = [&](const auto& self, int index, const Eigen::VectorXd& likelihoods) -> void {
+    if (index >= 0) {
+      const ChainSteps::Gap& gap = steps.gaps[static_cast<std::size_t>(index)];
+      if (gap.composed()) {
+        self(self, gap.first, Eigen::VectorXd::Ones(steps.states));
+        return self(self, gap.second, likelihoods);
+      }
+    }
+    single.gap_of_step.push_back(index);
+    columns.push_back(likelihoods);
+  };
+  for (std::size_t t = 0; t < steps.gap_of_step.size(); ++t) {
+    add(add, steps.gap_of_step[t], steps.likelihoods.col(static_cast<Eigen::Index>(t)));
+  }
+  single.likelihoods.resize(steps.states, static_cast<Eigen::Index>(columns.size()));
+  for (std::size_t t = 0; t < columns.size(); ++t) {
+    single.likelihoods.col(static_cast<Eigen::Index>(t)) = columns[t];
+  }
+  return single;
+}
+
+TEST(ChainExpectationsTest, GapsOfSeveralPhasesAreTheirPhasesOneByOne) {
+  std::mt19937_64 random(TestSeed(8));
+  ChainHistory history = RandomHistory(random, 3, 20);
+  for (std::size_t i = 10; i < 20; ++i) {
+    history.visits[i].begin += std::chrono::hours(24 * 40);
+    history.visits[i].end += std::chrono::hours(24 * 40);
+  }
+  const ChainSteps steps = MakeChainSteps(history, {kRhythmWeek, 168});
+  const ChainSteps single = PhaseByPhase(steps);
+  EXPECT_LT(5 * steps.gap_of_step.size(), single.gap_of_step.size());
+  std::vector<Eigen::MatrixXd> rates;
+  for (int hour = 0; hour < 168; ++hour) {
+    rates.push_back(RandomChain(random, 3, hour % 5 == 0 ? 2e-3 : 1e-5).rate_matrix());
+  }
+  const ChainExpectations expected = ExpectChain(single, rates);
+  const ChainExpectations found = ExpectChain(steps, rates);
+  EXPECT_NEAR(found.log_likelihood, expected.log_likelihood, 1e-10);
+  for (std::size_t hour = 0; hour < rates.size(); ++hour) {
+    EXPECT_THAT(Eigen::MatrixXd(found.integrals[hour] / 3600.0),
+                IsNearMatrix(Eigen::MatrixXd(expected.integrals[hour] / 3600.0), 1e-9));
+  }
 }
 
 // Jumps and times of paths drawn from the chain, counted.
@@ -192,7 +245,8 @@ TEST(ChainExpectationsTest, AgreesWithSimulatedPaths) {
   std::vector<Stamp> stamps;
   for (Stamp stamp = begin; stamp < end; stamp += FromSeconds(2000.0)) stamps.push_back(stamp);
   const ChainHistory history = ObservePath(path, 3, stamps, 0.05, random);
-  const Eigen::MatrixXd integral = ExpectChain(MakeChainSteps(history), {chain}).integrals.front();
+  const Eigen::MatrixXd integral =
+      ExpectChain(MakeChainSteps(history), {chain.rate_matrix()}).integrals.front();
   Eigen::MatrixXd jumps = Eigen::MatrixXd::Zero(3, 3);
   for (std::size_t i = 1; i < path.states.size(); ++i) {
     jumps(path.states[i - 1], path.states[i]) += 1.0;

@@ -7,7 +7,8 @@
 #include <optional>
 #include <random>
 
-#include "mapper/chain/chain_expectations.h"
+#include "mapper/chain/gap_integral.h"
+#include "mapstore/map/mode_chain.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 
@@ -31,7 +32,7 @@ TEST(ChainSpectrumTest, AgreesWithExponentials) {
     Eigen::MatrixXd rates(states, states);
     for (double& rate : rates.reshaped()) rate = std::pow(10.0, exponent(random));
     const ModeChain chain = ChainOf(rates);
-    std::optional<ChainSpectrum> spectrum = ChainSpectrum::Of(chain);
+    std::optional<ChainSpectrum> spectrum = ChainSpectrum::Of(chain.rate_matrix());
     if (!spectrum) continue;
     ++used;
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(states, states);
@@ -41,7 +42,7 @@ TEST(ChainSpectrumTest, AgreesWithExponentials) {
                   IsNearMatrix(chain.Transition(FromSeconds(length)), 1e-11));
       Eigen::MatrixXd weights(states, states);
       for (double& entry : weights.reshaped()) entry = weight(random);
-      expected += GapIntegral(chain, FromSeconds(length), weights);
+      expected += GapIntegral(chain.rate_matrix(), length, weights);
       total += length;
       spectrum->AddIntegral(length, weights);
       EXPECT_THAT(Eigen::MatrixXd(spectrum->Sum() / total),
@@ -60,13 +61,13 @@ TEST(ChainSpectrumTest, RoundsAndRepetitions) {
   alike(0, 1) = 3e-5;
   for (const Eigen::MatrixXd& rates : {around, alike}) {
     const ModeChain chain = ChainOf(rates);
-    std::optional<ChainSpectrum> spectrum = ChainSpectrum::Of(chain);
+    std::optional<ChainSpectrum> spectrum = ChainSpectrum::Of(chain.rate_matrix());
     ASSERT_TRUE(spectrum);
     const Eigen::MatrixXd weights = Eigen::MatrixXd::Ones(rates.rows(), rates.cols());
     spectrum->AddIntegral(3e4, weights);
     EXPECT_THAT(
         Eigen::MatrixXd(spectrum->Sum() / 3e4),
-        IsNearMatrix(Eigen::MatrixXd(GapIntegral(chain, FromSeconds(3e4), weights) / 3e4), 1e-10));
+        IsNearMatrix(Eigen::MatrixXd(GapIntegral(chain.rate_matrix(), 3e4, weights) / 3e4), 1e-10));
     EXPECT_THAT(spectrum->Transition(3e4), IsNearMatrix(chain.Transition(FromSeconds(3e4)), 1e-12));
   }
 }
@@ -75,9 +76,9 @@ TEST(ChainSpectrumTest, RoundsAndRepetitions) {
 TEST(ChainSpectrumTest, EigenvectorsThatAreOneAreRefused) {
   Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(3, 3);
   rates(0, 1) = rates(1, 2) = 1e-4;
-  EXPECT_FALSE(ChainSpectrum::Of(ChainOf(rates)));
+  EXPECT_FALSE(ChainSpectrum::Of(ChainOf(rates).rate_matrix()));
   EXPECT_FALSE(ChainSpectrum::Of(
-      ChainOf(Eigen::MatrixXd::Constant(ChainSpectrum::kMaxStates + 1, 11, 1e-4))));
+      ChainOf(Eigen::MatrixXd::Constant(ChainSpectrum::kMaxStates + 1, 11, 1e-4)).rate_matrix()));
 }
 
 }  // namespace

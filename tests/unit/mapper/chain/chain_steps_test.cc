@@ -78,7 +78,53 @@ TEST(ChainStepsTest, PhasesThatDoNotDivideTheDayCoverIt) {
     total += steps.gaps[static_cast<std::size_t>(steps.gap_of_step[i])].length;
   }
   EXPECT_EQ(total, FromSeconds(86400.0));
-  EXPECT_EQ(steps.gap_of_step.size(), 8u);
+  // The first phase, as of any gap; then one phase, two, two and one.
+  EXPECT_EQ(steps.gap_of_step.size(), 6u);
+}
+
+// From 22:30 on a Sunday, 400 days.
+TEST(ChainStepsTest, ManyWholePhasesAreFewGaps) {
+  constexpr double kBegin = 3.0 * 86400.0 + 22.5 * 3600.0;
+  for (const RhythmCalendar& calendar :
+       {RhythmCalendar{kRhythmDay, 24}, RhythmCalendar{kRhythmWeek, 168}}) {
+    const ChainSteps steps = MakeChainSteps(TwoVisits(kBegin, kBegin + 400.0 * 86400.0), calendar);
+    EXPECT_LT(steps.gap_of_step.size(), 26u);
+    Duration total{0};
+    int phase = calendar.phases - 2;
+    for (std::size_t i = 1; i < steps.gap_of_step.size(); ++i) {
+      const ChainSteps::Gap& gap = steps.gaps[static_cast<std::size_t>(steps.gap_of_step[i])];
+      EXPECT_EQ(gap.phase, phase);
+      total += gap.length;
+      phase = (phase + (i == 1 ? 1 : static_cast<int>(gap.length / FromSeconds(3600.0)))) %
+              calendar.phases;
+    }
+    EXPECT_EQ(total, FromSeconds(400.0 * 86400.0));
+    for (const ChainSteps::Gap& gap : steps.gaps) {
+      if (!gap.composed()) continue;
+      const ChainSteps::Gap& first = steps.gaps[static_cast<std::size_t>(gap.first)];
+      const ChainSteps::Gap& second = steps.gaps[static_cast<std::size_t>(gap.second)];
+      EXPECT_EQ(gap.length, first.length + second.length);
+      EXPECT_EQ(gap.phase, first.phase);
+      EXPECT_EQ(
+          (first.phase + static_cast<int>(first.length / FromSeconds(3600.0))) % calendar.phases,
+          second.phase);
+    }
+  }
+}
+
+TEST(ChainStepsTest, TheFirstVisitsAreTheStepsUpToTheLastOfThem) {
+  ChainHistory history{Signature("7"), 2, {}};
+  for (int i = 0; i < 5; ++i) {
+    const Stamp stamp = StampFromSeconds(5000.0 * i);
+    history.visits.push_back({stamp, stamp, Eigen::Vector2d(-i, -2.0 * i)});
+  }
+  const RhythmCalendar day{kRhythmDay, 24};
+  const ChainSteps first = FirstVisits(MakeChainSteps(history, day), 3);
+  const ChainSteps expected = MakeChainSteps(FirstVisits(history, 3), day);
+  EXPECT_EQ(first.gap_of_step, expected.gap_of_step);
+  EXPECT_EQ(first.likelihoods, expected.likelihoods);
+  EXPECT_EQ(first.log_scale, expected.log_scale);
+  EXPECT_EQ(first.visits.size(), 3u);
 }
 
 }  // namespace

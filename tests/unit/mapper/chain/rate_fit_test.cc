@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "mapper/chain/chain_expectations.h"
 #include "tests/support/random_map.h"
@@ -81,7 +84,7 @@ TEST(RateFitTest, UniformRateIsTheLargestOfThePosterior) {
   const Gamma prior{0.5, 5e4};
   const RateFit fit = FitRates(steps, ChainStructure::kUniform, prior, {});
   const auto log_posterior = [&](double log_rate) {
-    return ChainLogLikelihood(steps, {ModeChain::Uniform(2, std::exp(log_rate))}) +
+    return ChainLogLikelihood(steps, {ModeChain::Uniform(2, std::exp(log_rate)).rate_matrix()}) +
            prior.LogDensityOfLog(log_rate);
   };
   // Brute force: the largest on a grid, and the integral over it.
@@ -111,7 +114,7 @@ TEST(RateFitTest, NoChangeOfTheGeneralRatesIsBetter) {
   const RateFit fit = FitRates(steps, ChainStructure::kGeneral, prior, {});
   EXPECT_TRUE(fit.converged);
   const auto log_posterior = [&](const Eigen::MatrixXd& rates) {
-    double sum = ChainLogLikelihood(steps, {*ModeChain::FromRates(rates)});
+    double sum = ChainLogLikelihood(steps, {rates});
     for (int from = 0; from < 3; ++from) {
       for (int to = 0; to < 3; ++to) {
         if (from != to) sum += prior.LogDensityOfLog(std::log(2.0 * rates(from, to)));
@@ -144,10 +147,106 @@ TEST(RateFitTest, WhereTheSearchBeginsDoesNotMatter) {
   const Gamma prior{0.5, 0.5e5};
   for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
     const RateFit cold = FitRates(steps, structure, prior, {});
-    const Eigen::VectorXd near = cold.log_rates.array() + 0.05;
+    const RateStart near{cold.log_rates.array() + 0.05, {}};
     const RateFit warm = FitRates(steps, structure, prior, {}, near);
     EXPECT_LE(warm.iterations, cold.iterations);
     EXPECT_LT((warm.log_rates - cold.log_rates).cwiseAbs().maxCoeff(), 1e-4);
+  }
+}
+
+// EM to its fixed point, and the Hessian by central differences of central differences.
+struct SlowFit {
+  Eigen::MatrixXd rates;
+  double log_determinant = 0.0;  // Of the information, in log rates.
+};
+
+SlowFit FitSlowly(const ChainSteps& steps, ChainStructure structure, const Gamma& prior) {
+  const int n = steps.states;
+  const bool is_uniform = structure == ChainStructure::kUniform;
+  Eigen::MatrixXd rates = ModeChain::Uniform(n - 1, prior.mean()).rate_matrix();
+  double change = 1.0;
+  for (int i = 0; i < 20'000 && change > 1e-9; ++i) {
+    const Eigen::MatrixXd integral = ExpectChain(steps, {rates}).integrals.front();
+    Eigen::MatrixXd jumps = rates.cwiseProduct(integral);
+    jumps.diagonal().setZero();
+    Eigen::MatrixXd next = Eigen::MatrixXd::Zero(n, n);
+    for (int from = 0; from < n; ++from) {
+      for (int to = 0; to < n; ++to) {
+        if (from == to) continue;
+        const double count = is_uniform ? jumps.sum() : jumps(from, to);
+        const double time = is_uniform ? integral.trace() : integral(from, from) / (n - 1);
+        next(from, to) = (prior.shape + count) / (prior.exposure_s + time) / (n - 1);
+      }
+    }
+    next.diagonal() = -next.rowwise().sum();
+    change = ((next - rates).array() / rates.array()).abs().maxCoeff();
+    rates = next;
+  }
+  const Eigen::Index count = is_uniform ? 1 : n * (n - 1);
+  const auto log_posterior = [&](const Eigen::VectorXd& moves) {
+    Eigen::MatrixXd moved = rates;
+    double sum = 0.0;
+    Eigen::Index i = 0;
+    for (int from = 0; from < n; ++from) {
+      for (int to = 0; to < n; ++to) {
+        if (from == to) continue;
+        moved(from, to) *= std::exp(moves(is_uniform ? 0 : i++));
+        if (!is_uniform) sum += prior.LogDensityOfLog(std::log((n - 1) * moved(from, to)));
+      }
+    }
+    moved.diagonal().setZero();
+    moved.diagonal() = -moved.rowwise().sum();
+    if (is_uniform) sum += prior.LogDensityOfLog(std::log((n - 1) * moved(0, 1)));
+    return sum + ChainLogLikelihood(steps, {moved});
+  };
+  Eigen::MatrixXd information(count, count);
+  constexpr double kStep = 1e-2;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      double sum = 0.0;
+      for (const double a : {-1.0, 1.0}) {
+        for (const double b : {-1.0, 1.0}) {
+          Eigen::VectorXd moves = Eigen::VectorXd::Zero(count);
+          moves(i) += a * kStep;
+          moves(j) += b * kStep;
+          sum += a * b * log_posterior(moves);
+        }
+      }
+      information(i, j) = -sum / (4.0 * kStep * kStep);
+    }
+  }
+  return {rates, std::log(information.determinant())};
+}
+
+// Visits days apart that are wrong now and then, of chains that jump within hours or months.
+TEST(RateFitTest, IsTheFixedPointOfExpectationMaximization) {
+  std::mt19937_64 random(TestSeed(34));
+  std::exponential_distribution<double> gap(1.0 / 30'000.0);
+  for (const double speed : {0.03, 0.3, 3.0, 30.0}) {
+    for (const int modes : {1, 2, 3}) {
+      std::vector<Stamp> stamps;
+      double now = 0.0;
+      for (int i = 0; i < 80; ++i) stamps.push_back(StampFromSeconds(now += gap(random)));
+      const ModeChain truth = ModeChain::Uniform(modes, speed * 1e-5);
+      const ChainSteps steps =
+          MakeChainSteps(Simulate(truth, stamps, 0.02, random), {}, modes == 3 ? 0.02 : 0.0);
+      const Gamma prior{0.5, 5e4};
+      for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
+        const RateFit fit = FitRates(steps, structure, prior, {});
+        const SlowFit slow = FitSlowly(steps, structure, prior);
+        EXPECT_TRUE(fit.converged);
+        for (int from = 0; from <= modes; ++from) {
+          for (int to = 0; to <= modes; ++to) {
+            if (from == to) continue;
+            EXPECT_NEAR(fit.chain.rate_matrix()(from, to) / slow.rates(from, to), 1.0, 1e-4)
+                << speed << ", " << modes << " modes, " << from << " to " << to;
+          }
+        }
+        EXPECT_NEAR(-std::log(fit.covariance.determinant()), slow.log_determinant, 0.02);
+        const Eigen::MatrixXd alone = MostProbableRates(steps, structure, prior, {});
+        EXPECT_LT((alone.array() / slow.rates.array() - 1.0).abs().maxCoeff(), 1e-3);
+      }
+    }
   }
 }
 
