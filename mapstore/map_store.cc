@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/core/stamp_check.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/schema/store_file.h"
@@ -80,10 +81,10 @@ StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(VersionRow row, GetVersion(database, area, area_row.area_id, *version));
   if (known && row.created > *known) {
-    return NotFound("{}: was made at {:.6f} s, after {:.6f} s",
+    return NotFound("{}: was made at {} UTC, after {} UTC",
                     VersionName(area, *version),
-                    ToSecondsSinceEpoch(row.created),
-                    ToSecondsSinceEpoch(*known));
+                    FormatUtc(row.created),
+                    FormatUtc(*known));
   }
   return row;
 }
@@ -94,7 +95,7 @@ StatusOr<VersionRow> MapStore::State::PublishedRowAt(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> version,
                             PublishedBy(database, area_row.area_id, at));
   if (version) return GetVersion(database, area, area_row.area_id, *version);
-  return NotFound("{}: nothing was published by {:.6f} s", AreaName(area), ToSecondsSinceEpoch(at));
+  return NotFound("{}: nothing was published by {} UTC", AreaName(area), FormatUtc(at));
 }
 
 Status MapStore::State::RefuseSnapshot(const char* what) {

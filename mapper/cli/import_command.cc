@@ -132,8 +132,9 @@ void AddImportCommand(Application* application) {
       .InRange(0.0, 1e3);
   command.Flag("--no-publish", &options->no_publish, "Add the version, but publish it later");
   command
-      .Option(
-          "--format", &options->format, "auto: by the ending .geojson, .textproto, .json, or csv")
+      .Option("--format",
+              &options->format,
+              "auto: by the ending .geojson, .textproto, .protojson or .json, or else csv")
       .OneOf(MapFileFormats());
   command
       .Option("LANDMARKS",

@@ -157,7 +157,7 @@ std::string FormatOf(const std::string& path, const std::string& format) {
   if (format != "auto") return format;
   if (path.ends_with(".geojson")) return "geojson";
   if (path.ends_with(".textproto")) return "textproto";
-  return path.ends_with(".json") ? "protojson" : "csv";
+  return path.ends_with(".json") || path.ends_with(".protojson") ? "protojson" : "csv";
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace shiftmap {
 
 /// Formats of a file that a map is imported from: `csv` (ReadSurvey()), `geojson`, `textproto` and
 /// `protojson` as `shiftmap-inspect export` writes them, and `auto`: by the ending of the name,
-/// `.geojson`, `.textproto`, `.json` for `protojson`, else `csv`.
+/// `.geojson`, `.textproto`, `.protojson` or `.json`, else `csv`.
 const std::vector<std::string>& MapFileFormats();
 
 struct MapFileOptions {

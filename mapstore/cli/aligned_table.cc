@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/cli/aligned_table.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <charconv>
 #include <utility>
@@ -25,9 +27,10 @@ bool LooksLikeTime(const std::string& cell) {
          cell.find_first_not_of("0123456789-: ") == std::string::npos;
 }
 
-// Columns of text are not made narrower than this.
+// Columns of text are not made narrower than the first, unless they ask for more; the last one that
+// fits, than the second.
+constexpr std::size_t kReadableWidth = 16;
 constexpr std::size_t kLeastWidth = 12;
-constexpr const char* kMore = "…";  // Stands for columns that are left out.
 constexpr std::size_t kGap = 2;
 
 }  // namespace
@@ -45,6 +48,11 @@ void AlignedTable::AddRow(std::vector<std::string> cells, Emphasis emphasis) {
   rows_.push_back({std::move(cells), emphasis});
 }
 
+void AlignedTable::KeepWide(std::size_t column, std::size_t least) {
+  wide_column_ = column;
+  wide_least_ = least;
+}
+
 std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
                                               std::size_t columns) const {
   std::vector<std::size_t> widths(numeric.size(), 0);
@@ -55,30 +63,52 @@ std::vector<std::size_t> AlignedTable::Widths(const std::vector<bool>& numeric,
       if (LooksLikeTime(row.cells[j])) fixed[j] = true;
     }
   }
-  if (columns == 0) return widths;
-  const auto narrow = [&](std::size_t j) {
-    return fixed[j] ? widths[j] : std::min(widths[j], kLeastWidth);
+  if (columns > 0) Fit(columns, fixed, &widths);
+  return widths;
+}
+
+void AlignedTable::Fit(std::size_t columns,
+                       const std::vector<bool>& fixed,
+                       std::vector<std::size_t>* widths) const {
+  const auto narrow = [&](std::size_t j, std::size_t least) {
+    return fixed[j] ? (*widths)[j] : std::min((*widths)[j], least);
   };
-  const std::size_t all = widths.size();
-  std::size_t least = 0;
-  for (std::size_t j = 0; j < all; ++j) least += narrow(j) + (j > 0 ? kGap : 0);
-  while (widths.size() > 1 && least + (widths.size() < all ? kGap + 1 : 0) > columns) {
-    least -= narrow(widths.size() - 1) + kGap;
-    widths.pop_back();
+  const auto readable = [&](std::size_t j) {
+    return narrow(j, std::max(kReadableWidth, j == wide_column_ ? wide_least_ : 0));
+  };
+  std::size_t shown = 0;
+  std::size_t used = 0;
+  while (shown < widths->size()) {
+    const std::size_t begin = used + (shown > 0 ? kGap : 0);
+    if (shown > 0 && begin + narrow(shown, kLeastWidth) > columns) break;
+    used = begin + readable(shown);
+    ++shown;
   }
-  std::size_t total = widths.size() < all ? kGap + 1 : 0;
-  for (std::size_t j = 0; j < widths.size(); ++j) total += widths[j] + (j > 0 ? kGap : 0);
+  widths->resize(shown);
+  std::vector<std::size_t> least(shown);
+  std::size_t total = kGap * (shown - 1);
+  for (std::size_t j = 0; j < shown; ++j) {
+    least[j] = j + 1 < shown ? readable(j) : narrow(j, kLeastWidth);
+    total += (*widths)[j];
+  }
   while (total > columns) {
-    std::size_t widest = widths.size();
-    for (std::size_t j = 0; j < widths.size(); ++j) {
-      const bool shrinks = widths[j] > narrow(j);
-      if (shrinks && (widest == widths.size() || widths[j] > widths[widest])) widest = j;
+    std::size_t widest = shown;
+    for (std::size_t j = 0; j < shown; ++j) {
+      const bool shrinks = (*widths)[j] > least[j];
+      if (shrinks && (widest == shown || (*widths)[j] > (*widths)[widest])) widest = j;
     }
-    if (widest == widths.size()) break;
-    --widths[widest];
+    if (widest == shown) break;
+    --(*widths)[widest];
     --total;
   }
-  return widths;
+}
+
+std::string AlignedTable::NotShown(std::size_t shown) const {
+  const std::vector<std::string>& header = rows_.front().cells;
+  if (shown == header.size()) return "";
+  const std::vector<std::string> names(header.begin() + static_cast<std::ptrdiff_t>(shown),
+                                       header.end());
+  return fmt::format("not shown: {} (| less -S shows all)", fmt::join(names, ", "));
 }
 
 std::string AlignedTable::ToString(const TextStyle& style, const std::string& none) const {
@@ -103,12 +133,14 @@ std::string AlignedTable::ToString(const TextStyle& style) const {
       const std::string padding(widths[j] - DisplayWidth(cell), ' ');
       line += numeric[j] ? padding + cell : cell + padding;
     }
-    if (widths.size() < row.cells.size()) line += std::string(kGap, ' ') + kMore;
     line.erase(line.find_last_not_of(' ') + 1);
     if (columns > 0) line = Shortened(line, columns);
     text += (style.colour ? Marked(line, row.emphasis) : line) + '\n';
   }
-  return text;
+  const std::string rest = NotShown(widths.size());
+  if (rest.empty()) return text;
+  const Emphasis faint = style.colour ? Emphasis::kFaint : Emphasis::kNone;
+  return text + Wrapped(Marked(rest, faint), columns) + '\n';
 }
 
 }  // namespace shiftmap

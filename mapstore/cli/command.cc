@@ -6,12 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
 #include "mapstore/cli/internal/command_state.h"
 #include "mapstore/cli/time_text.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/nearest_name.h"
+#include "mapstore/core/parse_whole.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -29,16 +31,22 @@ CLI::Option* AddOption(CLI::App* parser,
   return parser->add_option(name, *value, help);
 }
 
-// What is no number is left to the parser's own message.
-std::string RefuseNonFinite(const std::string& text) {
+std::string RefuseOtherThanFinite(const std::string& text) {
   double value = 0.0;
-  if (!CLI::detail::lexical_cast(text, value) || std::isfinite(value)) return "";
-  return fmt::format("Value {} is not finite", text);
+  if (!CLI::detail::lexical_cast(text, value)) return fmt::format("'{}' is no number", text);
+  return std::isfinite(value) ? "" : fmt::format("Value {} is not finite", text);
 }
 
-// The parser would take -1 for the largest number there is.
-std::string RefuseNegative(const std::string& text) {
-  return text.starts_with('-') ? fmt::format("Value {} is negative", text) : "";
+template <typename Integer>
+std::string RefuseOtherThanInteger(const std::string& text) {
+  // The parser would take -1 for the largest number there is.
+  if (std::is_unsigned_v<Integer> && text.starts_with('-')) {
+    return fmt::format("Value {} is negative", text);
+  }
+  Integer value = 0;
+  if (CLI::detail::lexical_cast(text, value)) return "";
+  const bool number = ParseWhole<double>(text).has_value();
+  return fmt::format("'{}' is {}", text, number ? "no integer in range" : "no number");
 }
 
 // Nothing, or why it is no time.
@@ -73,25 +81,27 @@ Command& Command::Option(const std::string& name, std::string* value, const std:
 }
 
 Command& Command::Option(const std::string& name, double* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNonFinite);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanFinite);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
 
 Command& Command::Option(const std::string& name, int* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<int>);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
 
 Command& Command::Option(const std::string& name, std::int64_t* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last =
+      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::int64_t>);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
 
 Command& Command::Option(const std::string& name, std::uint64_t* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNegative);
+  state_->last =
+      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::uint64_t>);
   if (!IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
@@ -106,14 +116,15 @@ Command& Command::Option(const std::string& name,
 Command& Command::Option(const std::string& name,
                          std::optional<double>* value,
                          const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseNonFinite);
+  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanFinite);
   return *this;
 }
 
 Command& Command::Option(const std::string& name,
                          std::optional<std::int64_t>* value,
                          const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
+  state_->last =
+      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::int64_t>);
   return *this;
 }
 
@@ -188,13 +199,16 @@ void Command::LetListsTakeSeveral() const {
   }
 }
 
-Command& Command::Watchable() {
+Command& Command::Watchable(std::function<bool()> looks) {
   state_->parser
       ->add_option(
           "--watch", state_->common->watch_s, "Look again every SECONDS until it is interrupted")
       ->type_name("SECONDS")
       ->check(CLI::Range(kLeastWatchS, kMostWatchS));
-  return *this;
+  if (looks == nullptr) return *this;
+  return Check([common = state_->common, looks = std::move(looks)] {
+    return common->watch_s && !looks() ? "--watch is for an action that only looks" : "";
+  });
 }
 
 Command& Command::Writes() {

@@ -70,7 +70,8 @@ class Command {
   Command& Writes();
 
   /// The command only looks: it has --watch SECONDS, and its body may run several times.
-  Command& Watchable();
+  /// @param looks  Of a command of which some actions write: whether this one only looks.
+  Command& Watchable(std::function<bool()> looks = nullptr);
 
  private:
   friend class Application;

@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -17,7 +18,8 @@ Context::Context(const CommonOptions& options, std::ostream* err, const TextStyl
 void Context::Report(const Json& document, const std::string& text) {
   SHIFTMAP_CHECK(!reported_, "a command reports once");
   reported_ = true;
-  output_ = json() ? JsonText(document) : RenderMarks(text, style_.colour);
+  const auto columns = static_cast<std::size_t>(std::max(style_.columns, 0));
+  output_ = json() ? JsonText(document) : RenderMarks(Wrapped(text, columns), style_.colour);
   summary_ = InertLine(RenderMarks(text.substr(0, text.find('\n')), /*colour=*/false));
 }
 

@@ -46,7 +46,7 @@ class Context {
   const TextStyle& style() const { return style_; }
 
   /// The result of the command, once per run: the document goes to standard output with --json,
-  /// the text without, which may be Marked(): RenderMarks() of it.
+  /// the text without, which may be Marked(): RenderMarks() of it, Wrapped() as wide as style().
   void Report(const Json& document, const std::string& text);
 
   /// One line on standard error, `<program>: warning: <message>`, unless --quiet or --log-level

@@ -106,6 +106,35 @@ std::string RenderMarks(std::string_view text, bool colour) {
   return rendered;
 }
 
+std::string Wrapped(std::string_view text, std::size_t columns) {
+  constexpr std::string_view kIndent = "  ";
+  std::string wrapped;
+  while (!text.empty()) {
+    std::string_view line = text.substr(0, text.find('\n'));
+    const bool ends = line.size() < text.size();
+    text.remove_prefix(line.size() + (ends ? 1 : 0));
+    std::size_t room = columns;
+    while (columns > 0 && DisplayWidth(line) > room) {
+      // The last blank that leaves what is before it narrow enough, else the first one of all.
+      std::size_t end = line.find_first_not_of(' ');
+      end = end == std::string_view::npos ? end : line.find(' ', end);
+      for (std::size_t next = end; next != std::string_view::npos;
+           next = line.find(' ', next + 1)) {
+        if (DisplayWidth(line.substr(0, next)) > room) break;
+        end = next;
+      }
+      if (end == std::string_view::npos) break;
+      wrapped += line.substr(0, end);
+      line.remove_prefix(std::min(line.find_first_not_of(' ', end), line.size()));
+      wrapped += line.empty() ? "" : "\n" + std::string(kIndent);
+      room = columns > kIndent.size() ? columns - kIndent.size() : 1;
+    }
+    wrapped += line;
+    if (ends) wrapped += '\n';
+  }
+  return wrapped;
+}
+
 std::string Shortened(const std::string& text, std::size_t width) {
   if (DisplayWidth(text) <= width) return text;
   std::size_t characters = 0;

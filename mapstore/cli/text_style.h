@@ -39,6 +39,10 @@ std::size_t DisplayWidth(std::string_view text);
 /// InertText() of a marked text, with its marks as escape sequences, or without them.
 std::string RenderMarks(std::string_view text, bool colour);
 
+/// A marked text with its lines broken at blanks so that none is wider than `columns`; what goes on
+/// is indented. A longer word stays whole. `columns` 0: as it is.
+std::string Wrapped(std::string_view text, std::size_t columns);
+
 /// The first characters of a plain UTF-8 text, with an ellipsis in the end if it is longer.
 std::string Shortened(const std::string& text, std::size_t width);
 

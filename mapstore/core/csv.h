@@ -25,10 +25,13 @@ StatusOr<std::vector<CsvRecord>> ParseCsv(std::string_view text);
 
 /// A cell of text, quoted where it must be. A spreadsheet computes a cell that begins with one of
 /// `=+-@`, tab or carriage return: an apostrophe goes before it, and before such a text that begins
-/// with apostrophes already, so that TextOfCsv() restores every text.
+/// with apostrophes already. What a terminal would obey is escaped: control characters but line
+/// feed and tab, marks of writing direction and bytes that are not UTF-8 as `\x1b` or `\u009b`
+/// (InertLine()), a backslash as two. TextOfCsv() restores every text.
 std::string CsvText(std::string_view text);
 
-/// A parsed cell of a text column without the apostrophe that CsvText() may have put before it.
+/// A parsed cell of a text column as it was before CsvText(). A backslash that begins no escape of
+/// it stays, so that a cell written by hand needs none.
 std::string TextOfCsv(std::string_view cell);
 
 }  // namespace shiftmap

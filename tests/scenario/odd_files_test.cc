@@ -14,6 +14,7 @@
 #include <set>
 
 #include "mapstore/core/csv.h"
+#include "mapstore/core/inert_text.h"
 #include "tests/scenario/command.h"
 #include "tests/support/random_map.h"
 #include "tests/support/temp_dir.h"
@@ -107,24 +108,11 @@ TEST_F(OddFilesTest, ASurveyOfTooManyModesIsRefused) {
 // Exported as CSV, imported elsewhere, exported again: the same bytes, and no formula.
 TEST_F(OddFilesTest, HostileSignaturesSurviveCsv) {
   std::mt19937_64 random(TestSeed(41));
-  std::set<std::string> signatures = {"=cmd()",
-                                      "+1+1",
-                                      "-1",
-                                      "@SUM(A1)",
-                                      "\tx",
-                                      "\rx",
-                                      "'=1",
-                                      "a\"b",
-                                      "a\"\"b",
-                                      "\"",
-                                      ",",
-                                      "#1",
-                                      "a\nb",
-                                      "'",
-                                      "\x1b[2K",
-                                      " a ",
-                                      "a,\"b\"\r\n"};
-  const std::string alphabet = "=+-@'\"#,\r\n\t a1";
+  std::set<std::string> signatures = {
+      "=cmd()",        "+1+1",  "-1",     "@SUM(A1)", "\tx",        "\rx", "'=1",     "a\"b",
+      "a\"\"b",        "\"",    ",",      "#1",       "a\nb",       "'",   "\x1b[2K", "\a\u009b1A",
+      "\u202egnp.exe", "\\x1b", "a\\\\b", " a ",      "a,\"b\"\r\n"};
+  const std::string alphabet = "=+-@'\"#,\r\n\t a1\x1b\\x";
   for (int i = 0; i < 60; ++i) {
     std::string text(1 + random() % 6, ' ');
     for (char& c : text) c = alphabet[random() % alphabet.size()];
@@ -157,6 +145,8 @@ TEST_F(OddFilesTest, HostileSignaturesSurviveCsv) {
   }
   EXPECT_EQ(ReadFile(folder_.File("two.csv")), ReadFile(folder_.File("one.csv")));
   EXPECT_EQ(ReadFile(folder_.File("one.csv")), text);
+  std::erase(text, '\t');
+  EXPECT_EQ(InertText(text), text);
 }
 
 TEST_F(OddFilesTest, ASurveyFromTheFutureIsRefused) {

@@ -257,12 +257,31 @@ TEST_F(OutputTest, DryRunWritesNothing) {
 }
 
 TEST_F(OutputTest, ReadingLeavesTheStoreAsItIs) {
+  RunForJson("shiftmap-mapper", OfMap({"build", world_.Log(1)}));
   const auto before = Contents(folder_.path());
-  for (const char* list : {"versions", "show", "modes", "sightings", "runs"}) {
+  for (const char* list :
+       {"versions", "show", "modes", "sightings", "runs", "reports", "vehicles"}) {
     RunForJson("shiftmap-inspect", OfMap({list}));
   }
-  RunForJson("shiftmap-inspect", {"areas", "--store", store_});
+  for (const char* list : {"areas", "audit", "verify"}) {
+    RunForJson("shiftmap-inspect", {list, "--store", store_});
+  }
   RunForJson("shiftmap-inspect", OfMap({"history", "L01"}));
+  RunForJson("shiftmap-inspect", OfMap({"edit", "list"}));
+  RunForJson("shiftmap-inspect", OfMap({"diff", "1", "2"}));
+  const TempDir elsewhere;
+  const std::vector<Arguments> pictures = {
+      {"map"}, {"modes", "L01"}, {"history", "L01"}, {"diff", "1", "2"}, {"rates"}, {"night"}};
+  for (Arguments words : pictures) {
+    words.insert(words.begin(), "plot");
+    words.insert(words.end(), {"--output", elsewhere.File("a.svg")});
+    RunForJson("shiftmap-inspect", OfMap(words));
+  }
+  for (const char* form :
+       {"--geojson", "--csv", "--g2o", "--textproto", "--protojson", "--snapshot", "--html"}) {
+    RunForJson("shiftmap-inspect", OfMap({"export", form, "--output", elsewhere.File("map")}));
+  }
+  RunForJson("shiftmap-inspect", OfMap({"export", "--tum", "--output", elsewhere.File("tum")}));
   RunForJson("shiftmap-eval", OfMap({"map", world_.Places()}));
   RunForJson("shiftmap-localizer", OfMap({"run", world_.Log(1)}));
   EXPECT_TRUE(Contents(folder_.path()) == before);

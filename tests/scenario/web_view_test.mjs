@@ -54,6 +54,21 @@ const text = (page, selector) => page.$eval(selector, (element) => element.textC
 const texts = (page, selector) =>
   page.$$eval(selector, (elements) => elements.map((element) => element.textContent.trim()));
 
+// The number of colours in a picture of the page, which stays in the folder until the end.
+async function coloursOf(page, name) {
+  const png = await page.screenshot({path: file(`${name}.png`)});
+  const reader = await browser.newPage();
+  const colours = await reader.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+    const image = await createImageBitmap(new Blob([bytes], {type: 'image/png'}));
+    const canvas = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    canvas.drawImage(image, 0, 0);
+    return new Set(new Uint32Array(canvas.getImageData(0, 0, image.width, image.height).data.buffer)).size;
+  }, Buffer.from(png).toString('base64'));
+  await reader.close();
+  return colours;
+}
+
 async function find(page, signature) {
   await page.$eval('#search', (field) => { field.value = ''; });
   await page.type('#search', signature);
@@ -103,6 +118,18 @@ const tests = {
     assert.deepEqual(page.requests, []);
     assert.deepEqual(page.complaints, []);
     assert.equal(await page.$eval('html', (html) => html.scrollWidth <= innerWidth), true);
+  },
+
+  async 'Pages are painted, by day and by night'() {
+    for (const name of ['floor', 'replay']) {
+      for (const scheme of ['light', 'dark']) {
+        const page = await openFile(`${name}.html`, {scheme});
+        const colours = await coloursOf(page, `${name}-${scheme}`);
+        assert.ok(colours > 20, `${name}, ${scheme}: ${colours} colours`);
+      }
+    }
+    const empty = await browser.newPage();
+    assert.equal(await coloursOf(empty, 'empty'), 1);
   },
 
   async 'A click on a landmark shows its history, every visit in it'() {

@@ -20,6 +20,9 @@ namespace {
 constexpr std::size_t kScreenRows = 20;
 constexpr double kDayS = 86'400.0;
 
+// Less than this does not show in three decimals. [m, or a probability]
+constexpr double kLeastShown = 5e-4;
+
 // Kinds of change, the most important first.
 enum class Kind { kLandmark, kMoved, kModes, kHolds, kRate, kSmall };
 
@@ -50,6 +53,16 @@ std::pair<ModeNumber, double> Holding(const LandmarkGroup& group) {
 
 const LandmarkGroup& GroupOf(const MapSnapshot& map, const Signature& signature) {
   return map.groups()[static_cast<std::size_t>(map.GroupIndex(signature))];
+}
+
+// The difference of a group without what the printed digits do not show.
+GroupDiff Shown(GroupDiff group) {
+  std::erase_if(group.moved, [](const MovedMode& mode) {
+    return mode.displacement_m.norm() < kLeastShown &&
+           mode.squared_mahalanobis <= kMovedSquaredMahalanobis;
+  });
+  if (group.probability_change < kLeastShown) group.probability_change = 0.0;
+  return group;
 }
 
 std::string PlaceText(const LandmarkGroup& group, ModeNumber number) {
@@ -152,7 +165,7 @@ class DiffLines {
          other
              ? fmt::format(
                    "P {:.3f}, was {} with P {:.3f}", is_probability, ModeName(was), was_probability)
-             : fmt::format("P {:.4f}, was {:.4f}", is_probability, was_probability)});
+             : fmt::format("P {:.3f}, was {:.3f}", is_probability, was_probability)});
   }
 
   void AddRate(const GroupDiff& diff) {
@@ -257,7 +270,13 @@ std::string DiffText(const EarlierMap& earlier,
   for (const Signature& signature : diff.groups_added) {
     lines.AddLandmark(signature, to, "new landmark");
   }
-  for (const GroupDiff& group : diff.groups) lines.AddGroup(group);
+  std::size_t changed = 0;
+  for (const GroupDiff& group : diff.groups) {
+    const GroupDiff shown = Shown(group);
+    if (shown.empty()) continue;
+    lines.AddGroup(shown);
+    ++changed;
+  }
   const std::vector<Line> sorted = lines.Sorted();
   if (!sorted.empty()) {
     AlignedTable table({"signature", "mode", "change", "detail"});
@@ -272,7 +291,7 @@ std::string DiffText(const EarlierMap& earlier,
       text += fmt::format("{} more changes: --all shows them\n", sorted.size() - shown);
     }
   }
-  const std::size_t unchanged = to.groups().size() - diff.groups_added.size() - diff.groups.size();
+  const std::size_t unchanged = to.groups().size() - diff.groups_added.size() - changed;
   return text + "\n" + SumsText(lines.sums(), diff, unchanged) + CalibrationText(diff, all, style);
 }
 

@@ -160,20 +160,22 @@ Status List(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store.Edits(arguments.area));
   Json list = Json::array();
-  AlignedTable table({"id", "made", "version", "author", "edit", "reason", "state"});
+  AlignedTable table({"id", "state", "edit", "reason", "author", "made", "version", "taken_back"});
+  table.KeepWide(2, 48);
   for (const MapEdit& edit : edits) {
     list.push_back(EditJson(edit));
     table.AddRow({std::to_string(edit.id.value()),
-                  TimeText(edit.made),
-                  edit.version ? std::to_string(edit.version->value()) : "-",
-                  edit.author,
+                  edit.undone ? "taken back" : "in force",
                   EditText(edit),
                   edit.reason,
-                  edit.undone ? fmt::format("taken back {} by {}: {}",
+                  edit.author,
+                  TimeText(edit.made),
+                  edit.version ? std::to_string(edit.version->value()) : "-",
+                  edit.undone ? fmt::format("{} by {}: {}",
                                             TimeText(edit.undone->when),
                                             edit.undone->author,
                                             edit.undone->reason)
-                              : "in force"});
+                              : ""});
   }
   context.Report({{"area", arguments.area}, {"edits", list}},
                  table.ToString(context.style(), "no edits"));
@@ -320,11 +322,10 @@ void AddEditCommands(Application* application) {
       .Option("--weight",
               &arguments->weight,
               "Of a rate: as many visits, each of which found the landmark moved, it counts as")
-      .Option("--since",
-              &arguments->since_s,
-              "Of a calibration: what runs tell that end then or later, seconds since the epoch")
-      .InRange(0.0, 9.2e9)
+      .Time(
+          "--since", &arguments->since_s, "Of a calibration: what runs tell that end then or later")
       .Check([arguments] { return Misused(*arguments); })
+      .Watchable([arguments] { return arguments->action == kList; })
       .Writes();
 }
 

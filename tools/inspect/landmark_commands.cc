@@ -10,19 +10,17 @@
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"
-#include "mapstore/core/nearest_name.h"
 #include "mapstore/map_store.h"
 #include "tools/inspect/edit_text.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/landmark_text.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
+#include "tools/plot/history_plot.h"
 
 namespace shiftmap {
 namespace {
 
-// Beyond this, seconds do not fit into a Duration.
-constexpr double kMaxSpanS = 9.2e9;
 constexpr std::int64_t kDefaultSteps = 10;
 constexpr std::size_t kShownVisits = 20;  // Of `history`,
 constexpr std::size_t kLastVisits = 3;    // and of `modes`.
@@ -49,17 +47,6 @@ HistoryOptions OptionsOf(const StoreArguments& arguments) {
   return options;
 }
 
-// With the names that the map has instead.
-Status UnknownSignature(const MapSnapshot& map, const std::string& signature) {
-  std::vector<std::string> names;
-  for (const LandmarkGroup& group : map.groups()) names.push_back(group.signature.text());
-  return NotFound("area '{}': version {} has no landmark '{}'{}",
-                  map.area(),
-                  map.version().value(),
-                  signature,
-                  DidYouMean(signature, names));
-}
-
 StatusOr<LandmarkHistory> Load(const StoreArguments& arguments,
                                const std::string& signature,
                                const HistoryOptions& options,
@@ -67,11 +54,9 @@ StatusOr<LandmarkHistory> Load(const StoreArguments& arguments,
                                MapStore* store) {
   StatusOr<LandmarkHistory> history =
       LoadLandmarkHistory(store, arguments.area, Signature(signature), options);
-  if (history.ok()) WarnOfEarlierTime(arguments, history->stamp, context);
-  if (history.ok() || history.status().code() != StatusCode::kNotFound) return history;
-  const StatusOr<MapSnapshot> map = LoadMap(arguments, store, context);
-  if (!map.ok() || map->GroupIndex(Signature(signature)) >= 0) return history;
-  return UnknownSignature(*map, signature);
+  if (!history.ok()) return NameLandmark(history.status(), arguments, signature, store, context);
+  WarnOfEarlierTime(arguments, history->stamp, context);
+  return history;
 }
 
 std::string VersionsText(const std::vector<VersionNumber>& versions) {
@@ -175,20 +160,6 @@ bool IsExplained(const UnmappedSighting& sighting, const std::vector<ModeHistory
   });
 }
 
-// Times from the version's stamp to that of the probabilities.
-std::vector<Stamp> Steps(Stamp from, Stamp to, std::int64_t count) {
-  // In seconds: what a damaged store says may be further apart than nanoseconds count.
-  const double span_s = ToSecondsSinceEpoch(to) - ToSecondsSinceEpoch(from);
-  const bool sound = span_s > 0.0 && span_s < kMaxSpanS;
-  if (!sound) return {from};
-  std::vector<Stamp> steps;
-  for (std::int64_t i = 0; i <= count; ++i) {
-    steps.push_back(from +
-                    FromSeconds(span_s / static_cast<double>(count) * static_cast<double>(i)));
-  }
-  return steps;
-}
-
 // From the version's stamp to the time asked for, else to the newest end of the evidence.
 StatusOr<std::vector<Stamp>> TrackTimes(const HistoryArguments& arguments,
                                         VersionNumber version,
@@ -200,7 +171,7 @@ StatusOr<std::vector<Stamp>> TrackTimes(const HistoryArguments& arguments,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
   for (const VersionSummary& other : versions) {
     if (other.version != version) continue;
-    return Steps(other.stamp, newest.stamp(), arguments.steps.value_or(kDefaultSteps));
+    return EvenTimes(other.stamp, newest.stamp(), arguments.steps.value_or(kDefaultSteps));
   }
   return std::vector<Stamp>();
 }

@@ -229,11 +229,11 @@ std::string ModesText(const LandmarkHistory& history, const TextStyle& style) {
                       "y_m",
                       "sd_m",
                       "probability",
-                      "since_version",
-                      "visits",
                       "last_seen",
-                      "first_seen",
-                      "note"});
+                      "note",
+                      "visits",
+                      "since_version",
+                      "first_seen"});
   if (!history.probabilities.empty()) {
     table.AddRow({"absent",
                   "-",
@@ -241,10 +241,10 @@ std::string ModesText(const LandmarkHistory& history, const TextStyle& style) {
                   "-",
                   ProbabilityText(history.probabilities.front().probability),
                   "-",
+                  "",
                   "-",
                   "-",
-                  "-",
-                  ""});
+                  "-"});
   }
   for (const ModeHistory& mode : history.modes) {
     const auto seen = [&](const std::optional<std::size_t>& visit) {
@@ -255,11 +255,11 @@ std::string ModesText(const LandmarkHistory& history, const TextStyle& style) {
                   fmt::format("{:.3f}", mode.position.p_map_landmark.y()),
                   fmt::format("{:.3f}", LargestSd(mode.position.cov_p_map_landmark)),
                   mode.gone ? "-" : ProbabilityText(mode.probability),
-                  fmt::format("{}", mode.first_version.value()),
-                  fmt::format("{}", mode.visits),
                   seen(mode.last_visit),
-                  seen(mode.first_visit),
-                  NoteText(mode)},
+                  NoteText(mode),
+                  fmt::format("{}", mode.visits),
+                  fmt::format("{}", mode.first_version.value()),
+                  seen(mode.first_visit)},
                  mode.gone ? Emphasis::kFaint : Emphasis::kNone);
   }
   return table.ToString(style);
@@ -280,28 +280,27 @@ std::string LeaveRateText(const LandmarkHistory& history) {
 
 std::string VisitsText(const LandmarkHistory& history, std::size_t limit, const TextStyle& style) {
   if (history.visits.empty()) return "no visits\n";
-  std::vector<std::string> header = {"visit", "counts", "seen", "says"};
+  std::vector<std::string> header = {"visit", "says"};
   for (const ModeProbability& mode : history.probabilities) {
     header.push_back(mode.mode == kAbsent ? "P(absent)" : fmt::format("P({})", mode.mode.value()));
   }
-  header.insert(header.end(), {"decided", "vehicle", "run", "from", "duration_s"});
+  header.insert(header.end(),
+                {"counts", "decided", "vehicle", "run", "seen", "from", "duration_s"});
   AlignedTable table(header);
   const std::size_t first = FirstShown(history, limit);
   for (std::size_t i = first; i < history.visits.size(); ++i) {
     const HistoryVisit& visit = history.visits[i];
-    std::vector<std::string> row = {
-        TimeText(visit.begin),
-        visit.set_aside ? fmt::format("no: {}", Describe(*visit.set_aside)) : std::string("yes"),
-        fmt::format("{}", visit.observations),
-        EvidenceText(visit)};
+    std::vector<std::string> row = {TimeText(visit.begin), EvidenceText(visit)};
     for (std::size_t k = 0; k < history.probabilities.size(); ++k) {
       row.push_back(
           visit.probabilities.empty() ? "-" : ProbabilityText(visit.probabilities[k].probability));
     }
     row.insert(row.end(),
-               {DecisionText(visit),
+               {visit.set_aside ? fmt::format("no: {}", Describe(*visit.set_aside)) : "yes",
+                DecisionText(visit),
                 visit.vehicle,
                 RunText(visit),
+                fmt::format("{}", visit.observations),
                 SourceText(visit),
                 fmt::format("{:.1f}", ToSeconds(visit.end - visit.begin))});
     table.AddRow(std::move(row), visit.set_aside ? Emphasis::kFaint : Emphasis::kNone);

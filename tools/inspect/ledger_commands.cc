@@ -19,12 +19,24 @@ Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
   return list;
 }
 
-std::string SetAsideText(const std::vector<SetAsideRows>& set_aside) {
+// With what the operator said who took the run out.
+std::string SetAsideText(const ReportSummary& report, const Exclusion* exclusion) {
   std::string text;
-  for (const SetAsideRows& rows : set_aside) {
+  for (const SetAsideRows& rows : report.set_aside) {
     text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", rows.rows, Describe(rows.reason));
+    const bool taken_out = rows.reason == SetAside::kExcluded || rows.reason == SetAside::kHeld;
+    if (taken_out && exclusion != nullptr) text += fmt::format(" ({})", exclusion->reason);
   }
   return text;
+}
+
+// The exclusion of the report's run or vehicle, or null.
+const Exclusion* ExclusionOf(const ReportSummary& report,
+                             const std::vector<Exclusion>& exclusions) {
+  return FindExclusion(exclusions,
+                       report.run_hash.empty() ? report.uuid : report.run_hash,
+                       report.vehicle,
+                       report.begin);
 }
 
 struct LedgerArguments : StoreArguments {
@@ -41,18 +53,22 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionNumber version, SelectVersion(arguments, &store));
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<ReportSummary> reports,
                             store.Reports(arguments.area, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                            store.Exclusions(arguments.area));
   std::erase_if(reports, [&](const auto& report) { return IsOlder(report.end, arguments); });
   Json list = Json::array();
   AlignedTable table({"end",
                       "vehicle",
-                      "version",
                       "rows",
                       "counting",
                       "not_counting",
+                      "version",
                       "report",
                       "decisions",
                       "sightings"});
+  table.KeepWide(4, 40);
   for (const ReportSummary& report : reports) {
+    const Exclusion* const exclusion = ExclusionOf(report, exclusions);
     list.push_back({{"uuid", report.uuid},
                     {"vehicle", report.vehicle},
                     {"version", report.version.value()},
@@ -64,15 +80,16 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
                     {"evidence_rows", report.evidence_rows},
                     {"decisions", report.decisions},
                     {"sightings", report.sightings},
-                    {"set_aside", SetAsideJson(report.set_aside)}});
+                    {"set_aside", SetAsideJson(report.set_aside)},
+                    {"exclusion_reason", exclusion ? Json(exclusion->reason) : Json(nullptr)}});
     int aside = 0;
     for (const SetAsideRows& rows : report.set_aside) aside += rows.rows;
     table.AddRow({TimeText(report.end),
                   report.vehicle,
-                  fmt::format("{}", report.version.value()),
                   fmt::format("{}", report.evidence_rows),
                   fmt::format("{}", report.evidence_rows - aside),
-                  SetAsideText(report.set_aside),
+                  SetAsideText(report, exclusion),
+                  fmt::format("{}", report.version.value()),
                   ShortHash(report.uuid),
                   fmt::format("{}", report.decisions),
                   fmt::format("{}", report.sightings)},

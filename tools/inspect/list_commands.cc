@@ -38,7 +38,7 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(arguments.area));
   Json list = Json::array();
-  AlignedTable table({"version", "parent", "published", "stored", "created", "content", "tool"});
+  AlignedTable table({"version", "parent", "published", "created", "stored", "content", "tool"});
   for (const VersionSummary& version : versions) {
     list.push_back({{"version", version.version.value()},
                     {"parent", VersionJson(version.parent)},
@@ -51,13 +51,13 @@ Status RunVersions(const StoreArguments& arguments, Context& context) {
     table.AddRow({VersionText(version.version),
                   VersionText(version.parent),
                   version.published ? "yes" : "",
-                  version.content_stored ? "yes" : "no",
                   TimeText(version.created),
+                  version.content_stored ? "yes" : "no",
                   ShortHash(version.content_hash),
                   version.tool},
                  version.published ? Emphasis::kStrong : Emphasis::kNone);
   }
-  context.Report({{"versions", list}}, table.ToString(context.style()));
+  context.Report({{"versions", list}}, table.ToString(context.style(), "no versions"));
   return OkStatus();
 }
 
@@ -110,7 +110,7 @@ Status RunSightings(const SightingArguments& arguments, Context& context) {
   });
   Json list = Json::array();
   AlignedTable table(
-      {"signature", "x_m", "y_m", "count", "first", "last", "nearest_mode", "distance_m"});
+      {"signature", "x_m", "y_m", "count", "last", "distance_m", "nearest_mode", "first"});
   for (const UnmappedSighting& sighting : sightings) {
     const Eigen::Matrix2d& cov = sighting.cov_p_map_landmark;
     const std::optional<NearestMode> nearest = map ? NearestOf(*map, sighting) : std::nullopt;
@@ -127,10 +127,10 @@ Status RunSightings(const SightingArguments& arguments, Context& context) {
                   fmt::format("{:.2f}", sighting.p_map_landmark.x()),
                   fmt::format("{:.2f}", sighting.p_map_landmark.y()),
                   fmt::format("{}", sighting.count),
-                  TimeText(sighting.first),
                   TimeText(sighting.last),
+                  nearest ? fmt::format("{:.2f}", nearest->distance_m) : "-",
                   nearest ? fmt::format("{}", nearest->number.value()) : "-",
-                  nearest ? fmt::format("{:.2f}", nearest->distance_m) : "-"});
+                  TimeText(sighting.first)});
   }
   context.Report({{"area", arguments.area}, {"sightings", list}},
                  table.ToString(context.style(), "no sightings that the map does not explain"));

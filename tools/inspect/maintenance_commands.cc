@@ -5,6 +5,7 @@
 
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/maintenance/backup.h"
 #include "mapstore/maintenance/compact.h"
@@ -39,6 +40,10 @@ struct MigrateArguments {
   std::string backup;
 };
 
+Status Unsound(const std::string& path, const VerifyResult& result) {
+  return DataLoss("map store '{}': {}", path, CountText(result.defect_count, "defect"));
+}
+
 Status RunVerify(const std::string& path, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const VerifyResult result, VerifyStore(path));
   Json defects = Json::array();
@@ -55,27 +60,25 @@ Status RunVerify(const std::string& path, Context& context) {
                          {"defects", result.defect_count},
                          {"list", defects},
                          {"findings", result.findings}};
-  const std::string looked_at =
-      fmt::format("{} versions, {} reports, {} evidence rows, {} ledger checkpoints",
-                  result.versions,
-                  result.reports,
-                  result.evidence_rows,
-                  result.checkpoints);
-  context.Report(
-      document, result.clean() ? looked_at + ": all sound\n" : table.ToString() + looked_at + "\n");
+  const std::string looked_at = fmt::format("{}, {}, {}, {}",
+                                            CountText(result.versions, "version"),
+                                            CountText(result.reports, "report"),
+                                            CountText(result.evidence_rows, "evidence row"),
+                                            CountText(result.checkpoints, "ledger checkpoint"));
+  context.Report(document,
+                 result.clean() ? looked_at + ": all sound\n"
+                                : table.ToString(context.style()) + looked_at + "\n");
   for (const std::string& finding : result.findings) {
     context.Attend(fmt::format("map store '{}': {}", path, finding));
   }
   if (result.clean()) return OkStatus();
-  return DataLoss("map store '{}': {} defects", path, result.defect_count);
+  return Unsound(path, result);
 }
 
 Status RunBackup(const BackupArguments& arguments, Context& context) {
   if (context.dry_run()) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VerifyResult result, VerifyStore(arguments.store));
-    if (!result.clean()) {
-      return DataLoss("map store '{}': {} defects", arguments.store, result.defect_count);
-    }
+    if (!result.clean()) return Unsound(arguments.store, result);
     context.Report({{"output", arguments.output}}, "the store is sound\n");
     return OkStatus();
   }
@@ -96,9 +99,7 @@ Status RunBackup(const BackupArguments& arguments, Context& context) {
 Status RunRestore(const RestoreArguments& arguments, Context& context) {
   if (context.dry_run()) {
     SHIFTMAP_ASSIGN_OR_RETURN(const VerifyResult result, VerifyStore(arguments.backup));
-    if (!result.clean()) {
-      return DataLoss("map store '{}': {} defects", arguments.backup, result.defect_count);
-    }
+    if (!result.clean()) return Unsound(arguments.backup, result);
     std::error_code error;
     if (!arguments.replace && std::filesystem::exists(arguments.store, error)) {
       return FailedPrecondition(
@@ -142,13 +143,13 @@ Status RunCompact(const CompactArguments& arguments, Context& context) {
                   {"decisions", result.decisions},
                   {"bytes_before", result.bytes_before},
                   {"bytes_after", result.bytes_after}},
-                 fmt::format("{}content of {} versions, {} evidence rows that no version needs, {} "
-                             "that say what others say, {} decisions; {} bytes before, {} after\n",
+                 fmt::format("{}content of {}, {} that no version needs, {} that say what others "
+                             "say, {}; {} bytes before, {} after\n",
                              context.dry_run() ? "would delete " : "deleted ",
-                             result.versions,
-                             result.evidence_rows,
+                             CountText(result.versions, "version"),
+                             CountText(result.evidence_rows, "evidence row"),
                              result.thinned_rows,
-                             result.decisions,
+                             CountText(result.decisions, "decision"),
                              result.bytes_before,
                              result.bytes_after));
   return OkStatus();
@@ -181,7 +182,8 @@ void AddMaintenanceCommands(Application* application) {
           "stamps are ahead of this host's clock",
           [verify](Context& context) { return RunVerify(*verify, context); })
       .Option("--store", verify.get(), "Map store, or a snapshot")
-      .Required();
+      .Required()
+      .Watchable();
 
   auto backup = std::make_shared<BackupArguments>();
   application

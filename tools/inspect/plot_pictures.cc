@@ -95,14 +95,8 @@ StatusOr<Picture> DrawMap(const PictureArguments& arguments, const Context& cont
 StatusOr<Picture> DrawModes(const PictureArguments& arguments, const Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
-  const int index = map.GroupIndex(Signature(arguments.subjects[0]));
-  if (index < 0) {
-    return NotFound("area '{}': version {} has no landmark '{}'",
-                    map.area(),
-                    map.version().value(),
-                    arguments.subjects[0]);
-  }
-  return Picture{PlotModes(map, map.groups()[static_cast<std::size_t>(index)]), AboutMap(map)};
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t index, FindLandmark(map, arguments.subjects[0]));
+  return Picture{PlotModes(map, map.groups()[index]), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& context) {
@@ -118,12 +112,15 @@ StatusOr<Picture> DrawHistory(const PictureArguments& arguments, const Context& 
     const Stamp end = visits.empty() ? SystemNow() : version;
     return HistoryTimes(visits, version, options.at.value_or(end));
   };
-  SHIFTMAP_ASSIGN_OR_RETURN(const LandmarkHistory history,
-                            LoadLandmarkHistory(&store, of.area, signature, options));
+  const StatusOr<LandmarkHistory> history =
+      LoadLandmarkHistory(&store, of.area, signature, options);
+  if (!history.ok()) {
+    return NameLandmark(history.status(), of, signature.text(), &store, context);
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store.Versions(of.area));
-  return Picture{PlotHistory(history, versions),
-                 {{"area", history.area},
-                  {"version", history.version.value()},
+  return Picture{PlotHistory(*history, versions),
+                 {{"area", history->area},
+                  {"version", history->version.value()},
                   {"signature", signature.text()}}};
 }
 

@@ -47,14 +47,14 @@ Json ExclusionJson(const Exclusion& exclusion) {
 // What an operator took out, runs and vehicles.
 std::string ExclusionsText(const std::vector<Exclusion>& exclusions, const TextStyle& style) {
   if (exclusions.empty()) return "";
-  AlignedTable table({"state", "what", "since", "decided", "reason"});
+  AlignedTable table({"state", "what", "reason", "since", "decided"});
   for (const Exclusion& exclusion : exclusions) {
     const bool run = exclusion.vehicle.empty();
     table.AddRow({StateText(exclusion),
                   run ? "run " + exclusion.run : "vehicle " + exclusion.vehicle,
+                  exclusion.reason,
                   run ? "" : TimeText(exclusion.since),
-                  TimeText(exclusion.excluded),
-                  exclusion.reason});
+                  TimeText(exclusion.excluded)});
   }
   return "\n" + table.ToString(style);
 }
@@ -66,7 +66,9 @@ std::string WaitingText(const std::vector<UnplacedRun>& waiting, const TextStyle
   for (const UnplacedRun& run : waiting) {
     table.AddRow({run.name, TimeText(run.since), ShortHash(run.sha256)});
   }
-  return "\n" + table.ToString(style);
+  return "\n" + table.ToString(style) +
+         "Each may lie at several places in the map. A build with its log and with a run past the "
+         "landmarks in doubt decides.\n";
 }
 
 Json WaitingJson(const std::vector<UnplacedRun>& waiting) {
@@ -121,7 +123,7 @@ Status List(const RunsArguments& all_arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting,
                             store.WaitingRuns(arguments.area));
   Json list = Json::array();
-  AlignedTable table({"run", "vehicle", "begin", "duration_s", "sha256", "version", "state"});
+  AlignedTable table({"run", "state", "vehicle", "begin", "version", "sha256", "duration_s"});
   for (const auto& [run, mapped_by] : runs) {
     const Exclusion* const exclusion =
         FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
@@ -135,12 +137,12 @@ Status List(const RunsArguments& all_arguments, Context& context) {
                     {"state", state.empty() ? Json(nullptr) : Json(state)}});
     table.AddRow(
         {run.name,
+         state.empty() ? "" : fmt::format("{}: {}", state, exclusion->reason),
          run.vehicle,
          TimeText(run.begin),
-         fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin)),
-         ShortHash(run.sha256),
          fmt::format("{}", mapped_by.value()),
-         state.empty() ? "" : fmt::format("{}: {}", state, exclusion->reason)},
+         ShortHash(run.sha256),
+         fmt::format("{:.1f}", ToSecondsSinceEpoch(run.end) - ToSecondsSinceEpoch(run.begin))},
         state.empty() ? Emphasis::kNone : Emphasis::kFaint);
   }
   Json taken_out = Json::array();
@@ -256,6 +258,7 @@ void AddRunCommands(Application* application) {
               "To list: map version (default: the published one)")
       .Flag("--all", &arguments->all, "To list: those of the version's ancestors too")
       .Check([arguments] { return Misused(*arguments); })
+      .Watchable([arguments] { return arguments->action == kList; })
       .Writes();
 }
 

@@ -6,6 +6,7 @@
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/nearest_name.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/frame_change.h"
 
@@ -96,6 +97,30 @@ StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
     if (other.version == version) return other.parent;
   }
   return std::optional<VersionNumber>();
+}
+
+StatusOr<std::size_t> FindLandmark(const MapSnapshot& map, const std::string& signature) {
+  const int index = map.GroupIndex(Signature(signature));
+  if (index >= 0) return static_cast<std::size_t>(index);
+  std::vector<std::string> names;
+  for (const LandmarkGroup& group : map.groups()) names.push_back(group.signature.text());
+  return NotFound("area '{}': version {} has no landmark '{}'{}",
+                  map.area(),
+                  map.version().value(),
+                  signature,
+                  DidYouMean(signature, names));
+}
+
+Status NameLandmark(const Status& status,
+                    const StoreArguments& arguments,
+                    const std::string& signature,
+                    MapStore* store,
+                    const Context& context) {
+  if (status.code() != StatusCode::kNotFound) return status;
+  const StatusOr<MapSnapshot> map = LoadMap(arguments, store, context);
+  if (!map.ok()) return status;
+  const Status found = FindLandmark(*map, signature).status();
+  return found.ok() ? status : found;
 }
 
 StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version, MapStore* store) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -61,6 +62,18 @@ bool Gates(const UnmappedSighting& sighting,
 StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
                                                 VersionNumber version,
                                                 MapStore* store);
+
+/// The index of a landmark in MapSnapshot::groups.
+/// Errors: kNotFound, with the nearest name that the map has instead.
+StatusOr<std::size_t> FindLandmark(const MapSnapshot& map, const std::string& signature);
+
+/// A status that is not OK; if that is because the map of the arguments does not have the landmark,
+/// the one of FindLandmark() instead.
+Status NameLandmark(const Status& status,
+                    const StoreArguments& arguments,
+                    const std::string& signature,
+                    MapStore* store,
+                    const Context& context);
 
 /// A version with the probabilities of the time at which it was built.
 /// Errors: as MapStore::LoadAt.

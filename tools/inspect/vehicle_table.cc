@@ -56,16 +56,16 @@ Json VehiclesJson(const std::vector<VehicleCalibration>& vehicles) {
 
 std::string VehiclesText(const std::vector<VehicleCalibration>& vehicles, const TextStyle& style) {
   if (vehicles.empty()) return "no vehicle is calibrated by itself\n";
-  AlignedTable table({"vehicle", "runs", "newest", "what", "value", "low", "high"});
+  AlignedTable table({"vehicle", "what", "value", "low", "high", "runs", "newest"});
   for (const VehicleCalibration& vehicle : vehicles) {
     for (const auto& [name, interval] : IntervalsOf(vehicle)) {
       table.AddRow({vehicle.vehicle,
-                    fmt::format("{}", vehicle.runs),
-                    TimeText(vehicle.stamp),
                     name,
                     fmt::format("{:.4f}", interval.value),
                     fmt::format("{:.4f}", interval.low),
-                    fmt::format("{:.4f}", interval.high)});
+                    fmt::format("{:.4f}", interval.high),
+                    fmt::format("{}", vehicle.runs),
+                    TimeText(vehicle.stamp)});
     }
   }
   return table.ToString(style, "no vehicles");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
 
 #include "mapstore/core/clock.h"
@@ -20,6 +21,7 @@ namespace shiftmap {
 namespace {
 
 constexpr int kTimes = 400;
+constexpr double kMaxSpanS = 9.2e9;  // Beyond this, seconds do not fit into a Duration.
 constexpr std::size_t kMostVisitTimes = 600;
 
 constexpr double kLeft = 78.0;
@@ -281,6 +283,20 @@ std::string HistoryPlot::Draw() const {
 
 }  // namespace
 
+std::vector<Stamp> EvenTimes(Stamp from, Stamp to, std::int64_t steps) {
+  // In seconds: what a damaged store says may be further apart than nanoseconds count.
+  const double span_s = ToSecondsSinceEpoch(to) - ToSecondsSinceEpoch(from);
+  const bool sound = span_s > 0.0 && span_s < kMaxSpanS;
+  std::vector<Stamp> times = {from};
+  if (!sound) return times;
+  for (std::int64_t i = 1; i < steps; ++i) {
+    times.push_back(from +
+                    FromSeconds(span_s / static_cast<double>(steps) * static_cast<double>(i)));
+  }
+  times.push_back(to);
+  return times;
+}
+
 std::vector<Stamp> HistoryTimes(const std::vector<VisitSpan>& visits, Stamp version, Stamp end) {
   std::vector<Stamp> times;
   Stamp first = std::min(version, end);
@@ -298,8 +314,8 @@ std::vector<Stamp> HistoryTimes(const std::vector<VisitSpan>& visits, Stamp vers
       times.push_back(visit.end);
     }
   }
-  const double span_s = ToSecondsSinceEpoch(end) - ToSecondsSinceEpoch(first);
-  for (int i = 0; i <= kTimes; ++i) times.push_back(first + FromSeconds(span_s * i / kTimes));
+  const std::vector<Stamp> even = EvenTimes(first, end, kTimes);
+  times.insert(times.end(), even.begin(), even.end());
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end()), times.end());
   return times;

@@ -9,6 +9,10 @@
 
 namespace shiftmap {
 
+/// The ends of equal steps from a time to another one, both with them and exact; the first time
+/// alone if the other one is not after it.
+std::vector<Stamp> EvenTimes(Stamp from, Stamp to, std::int64_t steps);
+
 /// The times at which a picture of a history needs its probabilities: HistoryOptions::choose_track.
 /// @param version  The stamp of the map version.
 /// @param end      Of the picture, if that is after the last visit.

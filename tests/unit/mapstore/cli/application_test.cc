@@ -181,6 +181,10 @@ TEST(Application, UsageErrorsAreOneLineWithAHint) {
       {{"measure", "a", "--max-range-m", "nan"}, "--max-range-m: Value nan is not finite"},
       {{"measure", "a", "--max-height-m", "inf"}, "--max-height-m: Value inf is not finite"},
       {{"measure", "a", "--seed", "-1"}, "--seed: Value -1 is negative"},
+      {{"measure", "a", "--seed", "one"}, "--seed: 'one' is no number;"},
+      {{"measure", "a", "--count", "two"}, "--count: 'two' is no number;"},
+      {{"measure", "a", "--count", "1.5"}, "--count: '1.5' is no integer in range;"},
+      {{"measure", "a", "--max-height-m", "high"}, "--max-height-m: 'high' is no number;"},
       {{"measure", "a", "--kind", "lrage"},
        "--kind: 'lrage' is none of small, large; did you mean 'large'?"},
       {{"measure", "a", "--kind", "large", "--deep"}, "--deep is for --kind small"},
@@ -192,6 +196,29 @@ TEST(Application, UsageErrorsAreOneLineWithAHint) {
     ExpectUsageError(program.Run(arguments), text);
     EXPECT_EQ(program.calls, 0);
   }
+}
+
+TEST(Application, AnActionThatWritesIsNotRepeated) {
+  Application application("shiftmap-test", "");
+  std::string action = "list";
+  int calls = 0;
+  application
+      .AddCommand("runs",
+                  "",
+                  [&](Context&) {
+                    ++calls;
+                    return NotFound("no area");  // Ends the repetitions.
+                  })
+      .Option("ACTION", &action, "What to do")
+      .Watchable([&] { return action == "list"; })
+      .Writes();
+  std::ostringstream out;
+  std::ostringstream err;
+  EXPECT_EQ(application.Run({"runs", "--watch", "1"}, &out, &err), ExitCode::kNotFound);
+  EXPECT_EQ(calls, 1);
+  EXPECT_EQ(application.Run({"runs", "exclude", "--watch", "1"}, &out, &err), ExitCode::kUsage);
+  EXPECT_THAT(err.str(), HasSubstr("--watch is for an action that only looks"));
+  EXPECT_EQ(calls, 1);
 }
 
 TEST(Application, OnlyACommandThatWritesHasDryRun) {

@@ -55,16 +55,34 @@ TEST(Csv, TextsThatASpreadsheetComputesGetAnApostrophe) {
     EXPECT_EQ(CsvText(text), std::string("'") + text);
     EXPECT_EQ(TextOfCsv(std::string("'") + text), text);
   }
-  EXPECT_EQ(CsvText("\r=1"), "\"'\r=1\"");
+  EXPECT_EQ(TextOfCsv("'\r=1"), "\r=1");
   for (const char* text : {"L07", "'quoted'", "'", "1=2", "a-b", ""}) {
     EXPECT_EQ(CsvText(text), text);
     EXPECT_EQ(TextOfCsv(text), text);
   }
 }
 
+TEST(Csv, WhatATerminalWouldObeyIsEscaped) {
+  const std::pair<std::string, std::string> cases[] = {{"\x1b[2Ja", "\\x1b[2Ja"},
+                                                       {"\a", "\\x07"},
+                                                       {"a\rb", "a\\x0db"},
+                                                       {"\u009b1A", "\\u009b1A"},
+                                                       {"\u202etxt", "\\u202etxt"},
+                                                       {"\xff", "\\xff"},
+                                                       {"a\\x1b", "a\\\\x1b"},
+                                                       {"C:\\temp", "C:\\\\temp"},
+                                                       {"Größe\t1", "Größe\t1"}};
+  for (const auto& [text, cell] : cases) {
+    EXPECT_EQ(CsvText(text), cell);
+    EXPECT_EQ(TextOfCsv(cell), text);
+  }
+  // As somebody writes it by hand.
+  for (const char* text : {"C:\\temp", "\\", "a\\xyz", "\\u12"}) EXPECT_EQ(TextOfCsv(text), text);
+}
+
 TEST(Csv, EveryTextSurvivesTheRoundTrip) {
   std::mt19937_64 random(testing::TestSeed(6));
-  const std::string alphabet("=+-@'\"#,\r\n\t ;ab\0\xc3", 18);
+  const std::string alphabet("=+-@'\"#,\r\n\t ;ab\0\xc3\\x1u\x1b\xc2\x9b", 25);
   for (int round = 0; round < 5000; ++round) {
     std::vector<Cells> rows(1 + random() % 3);
     std::string text;

@@ -219,7 +219,7 @@ TEST(MigrateDerivedTest, WhatWasKnownIsThatOfTheMigration) {
             ContentHash(store.LoadAt("floor")->content()));
   EXPECT_EQ(store.LoadKnown("floor", published->written)->version(), VersionNumber(1));
   EXPECT_THAT(store.LoadKnown("floor", published->written - Duration(1)),
-              StatusIs(StatusCode::kNotFound, "nothing was published by"));
+              StatusIs(StatusCode::kNotFound, "nothing was published by 20"));
 }
 
 // Two builds and a report: a store that nobody edited, and that can be.

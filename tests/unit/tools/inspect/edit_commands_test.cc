@@ -98,6 +98,13 @@ TEST_F(EditCommands, EveryKindIsMadeListedAndTakenBack) {
   EXPECT_THAT(Run({"list"}).out, HasSubstr("taken back "));
 }
 
+TEST_F(EditCommands, ACalibrationIsForgottenSinceATimeInAnyForm) {
+  const Outcome made =
+      Edit({"calibration", "reset", vehicle_, "--since", "2026-01-07T06:00Z", "--json"});
+  ASSERT_EQ(made.code, 0) << made.err;
+  EXPECT_EQ(made.json()["edit"]["since_s"], 1767765600.0);
+}
+
 TEST_F(EditCommands, AMergedModeIsPartOfTheOther) {
   ASSERT_EQ(Edit({"position", names_[0], "1,1", "--new", "--sd", "0.1"}).code, 0);
   const Json list = Run({"list", "--json"}).json();

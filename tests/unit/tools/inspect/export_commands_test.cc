@@ -128,6 +128,7 @@ TEST_F(ExportCommand, GeoJsonComesBackEqualWithCovariancesAndRates) {
 // The whole map: joint covariance, calibrations and stamps too.
 TEST_F(ExportCommand, ProtobufFormsComeBackEqual) {
   for (const auto& [flag, ending, form] : {std::tuple("--textproto", ".textproto", MapForm::kText),
+                                           std::tuple("--protojson", ".protojson", MapForm::kJson),
                                            std::tuple("--protojson", ".json", MapForm::kJson)}) {
     const auto [first, second] = RoundTrip(flag, ending);
     const auto a = DecodeMap(first, form);

@@ -159,6 +159,10 @@ TEST(VisitsText, AVisitThatTellsTwoModesNotApartSaysWhichOneItSpeaksAgainst) {
 TEST_F(LandmarkCommands, AMistypedSignatureIsAnsweredWithTheNearest) {
   EXPECT_THAT(Run({"history", "l02"}, 6), HasSubstr("no landmark 'l02'; did you mean 'L02'?"));
   EXPECT_THAT(Run({"modes", "L03"}, 6), HasSubstr("no landmark 'L03'; only versions 1"));
+  for (const char* picture : {"modes", "history"}) {
+    EXPECT_THAT(Run({"plot", picture, "l02", "--output", dir_.File("a.svg")}, 6),
+                HasSubstr("no landmark 'l02'; did you mean 'L02'?"));
+  }
 }
 
 TEST_F(LandmarkCommands, DiffPutsWhatMattersFirstAndSumsUpTheRest) {

@@ -20,6 +20,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing::IsOk;
+using ::testing::Not;
 
 struct Outcome {
   int code;
@@ -94,8 +95,29 @@ TEST_F(StoreCommands, DiffNamesWhatMoved) {
   EXPECT_THAT(Run({"diff", "1", "2"}).out, HasSubstr("0.500 m"));
   EXPECT_EQ(Run({"diff", "2", "3"}).out, "no difference\n");
   EXPECT_EQ(Run({"diff", "1", "2", "--min-move-sigma", "1e6"}).out, "no difference\n");
+  EXPECT_THAT(Run({"diff", "a", "2"}).err, HasSubstr("FROM: 'a' is no number"));
   EXPECT_EQ(Run({"diff", "1", "9"}).code, 6);
   EXPECT_EQ(Run({"diff", "1"}).code, 2);
+}
+
+// Nobody sees what the digits do not show; the document has all of it.
+TEST_F(StoreCommands, DiffCountsWhatDoesNotShowAsUnchanged) {
+  {
+    MapStore store = *MapStore::Open(store_, MapStore::Access::kReadWrite);
+    MapContent content = store.LoadVersion("hall", VersionNumber(2))->content();
+    for (LandmarkGroup& group : content.groups) {
+      group.modes[0].p_map_landmark.x() += 1e-6;
+      group.probabilities(0) += 1e-5 * group.probabilities(1);
+      group.probabilities(1) -= 1e-5 * group.probabilities(1);
+    }
+    content.groups[0].modes[0].p_map_landmark.x() += 0.5;
+    ASSERT_THAT(store.Commit("hall", content, {}, {.parent = VersionNumber(2)}), IsOk());
+  }
+  const Outcome diff = Run({"diff", "2", "4"});
+  ASSERT_EQ(diff.code, 0) << diff.err;
+  EXPECT_THAT(diff.out, HasSubstr("unchanged: 4 landmarks"));
+  EXPECT_THAT(diff.out, Not(HasSubstr("0.000 m")));
+  EXPECT_EQ(Run({"diff", "2", "4", "--json"}).json()["groups"].size(), 5U);
 }
 
 TEST_F(StoreCommands, PublishIsCompareAndSwap) {
@@ -126,12 +148,19 @@ TEST_F(StoreCommands, RollbackGoesToAnAncestor) {
   EXPECT_EQ(Run({"rollback"}).code, 3);
 }
 
+TEST_F(StoreCommands, ReportsSayWhyAPersonTookTheirRunOut) {
+  ASSERT_EQ(Run({"runs", "hold", "--vehicle", "truck", "--reason", "new wheels"}).code, 0);
+  EXPECT_THAT(Run({"reports"}).out, HasSubstr("1: its run is held (new wheels)"));
+  EXPECT_EQ(Run({"reports", "--json"}).json()["reports"][0]["exclusion_reason"], "new wheels");
+}
+
 TEST_F(StoreCommands, ReportsSayWhichRowsCount) {
   const Json reports = Run({"reports", "--json"}).json()["reports"];
   ASSERT_EQ(reports.size(), 1U);
   EXPECT_EQ(reports[0]["evidence_rows"], 1);
   EXPECT_EQ(reports[0]["vehicle"], "truck");
   EXPECT_TRUE(reports[0]["set_aside"].empty());
+  EXPECT_EQ(reports[0]["exclusion_reason"], nullptr);
   // To version 3 it came late: its visit began at that version's stamp.
   EXPECT_EQ(Run({"reports", "--version", "3"}).code, 0);
   const Json audit = Run({"audit", "--json"}, false).json()["audit"];

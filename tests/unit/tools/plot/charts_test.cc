@@ -96,6 +96,21 @@ std::vector<VersionSummary> Versions(int count) {
   return versions;
 }
 
+// Steps in seconds are not exact, and a stamp just before a second would be shown as the one
+// before.
+TEST(EvenTimes, EndWhereTheyAreToEnd) {
+  const Stamp from = kMorning + Duration(123'456'789);
+  for (int minutes = 1; minutes < 200; ++minutes) {
+    const Stamp to = kMorning + std::chrono::minutes(minutes);
+    const std::vector<Stamp> times = EvenTimes(from, to, 7);
+    ASSERT_EQ(times.size(), 8U);
+    EXPECT_EQ(times.front(), from);
+    EXPECT_EQ(times.back(), to);
+    EXPECT_TRUE(std::is_sorted(times.begin(), times.end()));
+  }
+  EXPECT_EQ(EvenTimes(kMorning, kMorning, 5), std::vector<Stamp>{kMorning});
+}
+
 TEST(HistoryPlot, HasARowPerModeAndAMarkPerVersion) {
   const std::string svg = PlotHistory(History(12), Versions(3));
   EXPECT_EQ(PictureDefect(svg), "");
