@@ -90,7 +90,8 @@ TEST(ScratchFolderTest, GoesWithAllThatIsInIt) {
     ASSERT_THAT(MakeFolder(path + "/a/b"), IsOk());
   }
   EXPECT_FALSE(std::filesystem::exists(path));
-  EXPECT_THAT(ScratchFolder::Make(dir.File("none")), StatusIs(StatusCode::kUnavailable, "cannot be made"));
+  EXPECT_THAT(ScratchFolder::Make(dir.File("none")),
+              StatusIs(StatusCode::kUnavailable, "cannot be made"));
 }
 
 }  // namespace
