@@ -27,7 +27,8 @@ bool IsPositiveDefinite(const JointCovariance& covariance) {
     // The lower half, which the factorization reads.
     add(block.column, block.row, block.value.transpose());
   }
-  Eigen::SparseMatrix<double> matrix(2 * covariance.size(), 2 * covariance.size());
+  const Eigen::Index rows = Eigen::Index{2} * covariance.size();
+  Eigen::SparseMatrix<double> matrix(rows, rows);
   matrix.setFromTriplets(entries.begin(), entries.end());
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(matrix);
   return factor.info() == Eigen::Success;

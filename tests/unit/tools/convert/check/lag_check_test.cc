@@ -7,29 +7,16 @@
 
 #include <cmath>
 
-#include "tools/sim/open_world.h"
+#include "tests/unit/tools/convert/check/simulated_drive.h"
 
 namespace shiftmap {
 namespace {
 
-Run SimulatedDrive(std::uint64_t seed, double noise_v = 0.0) {
-  OpenWorldOptions options;
-  options.seed = seed;
-  options.runs = 1;
-  options.duration_s = 120.0;
-  options.size_m = 25.0;
-  options.clutter_per_scan = 0.1;
-  if (noise_v > 0.0) options.odometry.noise_v = noise_v;
-  return SimulateOpen(options).value().runs.front().run;
-}
+using testing::SimulatedDrive;
 
 LagCheck Checked(const Run& run) {
   LagCheck check;
-  ForEachEvent(run, [&](const RunEvent& event) {
-    if (const auto* sample = std::get_if<OdometrySample>(&event)) check.Add(*sample);
-    if (const auto* scan = std::get_if<Scan>(&event)) check.Add(*scan);
-    return OkStatus();
-  }).IgnoreError();
+  testing::AddAll(run, &check);
   return check;
 }
 

@@ -14,32 +14,19 @@
 #include <numbers>
 #include <random>
 
+#include "tests/unit/tools/convert/check/simulated_drive.h"
 #include "tools/convert/utias.h"
-#include "tools/sim/open_world.h"
 
 namespace shiftmap {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-
-Run SimulatedDrive(std::uint64_t seed) {
-  OpenWorldOptions options;
-  options.seed = seed;
-  options.runs = 1;
-  options.duration_s = 120.0;
-  options.size_m = 25.0;
-  options.clutter_per_scan = 0.1;
-  return SimulateOpen(options).value().runs.front().run;
-}
+using testing::SimulatedDrive;
 
 std::vector<std::string> CodesOf(const Run& run) {
   MotionCheck check;
-  ForEachEvent(run, [&](const RunEvent& event) {
-    if (const auto* sample = std::get_if<OdometrySample>(&event)) check.Add(*sample);
-    if (const auto* scan = std::get_if<Scan>(&event)) check.Add(*scan);
-    return OkStatus();
-  }).IgnoreError();
+  testing::AddAll(run, &check);
   Findings findings;
   check.Report(&findings);
   std::vector<std::string> codes;
