@@ -203,9 +203,13 @@ std::string VerdictText(const LandmarkHistory& history) {
                                  TimeText(history.stamp));
   if (history.known) text += fmt::format(", as known at {} UTC", TimeText(*history.known));
   const ModeProbability* const best = MostProbable(history.probabilities);
-  text += best == nullptr
-              ? std::string(": the version does not have the landmark")
-              : fmt::format(": {}, probability {:.4f}", ModeName(best->mode), best->probability);
+  if (best == nullptr) {
+    text += ": the version does not have the landmark";
+  } else if (best->probability > 0.5) {
+    text += fmt::format(": {}, probability {:.4f}", ModeName(best->mode), best->probability);
+  } else {
+    text += fmt::format(": undecided, no state is more probable than {:.4f}", best->probability);
+  }
   const auto aside = std::count_if(history.visits.begin(), history.visits.end(), [](const auto& v) {
     return v.set_aside.has_value();
   });

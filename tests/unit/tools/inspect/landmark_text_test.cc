@@ -114,6 +114,7 @@ class LandmarkCommands : public ::testing::Test {
 TEST_F(LandmarkCommands, HistoryAnswersWhyALandmarkIsAbsent) {
   const std::string text = Run({"history", "L02", "--at", "1700000100"});
   EXPECT_THAT(text, HasSubstr("L02 in area hall, version 2, at 2023-11-14 22:15:00 UTC: absent"));
+  EXPECT_THAT(Run({"history", "L02", "--at", "4000000000"}), HasSubstr("UTC: undecided, no state"));
   EXPECT_THAT(text, HasSubstr("seen in 3 scans, says elsewhere 55:1"));
   EXPECT_THAT(text, HasSubstr("seen where it has no mode: at (55.00, 5.00) m, 3 times"));
   EXPECT_THAT(text, HasSubstr("moved 2.00 m in version 2"));
