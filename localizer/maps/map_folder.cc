@@ -242,7 +242,7 @@ StatusOr<FolderMap> MapFolder::Add(const std::string& file, const ExpectedMap& e
     SHIFTMAP_RETURN_IF_ERROR(CheckRoom(source, bytes));
     map.path = path_ + "/" + name;
     map.bytes = bytes;
-    SHIFTMAP_RETURN_IF_ERROR(SyncAndRename(source, map.path));
+    SHIFTMAP_RETURN_IF_ERROR(copy ? copy->CommitAs(map.path) : SyncAndRename(source, map.path));
     return map;
   };
   auto added = add();

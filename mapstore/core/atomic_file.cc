@@ -124,10 +124,12 @@ Status AtomicFile::Append(std::string_view bytes) {
   return OkStatus();
 }
 
-Status AtomicFile::Commit() {
+Status AtomicFile::Commit() { return CommitAs(path_); }
+
+Status AtomicFile::CommitAs(const std::string& path) {
   SHIFTMAP_CHECK(fd_ >= 0, "'{}' is committed", path_);
   if (fsync(fd_) != 0) return ErrnoStatus("sync");
-  SHIFTMAP_RETURN_IF_ERROR(RenameAndSyncFolder(temporary_, path_));
+  SHIFTMAP_RETURN_IF_ERROR(RenameAndSyncFolder(temporary_, path));
   close(std::exchange(fd_, -1));
   return OkStatus();
 }

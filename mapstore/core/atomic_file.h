@@ -31,6 +31,9 @@ class AtomicFile {
   /// Makes the file durable and visible. Call once, last.
   Status Commit();
 
+  /// The same at another path in its folder, for a file whose name follows from its content.
+  Status CommitAs(const std::string& path);
+
   /// False once it is committed or moved from.
   bool open() const { return fd_ >= 0; }
 

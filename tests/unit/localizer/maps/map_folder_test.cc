@@ -194,8 +194,9 @@ TEST_F(MapFolderTest, ProcessesThatChangeItAtOnceLoseNothing) {
     if (child == 0) {
       auto folder = MapFolder::Open(dir_.File("maps"));
       const auto map = folder->Add(files[static_cast<std::size_t>(i)]);
-      const bool done = map.ok() && folder->Enable(map->map_id, map->map_version).ok();
-      _exit(done ? 0 : 1);
+      const Status done = map.ok() ? folder->Enable(map->map_id, map->map_version) : map.status();
+      if (!done.ok()) std::fprintf(stderr, "%s\n", Message(done).c_str());
+      _exit(done.ok() ? 0 : 1);
     }
     children.push_back(child);
   }
