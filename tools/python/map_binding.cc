@@ -43,11 +43,16 @@ const LandmarkGroup& GroupNamed(const MapSnapshot& map, const std::string& signa
 
 void BindIdentity(MapClass* map_class) {
   (*map_class)
-      .def_property_readonly("area", [](const MapSnapshot& map) { return Text(map.area()); })
-      .def_property_readonly("version",
-                             [](const MapSnapshot& map) { return map.version().value(); })
-      .def_property_readonly("content_hash",
-                             [](const MapSnapshot& map) { return map.content_hash(); })
+      .def_property_readonly(
+          "area", [](const MapSnapshot& map) { return Text(map.area()); }, "Name of the area.")
+      .def_property_readonly(
+          "version",
+          [](const MapSnapshot& map) { return map.version().value(); },
+          "Number of the version.")
+      .def_property_readonly(
+          "content_hash",
+          [](const MapSnapshot& map) { return map.content_hash(); },
+          "SHA-256 of the content, in hex.")
       .def_property_readonly(
           "stamp_ns",
           [](const MapSnapshot& map) { return ToNanoseconds(map.stamp()); },
@@ -101,13 +106,15 @@ void BindModes(MapClass* map_class) {
           "signatures",
           [](const MapSnapshot& map) {
             return Texts(Rows(map), [](const ModeRow& row) { return row.group->signature.text(); });
-          })
-      .def_property_readonly("modes",
-                             [](const MapSnapshot& map) {
-                               return Array<std::int64_t>(Rows(map), [](const ModeRow& row) {
-                                 return row.mode->number.value();
-                               });
-                             })
+          },
+          "Of each mode, the signature of its landmark.")
+      .def_property_readonly(
+          "modes",
+          [](const MapSnapshot& map) {
+            return Array<std::int64_t>(Rows(map),
+                                       [](const ModeRow& row) { return row.mode->number.value(); });
+          },
+          "Numbers, of each mode.")
       .def_property_readonly(
           "positions",
           [](const MapSnapshot& map) {
@@ -122,11 +129,12 @@ void BindModes(MapClass* map_class) {
                                   [](const ModeRow& row) { return row.mode->cov_p_map_landmark; });
           },
           "Marginal, (N, 2, 2), order (x, y), square metres.")
-      .def_property_readonly("probabilities",
-                             [](const MapSnapshot& map) {
-                               return Array<double>(
-                                   Rows(map), [](const ModeRow& row) { return row.probability; });
-                             })
+      .def_property_readonly(
+          "probabilities",
+          [](const MapSnapshot& map) {
+            return Array<double>(Rows(map), [](const ModeRow& row) { return row.probability; });
+          },
+          "That it holds, of each mode.")
       .def_property_readonly(
           "last_seen_ns",
           [](const MapSnapshot& map) {

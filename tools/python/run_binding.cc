@@ -37,12 +37,24 @@ std::vector<ObservationRow> Rows(const Run& run) {
 
 void BindRunLogInfo(py::class_<RunLog>* log_class) {
   (*log_class)
-      .def_property_readonly("vehicle",
-                             [](const RunLog& log) { return Text(log.run.info.vehicle); })
-      .def_property_readonly("source", [](const RunLog& log) { return Text(log.run.info.source); })
-      .def_property_readonly("uuid", [](const RunLog& log) { return Text(log.run.info.uuid); })
-      .def_property_readonly("area", [](const RunLog& log) { return Text(log.run.info.area); })
-      .def_property_readonly("sha256", [](const RunLog& log) { return log.sha256; })
+      .def_property_readonly(
+          "vehicle",
+          [](const RunLog& log) { return Text(log.run.info.vehicle); },
+          "That made the log.")
+      .def_property_readonly(
+          "source",
+          [](const RunLog& log) { return Text(log.run.info.source); },
+          "Of the log, as its writer names it.")
+      .def_property_readonly(
+          "uuid",
+          [](const RunLog& log) { return Text(log.run.info.uuid); },
+          "Of the run; empty if the log has none.")
+      .def_property_readonly(
+          "area",
+          [](const RunLog& log) { return Text(log.run.info.area); },
+          "That the run is in; empty if the log does not say.")
+      .def_property_readonly(
+          "sha256", [](const RunLog& log) { return log.sha256; }, "Of the file, in hex.")
       .def("__repr__",
            [](const RunLog& log) {
              return Text(fmt::format("<RunLog vehicle='{}' scans={} observations={}>",
@@ -58,11 +70,12 @@ void BindRunLogInfo(py::class_<RunLog>* log_class) {
 
 void BindRunLogArrays(py::class_<RunLog>* log_class) {
   (*log_class)
-      .def_property_readonly("odometry_ns",
-                             [](const RunLog& log) {
-                               return Stamps(log.run.odometry,
-                                             [](const auto& sample) { return sample.stamp; });
-                             })
+      .def_property_readonly(
+          "odometry_ns",
+          [](const RunLog& log) {
+            return Stamps(log.run.odometry, [](const auto& sample) { return sample.stamp; });
+          },
+          "Stamps of odometry, nanoseconds since 1970.")
       .def_property_readonly(
           "odometry",
           [](const RunLog& log) {
@@ -77,11 +90,12 @@ void BindRunLogArrays(py::class_<RunLog>* log_class) {
             return Stamps(log.run.scans, [](const auto& scan) { return scan.stamp; });
           },
           "Of all scans, also of those that saw nothing.")
-      .def_property_readonly("observations_ns",
-                             [](const RunLog& log) {
-                               return Stamps(Rows(log.run),
-                                             [](const auto& row) { return row.stamp; });
-                             })
+      .def_property_readonly(
+          "observations_ns",
+          [](const RunLog& log) {
+            return Stamps(Rows(log.run), [](const auto& row) { return row.stamp; });
+          },
+          "Stamps of observations, nanoseconds since 1970.")
       .def_property_readonly(
           "signatures",
           [](const RunLog& log) {
@@ -97,11 +111,12 @@ void BindRunLogArrays(py::class_<RunLog>* log_class) {
             });
           },
           "Of each observation in the vehicle frame, (N, 2), metres.")
-      .def_property_readonly("lidar_ns",
-                             [](const RunLog& log) {
-                               return Stamps(log.run.lidar_scans,
-                                             [](const auto& scan) { return scan.stamp; });
-                             })
+      .def_property_readonly(
+          "lidar_ns",
+          [](const RunLog& log) {
+            return Stamps(log.run.lidar_scans, [](const auto& scan) { return scan.stamp; });
+          },
+          "Stamps of lidar scans, nanoseconds since 1970.")
       .def_property_readonly(
           "lidar_ranges",
           [](const RunLog& log) {
@@ -239,11 +254,12 @@ void BindReplayArrays(py::class_<Replay>* replay_class) {
           "localized",
           [](const Replay& replay) { return replay.localizer->Statistics().localized(); },
           "False if the log fits no place of the map.")
-      .def_property_readonly("stamps_ns",
-                             [](const Replay& replay) {
-                               return Stamps(replay.estimates,
-                                             [](const auto& estimate) { return estimate.stamp; });
-                             })
+      .def_property_readonly(
+          "stamps_ns",
+          [](const Replay& replay) {
+            return Stamps(replay.estimates, [](const auto& estimate) { return estimate.stamp; });
+          },
+          "Of poses, nanoseconds since 1970.")
       .def_property_readonly(
           "poses",
           [](const Replay& replay) {
@@ -278,7 +294,8 @@ void BindReplayArrays(py::class_<Replay>* replay_class) {
 void BindReplayColumns(py::class_<Replay>* replay_class) {
   (*replay_class)
       .def_property_readonly("state_changes", &StateChanges, "Columns of all changes of state.")
-      .def_property_readonly("seconds_in_state", &SecondsInState)
+      .def_property_readonly(
+          "seconds_in_state", &SecondsInState, "By state, the time spent in it. [s]")
       .def_property_readonly("decisions", &Decisions, "Columns of the decisions that stand.")
       .def_property_readonly(
           "innovations",

@@ -104,15 +104,21 @@ void BindHistory(py::module_* module) {
   py::class_<LandmarkHistory>(*module, "History", "Why a map says of a landmark what it says.")
       .def_property_readonly(
           "signature",
-          [](const LandmarkHistory& history) { return Text(history.signature.text()); })
-      .def_property_readonly("version",
-                             [](const LandmarkHistory& history) { return history.version.value(); })
+          [](const LandmarkHistory& history) { return Text(history.signature.text()); },
+          "Of the landmark.")
       .def_property_readonly(
-          "stamp_ns", [](const LandmarkHistory& history) { return ToNanoseconds(history.stamp); })
+          "version",
+          [](const LandmarkHistory& history) { return history.version.value(); },
+          "Number of the map version.")
+      .def_property_readonly(
+          "stamp_ns",
+          [](const LandmarkHistory& history) { return ToNanoseconds(history.stamp); },
+          "Of the probabilities, nanoseconds since 1970.")
       .def_readonly("in_version",
                     &LandmarkHistory::in_version,
                     "The version has the landmark; if not, no visit counts.")
-      .def_readonly("leave_rate_per_s", &LandmarkHistory::leave_rate_per_s)
+      .def_readonly(
+          "leave_rate_per_s", &LandmarkHistory::leave_rate_per_s, "Rate of leaving a mode. [1/s]")
       .def("__repr__",
            [](const LandmarkHistory& history) {
              return Text(fmt::format("<History signature='{}' version={} visits={}>",
