@@ -7,7 +7,9 @@ set -euo pipefail
 
 bin=$(realpath "$1")
 if [[ -z ${INSIDE:-} ]]; then
-  unshare --map-root-user --mount true 2>/dev/null || { echo "skipped: no mount namespace here"; exit 77; }
+  # The mount goes with its namespace.
+  unshare --map-root-user --mount bash -c 'mount -t tmpfs none /mnt && mount -o remount,ro none /mnt' 2>/dev/null ||
+    { echo "skipped: nothing can be mounted here"; exit 77; }
   INSIDE=1 exec unshare --map-root-user --mount "${BASH_SOURCE[0]}" "$bin"
 fi
 
