@@ -29,7 +29,7 @@ struct DisplacementOptions {
 struct DifferenceCovariance {
   Eigen::MatrixXd run;     ///< Of where they are.
   Eigen::MatrixXd map;     ///< Of where they were.
-  Eigen::MatrixXd common;  ///< Of what they have in common: the gauge, the scale.
+  Eigen::MatrixXd common;  ///< Of the errors that all share: gauge and scale.
 
   /// With the variance factors of a run and of a map.
   Eigen::MatrixXd Sum(double run_factor, double map_factor) const {

@@ -7,6 +7,7 @@
 
 #include "mapper/chain/chain_series.h"
 #include "mapper/chain/chain_spectrum.h"
+#include "mapper/chain/fixed_states.h"
 #include "mapper/chain/gap_integral.h"
 #include "mapper/chain/log_product.h"
 #include "mapstore/map/rate_matrix.h"
@@ -59,7 +60,7 @@ class PhaseChain {
   Eigen::MatrixXd direct_;  // Integrals of what neither suits.
 };
 
-// The recursions over steps of so many states, or Eigen::Dynamic.
+// The forward and backward recursion. kStates is the number of states, or Eigen::Dynamic.
 template <int kStates>
 class Recursion {
  public:
@@ -156,31 +157,14 @@ ChainExpectations Expect(const ChainSteps& steps, const std::vector<Eigen::Matri
 double LogEvidence(const ChainSteps& steps,
                    Eigen::Index from,
                    const std::vector<Eigen::MatrixXd>& rates) {
-  switch (steps.states) {
-    case 2:
-      return Recursion<2>(steps, rates).Forward(from);
-    case 3:
-      return Recursion<3>(steps, rates).Forward(from);
-    case 4:
-      return Recursion<4>(steps, rates).Forward(from);
-    default:
-      return Recursion<Eigen::Dynamic>(steps, rates).Forward(from);
-  }
+  return WithFixedStates(
+      steps.states, [&](auto states) { return Recursion<states()>(steps, rates).Forward(from); });
 }
 
 }  // namespace
 
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {
-  switch (steps.states) {
-    case 2:
-      return Expect<2>(steps, rates);
-    case 3:
-      return Expect<3>(steps, rates);
-    case 4:
-      return Expect<4>(steps, rates);
-    default:
-      return Expect<Eigen::Dynamic>(steps, rates);
-  }
+  return WithFixedStates(steps.states, [&](auto states) { return Expect<states()>(steps, rates); });
 }
 
 double ChainLogLikelihood(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {

@@ -32,8 +32,8 @@ struct ChainExpectations {
 /// where that loses digits. Of a gap of several phases, Π = Π₁ Π₂, its weights C go to the parts:
 /// C Π₂ᵀ to the first and Π₁ᵀ C to the second.
 ///
-/// @param rates  Q of each phase of the steps, under which what was seen is possible; rows sum to
-///               0. [1/s]
+/// @param rates  Q of each phase of the steps, rows sum to 0; the steps have a likelihood above 0
+///               under them. [1/s]
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates);
 
 /// The log-likelihood alone; -infinity if what was seen is impossible.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/chain/gap_integral.h"
+#include "mapper/chain/fixed_states.h"
 
 #include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
@@ -40,8 +41,8 @@ Eigen::MatrixXd BlockIntegral(const Eigen::MatrixXd& rates,
   for (const double fastest = -rates.diagonal().minCoeff(); length * fastest > 1.0; length *= 0.5) {
     ++doublings;
   }
-  // The block beside Qᵀ is scaled to the size of one, since it only enters as a factor and the
-  // exponential's precision is that of its largest part.
+  // The off-diagonal block enters as a factor only. It is scaled to one, because the exponential
+  // has the precision of its largest part.
   const double weight = C.maxCoeff();
   Eigen::Matrix<double, kBlock, kBlock> block =
       Eigen::Matrix<double, kBlock, kBlock>::Zero(2 * n, 2 * n);
@@ -76,16 +77,8 @@ Eigen::MatrixXd GapIntegral(const Eigen::MatrixXd& rates,
   const Eigen::Index n = rates.rows();
   if (!(weights.maxCoeff() > 0.0) || !(length_s > 0.0)) return Eigen::MatrixXd::Zero(n, n);
   if (IsUniform(rates)) return UniformIntegral(rates, length_s, weights);
-  switch (n) {
-    case 2:
-      return BlockIntegral<2>(rates, length_s, weights);
-    case 3:
-      return BlockIntegral<3>(rates, length_s, weights);
-    case 4:
-      return BlockIntegral<4>(rates, length_s, weights);
-    default:
-      return BlockIntegral<Eigen::Dynamic>(rates, length_s, weights);
-  }
+  return WithFixedStates(
+      n, [&](auto states) { return BlockIntegral<states()>(rates, length_s, weights); });
 }
 
 }  // namespace shiftmap

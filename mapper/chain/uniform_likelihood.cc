@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "mapper/chain/fixed_states.h"
 #include "mapper/chain/log_product.h"
 #include "proto/core/check.h"
 
@@ -75,16 +76,8 @@ UniformLikelihood Evaluate(const ChainSteps& steps, double log_rate) {
 UniformLikelihood EvaluateUniform(const ChainSteps& steps, double log_rate) {
   SHIFTMAP_CHECK(
       steps.states >= 2 && steps.phases == 1, "{} states, {} phases", steps.states, steps.phases);
-  switch (steps.states) {
-    case 2:
-      return Evaluate<2>(steps, log_rate);
-    case 3:
-      return Evaluate<3>(steps, log_rate);
-    case 4:
-      return Evaluate<4>(steps, log_rate);
-    default:
-      return Evaluate<Eigen::Dynamic>(steps, log_rate);
-  }
+  return WithFixedStates(steps.states,
+                         [&](auto states) { return Evaluate<states()>(steps, log_rate); });
 }
 
 }  // namespace shiftmap
