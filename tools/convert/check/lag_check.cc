@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/convert/check/lag_check.h"
+#include "tools/convert/check/pair_motion.h"
 
 #include <fmt/format.h>
 
@@ -27,11 +28,6 @@ constexpr double kMinGain = 0.005;  // and its mean.
 // A build estimates the lag of a run about that of the fleet, with a standard deviation of 0.2 s.
 constexpr double kNoteS = 0.1;
 constexpr double kWarningS = 0.4;
-
-double Misfit(const Eigen::Vector2d& seen, const Eigen::Vector2d& expected) {
-  const double total = seen.norm() + expected.norm();
-  return total > 0.0 ? (seen - expected).norm() / total : 0.0;
-}
 
 Se2 Arc(const OdometrySample& sample, Duration elapsed) {
   const double seconds = ToSeconds(elapsed);
@@ -62,11 +58,9 @@ void LagCheck::Add(const OdometrySample& sample) {
 
 void LagCheck::Add(const Scan& scan) {
   if (pairs_ >= kMaxPairs) return;
-  std::map<std::string, int> times;
-  for (const Observation& observation : scan.observations) ++times[observation.signature.text()];
-  for (const Observation& observation : scan.observations) {
+  for (const Observation* const observed : IdentifiedOnce(scan)) {
+    const Observation& observation = *observed;
     const std::string& signature = observation.signature.text();
-    if (signature.empty() || times[signature] > 1) continue;
     const Sighting now{scan.stamp, observation.PositionInVehicle()};
     const auto [known, added] = anchors_.emplace(signature, now);
     if (added) {
@@ -103,21 +97,20 @@ std::optional<Se2> LagCheck::PoseAt(Stamp stamp) const {
 void LagCheck::Score(const Pair& pair) {
   std::array<double, kLags> misfits{};
   const Eigen::Vector2d& p1 = pair.first.position;
-  const Eigen::Vector2d seen = pair.second.position - p1;
   for (std::size_t i = 0; i < kLags; ++i) {
     const Duration lag = FromSeconds((static_cast<double>(i) - kSteps) * kStepS);
     const std::optional<Se2> T_begin_first = PoseAt(pair.first.stamp - lag);
     const std::optional<Se2> T_begin_second = PoseAt(pair.second.stamp - lag);
     if (!T_begin_first || !T_begin_second) return;
-    const Eigen::Vector2d expected = T_begin_second->Inverse() * (*T_begin_first * p1) - p1;
-    if (i == kSteps && seen.norm() + expected.norm() < kMinMotionM) return;
-    misfits[i] = Misfit(seen, expected);
+    const PairMotion motion{pair.second.position - p1,
+                            T_begin_second->Inverse() * (*T_begin_first * p1) - p1};
+    if (i == kSteps && motion.total() < kMinMotionM) return;
+    misfits[i] = motion.misfit();
   }
   ++pairs_;
   for (std::size_t i = 0; i < kLags; ++i) {
     const double gain = misfits[kSteps] - misfits[i];
     misfit_[i] += misfits[i];
-    gain_[i] += gain;
     squared_gain_[i] += gain * gain;
   }
 }
@@ -127,7 +120,7 @@ std::optional<double> LagCheck::Lag() const {
   const auto best = static_cast<std::size_t>(
       std::distance(misfit_.begin(), std::min_element(misfit_.begin(), misfit_.end())));
   const auto pairs = static_cast<double>(pairs_);
-  const double gain = gain_[best];
+  const double gain = misfit_[kSteps] - misfit_[best];
   const double spread = squared_gain_[best] - gain * gain / pairs;
   const bool shown =
       gain > kMinErrors * std::sqrt(std::max(spread, 0.0)) && gain > kMinGain * pairs;

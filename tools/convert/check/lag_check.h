@@ -63,8 +63,7 @@ class LagCheck {
 
   std::int64_t pairs_ = 0;
   std::array<double, kLags> misfit_{};        // Σ misfit
-  std::array<double, kLags> gain_{};          // Σ (misfit without a lag - misfit)
-  std::array<double, kLags> squared_gain_{};  // Σ of its square
+  std::array<double, kLags> squared_gain_{};  // Σ (misfit without a lag - misfit)²
 };
 
 }  // namespace shiftmap

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "mapstore/core/median.h"
+#include "tools/convert/check/pair_motion.h"
 
 namespace shiftmap {
 namespace {
@@ -148,15 +149,9 @@ constexpr std::array<Alternative, MotionCheck::kAlternatives> kTried = {{
      1},
 }};
 
-struct Motion {
-  Eigen::Vector2d seen;      // p2 - p1
-  Eigen::Vector2d expected;  // T⁻¹ p1 - p1
-
-  double total() const { return seen.norm() + expected.norm(); }
-  double misfit() const { return total() > 0.0 ? (seen - expected).norm() / total() : 0.0; }
-};
-
-Motion MotionOf(const Eigen::Vector2d& p1, const Eigen::Vector2d& p2, const Se2& T_first_second) {
+PairMotion MotionOf(const Eigen::Vector2d& p1,
+                    const Eigen::Vector2d& p2,
+                    const Se2& T_first_second) {
   return {p2 - p1, T_first_second.Inverse() * p1 - p1};
 }
 
@@ -190,11 +185,9 @@ void MotionCheck::Add(const OdometrySample& sample) {
 void MotionCheck::Add(const Scan& scan) {
   if (!odometry_ || scan.stamp < at_) return;
   MoveTo(scan.stamp);
-  std::map<std::string, int> times;
-  for (const Observation& observation : scan.observations) ++times[observation.signature.text()];
-  for (const Observation& observation : scan.observations) {
+  for (const Observation* const observed : IdentifiedOnce(scan)) {
+    const Observation& observation = *observed;
     const std::string& signature = observation.signature.text();
-    if (signature.empty() || times[signature] > 1) continue;
     const Anchor now{scan.stamp, observation, T_begin_vehicle_};
     const auto known = anchors_.find(signature);
     if (known == anchors_.end()) {
@@ -205,9 +198,9 @@ void MotionCheck::Add(const Scan& scan) {
     const double seconds = ToSeconds(scan.stamp - anchor.stamp);
     if (seconds < kMinPairS) continue;
     const bool old = seconds > kMaxPairS;
-    const Motion motion = MotionOf(AsLogged(anchor.observation),
-                                   AsLogged(observation),
-                                   anchor.T_begin_vehicle[0].Inverse() * T_begin_vehicle_[0]);
+    const PairMotion motion = MotionOf(AsLogged(anchor.observation),
+                                       AsLogged(observation),
+                                       anchor.T_begin_vehicle[0].Inverse() * T_begin_vehicle_[0]);
     if (!old && motion.total() < kMinMotionM) continue;
     if (!old && pairs_ < kMaxPairs) AddPair(anchor, observation);
     anchor = now;
@@ -219,7 +212,8 @@ void MotionCheck::AddPair(const Anchor& first, const Observation& second) {
   for (std::size_t i = 0; i < kOdometries; ++i) {
     T_first_second[i] = first.T_begin_vehicle[i].Inverse() * T_begin_vehicle_[i];
   }
-  const Motion logged = MotionOf(AsLogged(first.observation), AsLogged(second), T_first_second[0]);
+  const PairMotion logged =
+      MotionOf(AsLogged(first.observation), AsLogged(second), T_first_second[0]);
   const double misfit = logged.misfit();
   ++pairs_;
   misfits_.push_back(static_cast<float>(misfit));
@@ -227,7 +221,7 @@ void MotionCheck::AddPair(const Anchor& first, const Observation& second) {
   if (logged.seen.norm() < kStillShare * logged.expected.norm()) ++landmark_still_;
   for (std::size_t i = 0; i < kAlternatives; ++i) {
     const Alternative& tried = kTried[i];
-    const Motion motion = MotionOf(
+    const PairMotion motion = MotionOf(
         tried.position(first.observation), tried.position(second), T_first_second[tried.units]);
     const double other = motion.misfit();
     if (motion.total() < kMinOtherMotionM || std::abs(other - misfit) < kChange) continue;
