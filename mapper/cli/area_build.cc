@@ -75,6 +75,14 @@ Status TakeEditsIn(const AreaBuildOptions& options,
   return OkStatus();
 }
 
+std::optional<VersionNumber> ParentOf(VersionNumber version,
+                                      const std::vector<VersionSummary>& versions) {
+  const auto summary = std::find_if(versions.begin(), versions.end(), [&](const auto& other) {
+    return other.version == version;
+  });
+  return summary == versions.end() ? std::nullopt : summary->parent;
+}
+
 // Runs of the published version's line that its prior does not rest on, but for excluded ones.
 Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap* prior) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions,
@@ -88,9 +96,7 @@ Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap*
           FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
       if (!rests && !excluded) prior->fallen_out.push_back(run);
     }
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == *at; });
-    at = summary == versions.end() ? std::nullopt : summary->parent;
+    at = ParentOf(*at, versions);
   }
   return OkStatus();
 }
@@ -457,15 +463,14 @@ StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
                             at.value(),
                             runs.front()));
     }
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == at; });
-    if (summary == versions.end() || !summary->parent) {
+    const std::optional<VersionNumber> parent = ParentOf(at, versions);
+    if (!parent) {
       return FailedPrecondition(
           "area '{}': every version of the line rests on what was taken out; --prior none starts "
           "anew",
           area);
     }
-    at = *summary->parent;
+    at = *parent;
   }
 }
 

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "mapper/cli/commands.h"
 #include "mapper/cli/map_file.h"
@@ -41,11 +40,7 @@ StatusOr<std::optional<VersionNumber>> PublishedBefore(const ImportOptions& opti
   if (!std::filesystem::exists(options.store, error)) return std::optional<VersionNumber>();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
-  for (const AreaSummary& area : areas) {
-    if (area.area == options.area) return area.published;
-  }
-  return std::optional<VersionNumber>();
+  return store.PublishedVersion(options.area);
 }
 
 Status Import(const ImportOptions& options, Context& context) {

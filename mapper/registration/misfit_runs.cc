@@ -143,21 +143,18 @@ bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
   std::vector<std::optional<JoinedFit>> fits(build->runs.size());
   ForEachIndex(
       fits.size(), options.threads, [&](std::size_t r) { fits[r] = FitJoined(of_one, *build, r); });
-  std::size_t worst = 0;
-  std::optional<JoinedFit> of_worst;
+  std::optional<std::size_t> worst;
+  const auto excess = [&](std::size_t r) { return fits[r]->chi2 / fits[r]->limit; };
   for (std::size_t r = 0; r < fits.size(); ++r) {
-    const std::optional<JoinedFit>& fit = fits[r];
-    if (!fit || fit->is_good()) continue;
-    if (of_worst && fit->chi2 / fit->limit <= of_worst->chi2 / of_worst->limit) continue;
+    if (!fits[r] || fits[r]->is_good() || (worst && excess(r) <= excess(*worst))) continue;
     worst = r;
-    of_worst = fit;
   }
-  if (!of_worst) return false;
-  const MappingRun& data = *build->runs[worst].data;
+  if (!worst) return false;
+  const MappingRun& data = *build->runs[*worst].data;
   WaitingRuns& waiting = build->waiting.emplace_back();
   waiting.runs.push_back({data.name, data.sha256});
-  waiting.misfit = *std::move(of_worst);
-  build->runs.erase(build->runs.begin() + static_cast<std::ptrdiff_t>(worst));
+  waiting.misfit = std::move(fits[*worst]);
+  build->runs.erase(build->runs.begin() + static_cast<std::ptrdiff_t>(*worst));
   DropUnusedModes(build);
   if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
   return true;
