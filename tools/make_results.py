@@ -30,6 +30,7 @@ EXPERIMENTS = {
     "alignments": ("how often a transform between maps with moved landmarks is right, four methods", "shiftmap-experiment alignments --pairs 10000 --output OUT"),
     "chain": ("time to learn the chains of a map", "shiftmap_chain_bench " + BENCH.format("chain_bench")),
     "displaced": ("recorded runs on a map with four displaced landmarks, IJRR 8.2: build, oracle, static map, Cauchy loss", "shiftmap-experiment ijrr-utias --data DATA/utias --methods ours oracle static static-cauchy --output OUT"),
+    "displaced-starts": ("the same for 12 robots from four starts: as good as the oracle, ambiguous, or wrong", "shiftmap-experiment ijrr-utias --data DATA/utias --datasets 1 2 3 6 --robots 1 2 3 4 --start-s 0 340 680 1020 --methods ours oracle --output OUT"),
     "engines": ("maps of the graph and of the tree engine on the same sites", "shiftmap-experiment engines --sites 2 --output OUT"),
     "fleet-links": ("200 vehicles over links that are cut", "SHIFTMAP_LONG_TESTS=1 SHIFTMAP_RESULTS=OUT shiftmap_fleet_links_test"),
     "fleet-nights": ("thirty nights of ten areas", "shiftmap-experiment fleet-nights --output OUT --work WORK --nights 30 --worlds 10 --groups 16 --size-m 22 --duration-s 60"),

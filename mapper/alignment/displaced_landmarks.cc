@@ -6,7 +6,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
+#include <queue>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -28,6 +31,12 @@ constexpr std::array<double, 8> kMapVarianceFactors = {
 // Noise that is less likely than the likeliest by this no longer takes part. One more displaced
 // landmark does not make up for it.
 constexpr double kNegligibleNoise = 20.0;
+
+// Partitions that are less likely than the likeliest by more than this are left out.
+const double kLogWindow = std::log(1000.0);
+
+// Partitions whose neighbours are looked at.
+constexpr int kMaxExpanded = 100;
 
 // log of the density of log v for ν / v ~ χ²_ν, but for a constant.
 double LogDensity(double v, double dof) { return -0.5 * dof * (std::log(v) + 1.0 / v); }
@@ -62,21 +71,113 @@ class DisplacementSearch {
  public:
   DisplacementSearch(const std::vector<Eigen::Vector2d>& positions,
                      std::vector<Noise> noise,
+                     Eigen::MatrixXd common,
                      const DisplacementOptions& options)
       : options_(options),
         prior_(positions, options.prior),
         noise_(std::move(noise)),
+        common_(std::move(common)),
         clusters_(positions.size(), kNotDisplaced) {}
 
-  std::vector<int> Run() {
+  std::vector<Displacement> Run() {
+    grown_.push_back(clusters_);
     for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       const bool added = AddCluster();
       if (!MoveSingly() && !added) break;
     }
-    return Numbered();
+    grown_.push_back(clusters_);
+    return Window();
   }
 
  private:
+  // What is about as likely as the best of what was grown, with probabilities.
+  std::vector<Displacement> Window() const {
+    const std::vector<std::size_t> sizes = SizesFor(clusters_);
+    std::map<std::vector<int>, double> scores;
+    std::priority_queue<std::pair<double, std::vector<int>>> open;
+    const auto add = [&](const std::vector<int>& clusters) {
+      const auto [entry, is_new] = scores.try_emplace(Numbered(clusters), 0.0);
+      if (!is_new) return;
+      entry->second = Score(entry->first, sizes);
+      open.emplace(entry->second, entry->first);
+    };
+    for (const std::vector<int>& clusters : grown_) {
+      add(clusters);
+      for (int cluster = 0; cluster < Count(clusters); ++cluster) add(Exchanged(clusters, cluster));
+    }
+    const std::map<std::vector<int>, double> starts = scores;
+    double best = open.top().first;
+    std::set<std::size_t> doubtful;  // Others are moved in the starts only.
+    for (int expanded = 0; expanded < kMaxExpanded && !open.empty(); ++expanded) {
+      const auto [score, clusters] = open.top();
+      if (score < best - kLogWindow) break;
+      open.pop();
+      const bool is_start = starts.contains(clusters);
+      for (std::size_t i = 0; i < clusters.size(); ++i) {
+        if (!is_start && !doubtful.contains(i)) continue;
+        std::vector<int> moved = clusters;
+        for (moved[i] = kNotDisplaced; moved[i] <= Count(clusters); ++moved[i]) {
+          if (moved[i] == clusters[i]) continue;
+          add(moved);
+          const double with = scores.at(Numbered(moved));
+          best = std::max(best, with);
+          if (with > best - kLogWindow) doubtful.insert(i);
+        }
+      }
+    }
+    return WithProbabilities(scores, best);
+  }
+
+  std::vector<Displacement> WithProbabilities(const std::map<std::vector<int>, double>& scores,
+                                              double best) const {
+    std::vector<Displacement> displacements;
+    double sum = 0.0;
+    for (const auto& [clusters, score] : scores) {
+      if (score < best - kLogWindow) continue;
+      displacements.push_back({clusters, std::exp(score - best), Common(clusters)});
+      sum += displacements.back().probability;
+    }
+    for (Displacement& displacement : displacements) displacement.probability /= sum;
+    std::stable_sort(
+        displacements.begin(),
+        displacements.end(),
+        [](const Displacement& x, const Displacement& y) { return x.probability > y.probability; });
+    return displacements;
+  }
+
+  // E[e_common | d, B] with the likeliest noise, displacements being free.
+  Eigen::VectorXd Common(const std::vector<int>& clusters) const {
+    std::vector<std::size_t> sizes(noise_.size());
+    std::iota(sizes.begin(), sizes.end(), std::size_t{0});
+    const std::vector<double> scores = Scores(clusters, sizes);
+    const Noise& noise = noise_[static_cast<std::size_t>(
+        std::max_element(scores.begin(), scores.end()) - scores.begin())];
+    const auto count = Eigen::Index{2} * Count(clusters);
+    if (count == 0) return common_ * noise.weighted;
+    Eigen::MatrixXd B = Eigen::MatrixXd::Zero(noise.weighted.size(), count);
+    for (std::size_t i = 0; i < clusters.size(); ++i) {
+      if (clusters[i] < 0) continue;
+      B.block<2, 2>(static_cast<Eigen::Index>(2 * i), Eigen::Index{2} * clusters[i]).setIdentity();
+    }
+    const Eigen::MatrixXd LB = noise.information * B;
+    Eigen::MatrixXd M = B.transpose() * LB;
+    M.diagonal().array() += std::pow(options_.sd_displacement_m.back(), -2);
+    return common_ * (noise.weighted - LB * M.llt().solve(B.transpose() * noise.weighted));
+  }
+
+  // With a cluster as what stayed, and what stayed as a cluster: the same differences, seen from
+  // the other side.
+  static std::vector<int> Exchanged(std::vector<int> clusters, int cluster) {
+    for (int& of_landmark : clusters) {
+      if (of_landmark == cluster) {
+        of_landmark = kNotDisplaced;
+      } else if (of_landmark == kNotDisplaced) {
+        of_landmark = cluster;
+      }
+    }
+    return clusters;
+  }
+
   static int Count(const std::vector<int>& clusters) {
     return *std::max_element(clusters.begin(), clusters.end()) + 1;
   }
@@ -197,6 +298,7 @@ class DisplacementSearch {
       for (std::size_t i = 0; i < grown.size(); ++i) {
         if (grown[i] == cluster) grown_over[i] = true;
       }
+      grown_.push_back(grown);
       if (score > best.first) best = {score, std::move(grown)};
     }
     if (best.second.empty()) return false;
@@ -255,11 +357,11 @@ class DisplacementSearch {
   }
 
   // Clusters numbered by their first landmark, without gaps.
-  std::vector<int> Numbered() const {
-    std::vector<int> numbers(clusters_.size() + 1, kNotDisplaced);
+  static std::vector<int> Numbered(const std::vector<int>& clusters) {
+    std::vector<int> numbers(clusters.size() + 1, kNotDisplaced);
     std::vector<int> result;
     int next = 0;
-    for (const int cluster : clusters_) {
+    for (const int cluster : clusters) {
       if (cluster >= 0 && numbers[static_cast<std::size_t>(cluster)] < 0) {
         numbers[static_cast<std::size_t>(cluster)] = next++;
       }
@@ -271,17 +373,21 @@ class DisplacementSearch {
   DisplacementOptions options_;
   DisplacementPrior prior_;
   std::vector<Noise> noise_;
+  Eigen::MatrixXd common_;
   std::vector<int> clusters_;
+  std::vector<std::vector<int>> grown_;
 };
 
 }  // namespace
 
-std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
-                               const Eigen::VectorXd& difference,
-                               const DifferenceCovariance& cov,
-                               const DisplacementOptions& options) {
-  if (difference.size() == 0) return {};
-  return DisplacementSearch(positions, NoiseOfAllSizes(difference, cov, options), options).Run();
+std::vector<Displacement> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
+                                        const Eigen::VectorXd& difference,
+                                        const DifferenceCovariance& cov,
+                                        const DisplacementOptions& options) {
+  if (difference.size() == 0) return {{{}, 1.0, {}}};
+  return DisplacementSearch(
+             positions, NoiseOfAllSizes(difference, cov, options), cov.common, options)
+      .Run();
 }
 
 }  // namespace shiftmap

@@ -39,6 +39,16 @@ struct DifferenceCovariance {
 
 inline constexpr int kNotDisplaced = -1;
 
+/// One way in which landmarks may have been displaced.
+struct Displacement {
+  std::vector<int> clusters;  ///< Per landmark its cluster, from 0, or kNotDisplaced.
+  double probability = 0.0;
+
+  /// What of the differences all landmarks have in common, stacked (x, y): in what frame they are
+  /// and in what scale. [m]
+  Eigen::VectorXd common;
+};
+
 /// Which landmarks stand elsewhere than they did, decided for all of them at once.
 ///
 /// The model: landmarks of a cluster c are displaced together, by u_c ~ N(0, σ² I). The differences
@@ -59,13 +69,17 @@ inline constexpr int kNotDisplaced = -1;
 /// nothing gains. Errors that landmarks share belong in `common`; then a few displaced landmarks
 /// cannot pass as many that stay, nor the other way around.
 ///
+/// The posterior is over the partitions that are not a thousand times less likely than the best one
+/// (Occam's window; Madigan, Raftery 1994): from the best one, from what else the search grew, and
+/// from each of these with a cluster in place of what stayed, single landmarks are moved.
+///
 /// @param positions   Where the landmarks were, in one frame. [m]
 /// @param difference  Stacked (x, y). [m]
 /// @param cov         With a positive definite sum.
-/// @return Per landmark its cluster, from 0, or kNotDisplaced. Deterministic.
-std::vector<int> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
-                               const Eigen::VectorXd& difference,
-                               const DifferenceCovariance& cov,
-                               const DisplacementOptions& options);
+/// @return By falling probability, one at least. Deterministic.
+std::vector<Displacement> FindDisplaced(const std::vector<Eigen::Vector2d>& positions,
+                                        const Eigen::VectorXd& difference,
+                                        const DifferenceCovariance& cov,
+                                        const DisplacementOptions& options);
 
 }  // namespace shiftmap

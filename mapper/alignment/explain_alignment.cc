@@ -4,8 +4,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <random>
+#include <utility>
 
 namespace shiftmap {
 namespace {
@@ -19,15 +19,11 @@ constexpr double kMinProbability = 1e-9;
 constexpr std::size_t kMaxSummed = 20;
 constexpr std::size_t kMaxDrawn = 100;
 
-// Groups whose probability of having stayed differs by this between two frames decide between them.
-constexpr double kDecidingDifference = 0.5;
-
 // Hypotheses that are one frame: the first of them is the most likely.
 struct Frame {
   const Hypothesis* best = nullptr;
   double probability = 0.0;
-  std::vector<double> stays;  // Per landmark, times the probability of the frame.
-  std::map<MatchSet, double> sets = {};
+  StayedSets sets = {};
 };
 
 // Whether two transforms place every landmark this alike.
@@ -71,15 +67,19 @@ std::vector<SimilarityFit> Draws(const SimilarityFit& fit,
   return draws;
 }
 
+std::vector<int> GroupsOf(const AlignmentEvidence& evidence, const MatchSet& matches) {
+  std::vector<int> groups;
+  for (const int k : matches.Members()) groups.push_back(evidence.GroupOf(k));
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  return groups;
+}
+
 void AddTo(const AlignmentEvidence& evidence,
            const Hypothesis& hypothesis,
            double probability,
            Frame* frame) {
   frame->probability += probability;
-  frame->sets[hypothesis.stayed] += probability;
-  for (const int k : hypothesis.stayed.Members()) {
-    frame->stays[static_cast<std::size_t>(evidence.LandmarkOf(k))] += probability;
-  }
+  frame->sets[GroupsOf(evidence, hypothesis.stayed)] += probability;
 }
 
 // Each hypothesis adds to a frame what its transform, which it knows only so well, has of
@@ -111,20 +111,10 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
       }
     }
     if (rest < kMinProbability) continue;
-    frames.push_back({&hypothesis, 0.0, std::vector<double>(evidence.groups().size())});
+    frames.push_back({&hypothesis});
     AddTo(evidence, hypothesis, rest, &frames.back());
   }
-  std::stable_sort(frames.begin(), frames.end(), [](const Frame& x, const Frame& y) {
-    return x.probability > y.probability;
-  });
   return frames;
-}
-
-std::vector<int> GroupsOf(const AlignmentEvidence& evidence, const MatchSet& matches) {
-  std::vector<int> groups;
-  for (const int k : matches.Members()) groups.push_back(evidence.GroupOf(k));
-  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
-  return groups;
 }
 
 // The fit, from the other map to the reference.
@@ -145,81 +135,31 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   return alignment;
 }
 
-// The sets of groups that stayed in a frame, the unlikely ones left out.
-std::vector<StayedSet> AlternativesIn(const AlignmentEvidence& evidence, const Frame& frame) {
-  constexpr double kUnlikely = 0.01;
-  std::map<std::vector<int>, double> sets;
-  for (const auto& [stayed, probability] : frame.sets) {
-    sets[GroupsOf(evidence, stayed)] += probability / frame.probability;
-  }
-  std::erase_if(sets, [&](const auto& set) { return set.second < kUnlikely; });
-  return ByFallingProbability(sets);
-}
-
-// Per group the probability that one of its landmarks stayed in a frame.
-std::vector<std::pair<int, double>> StaysIn(const AlignmentEvidence& evidence, const Frame& frame) {
-  std::map<int, double> stays;
-  for (const int group : evidence.groups()) stays[group] = 0.0;
-  for (const auto& [stayed, probability] : frame.sets) {
-    for (const int group : GroupsOf(evidence, stayed)) {
-      stays[group] += probability / frame.probability;
-    }
-  }
-  return {stays.begin(), stays.end()};
-}
-
-Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
-  Explanation explanation;
-  explanation.probability = frame.probability;
-  explanation.alternatives = AlternativesIn(evidence, frame);
-  explanation.stays = StaysIn(evidence, frame);
+Explanation Describe(const AlignmentEvidence& evidence,
+                     const std::vector<int>& groups,
+                     const Frame& frame) {
+  Explanation explanation =
+      DescribeFrame(frame.sets, GroupsOf(evidence, frame.best->stayed), groups);
   if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
   for (const int k : frame.best->stayed.Members()) {
     explanation.stayed.push_back(evidence.matches()[static_cast<std::size_t>(k)]);
   }
-  std::vector<int> groups = evidence.groups();
-  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
-  std::set_difference(groups.begin(),
-                      groups.end(),
-                      explanation.alignment.signatures.begin(),
-                      explanation.alignment.signatures.end(),
-                      std::back_inserter(explanation.moved));
   return explanation;
-}
-
-std::vector<int> Deciding(const AlignmentEvidence& evidence, const Frame& x, const Frame& y) {
-  std::vector<int> deciding;
-  for (std::size_t l = 0; l < evidence.groups().size(); ++l) {
-    const double difference = x.stays[l] / x.probability - y.stays[l] / y.probability;
-    if (std::abs(difference) > kDecidingDifference) deciding.push_back(evidence.groups()[l]);
-  }
-  deciding.erase(std::unique(deciding.begin(), deciding.end()), deciding.end());
-  return deciding;
 }
 
 }  // namespace
 
-std::vector<StayedSet> ByFallingProbability(const std::map<std::vector<int>, double>& sets) {
-  std::vector<StayedSet> sorted;
-  for (const auto& [groups, probability] : sets) sorted.push_back({groups, probability});
-  std::stable_sort(sorted.begin(), sorted.end(), [](const StayedSet& x, const StayedSet& y) {
-    return x.probability > y.probability;
-  });
-  return sorted;
-}
-
 Explanations SumToExplanations(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,
                                const ExplanationLimits& limits) {
-  const std::vector<Frame> frames = SumToFrames(evidence, hypotheses, limits.same_frame_m);
-  Explanations explanations;
-  for (const Frame& frame : frames) {
-    explanations.frames.push_back(Describe(evidence, frame));
-    if (frame.best->stayed.empty()) explanations.nothing_stayed = frame.probability;
+  std::vector<int> groups = evidence.groups();
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  std::vector<Explanation> frames;
+  for (const Frame& frame : SumToFrames(evidence, hypotheses, limits.same_frame_m)) {
+    frames.push_back(Describe(evidence, groups, frame));
   }
-  if (frames.size() > 1) explanations.deciding = Deciding(evidence, frames[0], frames[1]);
-  return explanations;
+  return DescribeFrames(std::move(frames));
 }
 
 std::optional<Explanations> Explain(const JointPoints& reference,

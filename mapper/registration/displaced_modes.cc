@@ -9,9 +9,11 @@
 #include <utility>
 
 #include "mapper/alignment/displaced_landmarks.h"
+#include "mapper/alignment/explain_displacements.h"
 #include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/registration/deformed_fit.h"
+#include "mapper/registration/mode_match.h"
 
 namespace shiftmap {
 namespace {
@@ -59,11 +61,11 @@ struct Candidate {
 };
 
 // Decides on landmarks together. Positions and covariance as in Decide().
-std::vector<int> ClustersOf(const MapperOptions& options,
-                            const JointCovariance& prior_covariance,
-                            const std::vector<Candidate>& candidates,
-                            const std::vector<Eigen::Vector2d>& positions,
-                            const Eigen::MatrixXd& run_cov) {
+std::vector<Displacement> DisplacementsOf(const MapperOptions& options,
+                                          const JointCovariance& prior_covariance,
+                                          const std::vector<Candidate>& candidates,
+                                          const std::vector<Eigen::Vector2d>& positions,
+                                          const Eigen::MatrixXd& run_cov) {
   const auto size = static_cast<Eigen::Index>(2 * candidates.size());
   Eigen::VectorXd difference(size);
   DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
@@ -89,13 +91,13 @@ std::vector<int> ClustersOf(const MapperOptions& options,
 // after the other.
 // @param positions  Of the run map's modes as the run by itself has them. [m]
 // @param run_cov    Of these, relative to them as a whole. [m²]
-std::vector<bool> Decide(const MapperOptions& options,
-                         const JointCovariance& prior_covariance,
-                         const BuildState& map,
-                         const std::vector<ModeMatch>& mode_matches,
-                         const std::vector<Eigen::Vector2d>& positions,
-                         const Eigen::MatrixXd& run_cov) {
-  std::vector<bool> displaced(mode_matches.size());
+DisplacedModes Decide(const MapperOptions& options,
+                      const JointCovariance& prior_covariance,
+                      const BuildState& map,
+                      const std::vector<ModeMatch>& mode_matches,
+                      const std::vector<Eigen::Vector2d>& positions,
+                      const Eigen::MatrixXd& run_cov) {
+  DisplacedModes decided{std::vector<bool>(mode_matches.size()), {}};
   const std::vector<int> numbers = PriorNumbers(map);
   const FlatModes flat(map);
   std::vector<Candidate> met;
@@ -105,23 +107,29 @@ std::vector<bool> Decide(const MapperOptions& options,
     if (!MatchesPrior(map, mode_match)) continue;
     if (std::sqrt(mode_match.squared_m2) >
         kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
-      displaced[i] = true;
+      decided.displaced[i] = true;
       continue;
     }
     const int mode = flat.Index(mode_match.group, mode_match.nearest);
     places.push_back(NearestMode(map, mode_match).p_map_landmark);
     met.push_back({i, numbers[static_cast<std::size_t>(mode)], places.back()});
   }
-  for (const std::vector<int>& tile : TileModes(places, kMaxTogether)) {
+  for (std::vector<int> tile : TileModes(places, kMaxTogether)) {
+    std::sort(tile.begin(), tile.end());
     std::vector<Candidate> candidates;
     for (const int i : tile) candidates.push_back(met[static_cast<std::size_t>(i)]);
-    const std::vector<int> clusters =
-        ClustersOf(options, prior_covariance, candidates, positions, run_cov);
+    const std::vector<Displacement> displacements =
+        DisplacementsOf(options, prior_covariance, candidates, positions, run_cov);
+    std::vector<int> groups;
     for (std::size_t a = 0; a < candidates.size(); ++a) {
-      displaced[candidates[a].flat] = clusters[a] != kNotDisplaced;
+      const std::size_t i = candidates[a].flat;
+      decided.displaced[i] = displacements.front().clusters[a] != kNotDisplaced;
+      groups.push_back(mode_matches[i].group);
     }
+    decided.explanations.push_back(
+        ExplainDisplacements(groups, displacements, options.confirmation.limits.same_frame_m));
   }
-  return displaced;
+  return decided;
 }
 
 // Per mode of the run map the prior's mode that it still is, or kUnassigned.
@@ -196,26 +204,26 @@ std::vector<std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
 
 }  // namespace
 
-std::vector<bool> FindDisplacedModes(const MapperOptions& options,
-                                     const JointCovariance& prior_covariance,
-                                     const BuildState& map,
-                                     const Alignment& alignment,
-                                     RunMap* run_map,
-                                     std::vector<ModeMatch>* mode_matches) {
-  std::vector<bool> displaced;
+DisplacedModes FindDisplacedModes(const MapperOptions& options,
+                                  const JointCovariance& prior_covariance,
+                                  const BuildState& map,
+                                  const Alignment& alignment,
+                                  RunMap* run_map) {
+  DisplacedModes decided;
   std::vector<int> known;  // Of what the run map is to be deformed onto.
   if (!IsStiff(*run_map)) {
     known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
   } else {
-    displaced = Decide(options,
-                       prior_covariance,
-                       map,
-                       *mode_matches,
-                       ModePositions(run_map->build),
-                       run_map->covariance);
-    known = Undisplaced(map, *mode_matches, displaced);
+    const std::vector<ModeMatch> mode_matches = MatchNearest(run_map->build, map);
+    decided = Decide(options,
+                     prior_covariance,
+                     map,
+                     mode_matches,
+                     ModePositions(run_map->build),
+                     run_map->covariance);
+    known = Undisplaced(map, mode_matches, decided.displaced);
     if (Deformation(options, HoldKnown(options, map, known, *run_map), *run_map) < kLinear) {
-      return displaced;
+      return decided;
     }
   }
   MapperOptions deformation = options;
@@ -224,21 +232,22 @@ std::vector<bool> FindDisplacedModes(const MapperOptions& options,
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<GraphPrior> held = HoldKnown(options, map, known, *run_map);
     Deform(deformation, held, kDeformationSteps, run_map);
-    *mode_matches = MatchNearest(run_map->build, map);
+    const std::vector<ModeMatch> mode_matches = MatchNearest(run_map->build, map);
     if (std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build)) {
       run_map->covariance = *std::move(covariance);
     }
-    std::vector<bool> again = Decide(options,
-                                     prior_covariance,
-                                     map,
-                                     *mode_matches,
-                                     Undeformed(held, *run_map),
-                                     run_map->covariance);
-    if (again == displaced) break;
-    displaced = std::move(again);
-    known = Undisplaced(map, *mode_matches, displaced);
+    DisplacedModes again = Decide(options,
+                                  prior_covariance,
+                                  map,
+                                  mode_matches,
+                                  Undeformed(held, *run_map),
+                                  run_map->covariance);
+    const bool settled = again.displaced == decided.displaced;
+    decided = std::move(again);
+    if (settled) break;
+    known = Undisplaced(map, mode_matches, decided.displaced);
   }
-  return displaced;
+  return decided;
 }
 
 }  // namespace shiftmap

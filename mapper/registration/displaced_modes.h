@@ -4,13 +4,24 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/alignment/explanation.h"
 #include "mapper/mapper_options.h"
-#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
 #include "mapstore/map/joint_covariance.h"
 
 namespace shiftmap {
+
+/// Which modes of a run map are of landmarks that stand elsewhere than the prior map has them.
+struct DisplacedModes {
+  /// Per mode of the run map, flat, what is likeliest. False for those that meet no mode of the
+  /// prior map.
+  std::vector<bool> displaced;
+
+  /// How likely that is, and what else: of those that were decided together, one neighbourhood
+  /// after the other.
+  std::vector<Explanations> explanations;
+};
 
 /// Which modes of a run map are of landmarks that stand elsewhere than the prior map has them,
 /// decided together by FindDisplaced(): for all of them at once, or where they are hundreds for
@@ -25,15 +36,12 @@ namespace shiftmap {
 ///
 /// @param map         Has the prior map's modes.
 /// @param alignment   By which the run map is in the map frame.
-/// @param run_map      In the map frame; not deformed as of RunMapAlignment. Left deformed as
+/// @param run_map    In the map frame; not deformed as of RunMapAlignment. Left deformed as
 /// decided.
-/// @param mode_matches  MatchNearest() of the two, and again if the run map was deformed.
-/// @return Per mode of the run map, flat. False for those that meet no mode of the prior map.
-std::vector<bool> FindDisplacedModes(const MapperOptions& options,
-                                     const JointCovariance& prior_covariance,
-                                     const BuildState& map,
-                                     const Alignment& alignment,
-                                     RunMap* run_map,
-                                     std::vector<ModeMatch>* mode_matches);
+DisplacedModes FindDisplacedModes(const MapperOptions& options,
+                                  const JointCovariance& prior_covariance,
+                                  const BuildState& map,
+                                  const Alignment& alignment,
+                                  RunMap* run_map);
 
 }  // namespace shiftmap

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "mapper/modes/unconstrained_runs.h"
-#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
@@ -31,32 +30,27 @@ std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
 
 }  // namespace
 
-bool IsInDoubt(const std::optional<KeptAlternatives>& kept, int group) {
-  return kept && std::any_of(kept->doubts.begin(), kept->doubts.end(), [&](const auto& doubt) {
-           return doubt.group == group;
-         });
+bool IsInDoubt(const KeptAlternatives& kept, int group) {
+  return std::any_of(kept.doubts.begin(), kept.doubts.end(), [&](const auto& doubt) {
+    return doubt.group == group;
+  });
 }
 
-std::optional<KeptAlternatives> KeepAlternatives(const MapperOptions& options,
-                                                 const RunMapAlignment& aligned,
+std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
+                                                 double decided,
+                                                 const std::vector<bool>& apart,
                                                  const RunMap& run_map,
                                                  const std::vector<ModeMatch>& mode_matches,
                                                  const BuildState& build,
                                                  std::vector<int>* known) {
-  const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
-  const double floor = options.modes.position_floor_m;
-  const double decided = options.confirmation.min_probability;
-  const std::map<int, double> stays(aligned.stays.begin(), aligned.stays.end());
-  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  const std::map<int, double> stays(frame.stays.begin(), frame.stays.end());
   KeptAlternatives kept;
   std::vector<int> without = *known;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
     const auto stay = stays.find(mode_match.group);
-    if (stay == stays.end() || mode_match.nearest == kUnassigned) continue;
+    if (stay == stays.end() || mode_match.nearest == kUnassigned || !apart[i]) continue;
     if (stay->second >= decided || stay->second <= 1.0 - decided) continue;
-    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor;
-    if (mode_match.squared_m2 < gate * variance) continue;
     without[i] = kUnassigned;
     kept.doubts.push_back(
         {mode_match.group, NearestMode(build, mode_match).p_map_landmark, stay->second});
@@ -67,7 +61,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const MapperOptions& options,
   for (const BuildRun& run : run_map.build.runs) {
     kept.runs.push_back({run.data->name, run.data->sha256});
   }
-  kept.alternatives = SetsInDoubt(aligned.alternatives, kept);
+  kept.alternatives = SetsInDoubt(frame.alternatives, kept);
   for (const auto& [group, probability] : stays) kept.groups.push_back(group);
   return kept;
 }

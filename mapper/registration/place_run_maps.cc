@@ -20,27 +20,36 @@
 namespace shiftmap {
 namespace {
 
-// The mode of the build that each mode of an aligned run map is, or kUnassigned.
-std::vector<int> KnownModes(const MapperOptions& options,
+// Per mode of an aligned run map whether it is told apart from what it is nearest to.
+std::vector<bool> ToldApart(const MapperOptions& options,
                             const RunMapAlignment& aligned,
                             const RunMap& run_map,
-                            const std::vector<ModeMatch>& mode_matches,
-                            const std::vector<bool>& displaced,
-                            const BuildState& build) {
+                            const std::vector<ModeMatch>& mode_matches) {
   const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
   const double floor = options.modes.position_floor_m;
   const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  std::vector<bool> apart;
+  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor;
+    apart.push_back(mode_matches[i].squared_m2 >= gate * variance);
+  }
+  return apart;
+}
+
+// The mode of the build that each mode of an aligned run map is, or kUnassigned.
+std::vector<int> KnownModes(const RunMapAlignment& aligned,
+                            const std::vector<ModeMatch>& mode_matches,
+                            const std::vector<bool>& displaced,
+                            const std::vector<bool>& apart,
+                            const BuildState& build) {
   std::vector<int> modes;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
-    const Eigen::Vector2d& position = positions[i];
     if (aligned.stayed && (*aligned.stayed)[i] != kUnassigned) {
       modes.push_back((*aligned.stayed)[i]);
       continue;
     }
-    const double variance = aligned.alignment.PositionVariance(position) + 2.0 * floor * floor;
-    const bool known =
-        MatchesPrior(build, mode_match) ? !displaced[i] : mode_match.squared_m2 < gate * variance;
+    const bool known = MatchesPrior(build, mode_match) ? !displaced[i] : !apart[i];
     modes.push_back(known ? mode_match.nearest : kUnassigned);
   }
   return modes;
@@ -57,36 +66,70 @@ std::vector<bool> Others(const std::vector<int>& stayed,
   return others;
 }
 
+// What is in doubt of an aligned run map. Its modes are then not known.
+std::vector<KeptAlternatives> KeepDoubts(const MapperOptions& options,
+                                         const RunMapAlignment& aligned,
+                                         const std::optional<DisplacedModes>& found,
+                                         const std::vector<bool>& apart,
+                                         const RunMap& run_map,
+                                         const std::vector<ModeMatch>& mode_matches,
+                                         const BuildState& build,
+                                         std::vector<int>* known) {
+  std::vector<KeptAlternatives> doubts;
+  const auto keep =
+      [&](const StayedPosterior& frame, double decided, const std::vector<bool>& told_apart) {
+        std::optional<KeptAlternatives> kept =
+            KeepAlternatives(frame, decided, told_apart, run_map, mode_matches, build, known);
+        if (kept) doubts.push_back(*std::move(kept));
+      };
+  keep(aligned.given, options.confirmation.min_probability, apart);
+  if (!found) return doubts;
+  for (const Explanations& together : found->explanations) {
+    keep(together.frames.front().given,
+         options.confirmation.min_probability_of_most,
+         std::vector<bool>(apart.size(), true));
+  }
+  return doubts;
+}
+
+bool IsInDoubt(const std::vector<KeptAlternatives>& doubts, int group) {
+  return std::any_of(doubts.begin(), doubts.end(), [&](const KeptAlternatives& kept) {
+    return IsInDoubt(kept, group);
+  });
+}
+
 // Adds a run map, already moved into the map frame. False, and nothing is done, if too little of it
 // is known to hold it there.
 // @param aligned  Nothing for the first run map, which meets no other.
+// @param found    Of a run map on a prior map, unless `aligned` says what stayed.
 bool Absorb(const MapperOptions& options,
-            const std::optional<MapContent>& prior,
             const std::optional<RunMapAlignment>& aligned,
+            const std::optional<DisplacedModes>& found,
             RunMap run_map,
             BuildState* build) {
-  std::vector<ModeMatch> mode_matches = MatchNearest(run_map.build, *build);
-  const bool deformed = aligned && aligned->deformed;
+  const std::vector<ModeMatch> mode_matches = MatchNearest(run_map.build, *build);
   std::vector<bool> displaced(mode_matches.size());
   if (aligned && aligned->stayed) {
     displaced = Others(*aligned->stayed, *build, mode_matches);
-  } else if (prior && aligned && !deformed) {
-    displaced = FindDisplacedModes(
-        options, prior->covariance, *build, aligned->alignment, &run_map, &mode_matches);
+  } else if (found) {
+    displaced = found->displaced;
   }
   std::vector<int> known(mode_matches.size(), kUnassigned);
-  if (deformed) {
+  if (aligned && aligned->deformed) {
     known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
   } else if (aligned) {
-    known = KnownModes(options, *aligned, run_map, mode_matches, displaced, *build);
-    const std::optional<KeptAlternatives> kept =
-        KeepAlternatives(options, *aligned, run_map, mode_matches, *build, &known);
-    if (kept) build->kept.push_back(*kept);
+    const std::vector<bool> apart = ToldApart(options, *aligned, run_map, mode_matches);
+    known = KnownModes(*aligned, mode_matches, displaced, apart, *build);
+    const std::vector<KeptAlternatives> doubts =
+        KeepDoubts(options, *aligned, found, apart, run_map, mode_matches, *build, &known);
     const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (std::ssize(known) - unknown < kMinTyingModes) return false;
+    build->kept.insert(build->kept.end(), doubts.begin(), doubts.end());
     std::vector<bool> decided;  // With all modes of the prior at once.
-    for (const ModeMatch& mode_match : mode_matches) {
-      decided.push_back(MatchesPrior(*build, mode_match) || IsInDoubt(kept, mode_match.group));
+    for (std::size_t i = 0; i < mode_matches.size(); ++i) {
+      const bool in_doubt = IsInDoubt(doubts, mode_matches[i].group);
+      decided.push_back(MatchesPrior(*build, mode_matches[i]) || in_doubt);
+      if (found && in_doubt) displaced[i] = true;
     }
     // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
     const auto met = std::count_if(mode_matches.begin(),
@@ -200,10 +243,29 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
   if (!same) aligned.emplace().alignment = best.alignment;
   if (!same || !most_agree) {
     aligned->stayed = Stayed(best, run_map, build);
-    aligned->alternatives = best.alternatives;
-    aligned->stays = best.stays;
+    aligned->given = best.given;
   }
   return aligned;
+}
+
+// What is undecided about landmarks that may be displaced, so that the run has to wait: the frame,
+// or which landmarks stayed where too few are left that did for certain.
+std::optional<Explanations> Undecided(const MapperOptions& options, const DisplacedModes& found) {
+  const double decided = options.confirmation.min_probability_of_most;
+  for (const Explanations& together : found.explanations) {
+    const Explanation& best = together.frames.front();
+    if (best.probability < decided) return together;
+    const auto& stays = best.given.stays;
+    const auto certain = [&](const auto& stay) { return stay.second >= decided; };
+    const auto doubtful = [&](const auto& stay) {
+      return stay.second > 1.0 - decided && stay.second < decided;
+    };
+    if (std::any_of(stays.begin(), stays.end(), doubtful) &&
+        std::count_if(stays.begin(), stays.end(), certain) < kMinTyingModes) {
+      return BySets(best);
+    }
+  }
+  return std::nullopt;
 }
 
 // Places a run map that waits, if it aligns and nothing else explains it.
@@ -220,13 +282,23 @@ void PlaceNext(const MapperOptions& options,
     waiting->SetAside(next, std::move(explanations));
     return;
   }
-  RunMap placed = waiting->Take(next);
+  RunMap placed = waiting->At(next);
   const Se2& T_map_run_map = aligned->alignment.T_reference_other;
   MoveBuild(T_map_run_map, &placed.build);
   Rotate(T_map_run_map.Rotation(), &placed.covariance);
+  std::optional<DisplacedModes> found;
+  if (prior && !aligned->stayed && !aligned->deformed) {
+    found = FindDisplacedModes(options, prior->covariance, *build, aligned->alignment, &placed);
+    explanations = Undecided(options, *found);
+    if (explanations) {
+      waiting->SetAside(next, std::move(explanations));
+      return;
+    }
+  }
+  waiting->Take(next);
   std::vector<RejectedRun> rejection;
   Reject(placed, kUnconstrainedReason, &rejection);
-  if (!Absorb(options, prior, aligned, std::move(placed), build)) {
+  if (!Absorb(options, aligned, found, std::move(placed), build)) {
     rejected->insert(rejected->end(), rejection.begin(), rejection.end());
   }
   waiting->Update(next, *build);

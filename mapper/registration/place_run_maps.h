@@ -19,7 +19,8 @@ namespace shiftmap {
 /// other modes of its signatures. A mode of a run map becomes one that is there, or a mode beside
 /// it:
 ///
-/// - against modes of the prior map that is decided for the whole run map at once, FindDisplaced();
+/// - against modes of the prior map that is decided for the whole run map at once, FindDisplaced(),
+///   and a run map waits for which that has no likely result;
 /// - against modes that other runs of this build brought, by a gate on each.
 ///
 /// A run map of which few landmarks agree is placed only where Explain() decides for one frame

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
-#include "mapper/alignment/explain_alignment.h"
+#include "mapper/alignment/explanation.h"
 #include "mapper/run_maps/run_map.h"
 
 namespace shiftmap {
@@ -27,9 +27,8 @@ struct RunMapAlignment {
   /// the map that it is, or kUnassigned.
   std::optional<std::vector<int>> stayed;
 
-  /// Of a place that is confirmed: how the landmarks may have got there.
-  std::vector<StayedSet> alternatives = {};
-  std::vector<std::pair<int, double>> stays = {};  ///< As Explanation::stays.
+  /// Of a place that is confirmed: what may have stayed.
+  StayedPosterior given = {};
 
   /// Of a deformed run map, where the map has the modes that agree in their own part, or nothing.
   /// Per mode, flat. [m]

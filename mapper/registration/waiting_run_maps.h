@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
-#include "mapper/alignment/explain_alignment.h"
+#include "mapper/alignment/explanation.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
 

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "mapper/alignment/explain_alignment.h"
+#include "mapper/alignment/explanation.h"
 #include "mapper/state/run_name.h"
 
 namespace shiftmap {

@@ -42,7 +42,9 @@ StatusOr<MapperResult> Build(const UtiasCase& data, const std::optional<MapConte
 StatusOr<UtiasEstimate> RunMapper(const Trial& trial, const LandmarkPlaces& map) {
   const MapContent prior = SurveyMap(map, trial.options->protocol.prior_sd_m, trial.begin());
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result, Build(*trial.data, prior));
-  if (result.runs.empty()) return InvalidArgument("run rejected");
+  if (result.runs.empty() && result.ambiguous_changes.empty()) {
+    return InvalidArgument("run rejected");
+  }
   return FromMapperResult(*trial.data, result);
 }
 
@@ -152,6 +154,7 @@ IjrrUtiasRow RunOnce(const Method& method, const Trial& trial, double delta_m) {
   IjrrUtiasRow row;
   row.dataset = trial.data->dataset;
   row.robot = trial.data->robot;
+  row.start_s = trial.data->start_s;
   row.delta_m = delta_m;
   row.method = method.about.name;
   row.frames = static_cast<int>(trial.data->frames.frames.size());
@@ -161,6 +164,9 @@ IjrrUtiasRow RunOnce(const Method& method, const Trial& trial, double delta_m) {
   row.pose_rmse_m = row.step_pose_rmse_m = row.landmark_rmse_m =
       std::numeric_limits<double>::quiet_NaN();
   if (!estimate.ok()) return row;
+  row.truth_probability = ProbabilityOfTruth(*trial.data, *estimate);
+  row.waits = estimate->poses.empty();
+  if (row.waits) return row;
   const UtiasScore score = ScoreUtias(*trial.data, *estimate);
   row.pose_rmse_m = score.pose_rmse_m;
   if (!estimate->step_poses.empty()) row.step_pose_rmse_m = score.step_pose_rmse_m;
@@ -205,14 +211,25 @@ IjrrUtiasRow RunMethod(const Method& method, const Trial& trial, double delta_m)
   return result;
 }
 
+// Every robot from every start, of each data set one at least.
 StatusOr<std::vector<UtiasCase>> LoadCases(const IjrrUtiasOptions& options) {
   std::vector<UtiasCase> cases;
   for (const int dataset : options.datasets) {
+    const std::size_t before = cases.size();
+    Status missing;
     for (const int robot : options.robots) {
-      SHIFTMAP_ASSIGN_OR_RETURN(UtiasCase data,
-                                LoadUtiasCase(options.data, dataset, robot, options.protocol));
-      cases.push_back(std::move(data));
+      for (const double start_s : options.starts_s) {
+        UtiasProtocol protocol = options.protocol;
+        protocol.start_s = start_s;
+        StatusOr<UtiasCase> data = LoadUtiasCase(options.data, dataset, robot, protocol);
+        if (data.ok()) {
+          cases.push_back(*std::move(data));
+        } else {
+          missing = data.status();
+        }
+      }
     }
+    if (cases.size() == before) return missing;
   }
   return cases;
 }
@@ -226,11 +243,13 @@ std::vector<IjrrUtiasMethod> IjrrUtiasMethods() {
 }
 
 Status IjrrUtiasOptions::Validate() const {
-  if (datasets.empty() || robots.empty() || deltas_m.empty()) {
-    return InvalidArgument("{} data sets, {} robots, {} displacements, expected 1 or more of each",
-                           datasets.size(),
-                           robots.size(),
-                           deltas_m.size());
+  if (datasets.empty() || robots.empty() || starts_s.empty() || deltas_m.empty()) {
+    return InvalidArgument(
+        "{} data sets, {} robots, {} starts, {} displacements, expected 1 or more of each",
+        datasets.size(),
+        robots.size(),
+        starts_s.size(),
+        deltas_m.size());
   }
   for (const double delta_m : deltas_m) {
     if (!std::isfinite(delta_m)) return InvalidArgument("displacement {} m", delta_m);
@@ -275,9 +294,10 @@ StatusOr<IjrrUtiasResult> RunIjrrUtias(
       for (const Method& method : Methods()) {
         if (!Selected(options, method.about, delta_m)) continue;
         if (progress) {
-          progress(fmt::format("set {} robot {} at {} m: {}",
+          progress(fmt::format("set {} robot {} from {} s at {} m: {}",
                                data.dataset,
                                data.robot,
+                               data.start_s,
                                delta_m,
                                method.about.name),
                    done / trials);

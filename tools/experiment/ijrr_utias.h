@@ -18,6 +18,10 @@ struct IjrrUtiasOptions {
   std::string data;  ///< Holds MRCLAM_Dataset<N>.
   std::vector<int> datasets = {1, 2, 3};
   std::vector<int> robots = {1};
+
+  /// As UtiasProtocol::start_s. What a data set has not of robots and starts is left out.
+  std::vector<double> starts_s = {0.0};
+
   std::vector<double> deltas_m = {0.0, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, 2.1, 2.5};
   UtiasProtocol protocol;
 
@@ -47,6 +51,7 @@ struct IjrrUtiasOptions {
 struct IjrrUtiasRow {
   int dataset = 0;
   int robot = 0;
+  double start_s = 0.0;
   double delta_m = 0.0;
   std::string method;
   int realizations = 1;             ///< One unless the method is random.
@@ -58,6 +63,13 @@ struct IjrrUtiasRow {
   double modes = 0.0;
   double created = 0.0;
   double full_optimizations = 0.0;
+
+  /// The build waits: there is no estimate, but explanations.
+  bool waits = false;
+
+  /// Of a build that does not decide which landmarks were displaced, that of the truth.
+  std::optional<double> truth_probability;
+
   double cpu_s = 0.0;      ///< Processor time of the thread; more trees than one have their own.
   int frames = 0;          ///< Key frames.
   UtiasEstimate estimate;  ///< The first realization's; empty if that failed.

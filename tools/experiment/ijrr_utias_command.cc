@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -26,6 +27,7 @@ struct Arguments {
   std::string output;
   std::vector<std::string> datasets;
   std::vector<std::string> robots;
+  std::vector<std::string> starts;
   std::vector<std::string> deltas;
   bool quick = false;
   IjrrUtiasOptions options;
@@ -54,10 +56,13 @@ StatusOr<IjrrUtiasOptions> MakeOptions(const Arguments& arguments) {
                             ParseNumbers(arguments.datasets, 1, "data set"));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<int> robots,
                             ParseNumbers(arguments.robots, 1, "robot"));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<double> starts,
+                            ParseNumbers(arguments.starts, 0.0, "start"));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<double> deltas,
                             ParseNumbers(arguments.deltas, 0.0, "displacement"));
   if (!datasets.empty()) options.datasets = datasets;
   if (!robots.empty()) options.robots = robots;
+  if (!starts.empty()) options.starts_s = starts;
   if (options.more_modes && datasets.empty()) options.datasets = {1};
   if (arguments.quick) {
     options.deltas_m = kQuickDeltas;
@@ -74,8 +79,8 @@ StatusOr<IjrrUtiasOptions> MakeOptions(const Arguments& arguments) {
 // Processor time of the least-squares static solve on the same run with the same displacement.
 double StaticSeconds(const std::vector<IjrrUtiasRow>& rows, const IjrrUtiasRow& of) {
   for (const IjrrUtiasRow& row : rows) {
-    if (row.dataset == of.dataset && row.robot == of.robot && row.delta_m == of.delta_m &&
-        row.method == "static") {
+    if (row.dataset == of.dataset && row.robot == of.robot && row.start_s == of.start_s &&
+        row.delta_m == of.delta_m && row.method == "static") {
       return row.cpu_s;
     }
   }
@@ -85,6 +90,7 @@ double StaticSeconds(const std::vector<IjrrUtiasRow>& rows, const IjrrUtiasRow& 
 ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
   ResultTable table({"dataset",
                      "robot",
+                     "start_s",
                      "delta_m",
                      "method",
                      "realizations",
@@ -96,6 +102,8 @@ ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
                      "modes",
                      "created",
                      "full_optimizations",
+                     "waits",
+                     "truth_probability",
                      "cpu_s",
                      "frames",
                      "frames_per_s",
@@ -103,6 +111,7 @@ ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
   for (const IjrrUtiasRow& row : rows) {
     table.AddRow({static_cast<double>(row.dataset),
                   static_cast<double>(row.robot),
+                  row.start_s,
                   row.delta_m,
                   row.method,
                   static_cast<double>(row.realizations),
@@ -114,6 +123,8 @@ ResultTable MakeTable(const std::vector<IjrrUtiasRow>& rows) {
                   row.modes,
                   row.created,
                   row.full_optimizations,
+                  row.waits ? 1.0 : 0.0,
+                  row.truth_probability.value_or(std::nan("")),
                   row.cpu_s,
                   static_cast<double>(row.frames),
                   row.frames / row.cpu_s,
@@ -142,6 +153,68 @@ ResultTable MakeTimes(const std::vector<IjrrUtiasRow>& rows) {
     }
   }
   return times;
+}
+
+// What a build makes of a displacement, beside a map that is told which landmarks it has wrong.
+struct Verdicts {
+  int cases = 0;
+  int as_oracle = 0;     // Its error is within 15 % or 2 cm.
+  int waits = 0;         // The truth is among its explanations.
+  int kept = 0;          // It is in the map, with the truth among the explanations.
+  int wrong = 0;         // None of these.
+  int oracle_waits = 0;  // Even then it is not decided.
+};
+
+bool IsAsOracle(const IjrrUtiasRow& row, const IjrrUtiasRow& oracle) {
+  // Where motion capture has no poses.
+  const bool has_poses = std::isfinite(oracle.pose_rmse_m);
+  const double error_m = has_poses ? row.pose_rmse_m : row.landmark_rmse_m;
+  const double of_oracle_m = has_poses ? oracle.pose_rmse_m : oracle.landmark_rmse_m;
+  return error_m <= std::max(1.15 * of_oracle_m, of_oracle_m + 0.02);
+}
+
+ResultTable MakeVerdicts(const std::vector<IjrrUtiasRow>& rows) {
+  using Case = std::tuple<int, int, double, double>;
+  const auto case_of = [](const IjrrUtiasRow& row) {
+    return Case(row.dataset, row.robot, row.start_s, row.delta_m);
+  };
+  std::map<Case, const IjrrUtiasRow*> oracles;
+  for (const IjrrUtiasRow& row : rows) {
+    if (row.method == "oracle") oracles[case_of(row)] = &row;
+  }
+  std::map<double, Verdicts> by_delta;
+  for (const IjrrUtiasRow& row : rows) {
+    const auto oracle = oracles.find(case_of(row));
+    if (row.method != "ours" || oracle == oracles.end()) continue;
+    Verdicts& verdicts = by_delta[row.delta_m];
+    ++verdicts.cases;
+    const bool has_truth = row.truth_probability.value_or(0.0) > 0.0;
+    if (oracle->second->waits) {
+      ++verdicts.oracle_waits;
+    } else if (row.waits && has_truth) {
+      ++verdicts.waits;
+    } else if (!row.waits && IsAsOracle(row, *oracle->second)) {
+      ++verdicts.as_oracle;
+    } else if (has_truth) {
+      ++verdicts.kept;
+    } else {
+      ++verdicts.wrong;
+    }
+  }
+  ResultTable table({"delta_m", "cases", "as_oracle", "waits", "kept", "wrong", "oracle_waits"});
+  for (const auto& [delta_m, verdicts] : by_delta) {
+    std::vector<ResultTable::Cell> row = {delta_m};
+    for (const int count : {verdicts.cases,
+                            verdicts.as_oracle,
+                            verdicts.waits,
+                            verdicts.kept,
+                            verdicts.wrong,
+                            verdicts.oracle_waits}) {
+      row.emplace_back(static_cast<double>(count));
+    }
+    table.AddRow(row);
+  }
+  return table;
 }
 
 // A line per method of a figure: one member of the rows of a data set over the displacement, mean
@@ -187,12 +260,14 @@ Status WritePictures(const IjrrUtiasOptions& options,
     const double delta_m = PictureDelta(options, data.dataset);
     std::vector<const IjrrUtiasRow*> rows;
     for (const IjrrUtiasRow& row : result.rows) {
-      if (row.dataset == data.dataset && row.robot == data.robot && row.delta_m == delta_m) {
+      if (row.dataset == data.dataset && row.robot == data.robot && row.start_s == data.start_s &&
+          row.delta_m == delta_m) {
         rows.push_back(&row);
       }
     }
     if (rows.empty()) continue;
-    const std::string name = fmt::format("set{}-robot{}", data.dataset, data.robot);
+    std::string name = fmt::format("set{}-robot{}", data.dataset, data.robot);
+    if (options.starts_s.size() > 1) name += fmt::format("-{:.0f}s", data.start_s);
     SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-paths", DrawPaths(data, rows)));
     SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-modes", DrawCreatedModes(data, rows)));
   }
@@ -238,7 +313,7 @@ Json OptionsJson(const IjrrUtiasOptions& options, const IjrrUtiasResult& result)
                      {"moved", moved}});
   }
   return {{"cases", cases},
-          {"start_s", options.protocol.start_s},
+          {"starts_s", options.starts_s},
           {"duration_s", options.protocol.duration_s},
           {"max_range_m", options.protocol.max_range_m},
           {"max_bearing_rad", options.protocol.max_bearing_rad},
@@ -264,7 +339,14 @@ Status RunExperiment(const Arguments& arguments, Context& context) {
   const ResultTable table = MakeTable(result.rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));
-  SHIFTMAP_RETURN_IF_ERROR(WritePictures(options, result, &output));
+  if (options.starts_s.size() == 1) {
+    SHIFTMAP_RETURN_IF_ERROR(WritePictures(options, result, &output));
+  }
+  const ResultTable verdicts = MakeVerdicts(result.rows);
+  if (!verdicts.rows().empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(output.WritePage(
+        "Builds on a map that has landmarks displaced, beside one that is told which", verdicts));
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
                             output.WriteDocument(OptionsJson(options, result), table));
   context.Report(document, table.ToText() + "\n" + MakeTimes(result.rows).ToText());
@@ -288,9 +370,8 @@ void AddIjrrUtiasExperiment(Application* application) {
       .Option("--deltas", &arguments->deltas, "Displacements in metres; default those of figure 9")
       .Option("--methods", &arguments->options.methods, "Only these methods")
       .Option("--start-s",
-              &arguments->options.protocol.start_s,
-              "Where in the recording to begin [s]; the paper: 0")
-      .InRange(0.0, 1e5)
+              &arguments->starts,
+              "Where in the recording to begin [s], one or several; the paper, and default: 0")
       .Option("--prior-sd-m",
               &arguments->options.protocol.prior_sd_m,
               "Standard deviation of each coordinate in the map")

@@ -45,6 +45,7 @@ StatusOr<UtiasCase> LoadUtiasCase(const std::string& data,
   UtiasCase result;
   result.dataset = dataset;
   result.robot = robot;
+  result.start_s = protocol.start_s;
   SHIFTMAP_ASSIGN_OR_RETURN(result.truth, ReadUtiasGroundtruth(options.dataset_dir, robot));
   SHIFTMAP_ASSIGN_OR_RETURN(result.landmarks, ReadUtiasLandmarks(options.dataset_dir));
   if (result.truth.empty()) {

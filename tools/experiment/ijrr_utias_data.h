@@ -34,6 +34,7 @@ struct UtiasProtocol {
 struct UtiasCase {
   int dataset = 0;
   int robot = 0;
+  double start_s = 0.0;  ///< UtiasProtocol::start_s.
   Run run;
   MappingRun frames;                  ///< The same by key frames and visits; groups: `signatures`.
   std::vector<Signature> signatures;  ///< Ascending: every landmark of the data set.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/experiment/ijrr_utias_score.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -122,9 +123,28 @@ UtiasScore ScoreUtias(const UtiasCase& data, const UtiasEstimate& estimate) {
   return score;
 }
 
+std::optional<double> ProbabilityOfTruth(const UtiasCase& data, const UtiasEstimate& estimate) {
+  if (estimate.ambiguous_changes.empty()) return std::nullopt;
+  for (const AmbiguousChange& change : estimate.ambiguous_changes) {
+    for (const AmbiguousChange::Alternative& alternative : change.explanations) {
+      const auto is_true = [&](const std::vector<Signature>& signatures, bool moved) {
+        return std::all_of(signatures.begin(), signatures.end(), [&](const Signature& signature) {
+          return std::binary_search(data.moved.begin(), data.moved.end(), signature) == moved;
+        });
+      };
+      if (is_true(alternative.stayed, false) && is_true(alternative.moved, true)) {
+        return alternative.probability;
+      }
+    }
+  }
+  return 0.0;
+}
+
 UtiasEstimate FromMapperResult(const UtiasCase& data, const MapperResult& result) {
-  const MappedRun& run = result.runs.front();
   UtiasEstimate estimate;
+  estimate.ambiguous_changes = result.ambiguous_changes;
+  if (result.runs.empty()) return estimate;
+  const MappedRun& run = result.runs.front();
   for (const StampedPose& pose : run.trajectory) estimate.poses.push_back(pose.T_map_vehicle);
   for (const Signature& signature : data.signatures) {
     std::vector<Eigen::Vector2d>& modes = estimate.modes.emplace_back();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "mapper/mapper.h"
@@ -20,6 +21,9 @@ struct UtiasEstimate {
 
   int created = 0;             ///< Modes that the map did not have.
   int full_optimizations = 0;  ///< Steps whose alternation did not settle.
+
+  /// What the build does not decide. If it waits there are no poses.
+  std::vector<AmbiguousChange> ambiguous_changes;
 };
 
 /// Errors against the truth, without alignment: the map holds the frame.
@@ -36,11 +40,17 @@ struct UtiasScore {
 /// visits that they explain: a visit counts one, shared among modes as its sightings are. So a
 /// misread signature does not decide over a landmark, and a mode that explains nothing does not
 /// count. A landmark of which no sighting is explained stands where its first mode is.
+/// Precondition: there are poses.
 UtiasScore ScoreUtias(const UtiasCase& data, const UtiasEstimate& estimate);
+
+/// The probability that an estimate gives to what is true, of what it does not decide: that of the
+/// landmarks that are seen those of UtiasCase::moved were displaced and no others. Nothing if it
+/// decides.
+std::optional<double> ProbabilityOfTruth(const UtiasCase& data, const UtiasEstimate& estimate);
 
 /// The result of the mapper in that form. Which mode a visit is of follows from its sightings: the
 /// most likely, or none if clutter explains them better.
-/// Precondition: the one run of the case was mapped.
+/// Precondition: the one run of the case was mapped, or waits.
 UtiasEstimate FromMapperResult(const UtiasCase& data, const MapperResult& result);
 
 }  // namespace shiftmap

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "localizer/hypothesis/log_math.h"
+#include "mapper/alignment/explain_displacements.h"
 #include "mapper/covariance/gauge.h"
 
 namespace shiftmap {
@@ -100,7 +101,14 @@ double BruteForceScore(const std::vector<Eigen::Vector2d>& positions,
          LogSumExp(Eigen::Map<const Eigen::VectorXd>(terms.data(), std::ssize(terms)));
 }
 
-// Every partition of four landmarks into clusters and those not displaced.
+std::vector<int> Likeliest(const std::vector<Eigen::Vector2d>& positions,
+                           const Eigen::VectorXd& difference,
+                           const DifferenceCovariance& cov,
+                           const DisplacementOptions& options) {
+  return FindDisplaced(positions, difference, cov, options).front().clusters;
+}
+
+// Every partition of landmarks into clusters and those not displaced.
 std::vector<std::vector<int>> Partitions(int count) {
   std::vector<std::vector<int>> partitions = {{}};
   for (int i = 0; i < count; ++i) {
@@ -131,7 +139,7 @@ TEST(FindDisplaced, FindsTheMostLikelyPartition) {
       best = std::max(
           best, BruteForceScore(site.positions(), difference, site.cov(), partition, options));
     }
-    const std::vector<int> found = FindDisplaced(site.positions(), difference, site.cov(), options);
+    const std::vector<int> found = Likeliest(site.positions(), difference, site.cov(), options);
     const double score = BruteForceScore(site.positions(), difference, site.cov(), found, options);
     EXPECT_LE(score, best + 1e-6);
     differs += score < best - 1e-6;
@@ -140,12 +148,138 @@ TEST(FindDisplaced, FindsTheMostLikelyPartition) {
   EXPECT_LE(differs, 5);
 }
 
+TEST(FindDisplaced, ProbabilitiesAreThoseOfEnumeration) {
+  const DisplacementOptions options;
+  double in_doubt = 0.0;
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    Site site(6, 0.05, seed);
+    const Eigen::VectorXd difference =
+        site.Difference(static_cast<int>(seed % 4), {0.08 * (seed % 8), 0.0});
+    const std::vector<std::vector<int>> partitions = Partitions(6);
+    Eigen::VectorXd scores(std::ssize(partitions));
+    for (std::size_t i = 0; i < partitions.size(); ++i) {
+      scores[static_cast<Eigen::Index>(i)] =
+          BruteForceScore(site.positions(), difference, site.cov(), partitions[i], options);
+    }
+    const double sum = LogSumExp(scores);
+    for (const Displacement& found :
+         FindDisplaced(site.positions(), difference, site.cov(), options)) {
+      const double exact = std::exp(
+          BruteForceScore(site.positions(), difference, site.cov(), found.clusters, options) - sum);
+      EXPECT_NEAR(found.probability, exact, 0.05) << seed;  // The window leaves out some.
+      if (exact < 0.9) in_doubt += exact;
+    }
+  }
+  EXPECT_GT(in_doubt, 3.0);  // Else there was little to tell.
+}
+
+// Of data that the model draws.
+TEST(FindDisplaced, WhatIsProbableIsRightAsOften) {
+  constexpr int kLandmarks = 6;
+  DisplacementOptions options;
+  options.prior.probability_displaced = 0.5;
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  const std::vector<std::vector<int>> partitions = Partitions(kLandmarks);
+  std::vector<double> map_factors;
+  std::vector<double> map_weights;
+  for (int power = -5; power <= 2; ++power) {
+    const double v = std::exp2(power);
+    map_factors.push_back(v);
+    map_weights.push_back(std::exp(-0.5 * options.map_variance_dof * (std::log(v) + 1.0 / v)));
+  }
+  std::discrete_distribution<std::size_t> map_factor(map_weights.begin(), map_weights.end());
+  double expected = 0.0;
+  double variance = 0.0;
+  int right = 0;
+  for (unsigned seed = 1; seed <= 400; ++seed) {
+    const Site site(kLandmarks, 0.05, seed);
+    const DisplacementPrior prior(site.positions(), options.prior);
+    std::vector<double> weights;
+    for (const std::vector<int>& partition : partitions) {
+      weights.push_back(std::exp(prior.LogProbability(partition)));
+    }
+    const std::vector<int>& truth =
+        partitions[std::discrete_distribution<std::size_t>(weights.begin(), weights.end())(random)];
+    const double sd = options.sd_displacement_m[random() % 3];
+    const Eigen::MatrixXd root =
+        site.cov()
+            .Sum(options.run_variance_factors[random() % 2], map_factors[map_factor(random)])
+            .llt()
+            .matrixL();
+    Eigen::VectorXd z(root.rows());
+    for (double& value : z) value = normal(random);
+    Eigen::VectorXd difference = root * z;
+    for (int cluster = 0; cluster < kLandmarks; ++cluster) {
+      const Eigen::Vector2d shift = sd * Eigen::Vector2d(normal(random), normal(random));
+      for (int i = 0; i < kLandmarks; ++i) {
+        if (truth[static_cast<std::size_t>(i)] == cluster) {
+          difference.segment<2>(Eigen::Index{2} * i) += shift;
+        }
+      }
+    }
+    const Displacement best =
+        FindDisplaced(site.positions(), difference, site.cov(), options).front();
+    expected += best.probability;
+    variance += best.probability * (1.0 - best.probability);
+    right += best.clusters == truth;
+  }
+  // Up to 0.05 of each is what the window leaves out.
+  EXPECT_GT(right, expected - 0.05 * 400 - 3.0 * std::sqrt(variance));
+  EXPECT_LT(right, expected + 3.0 * std::sqrt(variance));
+  EXPECT_LT(expected, 0.9 * 400);
+}
+
+// Half moved together: which half?
+TEST(ExplainDisplacements, TwoHalvesAreTwoFrames) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    Site site(8, 0.03, seed);
+    const Explanations found = ExplainDisplacements(
+        {0, 1, 2, 3, 4, 5, 6, 7},
+        FindDisplaced(site.positions(), site.Difference(4, {1.0, 0.0}), site.cov(), {}),
+        0.4);
+    ASSERT_GE(found.frames.size(), 2u) << seed;
+    const std::vector<int> near = {0, 1, 2, 3};
+    const std::vector<int> far = {4, 5, 6, 7};
+    for (const std::size_t i : {0u, 1u}) {
+      const Explanation& frame = found.frames[i];
+      EXPECT_GT(frame.probability, 0.01) << seed;
+      EXPECT_TRUE((frame.moved == near && frame.alignment.signatures == far) ||
+                  (frame.moved == far && frame.alignment.signatures == near))
+          << seed;
+    }
+    EXPECT_NE(found.frames[0].moved, found.frames[1].moved) << seed;
+    EXPECT_EQ(found.deciding.size(), 8u) << seed;
+  }
+}
+
+TEST(ExplainDisplacements, FramesThatAreAlikeAreOne) {
+  Site site(8, 0.03, 1);
+  const std::vector<Displacement> found =
+      FindDisplaced(site.positions(), site.Difference(4, {0.25, 0.0}), site.cov(), {});
+  ASSERT_GE(found.size(), 2u);
+  const Explanations together = ExplainDisplacements({0, 1, 2, 3, 4, 5, 6, 7}, found, 0.4);
+  ASSERT_EQ(together.frames.size(), 1u);
+  const Explanation& frame = together.frames[0];
+  EXPECT_NEAR(frame.probability, 1.0, 1e-9);
+  for (const auto& [group, stays] : frame.given.stays) {
+    double sum = 0.0;
+    for (const Displacement& displacement : found) {
+      if (displacement.clusters[static_cast<std::size_t>(group)] < 0) {
+        sum += displacement.probability;
+      }
+    }
+    EXPECT_NEAR(stays, sum, 1e-9) << group;
+  }
+  EXPECT_EQ(BySets(frame).frames.size(), frame.given.alternatives.size());
+}
+
 TEST(FindDisplaced, NothingMovedIsNothingDisplaced) {
   int displaced = 0;
   for (unsigned seed = 1; seed <= 200; ++seed) {
     Site site(15, 0.06, seed);
-    displaced += Count(FindDisplaced(
-        site.positions(), site.Difference(0, Eigen::Vector2d::Zero()), site.cov(), {}));
+    displaced += Count(
+        Likeliest(site.positions(), site.Difference(0, Eigen::Vector2d::Zero()), site.cov(), {}));
   }
   EXPECT_LE(displaced, 15);  // Of 3,000.
 }
@@ -155,7 +289,7 @@ TEST(FindDisplaced, TellsTheFewThatMovedFromTheManyThatStayed) {
   for (unsigned seed = 1; seed <= 100; ++seed) {
     Site site(15, 0.06, seed);
     const std::vector<int> found =
-        FindDisplaced(site.positions(), site.Difference(4, {0.4, 0.0}), site.cov(), {});
+        Likeliest(site.positions(), site.Difference(4, {0.4, 0.0}), site.cov(), {});
     bool same = true;
     for (int i = 0; i < 15; ++i) same &= (found[static_cast<std::size_t>(i)] >= 0) == (i < 4);
     right += same;
@@ -169,7 +303,7 @@ TEST(FindDisplaced, CovariancesTwiceAsLargeAsTheErrorsHideNothing) {
     Site site(15, 0.03, seed);
     const Eigen::VectorXd difference = site.Difference(4, {0.2, 0.0});
     const DifferenceCovariance too_large = site.CovarianceOff(1.0, 5.5);
-    right += Count(FindDisplaced(site.positions(), difference, too_large, {})) == 4;
+    right += Count(Likeliest(site.positions(), difference, too_large, {})) == 4;
   }
   EXPECT_GE(right, 45);
 }
@@ -180,7 +314,7 @@ TEST(FindDisplaced, CovariancesHalfAsLargeAsTheErrorsDisplaceLittle) {
     Site site(15, 0.06, seed);
     const DifferenceCovariance too_small = site.CovarianceOff(0.25, 0.25);
     displaced +=
-        Count(FindDisplaced(
+        Count(Likeliest(
             site.positions(), site.Difference(0, Eigen::Vector2d::Zero()), too_small, {})) > 0;
   }
   EXPECT_LE(displaced, 15);  // Of 200 sites.
@@ -192,10 +326,10 @@ TEST(FindDisplaced, SeveralTogetherAreFoundWhereOneAloneIsNot) {
   for (unsigned seed = 1; seed <= 50; ++seed) {
     Site site(15, 0.06, seed);
     together +=
-        Count(FindDisplaced(site.positions(), site.Difference(4, {0.2, 0.0}), site.cov(), {})) == 4;
+        Count(Likeliest(site.positions(), site.Difference(4, {0.2, 0.0}), site.cov(), {})) == 4;
     Site other(15, 0.06, seed);
-    alone += Count(FindDisplaced(
-                 other.positions(), other.Difference(1, {0.2, 0.0}), other.cov(), {})) == 1;
+    alone +=
+        Count(Likeliest(other.positions(), other.Difference(1, {0.2, 0.0}), other.cov(), {})) == 1;
   }
   EXPECT_GT(together, alone);
 }
@@ -205,10 +339,10 @@ TEST(FindDisplaced, NoiseOfManyLandmarksIsNoDisplacement) {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     Site site(150, 0.06, seed);
     const Eigen::VectorXd noise = site.Difference(0, Eigen::Vector2d::Zero());
-    EXPECT_LE(Count(FindDisplaced(site.positions(), noise, site.cov(), {})), 2) << seed;
+    EXPECT_LE(Count(Likeliest(site.positions(), noise, site.cov(), {})), 2) << seed;
     Site changed(150, 0.06, seed);
     const std::vector<int> found =
-        FindDisplaced(changed.positions(), changed.Difference(6, {0.6, 0.3}), changed.cov(), {});
+        Likeliest(changed.positions(), changed.Difference(6, {0.6, 0.3}), changed.cov(), {});
     for (int i = 0; i < 6; ++i) EXPECT_GE(found[static_cast<std::size_t>(i)], 0) << i;
     EXPECT_LE(Count(found), 8) << seed;
   }
@@ -224,13 +358,13 @@ TEST(FindDisplaced, WhatTheRunHardlyKnowsIsNotDisplacedInABetterMap) {
     DifferenceCovariance cov = site.CovarianceOff(0.04, 1.0);
     cov.run(kAt, kAt) += 0.25 * 0.25;
     difference[kAt] += 0.6;
-    displaced += FindDisplaced(site.positions(), difference, cov, {})[9] >= 0;
+    displaced += Likeliest(site.positions(), difference, cov, {})[9] >= 0;
   }
   EXPECT_LE(displaced, 10);
 }
 
 TEST(FindDisplaced, NoLandmarksAreNoClusters) {
-  EXPECT_TRUE(FindDisplaced({}, Eigen::VectorXd(), {}, {}).empty());
+  EXPECT_TRUE(Likeliest({}, Eigen::VectorXd(), {}, {}).empty());
 }
 
 }  // namespace

@@ -312,16 +312,18 @@ TEST(ExplainAlignmentTest, AlternativesOfOneFrameAreThoseOfEnumeration) {
     }
     const Explanation best = Explain(reference, other, kArea, prior, {}).value().frames.front();
     ASSERT_GT(best.probability, kDecided);
-    ASSERT_THAT(best.stays, SizeIs(places.size()));
-    EXPECT_NEAR(best.stays[kInDoubt].second, stayed / in_frame, 0.01);
-    ASSERT_FALSE(best.alternatives.empty());
+    ASSERT_THAT(best.given.stays, SizeIs(places.size()));
+    EXPECT_NEAR(best.given.stays[kInDoubt].second, stayed / in_frame, 0.01);
+    ASSERT_FALSE(best.given.alternatives.empty());
     double sum = 0.0;
-    for (const StayedSet& set : best.alternatives) {
+    for (const StayedSet& set : best.given.alternatives) {
       EXPECT_NEAR(set.probability, sets.at(set.groups) / in_frame, 0.01);
       sum += set.probability;
     }
     EXPECT_GT(sum, 0.9);
-    ambiguous += best.stays[kInDoubt].second > 0.05 && best.stays[kInDoubt].second < 0.95 ? 1 : 0;
+    ambiguous +=
+        best.given.stays[kInDoubt].second > 0.05 && best.given.stays[kInDoubt].second < 0.95 ? 1
+                                                                                             : 0;
   }
   EXPECT_GE(ambiguous, 2);
 }

@@ -91,5 +91,41 @@ TEST(FindDisplacedModes, WhatMovedIsFoundWhereTheRunLostItsHeading) {
   }
 }
 
+// The run sees few landmarks, of which about as many have moved together as have stayed.
+TEST(FindDisplacedModes, WhereItIsNotDecidedWhatMovedTheRunWaits) {
+  int waits = 0;
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.groups = 11;
+    options.modes_per_group = 1;
+    options.runs = 2;
+    const SimulatedWorld world = testing::Simulate(options);
+    MapContent prior = MapOfFirstRun(world);
+    std::set<Signature> moved;
+    std::sort(prior.groups.begin(), prior.groups.end(), [](const auto& a, const auto& b) {
+      return a.modes.front().p_map_landmark.x() < b.modes.front().p_map_landmark.x();
+    });
+    for (std::size_t group = 0; group < 5; ++group) {
+      prior.groups[group].modes.front().p_map_landmark.y() += 1.0;
+      moved.insert(prior.groups[group].signature);
+    }
+    std::sort(prior.groups.begin(), prior.groups.end(), [](const auto& a, const auto& b) {
+      return a.signature < b.signature;
+    });
+    const StatusOr<MapperResult> result = BuildMap({testing::Inputs(world)[1]}, prior, {});
+    ASSERT_TRUE(result.ok()) << result.status();
+    if (!result->runs.empty()) continue;
+    ++waits;
+    ASSERT_EQ(result->ambiguous_changes.size(), 1u) << seed;
+    bool has_truth = false;
+    for (const AmbiguousChange::Alternative& explanation :
+         result->ambiguous_changes.front().explanations) {
+      has_truth |= std::set<Signature>(explanation.moved.begin(), explanation.moved.end()) == moved;
+    }
+    EXPECT_TRUE(has_truth) << seed;
+  }
+  EXPECT_GE(waits, 4);
+}
+
 }  // namespace
 }  // namespace shiftmap

@@ -394,6 +394,44 @@ TEST(IjrrUtiasTest, MapperIsNearTheOracleOnRecordedData) {
   }
 }
 
+TEST(IjrrUtiasTest, TheTruthIsTheExplanationWithWhatMoved) {
+  UtiasCase data;
+  const Signature a("a");
+  const Signature b("b");
+  const Signature c("c");
+  data.moved = {a, b};
+  UtiasEstimate estimate;
+  EXPECT_EQ(ProbabilityOfTruth(data, estimate), std::nullopt);
+  AmbiguousChange change;
+  change.explanations = {{{b}, {a, c}, 0.5}, {{c}, {a}, 0.3}, {{a, b}, {c}, 0.2}};
+  estimate.ambiguous_changes = {change};
+  EXPECT_EQ(ProbabilityOfTruth(data, estimate), 0.3);  // b was not seen.
+  estimate.ambiguous_changes[0].explanations.erase(change.explanations.begin() + 1);
+  EXPECT_EQ(ProbabilityOfTruth(data, estimate), 0.0);
+}
+
+// Four landmarks that moved together, or four others the other way.
+TEST(IjrrUtiasTest, WhatRecordedDataDoNotDecideIsSaid) {
+  IjrrUtiasOptions options;
+  options.data = RecordedData();
+  if (options.data.empty()) GTEST_SKIP() << kNoRecordedData;
+  options.datasets = {6};
+  options.robots = {2};
+  options.starts_s = {680.0};
+  options.deltas_m = {0.3, 0.6, 1.0, 2.5};
+  options.methods = {"ours", "oracle"};
+  const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
+  ASSERT_THAT(result, IsOk());
+  ASSERT_EQ(result->rows.size(), 8u);
+  for (std::size_t i = 0; i < 8; i += 2) {
+    const IjrrUtiasRow& ours = result->rows[i];
+    SCOPED_TRACE(ours.delta_m);
+    EXPECT_EQ(ours.waits, ours.delta_m > 0.4);  // As far apart as two frames are.
+    EXPECT_GT(ours.truth_probability.value_or(0.0), 0.05);
+    EXPECT_FALSE(result->rows[i + 1].truth_probability.has_value());
+  }
+}
+
 // Without hypotheses the frames end in the static solve; with them the moved landmarks do no harm.
 TEST(IjrrUtiasTest, FrameByFrameIsNearTheBatchOnRecordedData) {
   IjrrUtiasOptions options;

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/alignment/explanation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace shiftmap {
+namespace {
+
+// Sets that are less likely in their frame are left out.
+constexpr double kUnlikely = 0.01;
+
+// Groups whose probability of having stayed differs by this between two frames decide between them.
+constexpr double kDecidingDifference = 0.5;
+
+std::vector<int> Deciding(const Explanation& x, const Explanation& y) {
+  std::vector<int> deciding;
+  for (std::size_t i = 0; i < x.given.stays.size(); ++i) {
+    const auto& [group, stays] = x.given.stays[i];
+    if (std::abs(stays - y.given.stays[i].second) > kDecidingDifference) deciding.push_back(group);
+  }
+  return deciding;
+}
+
+}  // namespace
+
+std::vector<StayedSet> ByFallingProbability(const StayedSets& sets) {
+  std::vector<StayedSet> sorted;
+  for (const auto& [groups, probability] : sets) sorted.push_back({groups, probability});
+  std::stable_sort(sorted.begin(), sorted.end(), [](const StayedSet& x, const StayedSet& y) {
+    return x.probability > y.probability;
+  });
+  return sorted;
+}
+
+Explanation DescribeFrame(const StayedSets& sets,
+                          const std::vector<int>& likeliest,
+                          const std::vector<int>& groups) {
+  Explanation explanation;
+  for (const auto& [stayed, probability] : sets) explanation.probability += probability;
+  StayedSets likely;
+  std::map<int, double> stays;
+  for (const int group : groups) stays[group] = 0.0;
+  for (const auto& [stayed, probability] : sets) {
+    const double share = probability / explanation.probability;
+    if (share >= kUnlikely) likely[stayed] = share;
+    for (const int group : stayed) stays[group] += share;
+  }
+  explanation.given.alternatives = ByFallingProbability(likely);
+  explanation.given.stays.assign(stays.begin(), stays.end());
+  explanation.alignment.signatures = likeliest;
+  std::set_difference(groups.begin(),
+                      groups.end(),
+                      likeliest.begin(),
+                      likeliest.end(),
+                      std::back_inserter(explanation.moved));
+  return explanation;
+}
+
+Explanations BySets(const Explanation& frame) {
+  std::vector<int> groups;
+  for (const auto& [group, stays] : frame.given.stays) groups.push_back(group);
+  std::vector<Explanation> sets;
+  for (const StayedSet& set : frame.given.alternatives) {
+    sets.push_back(
+        DescribeFrame({{set.groups, set.probability * frame.probability}}, set.groups, groups));
+  }
+  return DescribeFrames(std::move(sets));
+}
+
+Explanations DescribeFrames(std::vector<Explanation> frames) {
+  std::stable_sort(frames.begin(), frames.end(), [](const Explanation& x, const Explanation& y) {
+    return x.probability > y.probability;
+  });
+  Explanations explanations;
+  for (const Explanation& frame : frames) {
+    if (frame.nothing_stayed()) explanations.nothing_stayed = frame.probability;
+  }
+  if (frames.size() > 1) explanations.deciding = Deciding(frames[0], frames[1]);
+  explanations.frames = std::move(frames);
+  return explanations;
+}
+
+}  // namespace shiftmap
