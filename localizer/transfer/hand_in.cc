@@ -7,14 +7,13 @@
 
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap::transfer {
 namespace {
 
 // A piece on a link whose bound we set takes no longer.
 constexpr double kLongestPieceS = 60.0;
-
-constexpr std::size_t kMaxReportBytes = std::size_t{256} << 20;
 
 // The file itself is refused, and will be again.
 bool IsRefusal(const Status& status) {
