@@ -125,16 +125,17 @@ class DisplacementSearch {
         }
       }
     }
-    return WithProbabilities(scores, best);
+    return WithProbabilities(scores, best, sizes);
   }
 
   std::vector<Displacement> WithProbabilities(const std::map<std::vector<int>, double>& scores,
-                                              double best) const {
+                                              double best,
+                                              const std::vector<std::size_t>& sizes) const {
     std::vector<Displacement> displacements;
     double sum = 0.0;
     for (const auto& [clusters, score] : scores) {
       if (score < best - kLogWindow) continue;
-      displacements.push_back({clusters, std::exp(score - best), Common(clusters)});
+      displacements.push_back({clusters, std::exp(score - best), Common(clusters, sizes)});
       sum += displacements.back().probability;
     }
     for (Displacement& displacement : displacements) displacement.probability /= sum;
@@ -146,12 +147,11 @@ class DisplacementSearch {
   }
 
   // E[e_common | d, B] with the likeliest noise, displacements being free.
-  Eigen::VectorXd Common(const std::vector<int>& clusters) const {
-    std::vector<std::size_t> sizes(noise_.size());
-    std::iota(sizes.begin(), sizes.end(), std::size_t{0});
+  Eigen::VectorXd Common(const std::vector<int>& clusters,
+                         const std::vector<std::size_t>& sizes) const {
     const std::vector<double> scores = Scores(clusters, sizes);
-    const Noise& noise = noise_[static_cast<std::size_t>(
-        std::max_element(scores.begin(), scores.end()) - scores.begin())];
+    const auto likeliest = std::max_element(scores.begin(), scores.end()) - scores.begin();
+    const Noise& noise = noise_[sizes[static_cast<std::size_t>(likeliest)]];
     const auto count = Eigen::Index{2} * Count(clusters);
     if (count == 0) return common_ * noise.weighted;
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(noise.weighted.size(), count);
