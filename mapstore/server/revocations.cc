@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mapstore/core/input_file.h"
-#include "mapstore/server/pem.h"
+#include "mapstore/core/pem.h"
 
 namespace shiftmap::server {
 namespace {

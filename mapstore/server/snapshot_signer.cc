@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/pem.h"
 #include "mapstore/map/sha256.h"
-#include "mapstore/server/pem.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::server {
