@@ -55,6 +55,8 @@ StatusOr<SnapshotSigner> SnapshotSigner::Read(const std::string& path) {
   return SnapshotSigner(std::move(key));
 }
 
+const std::string& SnapshotSigner::key_sha256() const { return key_->public_sha256; }
+
 SnapshotSignature SnapshotSigner::Sign(const SnapshotInfo& snapshot) const {
   const std::string text = SignedText(snapshot);
   const std::unique_ptr<EVP_MD_CTX, FreeDigest> digest(EVP_MD_CTX_new());
