@@ -17,7 +17,7 @@ packages=(
   chromium clang-format curl doxygen libbenchmark-dev libgmock-dev libgtest-dev mosquitto munge nginx-light openssl
   python3 python3-grpcio python3-jsonschema python3-paho-mqtt slurm-wlm zsh
   # Packages
-  debhelper dh-python fakeroot help2man lintian mmdebstrap systemd-container
+  buildah debhelper dh-python fakeroot help2man lintian mmdebstrap systemd-container
   # Python package
   pybind11-dev python3-dev python3-numpy
 )

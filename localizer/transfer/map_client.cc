@@ -6,15 +6,15 @@
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
+#include <optional>
 #include <utility>
 
-#include "mapstore/core/input_file.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/pem.h"
 #include "proto/map_server.grpc.pb.h"
 
 namespace shiftmap::transfer {
 namespace {
-
-constexpr std::size_t kMaxPemBytes = std::size_t{1} << 20;
 
 // Of the connection, below our own tries. [ms]
 constexpr int kFirstReconnectMs = 100;
@@ -60,15 +60,29 @@ void SilenceLibraries() {
   gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
-StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(const ServerOptions& options) {
+// A server that refuses a certificate says no more than that the connection broke.
+std::string DatesNote(const ServerOptions& options, const X509* certificate) {
+  const std::optional<CertificateTimes> times = TimesOf(certificate);
+  const Stamp now = SystemNow();
+  if (!times || (times->begin <= now && now <= times->end)) return "";
+  return fmt::format("; client certificate '{}' holds from {} to {}, and it is {}",
+                     options.tls_cert,
+                     FormatUtc(times->begin),
+                     FormatUtc(times->end),
+                     FormatUtc(now));
+}
+
+// @param note  Gets what may be wrong with the certificate.
+StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(const ServerOptions& options,
+                                                                std::string* note) {
   if (options.development_plain_text) return grpc::InsecureChannelCredentials();
   grpc::SslCredentialsOptions tls;
-  SHIFTMAP_ASSIGN_OR_RETURN(tls.pem_root_certs,
-                            ReadInputFile("certificate", options.tls_ca, kMaxPemBytes));
-  SHIFTMAP_ASSIGN_OR_RETURN(tls.pem_cert_chain,
-                            ReadInputFile("certificate", options.tls_cert, kMaxPemBytes));
-  SHIFTMAP_ASSIGN_OR_RETURN(tls.pem_private_key,
-                            ReadInputFile("key", options.tls_key, kMaxPemBytes));
+  SHIFTMAP_ASSIGN_OR_RETURN(tls.pem_root_certs, ReadCertificates("authority", options.tls_ca));
+  SHIFTMAP_ASSIGN_OR_RETURN(TlsIdentity identity,
+                            ReadTlsIdentity("client", options.tls_cert, options.tls_key));
+  *note = DatesNote(options, identity.certificate.get());
+  tls.pem_cert_chain = std::move(identity.certificates);
+  tls.pem_private_key = std::move(identity.key);
   return grpc::SslCredentials(tls);
 }
 
@@ -93,11 +107,13 @@ struct MapClient::State {
 
   Status About(const grpc::Status& status) const {
     if (status.ok()) return OkStatus();
+    const StatusCode code = CodeOf(status, stop.stop_requested());
     return MakeStatus(
-        CodeOf(status, stop.stop_requested()),
-        "server '{}': {}",
+        code,
+        "server '{}': {}{}",
         options.address,
-        status.error_message().empty() ? "the connection broke" : status.error_message());
+        status.error_message().empty() ? "the connection broke" : status.error_message(),
+        code == StatusCode::kUnavailable ? note : "");
   }
 
   Status About(const Status& status) const {
@@ -105,13 +121,15 @@ struct MapClient::State {
   }
 
   ServerOptions options;
+  std::string note;
   std::stop_token stop;
   std::unique_ptr<proto::MapServer::Stub> stub;
 };
 
 StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_token stop) {
+  auto state = std::make_unique<State>();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
-                            Credentials(options));
+                            Credentials(options, &state->note));
   SilenceLibraries();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
@@ -124,7 +142,6 @@ StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_to
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   // Each client has its own connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  auto state = std::make_unique<State>();
   state->options = options;
   state->stop = std::move(stop);
   state->stub =

@@ -148,6 +148,7 @@ Status RunCollect(const NightlyArguments& arguments, Context& context) {
                             CollectNight(plan, *arguments.plan, context));
   NightWork work;
   work.left = plan.left;
+  work.ignored = plan.ignored;
   Json areas = Json::array();
   for (std::size_t i = 0; i < collected.size(); ++i) {
     const CollectedArea& area = collected[i];

@@ -11,6 +11,7 @@
 
 #include "mapper/cli/area_build.h"
 #include "mapstore/cli/store_access.h"
+#include "mapstore/core/count_text.h"
 
 namespace shiftmap {
 namespace {
@@ -40,6 +41,7 @@ StatusOr<std::vector<LogFile>> FindDone(const NightOptions& options,
                                         const Context& context,
                                         const NightWork& work) {
   std::vector<LogFile> done;
+  for (const std::string& path : work.ignored) AddFile(path, Stamp(), &done);
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.build.store, MapStore::Access::kReadOnly, context));
   for (const auto& [area, logs] : work.areas) {
@@ -98,8 +100,8 @@ StatusOr<int> KeepLogLimits(const NightOptions& options, const Context& context,
     return is_old(file) && !deleted.contains(file.path);
   });
   if (kept > 0) {
-    work->left.push_back(fmt::format("{} logs are older than {} days, but in no map: they stay",
-                                     kept,
+    work->left.push_back(fmt::format("{} beyond the age of {} days and in no map: not deleted",
+                                     CountText(kept, "log"),
                                      *options.log_max_age_days));
   }
   if (bytes > quota) {

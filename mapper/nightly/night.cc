@@ -43,7 +43,20 @@ bool IsFresh(const std::string& path, double min_age_s) {
   return now < written + min_age && written < now + min_age;
 }
 
-// A report that is refused is named every night, and keeps none of the others.
+// Whether somebody excluded a file that is of no area, by its hash.
+StatusOr<bool> IsIgnored(const std::string& run, MapStore& store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
+  for (const AreaSummary& area : areas) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions, store.Exclusions(area.area));
+    for (const Exclusion& exclusion : exclusions) {
+      if (exclusion.run == run && !exclusion.held) return true;
+    }
+  }
+  return false;
+}
+
+// A report that is refused is named every night until somebody excludes it by its hash, and keeps
+// none of the others.
 Status ReturnReports(const NightOptions& options, const Context& context, NightWork* work) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
                             FindFiles(options.logs, ".report"));
@@ -59,9 +72,15 @@ Status ReturnReports(const NightOptions& options, const Context& context, NightW
       if (status.code() == StatusCode::kUnavailable) return status;
       if (status.ok()) ++(result->duplicate ? work->reports_known : work->reports_new);
     }
-    if (!status.ok()) {
-      work->left.push_back(fmt::format("report '{}' is left out: {}", path, Message(status)));
-    }
+    if (status.ok()) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string hash, HashFile(path));
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(hash, store));
+    if (ignored) continue;
+    work->left.push_back(
+        fmt::format("report '{}' is left out: {}; delete it, or: shiftmap-inspect runs exclude {}",
+                    path,
+                    Message(status),
+                    hash));
   }
   return OkStatus();
 }
@@ -79,7 +98,8 @@ class LogSorter {
 
  private:
   StatusOr<std::optional<std::string>> AreaOf(const LogHead& log);
-  StatusOr<bool> IsIgnored(const std::string& run) const;
+  // Whether it is left out for good, and is noted as such.
+  StatusOr<bool> Ignore(const std::string& path, const std::string& run);
   void Leave(std::string text) { work_.left.push_back(std::move(text)); }
 
   const NightOptions& options_;
@@ -88,7 +108,6 @@ class LogSorter {
   NightWork& work_;
   std::optional<std::string> only_;  // The area of logs that name none.
   int published_ = 0;
-  std::vector<std::string> areas_;
   std::optional<std::vector<AuditEntry>> audit_;
   std::map<std::string, std::vector<LogHead>> logs_;
 };
@@ -97,23 +116,17 @@ Status LogSorter::Start() {
   only_ = options_.area;
   if (store_ == nullptr) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store_->Areas());
-  for (const AreaSummary& area : areas) {
-    areas_.push_back(area.area);
-    if (area.published) ++published_;
-  }
-  if (!only_ && areas_.size() == 1) only_ = areas_.front();
+  published_ = static_cast<int>(
+      std::count_if(areas.begin(), areas.end(), [](const auto& area) { return area.published; }));
+  if (!only_ && areas.size() == 1) only_ = areas.front().area;
   return OkStatus();
 }
 
-// Whether somebody excluded a file that is of no area, by its hash.
-StatusOr<bool> LogSorter::IsIgnored(const std::string& run) const {
-  for (const std::string& area : areas_) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions, store_->Exclusions(area));
-    for (const Exclusion& exclusion : exclusions) {
-      if (exclusion.run == run && !exclusion.held) return true;
-    }
-  }
-  return false;
+StatusOr<bool> LogSorter::Ignore(const std::string& path, const std::string& run) {
+  if (store_ == nullptr) return false;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(run, *store_));
+  if (ignored) work_.ignored.push_back(path);
+  return ignored;
 }
 
 // The area of a log that names none; nothing if it is left out.
@@ -124,7 +137,7 @@ StatusOr<std::optional<std::string>> LogSorter::AreaOf(const LogHead& log) {
     Leave(who + ": --area says which");
     return std::optional<std::string>();
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(log.identity()));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, Ignore(log.path, log.identity()));
   if (ignored) return std::optional<std::string>();
   if (!audit_) {
     SHIFTMAP_ASSIGN_OR_RETURN(audit_, store_->AuditLog(std::nullopt, {AuditAction::kLocate}));
@@ -173,7 +186,7 @@ Status LogSorter::Take(const std::string& path) {
     const StatusOr<std::string> hash = HashFile(path);
     bool ignored = false;
     if (hash.ok()) {
-      SHIFTMAP_ASSIGN_OR_RETURN(ignored, IsIgnored(*hash));
+      SHIFTMAP_ASSIGN_OR_RETURN(ignored, Ignore(path, *hash));
     }
     if (ignored) return OkStatus();
     std::string text = Message(head.status());

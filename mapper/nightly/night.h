@@ -19,7 +19,8 @@ struct NightWork {
   std::map<std::string, AreaLogs> areas;
   int reports_new = 0;
   int reports_known = 0;
-  std::vector<std::string> left;  ///< Files that cannot be used, of no area; a line each.
+  std::vector<std::string> left;     ///< Files that cannot be used, of no area; a line each.
+  std::vector<std::string> ignored;  ///< Logs of no area that somebody excluded by their hash.
 };
 
 /// What became of it.

@@ -87,6 +87,7 @@ Json PlanJson(const NightPlan& plan) {
           {"logs", plan.logs},
           {"reports", {{"new", plan.reports_new}, {"known", plan.reports_known}}},
           {"left", plan.left},
+          {"ignored", plan.ignored},
           {"areas", areas}};
 }
 
@@ -109,6 +110,7 @@ NightPlan PlanFrom(const Json& document) {
   plan.reports_new = document.at("reports").at("new").get<int>();
   plan.reports_known = document.at("reports").at("known").get<int>();
   plan.left = document.at("left").get<std::vector<std::string>>();
+  plan.ignored = document.at("ignored").get<std::vector<std::string>>();
   for (const Json& of_area : document.at("areas")) {
     NightPlan::Area area;
     area.area = of_area.at("area").get<std::string>();
@@ -210,6 +212,7 @@ StatusOr<NightPlan> PlanNight(const NightOptions& options,
   plan.reports_new = work.reports_new;
   plan.reports_known = work.reports_known;
   plan.left = std::move(work.left);
+  for (const std::string& log : work.ignored) plan.ignored.push_back(fs::absolute(log).string());
   for (auto& [area, logs] : work.areas) {
     if (!IsUtf8(area)) {
       plan.left.push_back(fmt::format("area '{}' is left out: its name is not UTF-8", area));

@@ -38,6 +38,7 @@ struct NightPlan {
   int reports_new = 0;
   int reports_known = 0;
   std::vector<std::string> left;
+  std::vector<std::string> ignored;
   std::vector<Area> areas;
 };
 

@@ -38,6 +38,7 @@ std::string ErrorJson(const std::string& message, ExitCode code) {
 }
 
 constexpr const char* kCompletion = "--completion";
+constexpr const char* kShowConfig = "--show-config";
 
 void AddCommonOptions(CLI::App* parser, CommonOptions* common, AllowedValues* allowed) {
   parser->set_help_flag("-h,--help", "Print this help and exit");
@@ -49,6 +50,9 @@ void AddCommonOptions(CLI::App* parser, CommonOptions* common, AllowedValues* al
           ->capture_default_str();
   Allow({"trace", "debug", "info", "warning", "error", "off"}, log_level, allowed);
   parser->add_option("--config", common->config, "Read options from this TOML file");
+  parser->add_flag(kShowConfig)
+      ->description(
+          "Print what holds for each option of the command and where it comes from, and exit");
 }
 
 bool IsGiven(const CLI::Option& option, std::span<const std::string> arguments) {
@@ -104,7 +108,7 @@ ReadingProgram::ReadingCommand Application::State::KeysOf(const Command& command
   for (const CLI::Option* option : section.get_options()) {
     for (const std::string& name : option->get_lnames()) {
       const bool key = option != section.get_version_ptr() && name != "help" && name != "config" &&
-                       name != "completion";
+                       name != "completion" && name != "show-config";
       if (key) reading.keys.push_back(name);
     }
   }
@@ -283,6 +287,24 @@ ExitCode Application::State::RunBody(const Command& command,
   return ExitCode::kAttention;
 }
 
+// Without what the command needs to run: nothing is parsed but what says how to print.
+ExitCode Application::State::ShowConfig(const Command* command,
+                                        std::ostream* out,
+                                        std::ostream* err) {
+  const auto given = [&](const char* name) {
+    return std::find(run_arguments.begin(), run_arguments.end(), name) != run_arguments.end();
+  };
+  common.json = given("--json");
+  common.config = ConfigPath(run_arguments);
+  auto state = std::make_unique<Command::State>();
+  state->body = [&](Context& context) {
+    const bool one = command != nullptr && command->state_->parser != &parser;
+    return ReportConfig(one ? command->state_->parser->get_name() : "", run_arguments, context);
+  };
+  const TextStyle style = out == &std::cout ? StandardOutputStyle() : TextStyle();
+  return RunBody(Command(std::move(state)), style, out, err);
+}
+
 Application::Application(std::string program, std::string description)
     : state_(std::make_unique<State>(std::move(program), std::move(description))) {}
 
@@ -319,6 +341,9 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
   }
   const Command* command = state_->Select(arguments);
   state_->run_arguments = arguments;
+  if (std::find(arguments.begin(), arguments.end(), kShowConfig) != arguments.end()) {
+    return state_->ShowConfig(command, out, err);
+  }
   try {
     state_->Parse(arguments, command);
   } catch (const CLI::CallForHelp&) {

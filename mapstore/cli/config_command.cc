@@ -120,7 +120,8 @@ Status Application::State::ReportConfig(const std::string& asked,
                          ? std::string("no configuration file\n")
                          : fmt::format("configuration '{}', named by: {}\n", InertLine(path), why);
   if (!others.empty()) {
-    text += fmt::format("tables for other programs: {}\n", InertLine(Joined(others)));
+    text += fmt::format("tables for other programs, which tell by --show-config: {}\n",
+                        InertLine(Joined(others)));
   }
   context.Report({{"file", path.empty() ? Json(nullptr) : Json(path)},
                   {"file_source", path.empty() ? Json(nullptr) : Json(why)},

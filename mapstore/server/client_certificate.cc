@@ -3,14 +3,12 @@
 
 #include <openssl/x509.h>
 
-#include <algorithm>
-#include <ctime>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "mapstore/core/pem.h"
 #include "mapstore/map/shift_report_check.h"
-#include "mapstore/server/pem.h"
 
 namespace shiftmap::server {
 namespace {
@@ -33,15 +31,6 @@ std::optional<std::string> OnlyEntry(X509_NAME* name, int nid) {
   return text;
 }
 
-std::optional<Stamp> StampOf(const ASN1_TIME* time) {
-  std::tm broken_down = {};
-  if (ASN1_TIME_to_tm(time, &broken_down) != 1) return std::nullopt;
-  const std::time_t seconds = timegm(&broken_down);
-  // Certificates that shall never expire end in the year 9999, which is no stamp.
-  constexpr std::time_t kLastSecond = 9'000'000'000;
-  return Stamp(std::chrono::seconds(std::min(seconds, kLastSecond)));
-}
-
 }  // namespace
 
 StatusOr<ClientCertificate> ReadClientCertificate(const std::string& pem) {
@@ -62,10 +51,9 @@ StatusOr<ClientCertificate> ReadClientCertificate(const std::string& pem) {
         *name,
         unit.value_or(""));
   }
-  const std::optional<Stamp> begin = StampOf(X509_get0_notBefore(x509.get()));
-  const std::optional<Stamp> end = StampOf(X509_get0_notAfter(x509.get()));
-  if (!begin || !end) return Unauthenticated("client certificate of '{}': no dates", *name);
-  return ClientCertificate{*name, *role, *begin, *end, x509};
+  const std::optional<CertificateTimes> times = TimesOf(x509.get());
+  if (!times) return Unauthenticated("client certificate of '{}': no dates", *name);
+  return ClientCertificate{*name, *role, times->begin, times->end, x509};
 }
 
 }  // namespace shiftmap::server

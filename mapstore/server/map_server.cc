@@ -158,6 +158,8 @@ Status MapServer::State::Listen() {
   server = builder.BuildAndStart();
   if (!server || port == 0) return Unavailable("cannot listen on {}", options.listen.Text());
   address = {options.listen.host, port};
+  // By its name too: a probe may ask for either.
+  server->GetHealthCheckService()->SetServingStatus(proto::MapServer::service_full_name(), true);
   server->GetHealthCheckService()->SetServingStatus(true);
   return OkStatus();
 }

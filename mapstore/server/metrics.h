@@ -52,7 +52,9 @@ class Metrics {
   mutable std::mutex mutex_;
   std::map<std::pair<Call, StatusCode>, std::int64_t> calls_;
   std::map<Call, Durations> durations_;
-  std::map<std::string, std::int64_t> reports_;
+  // All from the start: of a series that begins with its first event nobody sees that it rose.
+  std::map<std::string, std::int64_t> reports_ = {
+      {"accepted", 0}, {"duplicate", 0}, {"failed", 0}, {"refused", 0}};
   std::int64_t uploaded_bytes_ = 0;
 };
 

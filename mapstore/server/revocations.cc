@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mapstore/core/input_file.h"
-#include "mapstore/server/pem.h"
+#include "mapstore/core/pem.h"
 
 namespace shiftmap::server {
 namespace {
@@ -41,6 +41,7 @@ StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_
   if (crl_path.empty()) return revocations;
   revocations->state_ = StateOf(crl_path);
   SHIFTMAP_ASSIGN_OR_RETURN(revocations->lists_, revocations->Load());
+  revocations->WarnOfOld();
   return revocations;
 }
 
@@ -58,20 +59,27 @@ StatusOr<Revocations::Lists> Revocations::Load() const {
                              i + 1,
                              authority_path_);
     }
-    const ASN1_TIME* const next = X509_CRL_get0_nextUpdate(lists[i].get());
-    if (next != nullptr && X509_cmp_current_time(next) < 0) {
-      log_->Write(
-          JsonLog::Level::kWarning, "CRL is out of date", {{"path", crl_path_}, {"list", i + 1}});
-    }
   }
   if (lists.empty()) return InvalidArgument("CRL '{}': expected a CRL in PEM", crl_path_);
   return lists;
+}
+
+// Who is on no list stays in, so a list that nobody renews has to be noticed: once for each.
+void Revocations::WarnOfOld() {
+  for (std::size_t i = 0; i < lists_.size(); ++i) {
+    const ASN1_TIME* const next = X509_CRL_get0_nextUpdate(lists_[i].get());
+    if (next == nullptr || X509_cmp_current_time(next) >= 0) continue;
+    if (!warned_of_.insert(lists_[i].get()).second) continue;
+    log_->Write(
+        JsonLog::Level::kWarning, "CRL is out of date", {{"path", crl_path_}, {"list", i + 1}});
+  }
 }
 
 void Revocations::ReloadIfChanged() {
   const Clock::time_point now = Clock::now();
   if (now - looked_ < kLookEvery) return;
   looked_ = now;
+  WarnOfOld();
   const std::string state = StateOf(crl_path_);
   if (state == state_) return;
   state_ = state;
@@ -81,6 +89,8 @@ void Revocations::ReloadIfChanged() {
     return;
   }
   lists_ = *std::move(lists);
+  warned_of_.clear();
+  WarnOfOld();
   log_->Write(JsonLog::Level::kInfo, "CRL read", {{"path", crl_path_}, {"lists", lists_.size()}});
 }
 

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,7 @@ namespace shiftmap::server {
 
 /// The certificates that their authority revoked: a file of CRLs (RFC 5280) in PEM, which is read
 /// again when it changes. One that no longer reads, or that no authority of the site signed, leaves
-/// what was read before, and is logged. Threads: any.
+/// what was read before, and is logged; so is one whose time is over. Threads: any.
 class Revocations {
  public:
   /// @param crl_path        The CRLs; empty: nothing is revoked.
@@ -39,6 +40,7 @@ class Revocations {
       : crl_path_(std::move(crl_path)), authority_path_(std::move(authority_path)), log_(log) {}
 
   StatusOr<Lists> Load() const;
+  void WarnOfOld();
   void ReloadIfChanged();
 
   const std::string crl_path_;
@@ -46,6 +48,7 @@ class Revocations {
   JsonLog* const log_;
   std::mutex mutex_;
   Lists lists_;
+  std::set<const X509_CRL*> warned_of_;
   std::string state_;  // Of the file: when and what was last read.
   Clock::time_point looked_{};
 };

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/pem.h"
 #include "mapstore/map/sha256.h"
-#include "mapstore/server/pem.h"
 #include "proto/core/check.h"
 
 namespace shiftmap::server {
@@ -54,6 +54,8 @@ StatusOr<SnapshotSigner> SnapshotSigner::Read(const std::string& path) {
   key->public_sha256 = hash.HexDigest();
   return SnapshotSigner(std::move(key));
 }
+
+const std::string& SnapshotSigner::key_sha256() const { return key_->public_sha256; }
 
 SnapshotSignature SnapshotSigner::Sign(const SnapshotInfo& snapshot) const {
   const std::string text = SignedText(snapshot);

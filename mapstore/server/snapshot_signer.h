@@ -23,6 +23,9 @@ class SnapshotSigner {
 
   SnapshotSignature Sign(const SnapshotInfo& snapshot) const;
 
+  /// As SnapshotSignature names the key.
+  const std::string& key_sha256() const;
+
  private:
   struct Key;
   explicit SnapshotSigner(std::unique_ptr<Key> key);

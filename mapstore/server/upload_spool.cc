@@ -54,6 +54,13 @@ void Remove(const std::string& path) {
   std::filesystem::remove(path, ignored);
 }
 
+// Drops what came of a log. The word that it was whole goes first: without its bytes it would stand
+// for a log that is nowhere.
+void Drop(const std::string& path) {
+  Remove(path + kDone);
+  Remove(path + kPart);
+}
+
 std::int64_t BytesIn(const std::string& folder) {
   std::int64_t bytes = 0;
   std::error_code error;
@@ -283,19 +290,19 @@ StatusOr<UploadProgress> UploadSpool::Finish(Upload upload,
   }
   const std::string sha256 = std::exchange(upload.turn_->hash, std::nullopt)->HexDigest();
   if (sha256 != upload.sha256_) {
-    Remove(part);
+    Drop(upload.path_);
     return DataLoss("run log {}: what came has the hash {}", upload.sha256_, sha256);
   }
   const StatusOr<RunInfo> info = ReadRunInfo(part);
   if (!info.ok()) {
     if (info.status().code() == StatusCode::kUnavailable) return info.status();
-    Remove(part);
+    Drop(upload.path_);
     return InvalidArgument("{}", Message(info.status()));
   }
   if (const Status accepted = accept(*info); !accepted.ok()) {
     const bool for_ever = accepted.code() == StatusCode::kPermissionDenied ||
                           accepted.code() == StatusCode::kInvalidArgument;
-    if (for_ever) Remove(part);
+    if (for_ever) Drop(upload.path_);
     return accepted;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::string place, Place(upload, *info));
@@ -311,9 +318,11 @@ void UploadSpool::Maintain() {
   std::filesystem::recursive_directory_iterator entry(logs_ + kSpoolFolder, error);
   for (; !error && entry != std::filesystem::end(entry); entry.increment(error)) {
     const std::filesystem::path& path = entry->path();
-    const bool over = (path.extension() == kPart && AgeS(path) > limits_.abandoned_s) ||
-                      (path.extension() == kDone && AgeS(path) > kRememberedS);
-    if (over) Remove(path);
+    if (path.extension() == kPart && AgeS(path) > limits_.abandoned_s) {
+      Drop((path.parent_path() / path.stem()).string());
+    } else if (path.extension() == kDone && AgeS(path) > kRememberedS) {
+      Remove(path);
+    }
   }
   folder_bytes_ = BytesIn(logs_);
 }

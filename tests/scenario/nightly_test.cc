@@ -16,6 +16,7 @@
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
@@ -122,7 +123,7 @@ TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
     }
   });
   std::ofstream(logs_ + "/damaged.mcap") << "nothing";
-  std::ofstream(logs_ + "/damaged.report") << "nothing";
+  std::ofstream(logs_ + "/damaged.report") << "no report";
   for (const char* const time : {"first", "second"}) {
     const CommandResult night = Night();
     EXPECT_EQ(night.exit_code, kAttention) << time;
@@ -138,6 +139,15 @@ TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
       EXPECT_NE(night.err.find("damaged.report"), std::string::npos) << night.err;
     }
   }
+  // What somebody excludes is named no more, and goes where a limit says so.
+  for (const std::string name : {"damaged.mcap", "damaged.report"}) {
+    const std::string hash = *HashFile(logs_ + "/" + name);
+    RunForJson("shiftmap-inspect",
+               {"runs", "exclude", hash, "--store", store_, "--area", "floor", "--reason", "junk"});
+  }
+  const CommandResult ignored = Night({"--min-age-s", "0", "--log-quota-mib", "0"});
+  EXPECT_EQ(ignored.err.find("damaged"), std::string::npos) << ignored.err;
+  EXPECT_FALSE(fs::exists(logs_ + "/damaged.mcap"));
   // The one that names no area fits none, and is of the one that is named.
   EXPECT_NE(Night().err.find("names no area, and fits none of the 2 maps"), std::string::npos);
   const CommandResult night = Night({"--area", "floor", "--min-age-s", "0"});

@@ -239,6 +239,23 @@ TEST_F(ServerTest, ACertificateIsRevokedWhileTheServerRuns) {
   EXPECT_EQ(watch->Finish().error_code(), grpc::StatusCode::UNAUTHENTICATED);
 }
 
+// A list that nobody renews while the server runs.
+TEST_F(ServerTest, ACrlThatIsOutOfDateIsLogged) {
+  const std::string crl = dir_.File("crl.pem");
+  const std::string config = certificates_->File("ca/ca.cnf");
+  RunShell("openssl ca -gencrl -crlsec 3 -config '" + config + "' -out '" + crl + "' 2>&1");
+  Arguments arguments = Tls();
+  arguments.back() = crl;
+  const ServerProcess server(arguments);
+  const auto client = Client(server, Vehicle());
+  for (int tries = 0; tries < 100 * kSlowdown; ++tries) {
+    ASSERT_TRUE(Fetch(*client, "floor").status.ok());
+    if (server.Log().find("CRL is out of date") != std::string::npos) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  FAIL() << server.Log();
+}
+
 TEST_F(ServerTest, AVersionThatAnotherProcessPublishesIsPushed) {
   const ServerProcess server(PlainText());
   const auto client = PlainClient(server);
@@ -387,6 +404,8 @@ TEST_F(ServerTest, ItTellsHealthAndMetricsAndDescribesItself) {
   arguments.insert(arguments.end(), {"--metrics-listen", "0"});
   const ServerProcess server(arguments);
   EXPECT_EQ(CallRaw(server, "/grpc.health.v1.Health/Check", ""), "\x08\x01");  // SERVING
+  EXPECT_EQ(CallRaw(server, "/grpc.health.v1.Health/Check", "\x0a\x18shiftmap.proto.MapServer"),
+            "\x08\x01");
   // list_services
   EXPECT_THAT(CallRaw(server,
                       "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",

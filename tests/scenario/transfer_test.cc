@@ -3,6 +3,7 @@
 // What a vehicle exchanges with the map server, through the programs.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -110,6 +111,23 @@ TEST_F(TransferTest, AnotherVehiclesReportAndLogAreRefusedForGood) {
   EXPECT_TRUE(Json::parse(returned.out)["reports"][0].contains("error"));
   EXPECT_EQ(Code(As("another", {"upload", LogPath()})), kBadInput);
   EXPECT_EQ(StoredReports(), 0u);
+}
+
+// gRPC says of such files that it has no address, or that the socket is closed.
+TEST_F(TransferTest, WhatIsWrongWithACertificateIsSaid) {
+  const Arguments fetch = {"fetch", "--area", "floor", "--output", dir_.File("floor.db")};
+  const std::string ca = certificates_->File("ca");
+  const auto with_key = [&](const std::string& key) {
+    Arguments words = As(Vehicle(), fetch);
+    *(std::find(words.begin(), words.end(), "--tls-key") + 1) = key;
+    return words;
+  };
+  ExpectError("shiftmap-localizer", with_key(ca + "/another.key"), kBadInput, "does not belong");
+  ExpectError("shiftmap-localizer", with_key(ca + "/ca.pem"), kBadInput, "private key in PEM");
+  MakeCertificate({"client", ca, "vehicle", "over"}, "ENDS=20200101000000Z");
+  Arguments over = As("over", fetch);
+  over.back() = "0";  // --give-up-s
+  ExpectError("shiftmap-localizer", over, kTemporary, "to 2020-01-01");
 }
 
 TEST_F(TransferTest, WithoutAServerItIsTemporaryAndABadFileIsNotSent) {
@@ -274,6 +292,10 @@ TEST_F(TransferTest, SyncOnceSaysWhatIsLeft) {
   EXPECT_EQ(document["refused"], 1);
   EXPECT_NE(document["refusals"][0]["reason"].get<std::string>().find("another"),
             std::string::npos);
+  // Until somebody does something about it.
+  EXPECT_EQ(Code(once), kAttention);
+  fs::remove_all(state);
+  fs::create_directory(state);
   EXPECT_EQ(Code(once), kNothingToDo);
 }
 

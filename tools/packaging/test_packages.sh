@@ -27,8 +27,9 @@ lintian --fail-on warning,error "$debs/shiftmap_${version}_$(dpkg --print-archit
 
 # The root has the machine's package sources, and what is installed is removed with it.
 in_root() { chroot "$root" env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 "$@"; }
-trap 'rm -rf "$root"' EXIT
+trap 'rm -rf "$root" "$debs/root.tar" "$debs/image"' EXIT
 mmdebstrap --quiet --variant=apt --include=adduser,systemd-sysv bookworm "$root" >"$debs/root.log" 2>&1 || fail "no root: $debs/root.log"
+tar --create --file="$debs/root.tar" --directory="$root" .
 mkdir "$root/debs"
 cp "$debs"/*.deb "$root/debs/"
 
@@ -60,10 +61,21 @@ in_root python3 -c 'import shiftmap; print(len(shiftmap.Store("/var/lib/shiftmap
 for page in shiftmap-inspect shiftmap-mapper-build shiftmap-localizer-serve; do
   [[ -s $root/usr/share/man/man1/$page.1.gz ]] || fail "no manual page $page"
 done
+# What the operations guide starts with, and links.
+"$root/usr/share/doc/shiftmap-server/examples/certificates.sh" init "$debs/authority" >>"$debs/root.log" 2>&1 ||
+  fail "certificates.sh does not run: $debs/root.log"
+while read -r link; do
+  [[ -e $root/usr/share/doc/shiftmap/tools/$link ]] || fail "the operations guide links '$link', which no package has"
+done < <(grep -oE '\]\([^)#:]+' tools/OPERATIONS.md | cut --characters=3-)
 for example in shiftmap-localizer/examples/vda5050_client.py shiftmap-server/examples/fetch_and_submit.py; do
   in_root python3 -c 'import ast, sys; ast.parse(open(sys.argv[1]).read())' "/usr/share/doc/$example" || fail "no example $example"
 done
 in_root bash -c 'source /usr/share/bash-completion/completions/shiftmap-inspect && complete -p shiftmap-inspect' >/dev/null
+
+mkdir "$debs/image"
+cp "$debs"/*_"${version}"_*.deb "$debs/image"
+tools/packaging/test_container.sh "$debs/root.tar" "$debs/image" "$root/tmp/world" "$debs/image.log" ||
+  fail "the image does not work: $debs/image.log"
 
 tools/packaging/boot_services.sh "$root" "$debs/boot.log" || fail "the services do not run: $debs/boot.log"
 

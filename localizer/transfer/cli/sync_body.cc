@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/download_worker.h"
 #include "localizer/transfer/sync_service.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/service_notifier.h"
@@ -116,9 +118,14 @@ Status Once(const SyncArguments& arguments,
   Report(*outbox, context);
   SHIFTMAP_RETURN_IF_ERROR(status);
   const HandInCounts& counts = hand_in.counts();
-  if (counts.refused > 0) {
-    context->Attend(
-        fmt::format("outbox '{}': {} files are refused", arguments.outbox, counts.refused));
+  const auto refused =
+      std::count_if(outbox->items().begin(), outbox->items().end(), [](const auto& each) {
+        return each.second.state == OutboxState::kRefused;
+      });
+  if (refused > 0) {
+    context->Attend(fmt::format("outbox '{}': {} refused; --try-refused hands them in again",
+                                arguments.outbox,
+                                CountText(refused, "file")));
   } else if (counts.reports + counts.logs == 0 && !map_came) {
     return MakeStatus(StatusCode::kAlreadyExists,
                       "server '{}': it has every file, and there is no newer map",

@@ -47,6 +47,9 @@ struct Application::State {
                    std::ostream* out,
                    std::ostream* err) const;
 
+  /// What --show-config prints of a command; null: of all.
+  ExitCode ShowConfig(const Command* command, std::ostream* out, std::ostream* err);
+
   /// What `config` prints.
   /// @param asked      The command it is about; empty: all.
   /// @param arguments  Those that the command would be given.

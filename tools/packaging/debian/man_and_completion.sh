@@ -12,7 +12,7 @@ mkdir -p "$man" "$share/bash-completion/completions" "$share/zsh/vendor-completi
 page() {
   local name=$1 summary
   shift
-  summary=$("$@" --help | head -n 1)
+  summary=$("$@" --help | sed -n 1p)  # Not head, which ends before the program has written all.
   help2man --no-info --section=1 --name="${summary,}" --version-string="$version" "$*" |
     sed -E "s#^\.TH .* \"1\"#.TH ${name^^} \"1\"#; s#$bin/##g; s#^$(basename "$1") ([a-z0-9-]+) \\\\- #$name \\\\- #" >"$man/$name.1"
 }

@@ -182,5 +182,40 @@ TEST_F(SiteConfigTest, TheConfigCommandTellsWhatHoldsAndWhy) {
   EXPECT_THAT(wrong.err.str(), HasSubstr("did you mean 'build'?"));
 }
 
+// Also where what the command needs is missing: that is when somebody asks.
+TEST_F(SiteConfigTest, EveryProgramShowsWhatHoldsForItsCommands) {
+  Write("[shiftmap-server]\nlisten = '0.0.0.0:1'\n[nightly]\nlogs = 'there'\n");
+  Application server("shiftmap-server", "");
+  std::string listen;
+  std::string key;
+  server.AddCommand("", "", [](Context&) { return Internal("it ran"); })
+      .Option("--listen", &listen, "")
+      .Required()
+      .Option("--tls-key", &key, "")
+      .Required();
+  std::ostringstream out;
+  std::ostringstream err;
+  EXPECT_EQ(server.Run({"--show-config", "--config", path_}, &out, &err), ExitCode::kDone);
+  EXPECT_THAT(out.str(), HasSubstr("0.0.0.0:1"));
+  EXPECT_THAT(out.str(), HasSubstr(path_ + ":2"));
+  EXPECT_EQ(err.str(), "");
+
+  Mapper mapper;
+  ASSERT_EQ(
+      mapper.Run({"nightly", "--area", "floor", "--show-config", "--json", "--config=" + path_}),
+      0);
+  const Json document = Json::parse(mapper.out.str());
+  const auto row = [&](const std::string& of) {
+    for (const Json& each : document["keys"]) {
+      if (each["key"] == of) return each;
+    }
+    return Json();
+  };
+  EXPECT_EQ(row("area")["source"], "command line");
+  EXPECT_EQ(row("logs")["value"], "there");
+  EXPECT_TRUE(row("selector").is_null());
+  EXPECT_TRUE(row("show-config").is_null());
+}
+
 }  // namespace
 }  // namespace shiftmap

@@ -28,6 +28,7 @@ TEST(MetricsTest, CallsAreCountedByCodeAndTheirTimesAddUp) {
   EXPECT_THAT(text, HasSubstr("_bucket{call=\"SubmitReport\",le=\"+Inf\"} 3\n"));
   EXPECT_THAT(text, HasSubstr("_count{call=\"SubmitReport\"} 3\n"));
   EXPECT_THAT(text, HasSubstr("shiftmap_reports_total{outcome=\"accepted\"} 1\n"));
+  EXPECT_THAT(text, HasSubstr("shiftmap_reports_total{outcome=\"refused\"} 0\n"));
   EXPECT_EQ(metrics.calls(), 3);
 }
 

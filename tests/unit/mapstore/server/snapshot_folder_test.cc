@@ -49,6 +49,22 @@ class SnapshotFolderTest : public ::testing::Test {
     return std::filesystem::exists(path_ + "/" + sha256 + ".db");
   }
 
+  EVP_PKEY* MakeKey(const std::string& name) const {
+    EVP_PKEY* const key = EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519");
+    FILE* const file = std::fopen(dir_.File(name).c_str(), "w");
+    PEM_write_PrivateKey(file, key, nullptr, nullptr, 0, nullptr, nullptr);
+    std::fclose(file);
+    return key;
+  }
+
+  std::vector<SnapshotSigner> Signers(const std::string& name) const {
+    StatusOr<SnapshotSigner> signer = SnapshotSigner::Read(dir_.File(name));
+    EXPECT_THAT(signer, IsOk());
+    std::vector<SnapshotSigner> signers;
+    signers.push_back(*std::move(signer));
+    return signers;
+  }
+
   TempDir dir_;
   std::string path_ = dir_.File("snapshots");
   MapStore store_ = OpenStore(dir_.File("maps.db"));
@@ -109,17 +125,29 @@ TEST_F(SnapshotFolderTest, AnOldSnapshotIsRemovedOnceNobodyReadsIt) {
   EXPECT_TRUE(IsThere(second));
 }
 
-TEST_F(SnapshotFolderTest, ASignatureHoldsForTheTextThatIsDocumented) {
-  EVP_PKEY* const key = EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519");
-  FILE* const file = std::fopen(dir_.File("key.pem").c_str(), "w");
-  PEM_write_PrivateKey(file, key, nullptr, nullptr, 0, nullptr, nullptr);
-  std::fclose(file);
-  std::vector<SnapshotSigner> signers;
-  auto signer = SnapshotSigner::Read(dir_.File("key.pem"));
-  ASSERT_THAT(signer, IsOk());
-  signers.push_back(*std::move(signer));
+// What starts to sign, or changes its key, has a snapshot already that vehicles will ask for.
+TEST_F(SnapshotFolderTest, TheKeeperSignsWhatItHasWithAnotherKey) {
   Commit();
-  const auto made = Open(1.0, std::move(signers))->Make(store_, "floor", 1);
+  JsonLog log(nullptr, JsonLog::Level::kOff);
+  SnapshotFeed feed;
+  const auto key_of_newest = [&](std::vector<SnapshotSigner> signers) {
+    const auto folder = Open(1000.0, std::move(signers));
+    const SnapshotKeeper keeper(OpenStore(dir_.File("maps.db")), {}, folder.get(), &feed, &log);
+    const std::optional<SnapshotInfo> newest = folder->Newest("floor");
+    return newest->signatures.empty() ? "" : newest->signatures.front().key_sha256;
+  };
+  EXPECT_EQ(key_of_newest({}), "");
+  for (const std::string name : {"first.pem", "second.pem"}) {
+    EVP_PKEY_free(MakeKey(name));
+    const std::string id = Signers(name).front().key_sha256();
+    EXPECT_EQ(key_of_newest(Signers(name)), id);
+  }
+}
+
+TEST_F(SnapshotFolderTest, ASignatureHoldsForTheTextThatIsDocumented) {
+  EVP_PKEY* const key = MakeKey("key.pem");
+  Commit();
+  const auto made = Open(1.0, Signers("key.pem"))->Make(store_, "floor", 1);
   ASSERT_EQ(made->signatures.size(), 1u);
   const std::string text =
       "shiftmap-snapshot\nfloor\n1\n" + made->content_hash + "\n0\n" + made->sha256 + "\n";

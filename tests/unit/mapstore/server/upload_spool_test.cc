@@ -225,5 +225,21 @@ TEST_F(UploadSpoolTest, APartThatNobodyGoesOnWithIsRemovedAfterItsTime) {
   EXPECT_EQ(spool->folder_bytes(), 0);
 }
 
+// The disk fails between the word that the log was whole and its place. The bytes are all there is
+// of it: once they are gone, nobody may be told that it is here.
+TEST_F(UploadSpoolTest, ALogThatFoundNoPlaceIsNotHereOnceItsPartIsRemoved) {
+  const std::string log = Log("");
+  const std::string sha256 = Sha256Of(log);
+  const auto spool = Open(limits_);
+  std::filesystem::create_directories(logs_ + "/truck=2F7/" + sha256 + ".mcap/in the way");
+  EXPECT_THAT(Send(*spool, log, 0, log.size()), StatusIs(StatusCode::kUnavailable, ""));
+  EXPECT_EQ(spool->Progress("client", sha256)->stored_bytes, static_cast<std::int64_t>(log.size()));
+  std::filesystem::last_write_time(
+      logs_ + "/.uploads/client/" + sha256 + ".part",
+      std::filesystem::file_time_type::clock::now() - std::chrono::hours(24 * 8));
+  spool->Maintain();
+  EXPECT_FALSE(spool->Progress("client", sha256)->complete);
+}
+
 }  // namespace
 }  // namespace shiftmap::server
