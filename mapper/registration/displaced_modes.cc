@@ -126,6 +126,10 @@ DisplacedModes Decide(const MapperOptions& options,
       decided.displaced[i] = displacements.front().clusters[a] != kNotDisplaced;
       groups.push_back(mode_matches[i].group);
     }
+    // Where the run lies alike in all that is likely, a landmark in doubt does not matter to it.
+    const Explanations precise = ExplainDisplacements(groups, displacements, kPositionFloor);
+    if (precise.frames.front().probability >= options.confirmation.min_probability_of_most)
+      continue;
     decided.explanations.push_back(
         ExplainDisplacements(groups, displacements, options.confirmation.limits.same_frame_m));
   }

@@ -18,8 +18,8 @@ struct DisplacedModes {
   /// prior map.
   std::vector<bool> displaced;
 
-  /// How likely that is, and what else: of those that were decided together, one neighbourhood
-  /// after the other.
+  /// What else is likely and places the run elsewhere, by 3 cm or more: of those that were decided
+  /// together, one neighbourhood after the other. Nothing of what is decided.
   std::vector<Explanations> explanations;
 };
 
