@@ -406,7 +406,8 @@ TEST(IjrrUtiasTest, TheTruthIsTheExplanationWithWhatMoved) {
   change.explanations = {{{b}, {a, c}, 0.5}, {{c}, {a}, 0.3}, {{a, b}, {c}, 0.2}};
   estimate.ambiguous_changes = {change};
   EXPECT_EQ(ProbabilityOfTruth(data, estimate), 0.3);  // b was not seen.
-  estimate.ambiguous_changes[0].explanations.erase(change.explanations.begin() + 1);
+  change.explanations.erase(change.explanations.begin() + 1);
+  estimate.ambiguous_changes = {change};
   EXPECT_EQ(ProbabilityOfTruth(data, estimate), 0.0);
 }
 
@@ -418,12 +419,12 @@ TEST(IjrrUtiasTest, WhatRecordedDataDoNotDecideIsSaid) {
   options.datasets = {6};
   options.robots = {2};
   options.starts_s = {680.0};
-  options.deltas_m = {0.3, 0.6, 1.0, 2.5};
+  options.deltas_m = {0.3, 0.6, 1.0};
   options.methods = {"ours", "oracle"};
   const StatusOr<IjrrUtiasResult> result = RunIjrrUtias(options, {});
   ASSERT_THAT(result, IsOk());
-  ASSERT_EQ(result->rows.size(), 8u);
-  for (std::size_t i = 0; i < 8; i += 2) {
+  ASSERT_EQ(result->rows.size(), 6u);
+  for (std::size_t i = 0; i < 6; i += 2) {
     const IjrrUtiasRow& ours = result->rows[i];
     SCOPED_TRACE(ours.delta_m);
     EXPECT_EQ(ours.waits, ours.delta_m > 0.4);  // As far apart as two frames are.
