@@ -260,14 +260,12 @@ Status WritePictures(const IjrrUtiasOptions& options,
     const double delta_m = PictureDelta(options, data.dataset);
     std::vector<const IjrrUtiasRow*> rows;
     for (const IjrrUtiasRow& row : result.rows) {
-      if (row.dataset == data.dataset && row.robot == data.robot && row.start_s == data.start_s &&
-          row.delta_m == delta_m) {
+      if (row.dataset == data.dataset && row.robot == data.robot && row.delta_m == delta_m) {
         rows.push_back(&row);
       }
     }
     if (rows.empty()) continue;
-    std::string name = fmt::format("set{}-robot{}", data.dataset, data.robot);
-    if (options.starts_s.size() > 1) name += fmt::format("-{:.0f}s", data.start_s);
+    const std::string name = fmt::format("set{}-robot{}", data.dataset, data.robot);
     SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-paths", DrawPaths(data, rows)));
     SHIFTMAP_RETURN_IF_ERROR(output->WriteFigure(name + "-modes", DrawCreatedModes(data, rows)));
   }
@@ -338,8 +336,8 @@ Status RunExperiment(const Arguments& arguments, Context& context) {
                             }));
   const ResultTable table = MakeTable(result.rows);
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
-  SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));
-  if (options.starts_s.size() == 1) {
+  if (options.starts_s.size() == 1) {  // Else methods would be means over different cases.
+    SHIFTMAP_RETURN_IF_ERROR(WriteFigures(options, result.rows, &output));
     SHIFTMAP_RETURN_IF_ERROR(WritePictures(options, result, &output));
   }
   const ResultTable verdicts = MakeVerdicts(result.rows);
