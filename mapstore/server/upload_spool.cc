@@ -297,7 +297,11 @@ StatusOr<UploadProgress> UploadSpool::Finish(Upload upload,
   if (!info.ok()) {
     if (info.status().code() == StatusCode::kUnavailable) return info.status();
     Drop(upload.path_);
-    return InvalidArgument("{}", Message(info.status()));
+    std::string why = Message(info.status());  // But not where the server keeps what comes in.
+    if (const auto at = why.find(part); at != std::string::npos) {
+      why.replace(at, part.size(), upload.sha256_);
+    }
+    return InvalidArgument("{}", why);
   }
   if (const Status accepted = accept(*info); !accepted.ok()) {
     const bool for_ever = accepted.code() == StatusCode::kPermissionDenied ||

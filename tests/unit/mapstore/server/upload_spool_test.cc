@@ -128,6 +128,15 @@ TEST_F(UploadSpoolTest, ALogThatCannotBeTakenNowStaysAndOneThatMayNotGoes) {
   EXPECT_FALSE(std::filesystem::exists(logs_ + "/truck=2F7"));
 }
 
+TEST_F(UploadSpoolTest, WhatIsNoLogIsRefusedByItsHashAndNotByAPathOfTheServer) {
+  const auto spool = Open(limits_);
+  const std::string junk(5000, 'x');
+  const Status refused = Send(*spool, junk, 0, junk.size()).status();
+  EXPECT_THAT(refused, StatusIs(StatusCode::kInvalidArgument, Sha256Of(junk)));
+  EXPECT_THAT(Message(refused), ::testing::Not(::testing::HasSubstr(logs_)));
+  EXPECT_EQ(spool->Progress("client", Sha256Of(junk))->stored_bytes, 0);
+}
+
 TEST_F(UploadSpoolTest, QuotasRefuseBeforeAByteIsTaken) {
   const std::string log = Log(kUuid);
   const auto size = static_cast<std::int64_t>(log.size());
