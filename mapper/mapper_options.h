@@ -81,9 +81,9 @@ struct ConfirmationOptions {
   /// A frame that is less likely than this is not decided for, and the run waits.
   double min_probability = 0.99;
 
-  /// The same for the frame of a consensus in which more than few agree, and for the landmarks that
-  /// FindDisplaced() tells from it. That most stayed is likelier than MovePrior has it, which takes
-  /// any number of them for equally likely.
+  /// The same for the frame of a consensus in which more than few agree, and for the result of
+  /// FindDisplaced() in it. MovePrior gives every number of landmarks that stayed the same
+  /// probability; that most of them stayed is more probable than that.
   double min_probability_of_most = 0.9;
 
   /// A run whose fit with the others is this improbable beside its fit by itself (FitJoined) is

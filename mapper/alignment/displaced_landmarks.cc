@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -90,36 +91,37 @@ class DisplacementSearch {
   }
 
  private:
-  // What is about as likely as the best of what was grown, with probabilities.
+  // The partitions in the window below the best one, with their probabilities.
   std::vector<Displacement> Window() const {
     const std::vector<std::size_t> sizes = SizesFor(clusters_);
     std::map<std::vector<int>, double> scores;
-    std::priority_queue<std::pair<double, std::vector<int>>> open;
-    const auto add = [&](const std::vector<int>& clusters) {
+    std::priority_queue<std::tuple<double, std::vector<int>, bool>> open;
+    const auto add = [&](const std::vector<int>& clusters, bool is_start) {
       const auto [entry, is_new] = scores.try_emplace(Numbered(clusters), 0.0);
-      if (!is_new) return;
-      entry->second = Score(entry->first, sizes);
-      open.emplace(entry->second, entry->first);
+      if (is_new) {
+        entry->second = Score(entry->first, sizes);
+        open.emplace(entry->second, entry->first, is_start);
+      }
+      return entry->second;
     };
     for (const std::vector<int>& clusters : grown_) {
-      add(clusters);
-      for (int cluster = 0; cluster < Count(clusters); ++cluster) add(Exchanged(clusters, cluster));
+      add(clusters, true);
+      const int count = Count(clusters);
+      for (int cluster = 0; cluster < count; ++cluster) add(Exchanged(clusters, cluster), true);
     }
-    const std::map<std::vector<int>, double> starts = scores;
-    double best = open.top().first;
+    double best = std::get<double>(open.top());
     std::set<std::size_t> doubtful;  // Others are moved in the starts only.
     for (int expanded = 0; expanded < kMaxExpanded && !open.empty(); ++expanded) {
-      const auto [score, clusters] = open.top();
+      const auto [score, clusters, is_start] = open.top();
       if (score < best - kLogWindow) break;
       open.pop();
-      const bool is_start = starts.contains(clusters);
+      const int count = Count(clusters);
       for (std::size_t i = 0; i < clusters.size(); ++i) {
         if (!is_start && !doubtful.contains(i)) continue;
         std::vector<int> moved = clusters;
-        for (moved[i] = kNotDisplaced; moved[i] <= Count(clusters); ++moved[i]) {
+        for (moved[i] = kNotDisplaced; moved[i] <= count; ++moved[i]) {
           if (moved[i] == clusters[i]) continue;
-          add(moved);
-          const double with = scores.at(Numbered(moved));
+          const double with = add(moved, false);
           best = std::max(best, with);
           if (with > best - kLogWindow) doubtful.insert(i);
         }
@@ -139,10 +141,7 @@ class DisplacementSearch {
       sum += displacements.back().probability;
     }
     for (Displacement& displacement : displacements) displacement.probability /= sum;
-    std::stable_sort(
-        displacements.begin(),
-        displacements.end(),
-        [](const Displacement& x, const Displacement& y) { return x.probability > y.probability; });
+    std::ranges::stable_sort(displacements, std::greater(), &Displacement::probability);
     return displacements;
   }
 

@@ -135,11 +135,9 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   return alignment;
 }
 
-Explanation Describe(const AlignmentEvidence& evidence,
-                     const std::vector<int>& groups,
-                     const Frame& frame) {
+Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
   Explanation explanation =
-      DescribeFrame(frame.sets, GroupsOf(evidence, frame.best->stayed), groups);
+      DescribeFrame(frame.sets, GroupsOf(evidence, frame.best->stayed), evidence.groups());
   if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
   for (const int k : frame.best->stayed.Members()) {
@@ -153,11 +151,9 @@ Explanation Describe(const AlignmentEvidence& evidence,
 Explanations SumToExplanations(const AlignmentEvidence& evidence,
                                const std::vector<Hypothesis>& hypotheses,
                                const ExplanationLimits& limits) {
-  std::vector<int> groups = evidence.groups();
-  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
   std::vector<Explanation> frames;
   for (const Frame& frame : SumToFrames(evidence, hypotheses, limits.same_frame_m)) {
-    frames.push_back(Describe(evidence, groups, frame));
+    frames.push_back(Describe(evidence, frame));
   }
   return DescribeFrames(std::move(frames));
 }

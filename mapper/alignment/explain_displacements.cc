@@ -42,11 +42,9 @@ Explanations ExplainDisplacements(const std::vector<int>& groups,
     if (frame == frames.end()) frame = frames.insert(frames.end(), DisplacedFrame{&displacement});
     frame->sets[StayedGroups(groups, displacement)] += displacement.probability;
   }
-  std::vector<int> common = groups;
-  common.erase(std::unique(common.begin(), common.end()), common.end());
   std::vector<Explanation> explanations;
   for (const DisplacedFrame& frame : frames) {
-    explanations.push_back(DescribeFrame(frame.sets, StayedGroups(groups, *frame.best), common));
+    explanations.push_back(DescribeFrame(frame.sets, StayedGroups(groups, *frame.best), groups));
   }
   return DescribeFrames(std::move(explanations));
 }

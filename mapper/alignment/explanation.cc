@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <functional>
 
 namespace shiftmap {
 namespace {
@@ -28,9 +28,7 @@ std::vector<int> Deciding(const Explanation& x, const Explanation& y) {
 std::vector<StayedSet> ByFallingProbability(const StayedSets& sets) {
   std::vector<StayedSet> sorted;
   for (const auto& [groups, probability] : sets) sorted.push_back({groups, probability});
-  std::stable_sort(sorted.begin(), sorted.end(), [](const StayedSet& x, const StayedSet& y) {
-    return x.probability > y.probability;
-  });
+  std::ranges::stable_sort(sorted, std::greater(), &StayedSet::probability);
   return sorted;
 }
 
@@ -50,11 +48,9 @@ Explanation DescribeFrame(const StayedSets& sets,
   explanation.given.alternatives = ByFallingProbability(likely);
   explanation.given.stays.assign(stays.begin(), stays.end());
   explanation.alignment.signatures = likeliest;
-  std::set_difference(groups.begin(),
-                      groups.end(),
-                      likeliest.begin(),
-                      likeliest.end(),
-                      std::back_inserter(explanation.moved));
+  for (const auto& [group, probability] : stays) {
+    if (!std::ranges::binary_search(likeliest, group)) explanation.moved.push_back(group);
+  }
   return explanation;
 }
 
@@ -70,9 +66,7 @@ Explanations BySets(const Explanation& frame) {
 }
 
 Explanations DescribeFrames(std::vector<Explanation> frames) {
-  std::stable_sort(frames.begin(), frames.end(), [](const Explanation& x, const Explanation& y) {
-    return x.probability > y.probability;
-  });
+  std::ranges::stable_sort(frames, std::greater(), &Explanation::probability);
   Explanations explanations;
   for (const Explanation& frame : frames) {
     if (frame.nothing_stayed()) explanations.nothing_stayed = frame.probability;

@@ -58,7 +58,7 @@ std::vector<StayedSet> ByFallingProbability(const StayedSets& sets);
 /// One frame but for its transform and what stayed where.
 /// @param sets       That lead to it.
 /// @param likeliest  Of these.
-/// @param groups     In common, ascending.
+/// @param groups     In common, in any order, each once or more.
 Explanation DescribeFrame(const StayedSets& sets,
                           const std::vector<int>& likeliest,
                           const std::vector<int>& groups);
@@ -66,7 +66,7 @@ Explanation DescribeFrame(const StayedSets& sets,
 /// The sets that lead to a frame, each as one of its own.
 Explanations BySets(const Explanation& frame);
 
-/// Sorts frames by falling probability, and tells what decides between the first two.
+/// Sorts frames by falling probability, and finds the groups that decide between the first two.
 Explanations DescribeFrames(std::vector<Explanation> frames);
 
 }  // namespace shiftmap

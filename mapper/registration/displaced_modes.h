@@ -14,12 +14,12 @@ namespace shiftmap {
 
 /// Which modes of a run map are of landmarks that stand elsewhere than the prior map has them.
 struct DisplacedModes {
-  /// Per mode of the run map, flat, what is likeliest. False for those that meet no mode of the
-  /// prior map.
+  /// Per mode of the run map, flat: whether the likeliest partition displaces it. False for modes
+  /// that meet no mode of the prior map.
   std::vector<bool> displaced;
 
-  /// What else is likely and places the run elsewhere, by 3 cm or more: of those that were decided
-  /// together, one neighbourhood after the other. Nothing of what is decided.
+  /// One entry for each neighbourhood in which another partition is likely and places the run 3 cm
+  /// or more elsewhere. Neighbourhoods that are decided have none.
   std::vector<Explanations> explanations;
 };
 
@@ -34,8 +34,8 @@ struct DisplacedModes {
 /// stayed are to deform it far; and it is decided, or decided again, on what the run by itself says
 /// around there, until nothing changes.
 ///
-/// @param map         Has the prior map's modes.
-/// @param alignment   By which the run map is in the map frame.
+/// @param map        Has the prior map's modes.
+/// @param alignment  By which the run map is in the map frame.
 /// @param run_map    In the map frame; not deformed as of RunMapAlignment. Left deformed as
 /// decided.
 DisplacedModes FindDisplacedModes(const MapperOptions& options,

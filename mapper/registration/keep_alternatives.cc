@@ -50,7 +50,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
     const ModeMatch& mode_match = mode_matches[i];
     const auto stay = stays.find(mode_match.group);
     if (stay == stays.end() || mode_match.nearest == kUnassigned || !apart[i]) continue;
-    if (stay->second >= decided || stay->second <= 1.0 - decided) continue;
+    if (!LeavesDoubt(stay->second, decided)) continue;
     without[i] = kUnassigned;
     kept.doubts.push_back(
         {mode_match.group, NearestMode(build, mode_match).p_map_landmark, stay->second});

@@ -29,6 +29,11 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  const BuildState& build,
                                                  std::vector<int>* known);
 
+/// Whether a probability is neither that of `decided` nor that of its opposite.
+inline bool LeavesDoubt(double probability, double decided) {
+  return probability > 1.0 - decided && probability < decided;
+}
+
 /// Whether it is in doubt if a group stayed.
 bool IsInDoubt(const KeptAlternatives& kept, int group);
 

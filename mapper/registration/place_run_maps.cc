@@ -257,9 +257,7 @@ std::optional<Explanations> Undecided(const MapperOptions& options, const Displa
     if (best.probability < decided) return together;
     const auto& stays = best.given.stays;
     const auto certain = [&](const auto& stay) { return stay.second >= decided; };
-    const auto doubtful = [&](const auto& stay) {
-      return stay.second > 1.0 - decided && stay.second < decided;
-    };
+    const auto doubtful = [&](const auto& stay) { return LeavesDoubt(stay.second, decided); };
     if (std::any_of(stays.begin(), stays.end(), doubtful) &&
         std::count_if(stays.begin(), stays.end(), certain) < kMinTyingModes) {
       return BySets(best);
