@@ -93,7 +93,7 @@ struct IjrrUtiasResult {
 };
 
 /// Determinism: the same options give the same rows but for the times. Errors: as Validate(); those
-/// of reading the data; kNotFound if one of the runs is not there.
+/// of reading the data, if a data set has none of the runs.
 StatusOr<IjrrUtiasResult> RunIjrrUtias(
     const IjrrUtiasOptions& options,
     const std::function<void(const std::string& what, double done)>& progress);

@@ -76,13 +76,15 @@ StatusOr<IjrrUtiasOptions> MakeOptions(const Arguments& arguments) {
   return options;
 }
 
+// Data set, robot, start and displacement: what methods are compared on.
+auto CaseOf(const IjrrUtiasRow& row) {
+  return std::tuple(row.dataset, row.robot, row.start_s, row.delta_m);
+}
+
 // Processor time of the least-squares static solve on the same run with the same displacement.
 double StaticSeconds(const std::vector<IjrrUtiasRow>& rows, const IjrrUtiasRow& of) {
   for (const IjrrUtiasRow& row : rows) {
-    if (row.dataset == of.dataset && row.robot == of.robot && row.start_s == of.start_s &&
-        row.delta_m == of.delta_m && row.method == "static") {
-      return row.cpu_s;
-    }
+    if (CaseOf(row) == CaseOf(of) && row.method == "static") return row.cpu_s;
   }
   return std::nan("");
 }
@@ -174,17 +176,13 @@ bool IsAsOracle(const IjrrUtiasRow& row, const IjrrUtiasRow& oracle) {
 }
 
 ResultTable MakeVerdicts(const std::vector<IjrrUtiasRow>& rows) {
-  using Case = std::tuple<int, int, double, double>;
-  const auto case_of = [](const IjrrUtiasRow& row) {
-    return Case(row.dataset, row.robot, row.start_s, row.delta_m);
-  };
-  std::map<Case, const IjrrUtiasRow*> oracles;
+  std::map<decltype(CaseOf(rows.front())), const IjrrUtiasRow*> oracles;
   for (const IjrrUtiasRow& row : rows) {
-    if (row.method == "oracle") oracles[case_of(row)] = &row;
+    if (row.method == "oracle") oracles[CaseOf(row)] = &row;
   }
   std::map<double, Verdicts> by_delta;
   for (const IjrrUtiasRow& row : rows) {
-    const auto oracle = oracles.find(case_of(row));
+    const auto oracle = oracles.find(CaseOf(row));
     if (row.method != "ours" || oracle == oracles.end()) continue;
     Verdicts& verdicts = by_delta[row.delta_m];
     ++verdicts.cases;
