@@ -62,6 +62,11 @@ bool IsGiven(const CLI::Option& option, std::span<const std::string> arguments) 
   });
 }
 
+// Of a flag, also where the arguments are not parsed.
+bool Has(std::span<const std::string> arguments, std::string_view flag) {
+  return std::find(arguments.begin(), arguments.end(), flag) != arguments.end();
+}
+
 std::string ConfigPath(std::span<const std::string> arguments) {
   constexpr std::string_view kName = "--config";
   for (std::size_t i = 0; i < arguments.size(); ++i) {
@@ -227,20 +232,21 @@ void Application::State::Parse(std::vector<std::string> arguments, const Command
   parser.parse(std::move(arguments));
 }
 
+bool Application::State::IsNamed(const Command* command) const {
+  return command != nullptr && command->state_->parser != &parser;
+}
+
 ExitCode Application::State::Usage(const std::string& message,
                                    const Command* command,
                                    std::span<const std::string> arguments,
                                    std::ostream* out,
                                    std::ostream* err) const {
-  const std::string name = command != nullptr && command->state_->parser != &parser
-                               ? " " + command->state_->parser->get_name()
-                               : "";
+  const std::string name = IsNamed(command) ? " " + command->state_->parser->get_name() : "";
   const std::string line = OneLine(message);
   const char* const hint = line.ends_with('?') ? " Try" : "; try";
   *err << fmt::format("{}: {}{} '{}{} --help'\n", program, line, hint, program, name);
   // The arguments may not have been parsed up to --json.
-  const bool json = std::find(arguments.begin(), arguments.end(), "--json") != arguments.end();
-  if (json) *out << ErrorJson(OneLine(message), ExitCode::kUsage);
+  if (Has(arguments, "--json")) *out << ErrorJson(OneLine(message), ExitCode::kUsage);
   return ExitCode::kUsage;
 }
 
@@ -291,15 +297,12 @@ ExitCode Application::State::RunBody(const Command& command,
 ExitCode Application::State::ShowConfig(const Command* command,
                                         std::ostream* out,
                                         std::ostream* err) {
-  const auto given = [&](const char* name) {
-    return std::find(run_arguments.begin(), run_arguments.end(), name) != run_arguments.end();
-  };
-  common.json = given("--json");
+  common.json = Has(run_arguments, "--json");
   common.config = ConfigPath(run_arguments);
   auto state = std::make_unique<Command::State>();
   state->body = [&](Context& context) {
-    const bool one = command != nullptr && command->state_->parser != &parser;
-    return ReportConfig(one ? command->state_->parser->get_name() : "", run_arguments, context);
+    const std::string name = IsNamed(command) ? command->state_->parser->get_name() : "";
+    return ReportConfig(name, run_arguments, context);
   };
   const TextStyle style = out == &std::cout ? StandardOutputStyle() : TextStyle();
   return RunBody(Command(std::move(state)), style, out, err);
@@ -341,14 +344,12 @@ ExitCode Application::Run(const std::vector<std::string>& arguments,
   }
   const Command* command = state_->Select(arguments);
   state_->run_arguments = arguments;
-  if (std::find(arguments.begin(), arguments.end(), kShowConfig) != arguments.end()) {
-    return state_->ShowConfig(command, out, err);
-  }
+  if (Has(arguments, kShowConfig)) return state_->ShowConfig(command, out, err);
   try {
     state_->Parse(arguments, command);
   } catch (const CLI::CallForHelp&) {
-    const bool nested = command != nullptr && command->state_->parser != &state_->parser;
-    *out << (nested ? command->state_->parser->help(state_->program) : state_->parser.help());
+    *out << (state_->IsNamed(command) ? command->state_->parser->help(state_->program)
+                                      : state_->parser.help());
     return ExitCode::kDone;
   } catch (const CLI::CallForVersion&) {
     *out << state_->program << ' ' << SoftwareVersion() << '\n';

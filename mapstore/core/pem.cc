@@ -33,28 +33,30 @@ std::optional<Stamp> StampOf(const ASN1_TIME* time) {
   return Stamp(std::chrono::seconds(std::min(seconds, kLastSecond)));
 }
 
+// All that `read` finds of one kind, until something does not read.
+template <typename T>
+std::vector<std::shared_ptr<T>> AllOfPem(const std::string& pem,
+                                         T* (*read)(BIO*, T**, pem_password_cb*, void*),
+                                         void (*release)(T*)) {
+  std::vector<std::shared_ptr<T>> found;
+  const ForgottenErrors forgotten;
+  const Bio bio = BioOf(pem);
+  while (T* const next = read(bio.get(), nullptr, nullptr, nullptr)) {
+    found.emplace_back(next, release);
+  }
+  return found;
+}
+
 }  // namespace
 
 ForgottenErrors::~ForgottenErrors() { ERR_clear_error(); }
 
 std::vector<std::shared_ptr<X509>> CertificatesOfPem(const std::string& pem) {
-  std::vector<std::shared_ptr<X509>> certificates;
-  const ForgottenErrors forgotten;
-  const Bio bio = BioOf(pem);
-  while (X509* const x509 = PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)) {
-    certificates.emplace_back(x509, X509_free);
-  }
-  return certificates;
+  return AllOfPem<X509>(pem, PEM_read_bio_X509, X509_free);
 }
 
 std::vector<std::shared_ptr<X509_CRL>> CrlsOfPem(const std::string& pem) {
-  std::vector<std::shared_ptr<X509_CRL>> crls;
-  const ForgottenErrors forgotten;
-  const Bio bio = BioOf(pem);
-  while (X509_CRL* const crl = PEM_read_bio_X509_CRL(bio.get(), nullptr, nullptr, nullptr)) {
-    crls.emplace_back(crl, X509_CRL_free);
-  }
-  return crls;
+  return AllOfPem<X509_CRL>(pem, PEM_read_bio_X509_CRL, X509_CRL_free);
 }
 
 std::shared_ptr<EVP_PKEY> PrivateKeyOfPem(const std::string& pem) {

@@ -108,14 +108,13 @@ std::int64_t SnapshotFolder::Change(const std::string& area) const {
   return found == areas_.end() ? 0 : found->second.change;
 }
 
-bool SnapshotFolder::IsSigned(const std::string& area) const {
-  const std::optional<SnapshotInfo> newest = Newest(area);
-  return newest && std::all_of(signers_.begin(), signers_.end(), [&](const auto& signer) {
-           return std::any_of(
-               newest->signatures.begin(), newest->signatures.end(), [&](const auto& signature) {
-                 return signature.key_sha256 == signer.key_sha256();
-               });
-         });
+bool SnapshotFolder::IsSigned(const SnapshotInfo& snapshot) const {
+  return std::all_of(signers_.begin(), signers_.end(), [&](const SnapshotSigner& signer) {
+    return std::any_of(
+        snapshot.signatures.begin(), snapshot.signatures.end(), [&](const auto& signature) {
+          return signature.key_sha256 == signer.key_sha256();
+        });
+  });
 }
 
 Status SnapshotFolder::WriteIndex(const std::string& name, const Area& area) const {

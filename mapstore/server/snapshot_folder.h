@@ -50,8 +50,8 @@ class SnapshotFolder {
   /// The position in the store's audit log that the newest snapshot of an area holds; 0: none.
   std::int64_t Change(const std::string& area) const;
 
-  /// Whether an area's newest snapshot has the signatures of all signers.
-  bool IsSigned(const std::string& area) const;
+  /// Whether a snapshot has the signatures of all signers.
+  bool IsSigned(const SnapshotInfo& snapshot) const;
 
   /// Makes a snapshot of an area's published version the newest one; the same bytes as before are
   /// the same snapshot.

@@ -86,7 +86,7 @@ bool SnapshotKeeper::IsDue(const AreaState& area, const Watched& watched) const 
   const std::optional<SnapshotInfo> newest = folder_->Newest(area.area);
   if (!newest || newest->version != *area.published) return true;
   // Made before the site had this key: vehicles may ask for its signature.
-  if (!folder_->IsSigned(area.area)) return true;
+  if (!folder_->IsSigned(*newest)) return true;
   const bool changed = folder_->Change(area.area) != watched.last_change;
   const Stamp now = SystemNow();
   // A clock that was put back must not stop snapshots.

@@ -22,6 +22,9 @@ struct Application::State {
   /// The command that the arguments name, the nameless one, or null.
   Command* Select(std::span<const std::string> arguments) const;
 
+  /// Whether it is a command with a name, and not what a program does without one.
+  bool IsNamed(const Command* command) const;
+
   /// This program for a site file.
   ReadingProgram Reader() const;
   ReadingProgram::ReadingCommand KeysOf(const Command& command) const;
