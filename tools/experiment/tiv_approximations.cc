@@ -37,7 +37,7 @@ bool IsRight(const TivLandmark& truth, int state, const std::optional<Eigen::Vec
 // Follows the decisions about each landmark.
 class DecisionWatch {
  public:
-  explicit DecisionWatch(const TivDrive& drive)
+  explicit DecisionWatch(const ApproximationsDrive& drive)
       : drive_(drive), seen_(drive.landmarks.size(), -1), decided_(drive.landmarks.size(), false) {}
 
   void Look(int scan) {
@@ -78,7 +78,7 @@ class DecisionWatch {
     return static_cast<std::size_t>(found - drive_.map.groups.begin());
   }
 
-  const TivDrive& drive_;
+  const ApproximationsDrive& drive_;
   std::vector<int> seen_;  // Scan of the first sighting that is no false alarm.
   std::vector<bool> decided_;
 };
@@ -97,7 +97,7 @@ bool EndsRight(const LandmarkGroup& before, const LandmarkGroup& after, const Ti
   return true;
 }
 
-void JudgeMap(const TivDrive& drive, const MapContent& end, TivOutcome* outcome) {
+void JudgeMap(const ApproximationsDrive& drive, const MapContent& end, TivOutcome* outcome) {
   outcome->all_right = true;
   for (std::size_t g = 0; g < drive.landmarks.size(); ++g) {
     const TivLandmark& truth = drive.landmarks[g];
@@ -223,7 +223,8 @@ std::vector<TivArm> TivArms() {
           {"child, no merging", {.insertion = kChild, .merging = kNone}}};
 }
 
-TivOutcome RunTivDrive(const TivDrive& drive, const TreeSlamOptions& options) {
+TivOutcome RunApproximationsDrive(const ApproximationsDrive& drive,
+                                  const TreeSlamOptions& options) {
   TreeSlam slam(options, drive.map.calibration, drive.map);
   slam.BeginRun(drive.start, drive.map.calibration, drive.map.stamp);
   DecisionWatch watch(drive);
@@ -252,15 +253,15 @@ StatusOr<std::vector<TivApproximationsRow>> RunTivApproximations(
   const std::vector<TivArm> arms = TivArms();
   std::vector<TivApproximationsRow> rows;
   for (const bool false_alarms : {false, true}) {
-    std::vector<TivDrive> drives(static_cast<std::size_t>(options.drives));
+    std::vector<ApproximationsDrive> drives(static_cast<std::size_t>(options.drives));
     ForEachIndex(drives.size(), options.threads, [&](std::size_t i) {
-      drives[i] = SimulateTivDrive(options.drive, options.seed + i, false_alarms);
+      drives[i] = SimulateApproximationsDrive(options.drive, options.seed + i, false_alarms);
     });
     std::vector<TivOutcome> reference;
     for (const TivArm& arm : arms) {
       std::vector<TivOutcome> outcomes(drives.size());
       ForEachIndex(drives.size(), options.threads, [&](std::size_t i) {
-        outcomes[i] = RunTivDrive(drives[i], arm.options);
+        outcomes[i] = RunApproximationsDrive(drives[i], arm.options);
       });
       if (reference.empty()) reference = outcomes;
       rows.push_back(Summarize(arm, false_alarms, outcomes, reference));

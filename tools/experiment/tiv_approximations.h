@@ -16,7 +16,7 @@ struct TivApproximationsOptions {
   int drives = 200;
   std::uint64_t seed = 1;  ///< Of the first drive; the others' follow.
   int threads = 1;         ///< Drives side by side; the result does not depend on it.
-  TivDriveOptions drive;
+  ApproximationsDriveOptions drive;
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
@@ -48,7 +48,7 @@ struct TivOutcome {
   int spurious_modes = 0;  ///< Modes at the end beyond those of the map and the new places.
 };
 
-TivOutcome RunTivDrive(const TivDrive& drive, const TreeSlamOptions& options);
+TivOutcome RunApproximationsDrive(const ApproximationsDrive& drive, const TreeSlamOptions& options);
 
 /// How one arm does over all drives.
 struct TivApproximationsRow {

@@ -147,7 +147,7 @@ Status WriteTimeFigures(const std::vector<TivApproximationsRow>& rows, Experimen
 }
 
 Json OptionsJson(const TivApproximationsOptions& options, const ResultTable& panels) {
-  const TivDriveOptions& drive = options.drive;
+  const ApproximationsDriveOptions& drive = options.drive;
   return {{"drives", options.drives},
           {"seed", options.seed},
           {"scans", drive.scans},

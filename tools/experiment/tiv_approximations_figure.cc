@@ -32,15 +32,15 @@ constexpr double kRejected = 100.0;
 constexpr int kStateA = 1;
 constexpr int kStateB = 2;
 
-TivDriveOptions FigureOptions() {
-  TivDriveOptions options;
+ApproximationsDriveOptions FigureOptions() {
+  ApproximationsDriveOptions options;
   options.scans = kScans;
   options.sd_start_m = 0.25;
   options.sd_start_yaw_rad = 0.05;
   return options;
 }
 
-int FirstSight(const TivDrive& drive, const Signature& signature) {
+int FirstSight(const ApproximationsDrive& drive, const Signature& signature) {
   for (std::size_t i = 0; i < drive.scans.size(); ++i) {
     for (const Observation& observation : drive.scans[i].observations) {
       if (observation.signature == signature) return static_cast<int>(i);
@@ -293,9 +293,9 @@ void DrawLegend(Svg* svg) {
 }  // namespace
 
 TivFigureScene MakeTivFigureScene() {
-  const TivDriveOptions options = FigureOptions();
+  const ApproximationsDriveOptions options = FigureOptions();
   TivFigureScene scene;
-  TivDrive& drive = scene.drive;
+  ApproximationsDrive& drive = scene.drive;
   drive.map.calibration = TivCalibration(options);
   drive.map.stamp = TivScanStamp(-1);
   AddTivLandmark(options,
@@ -320,7 +320,7 @@ TivFigureScene MakeTivFigureScene() {
 }
 
 std::vector<HypothesisPair> FollowTivFigure(const TivFigureScene& scene, bool update_ungated) {
-  const TivDrive& drive = scene.drive;
+  const ApproximationsDrive& drive = scene.drive;
   TreeSlam slam({.update_ungated = update_ungated}, drive.map.calibration, drive.map);
   slam.BeginRun(drive.start, drive.map.calibration, drive.map.stamp);
   std::vector<HypothesisPair> pairs;

@@ -40,7 +40,7 @@ struct HypothesisPair {
 /// T-IV figure 3: a vehicle with an uncertain pose drives past L00, which has left m_1^1 for a
 /// place that the map does not have, and later past L01, whose active mode m_2^2 is right.
 struct TivFigureScene {
-  TivDrive drive;
+  ApproximationsDrive drive;
   int first_seen = 0;   ///< Scan that saw L00 first.
   int second_seen = 0;  ///< Scan that saw L01 first.
 };

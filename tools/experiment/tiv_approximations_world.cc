@@ -38,7 +38,7 @@ constexpr double kKnownScale = 1e-6;
 constexpr std::uint64_t kFalseAlarmSeed = 0x9E3779B97F4A7C15;
 
 // A place that is none of the others.
-Eigen::Vector2d DrawPlace(const TivDriveOptions& options,
+Eigen::Vector2d DrawPlace(const ApproximationsDriveOptions& options,
                           const std::vector<Eigen::Vector2d>& others,
                           Dice* dice) {
   while (true) {
@@ -75,8 +75,11 @@ LandmarkGroup MakeGroup(int index,
   return group;
 }
 
-void DrawLandmark(
-    const TivDriveOptions& options, LandmarkFate fate, double x_m, TivDrive* drive, Dice* dice) {
+void DrawLandmark(const ApproximationsDriveOptions& options,
+                  LandmarkFate fate,
+                  double x_m,
+                  ApproximationsDrive* drive,
+                  Dice* dice) {
   const double side = dice->Coin(0.5) ? 1.0 : -1.0;
   std::vector<Eigen::Vector2d> places = {{x_m, side * dice->Uniform(kBesideMin, kBesideMax)}};
   TivLandmark landmark;
@@ -94,7 +97,9 @@ void DrawLandmark(
   AddTivLandmark(options, landmark, places, kAbsentPrior, kSecondPrior, drive);
 }
 
-void DrawLandmarks(const TivDriveOptions& options, TivDrive* drive, Dice* dice) {
+void DrawLandmarks(const ApproximationsDriveOptions& options,
+                   ApproximationsDrive* drive,
+                   Dice* dice) {
   std::vector<LandmarkFate> fates(std::begin(kFates), std::end(kFates));
   for (std::size_t i = fates.size(); i-- > 1;) {
     const auto other = static_cast<std::size_t>(dice->Uniform(0.0, static_cast<double>(i + 1)));
@@ -107,7 +112,10 @@ void DrawLandmarks(const TivDriveOptions& options, TivDrive* drive, Dice* dice) 
   }
 }
 
-void Look(const TivDriveOptions& options, TivDrive* drive, Dice* dice, Dice* alarms) {
+void Look(const ApproximationsDriveOptions& options,
+          ApproximationsDrive* drive,
+          Dice* dice,
+          Dice* alarms) {
   const Se2 T_vehicle_map = drive->T_map_vehicle.back().Inverse();
   for (std::size_t g = 0; g < drive->landmarks.size(); ++g) {
     Observation observation;
@@ -133,7 +141,7 @@ void Look(const TivDriveOptions& options, TivDrive* drive, Dice* dice, Dice* ala
 
 Stamp TivScanStamp(int scan) { return StampFromSeconds(1000.0 + kTivScanPeriod * (scan + 1)); }
 
-Status TivDriveOptions::Validate() const {
+Status ApproximationsDriveOptions::Validate() const {
   if (scans < 1) return InvalidArgument("scans: {}, expected 1 or more", scans);
   for (const auto& [name, value] : {std::pair("speed_mps", speed_mps),
                                     std::pair("sd_start_m", sd_start_m),
@@ -157,7 +165,7 @@ Status TivDriveOptions::Validate() const {
   return OkStatus();
 }
 
-Calibration TivCalibration(const TivDriveOptions& options) {
+Calibration TivCalibration(const ApproximationsDriveOptions& options) {
   Calibration calibration;
   calibration.odometry.sd_log_scale = kKnownScale;
   SensorCalibration& sensor = calibration.sensor;
@@ -170,12 +178,12 @@ Calibration TivCalibration(const TivDriveOptions& options) {
   return calibration;
 }
 
-void AddTivLandmark(const TivDriveOptions& options,
+void AddTivLandmark(const ApproximationsDriveOptions& options,
                     const TivLandmark& landmark,
                     const std::vector<Eigen::Vector2d>& places,
                     double absent_prior,
                     double second_prior,
-                    TivDrive* drive) {
+                    ApproximationsDrive* drive) {
   const int index = static_cast<int>(drive->landmarks.size());
   drive->map.groups.push_back(
       MakeGroup(index, places, options.sd_mode_m, absent_prior, second_prior));
@@ -187,10 +195,10 @@ void AddTivLandmark(const TivDriveOptions& options,
   drive->map.covariance = JointCovariance(marginals, {});
 }
 
-void DriveTiv(const TivDriveOptions& options,
+void DriveTiv(const ApproximationsDriveOptions& options,
               Se2 T_map_vehicle,
               double yaw_rate_radps,
-              TivDrive* drive,
+              ApproximationsDrive* drive,
               Dice* dice,
               Dice* alarms) {
   const Eigen::Vector3d twist(options.speed_mps, 0.0, yaw_rate_radps);
@@ -206,10 +214,12 @@ void DriveTiv(const TivDriveOptions& options,
   }
 }
 
-TivDrive SimulateTivDrive(const TivDriveOptions& options, std::uint64_t seed, bool false_alarms) {
+ApproximationsDrive SimulateApproximationsDrive(const ApproximationsDriveOptions& options,
+                                                std::uint64_t seed,
+                                                bool false_alarms) {
   Dice dice(seed);
   Dice alarms(seed ^ kFalseAlarmSeed);
-  TivDrive drive;
+  ApproximationsDrive drive;
   drive.map.calibration = TivCalibration(options);
   drive.map.stamp = TivScanStamp(-1);
   DrawLandmarks(options, &drive, &dice);

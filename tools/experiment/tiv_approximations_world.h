@@ -36,7 +36,7 @@ struct TivLandmark {
 };
 
 /// A drive past landmarks some of which moved since the map was made, and its truth.
-struct TivDrive {
+struct ApproximationsDrive {
   MapContent map;
   PoseWithCovariance start;
   std::vector<MotionIncrement> motions;  ///< Before each scan.
@@ -46,7 +46,7 @@ struct TivDrive {
 };
 
 /// The vehicle, its sensor and how far landmarks move.
-struct TivDriveOptions {
+struct ApproximationsDriveOptions {
   int scans = 100;
   double speed_mps = 1.0;
 
@@ -71,30 +71,32 @@ struct TivDriveOptions {
 };
 
 /// The sensor and the odometry of all drives, as the filter has them.
-Calibration TivCalibration(const TivDriveOptions& options);
+Calibration TivCalibration(const ApproximationsDriveOptions& options);
 
 /// Appends a landmark to the prior map: its modes at `places`, independent of all others.
 /// @param absent_prior, second_prior  Probabilities of `absent` and of each mode but the first.
-void AddTivLandmark(const TivDriveOptions& options,
+void AddTivLandmark(const ApproximationsDriveOptions& options,
                     const TivLandmark& landmark,
                     const std::vector<Eigen::Vector2d>& places,
                     double absent_prior,
                     double second_prior,
-                    TivDrive* drive);
+                    ApproximationsDrive* drive);
 
 /// Drives with constant speed and yaw rate from the pose `T_map_vehicle`: appends motions, scans
 /// and poses.
 /// @param dice    Of slip, detections and noise.
 /// @param alarms  Of false alarms; null: there are none.
-void DriveTiv(const TivDriveOptions& options,
+void DriveTiv(const ApproximationsDriveOptions& options,
               Se2 T_map_vehicle,
               double yaw_rate_radps,
-              TivDrive* drive,
+              ApproximationsDrive* drive,
               Dice* dice,
               Dice* alarms);
 
 /// A drive past landmarks of all fates in random order, with the start drawn from its covariance.
 /// With or without false alarms the rest of it is the same, to the bit.
-TivDrive SimulateTivDrive(const TivDriveOptions& options, std::uint64_t seed, bool false_alarms);
+ApproximationsDrive SimulateApproximationsDrive(const ApproximationsDriveOptions& options,
+                                                std::uint64_t seed,
+                                                bool false_alarms);
 
 }  // namespace shiftmap

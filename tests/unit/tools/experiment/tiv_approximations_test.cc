@@ -27,8 +27,8 @@ std::vector<TivApproximationsRow> RunExperiment(const TivApproximationsOptions& 
 TEST(TivApproximations, DrivesWithFalseAlarmsAreTheOthersAndFalseAlarms) {
   int added = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const TivDrive without = SimulateTivDrive({}, seed, false);
-    const TivDrive with = SimulateTivDrive({}, seed, true);
+    const ApproximationsDrive without = SimulateApproximationsDrive({}, seed, false);
+    const ApproximationsDrive with = SimulateApproximationsDrive({}, seed, true);
     for (std::size_t i = 0; i < without.scans.size(); ++i) {
       EXPECT_EQ((without.T_map_vehicle[i].Inverse() * with.T_map_vehicle[i]).Log().norm(), 0.0);
       for (const Observation& seen : without.scans[i].observations) {
@@ -45,9 +45,9 @@ TEST(TivApproximations, DrivesWithFalseAlarmsAreTheOthersAndFalseAlarms) {
 }
 
 TEST(TivApproximations, LandmarksStandWhereTheirFateSays) {
-  const TivDriveOptions options;
+  const ApproximationsDriveOptions options;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const TivDrive drive = SimulateTivDrive(options, seed, false);
+    const ApproximationsDrive drive = SimulateApproximationsDrive(options, seed, false);
     ASSERT_EQ(ValidateMapContent(drive.map).code(), StatusCode::kOk);
     for (std::size_t g = 0; g < drive.landmarks.size(); ++g) {
       const TivLandmark& landmark = drive.landmarks[g];
@@ -93,17 +93,17 @@ TEST(TivApproximations, ArmsArePairedByDrive) {
 // Where all landmarks stay and nothing is false, no arm has more than one leaf at the end, and all
 // are the same filter.
 TEST(TivApproximations, ArmsAgreeWhereNothingMoved) {
-  TivDrive drive = SimulateTivDrive({}, 1, false);
+  ApproximationsDrive drive = SimulateApproximationsDrive({}, 1, false);
   for (std::size_t i = 0; i < drive.scans.size(); ++i) {
     std::erase_if(drive.scans[i].observations, [&](const Observation& observation) {
       const auto g = static_cast<std::size_t>(std::stoi(observation.signature.text().substr(1)));
       return drive.landmarks[g].fate != LandmarkFate::kStays;
     });
   }
-  const std::vector<double> first = RunTivDrive(drive, TivArms().front().options).nees;
+  const std::vector<double> first = RunApproximationsDrive(drive, TivArms().front().options).nees;
   for (const TivArm& arm : TivArms()) {
     if (arm.options.update_ungated) continue;  // Sightings beyond the gate are one in a hundred.
-    const std::vector<double> nees = RunTivDrive(drive, arm.options).nees;
+    const std::vector<double> nees = RunApproximationsDrive(drive, arm.options).nees;
     EXPECT_NEAR(nees.back(), first.back(), 0.5) << arm.name;
   }
 }
