@@ -2,6 +2,7 @@
 #include "localizer/localizer_options.h"
 
 #include "localizer/initialization/start_pose.h"
+#include "mapstore/core/day.h"
 
 namespace shiftmap {
 namespace {
@@ -19,7 +20,6 @@ Status CheckAtLeast(const char* name, int value, int least) {
 }  // namespace
 
 Status LocalizerOptions::Validate() const {
-  constexpr double kDay = 86400.0;
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("alpha", hypotheses.alpha, 0.0, 0.5));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_leaves", hypotheses.max_leaves, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("gate_probability", hypotheses.gate_probability, 0.0, 1.0));
@@ -27,12 +27,13 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(
       CheckRange("fov_leave", hypotheses.fov_leave, 0.0, hypotheses.fov_enter));
   const FieldOfViewOptions& field_of_view = hypotheses.field_of_view;
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("max_lidar_age_s", field_of_view.max_lidar_age_s, 0.0, kDay));
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("visit_gap_s", hypotheses.visit_gap_s, 0.0, kDay));
+  SHIFTMAP_RETURN_IF_ERROR(
+      CheckRange("max_lidar_age_s", field_of_view.max_lidar_age_s, 0.0, kSecondsPerDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("visit_gap_s", hypotheses.visit_gap_s, 0.0, kSecondsPerDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_signatures", global_start.min_signatures, 3));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_probability", global_start.min_probability, 0.5, 1.0));
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kDay));
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kSecondsPerDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kSecondsPerDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_places", max_places, 1));
   SHIFTMAP_RETURN_IF_ERROR(limits.Validate());

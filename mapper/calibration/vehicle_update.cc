@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include "mapstore/core/day.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/run_spread.h"
 
@@ -39,7 +40,6 @@ struct Normals {
 };
 
 Normals KnownAt(const VehicleCalibration& vehicle, Stamp now) {
-  constexpr double kSecondsPerDay = 86400.0;
   const double days = std::max(0.0, ToSeconds(now - vehicle.stamp) / kSecondsPerDay);
   Normals known{Vector::Zero(), Walk().cwiseAbs2() * days};
   Eigen::Index i = 0;

@@ -12,12 +12,12 @@
 #include "mapper/cli/area_build.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/day.h"
 
 namespace shiftmap {
 namespace {
 
 constexpr double kMib = 1024.0 * 1024.0;
-constexpr double kSecondsPerDay = 86400.0;
 
 struct LogFile {
   std::string path;

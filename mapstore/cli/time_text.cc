@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "mapstore/core/day.h"
 #include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
@@ -14,7 +15,6 @@ namespace {
 
 // What a stamp can hold.
 constexpr double kMaxSeconds = 9.2e9;
-constexpr double kDayS = 86'400.0;
 
 std::optional<double> Number(std::string_view text) {
   const std::optional<double> value = ParseWhole<double>(text);
@@ -99,17 +99,17 @@ std::optional<double> RelativeSeconds(std::string_view text, double now_s) {
   if (name == "s") return now_s - *count;
   if (name == "m" || name == "min") return now_s - 60.0 * *count;
   if (name == "h") return now_s - 3600.0 * *count;
-  if (name == "d") return now_s - kDayS * *count;
-  if (name == "w") return now_s - 7.0 * kDayS * *count;
+  if (name == "d") return now_s - kSecondsPerDay * *count;
+  if (name == "w") return now_s - 7.0 * kSecondsPerDay * *count;
   return std::nullopt;
 }
 
 std::optional<double> TimeSeconds(std::string_view text, Stamp now) {
   const double now_s = ToSecondsSinceEpoch(now);
-  const double today_s = kDayS * std::floor(now_s / kDayS);
+  const double today_s = kSecondsPerDay * std::floor(now_s / kSecondsPerDay);
   if (text == "now") return now_s;
   if (text == "today") return today_s;
-  if (text == "yesterday") return today_s - kDayS;
+  if (text == "yesterday") return today_s - kSecondsPerDay;
   if (const auto seconds = RelativeSeconds(text, now_s)) return seconds;
   if (const auto seconds = Number(text)) return seconds;
   return DateSeconds(text);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mapstore/core/clock.h"
+#include "mapstore/core/day.h"
 #include "mapstore/server/json_log.h"
 #include "mapstore/server/listen_address.h"
 #include "mapstore/server/snapshot_keeper.h"
@@ -30,9 +31,9 @@ struct MapServerOptions {
   ListenAddress listen;
   std::optional<TlsFiles> tls;  ///< Nothing: plain text, for development.
 
-  std::string snapshots;                  ///< Folder.
-  std::vector<std::string> signing_keys;  ///< SnapshotSigner::Read.
-  double keep_snapshots_s = 86'400.0;     ///< After another one took their place. [s]
+  std::string snapshots;                     ///< Folder.
+  std::vector<std::string> signing_keys;     ///< SnapshotSigner::Read.
+  double keep_snapshots_s = kSecondsPerDay;  ///< After another one took their place. [s]
   SnapshotKeeperOptions keeper;
 
   std::string logs;  ///< Folder; empty: no logs are taken.

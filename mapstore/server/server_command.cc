@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "mapstore/cli/input_options.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/service_notifier.h"
 #include "mapstore/server/codec/map_service_codec.h"
 #include "mapstore/server/map_server.h"
@@ -95,7 +96,7 @@ StatusOr<MapServerOptions> ToOptions(const ServerArguments& arguments) {
   options.uploads.max_client_bytes = ToBytes(arguments.vehicle_quota_mb);
   options.uploads.max_folder_bytes = ToBytes(arguments.logs_quota_mb);
   options.uploads.keep_free_bytes = ToBytes(arguments.keep_free_mb);
-  options.uploads.abandoned_s = 86'400.0 * arguments.abandoned_upload_days;
+  options.uploads.abandoned_s = kSecondsPerDay * arguments.abandoned_upload_days;
   options.keep_snapshots_s = 3600.0 * arguments.keep_snapshots_h;
   return options;
 }

@@ -16,6 +16,7 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/file_name.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/map/sha256.h"
@@ -32,7 +33,7 @@ constexpr const char* kDone = ".done";
 constexpr std::size_t kKnownTurns = 1024;
 
 // For how long it is known that a log was whole. [s]
-constexpr double kRememberedS = 90 * 86'400.0;
+constexpr double kRememberedS = 90 * kSecondsPerDay;
 
 Status Failed(const std::string& path, const char* action) {
   const int error = errno;

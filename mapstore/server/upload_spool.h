@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 
+#include "mapstore/core/day.h"
 #include "mapstore/core/owned_fd.h"
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"
@@ -21,7 +22,7 @@ struct UploadLimits {
   std::int64_t max_client_bytes = std::int64_t{50} << 30;   ///< Of a vehicle's logs, whole or not.
   std::int64_t max_folder_bytes = std::int64_t{500} << 30;  ///< Of the whole folder.
   std::int64_t keep_free_bytes = std::int64_t{1} << 30;     ///< That stay free on the disk.
-  double abandoned_s = 7 * 86'400.0;  ///< After which a part of a log is removed. [s]
+  double abandoned_s = 7 * kSecondsPerDay;  ///< After which a part of a log is removed. [s]
 };
 
 /// How much of a log is here.

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "mapper/chain/group_chains.h"
+#include "mapstore/core/day.h"
 #include "mapstore/maintenance/compact.h"
 #include "mapstore/map_store.h"
 #include "tools/experiment/dice.h"
@@ -19,12 +20,11 @@ namespace shiftmap {
 namespace {
 
 constexpr char kArea[] = "site";
-constexpr double kDayS = 86400.0;
 constexpr int kDaysOfYear = 365;
 constexpr double kStartS = 1.5e9;
 constexpr int kModes = 2;
 
-Stamp At(double day) { return StampFromSeconds(kStartS + kDayS * day); }
+Stamp At(double day) { return StampFromSeconds(kStartS + kSecondsPerDay * day); }
 
 // A landmark that moves to and fro between its modes, and is away now and then.
 struct Landmark {

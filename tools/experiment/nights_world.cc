@@ -7,6 +7,7 @@
 #include <random>
 #include <utility>
 
+#include "mapstore/core/day.h"
 #include "mapstore/map/mode_chain.h"
 #include "tools/experiment/dice.h"
 #include "tools/sim/simulate_chain.h"
@@ -15,7 +16,6 @@ namespace shiftmap {
 namespace {
 
 constexpr int kPlaces = 3;
-constexpr double kDayS = 86400.0;
 
 // How a landmark that stays so long at a place moves; for 0 it never does.
 ModeChain ChainOf(double stay_days) {
@@ -23,11 +23,11 @@ ModeChain ChainOf(double stay_days) {
   constexpr double kAwayDays = 3.0;
   Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(kPlaces + 1, kPlaces + 1);
   if (stay_days > 0.0) {
-    const double leave = 1.0 / (stay_days * kDayS);
+    const double leave = 1.0 / (stay_days * kSecondsPerDay);
     rates.bottomRightCorner(kPlaces, kPlaces)
         .setConstant((1.0 - kAwayShare) * leave / (kPlaces - 1));
     rates.col(0).tail(kPlaces).setConstant(kAwayShare * leave);
-    rates.row(0).tail(kPlaces).setConstant(1.0 / (kAwayDays * kDayS * kPlaces));
+    rates.row(0).tail(kPlaces).setConstant(1.0 / (kAwayDays * kSecondsPerDay * kPlaces));
     rates.diagonal().setZero();
     rates.diagonal() = -rates.rowwise().sum();
   }
@@ -75,7 +75,7 @@ StatusOr<NightsWorld> DrawNights(const NightsOptions& options) {
   world.duration_s = options.duration_s;
   world.vehicles = options.vehicles;
   world.runs = options.nights * options.vehicles;
-  world.shift_interval_s = kDayS / options.vehicles;
+  world.shift_interval_s = kSecondsPerDay / options.vehicles;
 
   std::vector<bool> new_layout(static_cast<std::size_t>(world.runs), false);
   for (int day = options.layout_days; day > 0 && day < options.nights; day += options.layout_days) {

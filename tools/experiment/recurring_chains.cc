@@ -9,13 +9,13 @@
 
 #include "mapper/chain/chain_expectations.h"
 #include "mapper/chain/learn_rhythm.h"
+#include "mapstore/core/day.h"
 #include "tools/experiment/recurring_product.h"
 #include "tools/sim/simulate_chain.h"
 
 namespace shiftmap {
 namespace {
 
-constexpr double kDay_s = 86400.0;
 constexpr char kRhythmMethod[] = "rhythm";
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -165,9 +165,9 @@ StatusOr<std::vector<RecurringChainsRow>> CompareChains(
                         test_spacing.name,
                         candidate.method,
                         log_likelihood / hours,
-                        kDay_s * candidate.leave_per_s,
-                        kDay_s * candidate.low_per_s,
-                        kDay_s * candidate.high_per_s,
+                        kSecondsPerDay * candidate.leave_per_s,
+                        kSecondsPerDay * candidate.low_per_s,
+                        kSecondsPerDay * candidate.high_per_s,
                         static_cast<double>(train.visits.size()),
                         candidate.rhythm_hours});
       };
@@ -185,9 +185,9 @@ StatusOr<std::vector<RecurringChainsRow>> CompareChains(
       SHIFTMAP_ASSIGN_OR_RETURN(const ReplayedRecord replayed, ReplayRecord(train, test));
       Candidate product;
       product.method = "product";
-      product.leave_per_s = replayed.leave_per_day / kDay_s;
-      product.low_per_s = replayed.low_per_day / kDay_s;
-      product.high_per_s = replayed.high_per_day / kDay_s;
+      product.leave_per_s = replayed.leave_per_day / kSecondsPerDay;
+      product.low_per_s = replayed.low_per_day / kSecondsPerDay;
+      product.high_per_s = replayed.high_per_day / kSecondsPerDay;
       product.rhythm_hours = ToSeconds(replayed.rhythm) / 3600.0;
       add(product, replayed.nats_per_hour * hours);
     }

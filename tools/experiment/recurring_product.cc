@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mapper/chain/group_chains.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/map_store.h"
 
@@ -17,7 +18,6 @@ namespace shiftmap {
 namespace {
 
 constexpr char kArea[] = "replay";
-constexpr double kDayS = 86400.0;
 
 // The landmark before anything is known of when it moves.
 MapContent MakeMap(const ChainHistory& history) {
@@ -57,7 +57,7 @@ Status ReturnDays(const ChainHistory& history,
     report.content_hash = map.content_hash();
     report.software = "shiftmap-experiment";
     report.begin = visits[i].begin;
-    const Stamp evening = report.begin + FromSeconds(kDayS);
+    const Stamp evening = report.begin + FromSeconds(kSecondsPerDay);
     for (; i < visits.size() && visits[i].begin < evening; ++i) {
       VisitEvidence visit{history.signature, visits[i].begin, visits[i].end, {}, 1};
       for (int state = 0; state < history.states; ++state) {
@@ -130,9 +130,9 @@ StatusOr<ReplayedRecord> ReplayRecord(const ChainHistory& train, const ChainHist
   }
   const double seconds = ToSeconds(test.visits.back().end - test.visits.front().begin);
   result.nats_per_hour /= seconds / 3600.0;
-  result.leave_per_day = kDayS * learned.chain.leave.rate_per_s;
-  result.low_per_day = kDayS * learned.chain.leave.low_per_s;
-  result.high_per_day = kDayS * learned.chain.leave.high_per_s;
+  result.leave_per_day = kSecondsPerDay * learned.chain.leave.rate_per_s;
+  result.low_per_day = kSecondsPerDay * learned.chain.leave.low_per_s;
+  result.high_per_day = kSecondsPerDay * learned.chain.leave.high_per_s;
   if (const ChainRhythm* const rhythm = learned.chain.chain().rhythm()) {
     result.rhythm = rhythm->calendar().period;
   }

@@ -7,6 +7,8 @@
 #include <random>
 #include <utility>
 
+#include "mapstore/core/day.h"
+
 namespace shiftmap {
 namespace {
 
@@ -18,9 +20,8 @@ constexpr int kTags = 40;
 constexpr std::size_t kViewBeams = 360;
 
 // From a drive to the next, and the rate at which a landmark of one mode has left it by then with
-// 0.1: 1/2 + 1/2 exp(-2 λ Δt) = 0.9, Π of T-IV IX-E. [s], [1/s]
-constexpr double kDay = 86400.0;
-const double kLeaveRate = -0.5 * std::log(0.8) / kDay;
+// 0.1: 1/2 + 1/2 exp(-2 λ Δt) = 0.9, Π of T-IV IX-E. [1/s]
+const double kLeaveRate = -0.5 * std::log(0.8) / kSecondsPerDay;
 
 // The beam of such a lidar towards a point in the vehicle frame.
 std::size_t BeamTowards(const LidarScan& view, const Eigen::Vector2d& q) {
@@ -191,7 +192,7 @@ StatusOr<TivDrive> TivWorld::Simulate(PlanVersion version, std::uint64_t seed, i
     modes[g] = ModeNumber(1);
   }
   MineDriveOptions of_day = drive_;
-  of_day.start = drive_.start + FromSeconds(kDay * day);
+  of_day.start = drive_.start + FromSeconds(kSecondsPerDay * day);
   SHIFTMAP_ASSIGN_OR_RETURN(const SimulatedDrive simulated,
                             SimulateDrive(site_, version, modes, of_day, seed));
   std::mt19937_64 random(seed);

@@ -9,6 +9,7 @@
 
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/mode_name.h"
 #include "tools/inspect/leave_rate.h"
@@ -17,7 +18,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kDayS = 86'400.0;
 constexpr double kLeastLogOdds = 0.05;  // Less is shown as nothing. [nat]
 
 // Odds from their logarithm, to two digits; beyond a billion nobody counts.
@@ -174,8 +174,8 @@ std::string NoteText(const ModeHistory& mode) {
 std::string DurationText(double seconds) {
   if (seconds < 120.0) return fmt::format("{:.0f} s", seconds);
   if (seconds < 7200.0) return fmt::format("{:.0f} min", seconds / 60.0);
-  return seconds < kDayS ? fmt::format("{:.1f} h", seconds / 3600.0)
-                         : fmt::format("{:.1f} days", seconds / kDayS);
+  return seconds < kSecondsPerDay ? fmt::format("{:.1f} h", seconds / 3600.0)
+                                  : fmt::format("{:.1f} days", seconds / kSecondsPerDay);
 }
 
 // The last visit that counts, in words.
@@ -275,11 +275,11 @@ std::string LeaveRateText(const LandmarkHistory& history) {
   return fmt::format(
       "leaves a mode {:.3g} times a day (95 % interval {:.3g} to {:.3g}, from {}), once in "
       "{:.3g} days\n",
-      kDayS * rate.rate_per_s,
-      kDayS * rate.low_per_s,
-      kDayS * rate.high_per_s,
+      kSecondsPerDay * rate.rate_per_s,
+      kSecondsPerDay * rate.low_per_s,
+      kSecondsPerDay * rate.high_per_s,
       CountText(rate.visits, "visit"),
-      1.0 / (kDayS * rate.rate_per_s));
+      1.0 / (kSecondsPerDay * rate.rate_per_s));
 }
 
 std::string VisitsText(const LandmarkHistory& history, std::size_t limit, const TextStyle& style) {
