@@ -42,7 +42,7 @@ constexpr double kSecondDriftEndM = 8.0;
 constexpr double kPathMarginM = 6.0;
 
 // Of random numbers: others of the same seed are for other things.
-constexpr int kStream = -1;
+constexpr int kPlanStream = -1;
 
 enum class Side { kLeft, kRight };
 
@@ -57,7 +57,7 @@ struct Junction {
 class Digger {
  public:
   explicit Digger(const MinePlanOptions& options)
-      : options_(options), random_(MakeRandom(options.seed, kStream)) {}
+      : options_(options), random_(MakeRandom(options.seed, kPlanStream)) {}
 
   MinePlan Dig() {
     DigDrift();

@@ -22,7 +22,7 @@ constexpr double kTagReachM = 10.0;
 constexpr double kTagTurnRad = 0.6;
 
 // Of random numbers: others of the same seed are for other things.
-constexpr int kStream = -2;
+constexpr int kSiteStream = -2;
 
 std::string Numbered(const char* kind, std::size_t number, std::size_t count) {
   const std::size_t digits = fmt::formatted_size("{}", count);
@@ -152,7 +152,7 @@ StatusOr<MineSite> MakeMineSite(MinePlan plan, const MineLandmarkOptions& option
   SHIFTMAP_RETURN_IF_ERROR(options.Validate());
   MineSite site;
   site.plan = std::move(plan);
-  Random random = MakeRandom(options.seed, kStream);
+  Random random = MakeRandom(options.seed, kSiteStream);
   HangBarriers(options.places_per_barrier, &random, &site);
   if (options.corners) SignCorners(&site);
   TagHanger hanger(site.plan, options.place_gap_m, &random);
