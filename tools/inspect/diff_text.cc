@@ -9,6 +9,7 @@
 
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/mode_name.h"
 #include "tools/inspect/landmark_history.h"
@@ -18,7 +19,6 @@ namespace shiftmap {
 namespace {
 
 constexpr std::size_t kScreenRows = 20;
-constexpr double kDayS = 86'400.0;
 
 // Less than this does not show in three decimals. [m, or a probability]
 constexpr double kLeastShown = 5e-4;
@@ -179,10 +179,12 @@ class DiffLines {
       ++sums_.rates;
       if (!all_) return;
     }
-    std::string detail = fmt::format("{:.3g} to {:.3g} a day", kDayS * from, kDayS * to);
+    std::string detail =
+        fmt::format("{:.3g} to {:.3g} a day", kSecondsPerDay * from, kSecondsPerDay * to);
     if (found != rates_.end()) {
-      detail += fmt::format(
-          " ({:.3g} to {:.3g})", kDayS * found->second.low_per_s, kDayS * found->second.high_per_s);
+      detail += fmt::format(" ({:.3g} to {:.3g})",
+                            kSecondsPerDay * found->second.low_per_s,
+                            kSecondsPerDay * found->second.high_per_s);
     }
     const bool finite = from > 0.0 && to > 0.0;
     lines_.push_back({within ? Kind::kSmall : Kind::kRate,

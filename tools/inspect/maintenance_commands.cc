@@ -6,6 +6,7 @@
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/maintenance/backup.h"
 #include "mapstore/maintenance/compact.h"
@@ -129,10 +130,10 @@ Status RunCompact(const CompactArguments& arguments, Context& context) {
   RetentionPolicy policy;
   policy.keep_versions = arguments.keep_versions;
   if (arguments.evidence_days) {
-    policy.evidence_before = SystemNow() - FromSeconds(86'400.0 * *arguments.evidence_days);
+    policy.evidence_before = SystemNow() - FromSeconds(kSecondsPerDay * *arguments.evidence_days);
   }
   if (arguments.thin_days) {
-    policy.thin_before = SystemNow() - FromSeconds(86'400.0 * *arguments.thin_days);
+    policy.thin_before = SystemNow() - FromSeconds(kSecondsPerDay * *arguments.thin_days);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const CompactResult result,
                             CompactStore(arguments.store, policy, context.dry_run()));

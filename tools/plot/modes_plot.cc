@@ -9,6 +9,7 @@
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/core/day.h"
 #include "mapstore/core/mode_name.h"
 #include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/free_network.h"
@@ -36,8 +37,8 @@ std::string Every(double rate_per_s) {
   const double s = 1.0 / rate_per_s;
   if (s < 120.0) return fmt::format("{:.3g} s", s);
   if (s < 2.0 * 3600.0) return fmt::format("{:.3g} min", s / 60.0);
-  if (s < 2.0 * 86400.0) return fmt::format("{:.3g} h", s / 3600.0);
-  return fmt::format("{:.3g} days", s / 86400.0);
+  if (s < 2.0 * kSecondsPerDay) return fmt::format("{:.3g} h", s / 3600.0);
+  return fmt::format("{:.3g} days", s / kSecondsPerDay);
 }
 
 std::string StateName(const LandmarkGroup& group, Eigen::Index state) {

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "mapstore/core/day.h"
+
 namespace shiftmap {
 namespace {
 
@@ -18,8 +20,7 @@ using std::chrono::year_month_day;
 
 constexpr double kMinuteS = 60.0;
 constexpr double kHourS = 3600.0;
-constexpr double kDayS = 86400.0;
-constexpr double kMonthS = 30.436875 * kDayS;
+constexpr double kMonthS = 30.436875 * kSecondsPerDay;
 
 // Steps of the clock and of days; longer ones are months.
 constexpr double kSteps[] = {1.0,
@@ -39,11 +40,11 @@ constexpr double kSteps[] = {1.0,
                              3.0 * kHourS,
                              6.0 * kHourS,
                              12.0 * kHourS,
-                             kDayS,
-                             2.0 * kDayS,
-                             4.0 * kDayS,
-                             7.0 * kDayS,
-                             14.0 * kDayS};
+                             kSecondsPerDay,
+                             2.0 * kSecondsPerDay,
+                             4.0 * kSecondsPerDay,
+                             7.0 * kSecondsPerDay,
+                             14.0 * kSecondsPerDay};
 constexpr int kMonthSteps[] = {1, 2, 3, 6, 12, 24, 60, 120, 240, 600};
 
 std::string DayText(const year_month_day& day) {
@@ -57,7 +58,7 @@ TimeTick ClockTick(double time_s, double step_s) {
   const sys_seconds time{std::chrono::seconds(std::llround(time_s))};
   const sys_days day = std::chrono::floor<days>(time);
   const std::string date = DayText(year_month_day(day));
-  if (step_s >= kDayS) return {time_s, date.substr(5), date.substr(0, 4)};
+  if (step_s >= kSecondsPerDay) return {time_s, date.substr(5), date.substr(0, 4)};
   const std::chrono::hh_mm_ss clock(time - day);
   std::string label = fmt::format("{:02}:{:02}", clock.hours().count(), clock.minutes().count());
   if (step_s < kMinuteS) label += fmt::format(":{:02}", clock.seconds().count());
