@@ -6,15 +6,69 @@
 #include <grpcpp/security/server_credentials.h>
 
 #include <memory>
+#include <string>
 
+#include "mapstore/core/owned_fd.h"
+#include "mapstore/server/json_log.h"
 #include "mapstore/server/map_server.h"
 #include "proto/core/status.h"
 
 namespace shiftmap::server {
 
+/// A file in memory with a path that this process can open.
+class MemoryFile {
+ public:
+  /// Whoever opens the path gets the content before or after, whole. Errors: kUnavailable.
+  Status Write(const std::string& content);
+
+  /// Precondition: it was written.
+  std::string path() const;
+
+ private:
+  OwnedFd fd_;
+};
+
 /// Mutual TLS: a client without a certificate of the authority does not get past the handshake.
-/// Certificates, key and authority are read again within a minute of a change.
-/// Errors: kNotFound, kInvalidArgument if the files do not read or key and certificate do not fit.
-StatusOr<std::shared_ptr<grpc::ServerCredentials>> TlsCredentials(const TlsFiles& files);
+/// The files are read again when they change; what does not read, or does not fit, leaves what was
+/// read before, and is logged. Threads: one, but for get().
+class TlsCredentials {
+ public:
+  /// @param log  Must outlive this.
+  /// Errors: kNotFound, kInvalidArgument if the files do not read or key and certificate do not
+  /// fit; kUnavailable.
+  static StatusOr<std::unique_ptr<TlsCredentials>> Read(const TlsFiles& files, JsonLog* log);
+
+  const std::shared_ptr<grpc::ServerCredentials>& get() const { return credentials_; }
+
+  /// Looks for changes; gRPC takes them within seconds.
+  void ReloadIfChanged();
+
+ private:
+  // In PEM.
+  struct Content {
+    std::string certificate;
+    std::string key;
+    std::string client_authority;
+
+    bool operator==(const Content&) const = default;
+  };
+
+  TlsCredentials(const TlsFiles& files, JsonLog* log) : files_(files), log_(log) {}
+
+  StatusOr<Content> Load() const;
+
+  // Takes what is in the files; says whether that is something else than before.
+  StatusOr<bool> Update();
+
+  const TlsFiles files_;
+  JsonLog* const log_;
+  Content content_;
+  // What gRPC watches: content_.
+  MemoryFile certificate_;
+  MemoryFile key_;
+  MemoryFile client_authority_;
+  std::string refused_;  // Why the files are not taken as they are now; empty: they are.
+  std::shared_ptr<grpc::ServerCredentials> credentials_;
+};
 
 }  // namespace shiftmap::server

@@ -86,6 +86,7 @@ struct MapServer::State {
   std::unique_ptr<SnapshotKeeper> keeper;
   std::unique_ptr<UploadSpool> uploads;
   std::unique_ptr<AccessGate> gate;
+  std::unique_ptr<TlsCredentials> tls;  // Null: plain text.
   std::unique_ptr<MapService> service;
   std::unique_ptr<grpc::Server> server;
   std::unique_ptr<MetricsEndpoint> endpoint;
@@ -123,7 +124,8 @@ Status MapServer::State::OpenParts() {
 Status MapServer::State::Listen() {
   std::shared_ptr<grpc::ServerCredentials> credentials = grpc::InsecureServerCredentials();
   if (options.tls) {
-    SHIFTMAP_ASSIGN_OR_RETURN(credentials, TlsCredentials(*options.tls));
+    SHIFTMAP_ASSIGN_OR_RETURN(tls, TlsCredentials::Read(*options.tls, log));
+    credentials = tls->get();
   }
   service = std::make_unique<MapService>(ServiceParts{&readers,
                                                       writer.get(),
@@ -232,6 +234,7 @@ bool MapServer::IsAlive() const {
 }
 
 void MapServer::Tend() {
+  if (state_->tls) state_->tls->ReloadIfChanged();
   if (!state_->uploads || Clock::now() - state_->maintained < kMaintainEvery) return;
   state_->maintained = Clock::now();
   state_->uploads->Maintain();

@@ -17,7 +17,8 @@
 
 namespace shiftmap::server {
 
-/// The files of mutual TLS, in PEM. All are read again when they change.
+/// The files of mutual TLS, in PEM. All are read again when they change; what does not read leaves
+/// what was read before.
 struct TlsFiles {
   std::string certificate;  ///< The server's, with the chain that clients need.
   std::string key;

@@ -456,6 +456,36 @@ TEST_F(ServerTest, ARenewedCertificateIsTakenWhileTheServerRuns) {
   EXPECT_TRUE(Fetch(*Client(server, Vehicle()), "floor").status.ok());
 }
 
+// Half a copy, or a certificate that came before its key.
+TEST_F(ServerTest, FilesThatDoNotFitLeaveTheCertificateThatTheServerHas) {
+  const std::string certificate = dir_.File("server.pem");
+  const std::string key = dir_.File("server.key");
+  const std::string authority = dir_.File("authority.pem");
+  const std::string ca = certificates_->File("ca");
+  RunShell("cp '" + ca + "/localhost.pem' '" + certificate + "'; cp '" + ca + "/localhost.key' '" +
+           key + "'; cp '" + ca + "/ca.pem' '" + authority + "'");
+  Arguments arguments = Tls();
+  for (std::string& argument : arguments) {
+    if (argument == ca + "/localhost.pem") argument = certificate;
+    if (argument == ca + "/localhost.key") argument = key;
+    if (argument == ca + "/ca.pem") argument = authority;
+  }
+  const ServerProcess server(arguments);
+  const auto spoil = [&](const std::string& command, const std::string& message) {
+    RunShell(command);
+    EXPECT_TRUE(server.Logs(message)) << server.Log();
+    // gRPC looks every two seconds.
+    std::this_thread::sleep_for(std::chrono::seconds(3));
+    EXPECT_TRUE(Fetch(*Client(server, Vehicle()), "floor").status.ok()) << command;
+  };
+  spoil("truncate --size=200 '" + certificate + "'", "expected a certificate in PEM");
+  spoil("rm '" + authority + "'; cp '" + ca + "/localhost.pem' '" + certificate + "'",
+        "client CA '" + authority + "'");
+  spoil("cp '" + ca + "/ca.pem' '" + authority + "'; openssl genpkey -algorithm RSA -out '" + key +
+            "' 2>/dev/null",
+        "does not belong to certificate");
+}
+
 TEST_F(ServerTest, ACallerIsHeldToItsRateAndItsStreams) {
   Arguments arguments = Tls();
   arguments.insert(arguments.end(), {"--calls-per-s", "1", "--max-streams-per-client", "1"});
