@@ -20,7 +20,7 @@ SPAN = re.compile(r"`([^`]+)`")
 PATH = re.compile(r"[A-Za-z0-9_.-]+(?:/[A-Za-z0-9_.-]+)*\.(?:h|cc|md|py|sh|mjs|ts|proto|json|sql|txt|in)")
 FOLDER = re.compile(r"(?:[a-z0-9_]+/){2,}")
 TEST = re.compile(r"([A-Z]\w+)\.([A-Z]\w+)")
-DOCUMENT = re.compile(r"(?<![\w/.-])((?:\.\./)*[\w./-]*(?:README|METHOD|FORMATS|DECISIONS|MEASURED|OPERATIONS|TUTORIAL|TROUBLESHOOTING)\.md)\b")
+DOCUMENT = re.compile(r"(?<![\w/.-])((?:\.\./)*[\w./-]*(?:README|METHOD|FORMATS|DECISIONS|MEASURED|OPERATIONS|TUTORIAL|ANSWERS)\.md)\b")
 CASE = re.compile(r"^TEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)", re.M)
 HEADING = re.compile(r"#{1,6}\s+(.*)")
 
