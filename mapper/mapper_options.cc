@@ -71,6 +71,7 @@ Status MapperOptions::Validate() const {
       {"near_share", confirmation.prior.near_share, Range::kProbability},
       {"group_share", confirmation.prior.group_share, Range::kNotNegative},
       {"group_continue", confirmation.prior.group_continue, Range::kProbability},
+      {"scattered_share", confirmation.prior.scattered_share, Range::kProbability},
       {"body_apart", confirmation.prior.body_apart, Range::kProbability},
       {"exchange_share", confirmation.prior.exchange_share, Range::kProbability},
       {"confirmation sd_scale", confirmation.prior.sd_scale, Range::kPositive},

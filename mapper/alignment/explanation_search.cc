@@ -172,9 +172,11 @@ class ExplanationSearch {
     return rivals;
   }
 
-  // Sets that agree and leave out the landmarks of `taken`, the most telling ones.
+  // Sets that agree and leave out the landmarks of `taken`, but for those that are far likelier to
+  // have moved each alone. One of many landmarks gains more than its parts, of which several may be
+  // bodies.
   const std::vector<Body>& BodiesBeside(const MatchSet& taken) {
-    constexpr double kWindow = 20.0;  // [nats]
+    constexpr double kLeastGain = -20.0;  // [nats]
     const auto known = bodies_.find(taken);
     if (known != bodies_.end()) return known->second;
     std::vector<std::pair<double, Body>> rated;  // By what they gain against each landmark alone.
@@ -203,7 +205,7 @@ class ExplanationSearch {
     });
     std::vector<Body> bodies;
     for (const auto& [gain, body] : rated) {
-      if (gain < rated.front().first - kWindow) break;
+      if (gain < kLeastGain) break;
       bodies.push_back(body);
     }
     return bodies_.emplace(taken, std::move(bodies)).first->second;

@@ -20,10 +20,12 @@ struct MovePrior {
 
   /// Rigid bodies, racks for instance, that are expected at a site; each takes in three landmarks,
   /// and one more with this probability, again and again. They stand as a Gaussian of one of these
-  /// sizes, equally likely, standard deviations per axis. [m]
+  /// sizes, equally likely, standard deviations per axis [m], or, this share of them, anywhere:
+  /// barriers for instance that are displaced together, and not turned.
   double group_share = 0.03;
   double group_continue = 0.6;
   std::array<double, 3> body_sd_m = {0.25, 0.5, 1.0};
+  double scattered_share = 0.1;
 
   /// Probability that a body falls apart: that its landmarks stay or move each by itself.
   double body_apart = 0.1;

@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
-// Bodies that move go on facing about the same way in half of all cases. [rad]
+// Bodies that move go on facing about the same way in half of all cases, scattered ones in all.
+// [rad]
 constexpr double kSameHeadingSd = 0.2;
 
 // How far the landmarks of a body that takes the place of another are from those that stood there,
@@ -52,8 +53,13 @@ MovedBodies MovedBodies::With(const Body& body) const {
   if (!bodies_.empty() && stayed_->fit != nullptr) {
     const double log_each = std::log(prior_->exchange_share / static_cast<double>(bodies_.size()));
     log_went += std::log1p(-prior_->exchange_share);
+    // Scattered ones have no place that another could take.
+    const double log_compact = std::log1p(-rigid_->ScatteredShare(body.matches));
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      log_went = LogAdd(log_went, log_each + LogExchanged(*bodies_[i], body) - log_went_[i]);
+      const double log_both =
+          log_compact + std::log1p(-rigid_->ScatteredShare(bodies_[i]->matches));
+      log_went =
+          LogAdd(log_went, log_each + log_both + LogExchanged(*bodies_[i], body) - log_went_[i]);
     }
   }
   more.log_gain_ += body.log_evidence + log_went;
@@ -75,9 +81,10 @@ double MovedBodies::LogWent(const Body& body) const {
   const SimilarityFit& map = *stayed_->fit;
   const double turn = std::remainder(body.fit.yaw_rad - map.yaw_rad, kTwoPi);
   const double same_heading = kTwoPi * std::exp(LogNormal(turn, kSameHeadingSd * kSameHeadingSd));
+  const double turns_anyhow = 0.5 * (1.0 - rigid_->ScatteredShare(body.matches));
   return e_->LogMovedBy(body.fit.centre_other - map * body.fit.centre_reference,
                         kNoVariance * Eigen::Matrix2d::Identity()) +
-         e_->log_area() + std::log(0.5 + 0.5 * same_heading);
+         e_->log_area() + std::log(turns_anyhow + (1.0 - turns_anyhow) * same_heading);
 }
 
 // log density of where two bodies went that changed places, against anywhere.

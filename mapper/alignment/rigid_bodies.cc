@@ -67,15 +67,12 @@ RigidBodies::RigidBodies(const AlignmentEvidence& evidence, const MovePrior& pri
   for (const MatchSet& cluster : clusters_) log_probabilities_.push_back(LogProbability(cluster));
 }
 
-double RigidBodies::LogWeight(const MatchSet& body) const {
-  const std::vector<int> members = body.Members();
+// log density of where a body stands, if it stands close together, against as many landmarks
+// anywhere.
+double RigidBodies::LogCompact(const std::vector<int>& members) const {
   const auto count = static_cast<double>(members.size());
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  double log_modes = 0.0;
-  for (const int k : members) {
-    mean += e_.PositionInReference(k) / count;
-    log_modes += std::log(static_cast<double>(e_.ModesOf(k)));
-  }
+  for (const int k : members) mean += e_.PositionInReference(k) / count;
   double squared = 0.0;
   for (const int k : members) squared += (e_.PositionInReference(k) - mean).squaredNorm();
   double log_compact = kLogZero;
@@ -84,11 +81,24 @@ double RigidBodies::LogWeight(const MatchSet& body) const {
         log_compact,
         -(count - 1.0) * std::log(2.0 * std::numbers::pi * sd * sd) - 0.5 * squared / (sd * sd));
   }
-  log_compact += (count - 1.0) * e_.log_area() - std::log(count) -
-                 std::log(static_cast<double>(prior_.body_sd_m.size()));
+  return log_compact + (count - 1.0) * e_.log_area() - std::log(count) -
+         std::log(static_cast<double>(prior_.body_sd_m.size()));
+}
+
+double RigidBodies::LogWeight(const MatchSet& body) const {
+  const std::vector<int> members = body.Members();
+  const auto count = static_cast<double>(members.size());
+  double log_modes = 0.0;
+  for (const int k : members) log_modes += std::log(static_cast<double>(e_.ModesOf(k)));
+  const double log_stands = LogAdd(std::log1p(-prior_.scattered_share) + LogCompact(members),
+                                   std::log(prior_.scattered_share));
   return std::log(prior_.group_share) + (count - kMinSize) * std::log(prior_.group_continue) +
-         std::log1p(-prior_.group_continue) - LogChoose(landmarks_, count) + log_compact -
-         log_modes;
+         std::log1p(-prior_.group_continue) - LogChoose(landmarks_, count) + log_stands - log_modes;
+}
+
+double RigidBodies::ScatteredShare(const MatchSet& body) const {
+  const double scattered = prior_.scattered_share;
+  return scattered / (scattered + (1.0 - scattered) * std::exp(LogCompact(body.Members())));
 }
 
 void RigidBodies::FindClusters() {

@@ -34,7 +34,12 @@ class RigidBodies {
   /// stand in the reference.
   double LogProbability(const MatchSet& body) const;
 
+  /// Probability that the landmarks of a body stand anywhere and are displaced together, by where
+  /// they stand in the reference. Such do not turn.
+  double ScatteredShare(const MatchSet& body) const;
+
  private:
+  double LogCompact(const std::vector<int>& members) const;
   double LogWeight(const MatchSet& body) const;
   void FindClusters();
 

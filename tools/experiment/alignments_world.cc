@@ -198,7 +198,8 @@ class PairDraw {
     for (std::size_t i = units_that_stay; i < units.size(); ++i) {
       const std::vector<std::size_t>& unit = units[order[i]];
       const Eigen::Vector2d from = before_[unit.front()];
-      const double turn = dice_.Coin(0.5) ? 0.2 * dice_.Normal() : dice_.Uniform(-kPi, kPi);
+      const bool turns = dice_.Coin(0.5) && (unit.size() == 1 || body_turns_);
+      const double turn = turns ? dice_.Uniform(-kPi, kPi) : 0.2 * dice_.Normal();
       MoveBody(unit, from, MovedAsPrior(from), turn);
     }
   }
@@ -210,7 +211,10 @@ class PairDraw {
     if (size > count) return 0;
     const Eigen::Vector2d centre = Anywhere();
     const double sd = prior_.body_sd_m[Integer(0, prior_.body_sd_m.size() - 1)];
-    for (std::size_t i = 0; i < size; ++i) before_.push_back(centre + sd * dice_.Normal2());
+    body_turns_ = !dice_.Coin(prior_.scattered_share);
+    for (std::size_t i = 0; i < size; ++i) {
+      before_.push_back(body_turns_ ? centre + sd * dice_.Normal2() : Anywhere());
+    }
     return size;
   }
 
@@ -346,6 +350,7 @@ class PairDraw {
   Dice dice_;
   double side_;  // Of the site. [m]
   double scale_sd_ = 0.0;
+  bool body_turns_ = true;  // Else it is scattered.
   std::vector<Eigen::Vector2d> before_;
   std::vector<OtherPlace> others_;
   std::vector<Eigen::Vector2d> after_;

@@ -495,6 +495,30 @@ TEST(ExplainAlignmentTest, TwoBodiesOfOneSizeAreTwoExplanations) {
   EXPECT_FALSE(explanations.frames[0].together.empty());
 }
 
+// Barriers that stand apart may be displaced together: that the four which agree stayed is likelier
+// than that the other two did, but not certain.
+TEST(ExplainAlignmentTest, ThatFourOfSixStayedIsNotCertain) {
+  std::mt19937_64 random(Seed());
+  std::uniform_real_distribution<double> unit(0.0, std::sqrt(kArea));
+  for (int i = 0; i < 50; ++i) {
+    std::vector<Eigen::Vector2d> before(6);
+    for (Eigen::Vector2d& p : before) p = {unit(random), unit(random)};
+    std::vector<Eigen::Vector2d> after = before;
+    for (std::size_t k = 2; k < 6; ++k) after[k] += Eigen::Vector2d(0.8, 0.6);
+    JointPoints reference = Points(before, 0.03);
+    JointPoints other = Points(after, 0.03);
+    AddErrors(&random, &reference);
+    AddErrors(&random, &other);
+    const Explanations found = *Explain(reference, other, kArea, MovePrior(), ExplanationLimits());
+    double two_stayed = 0.0;
+    for (const Explanation& frame : found.frames) {
+      if (frame.alignment.signatures == std::vector<int>{0, 1}) two_stayed += frame.probability;
+    }
+    EXPECT_GT(two_stayed, 1e-3);
+    EXPECT_LT(two_stayed, 0.99);
+  }
+}
+
 // Each of two racks that moved has more landmarks than stayed. That a rack stayed leaves three
 // bodies, one of which is not compact.
 TEST(ExplainAlignmentTest, TwoRacksThatMovedAreTwoBodies) {
