@@ -21,7 +21,7 @@ namespace {
 
 constexpr char kArea[] = "site";
 constexpr int kDaysOfYear = 365;
-constexpr double kStartS = 1.5e9;
+constexpr double kStartS = 9.5e8;
 constexpr int kModes = 2;
 
 Stamp At(double day) { return StampFromSeconds(kStartS + kSecondsPerDay * day); }
