@@ -41,7 +41,7 @@ EXPERIMENTS = {
     "incremental": ("time of a step of the frame-by-frame mapper", "shiftmap_incremental_bench " + BENCH.format("incremental_bench")),
     "layout-pairs": ("recorded runs of two layouts: search against a sum over all explanations", "shiftmap-experiment layout-pairs --data DATA/utias --output OUT"),
     "ledger": ("a year of 20 vehicles in one store: time and bytes of a report", "SHIFTMAP_LONG_TESTS=1 shiftmap_ledger_bench"),
-    "ledger-years": ("size and time of a ledger over a year of 1,000 landmarks", "shiftmap-experiment ledger-years --vehicles 5 --visits-per-day 0.3 --output OUT --work WORK"),
+    "ledger-years": ("size and time of a ledger over ten years of 1,000 landmarks", "shiftmap-experiment ledger-years --years 10 --vehicles 5 --visits-per-day 0.3 --output OUT --work WORK"),
     "lidar-run": ("buildings mapped by corners that a lidar sees", "shiftmap-experiment lidar-run --data DATA/lidar --output OUT"),
     "localizer-consistency": ("error of the pose against its covariance on uncertain maps", "shiftmap-experiment localizer-consistency --output OUT"),
     "localizer-decisions": ("share of wrong decisions, and their delay", "shiftmap-experiment localizer-decisions --output OUT"),

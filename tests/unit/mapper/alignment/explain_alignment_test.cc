@@ -127,7 +127,7 @@ Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0, i
   pair.reference = Points(before, 0.015);
   pair.other = Points(after, 0.015);
   for (int i = 0; i < twice; ++i) {
-    const auto at = static_cast<std::size_t>(landmarks + i);
+    const std::size_t at = static_cast<std::size_t>(landmarks) + static_cast<std::size_t>(i);
     pair.reference.points[at].group = pair.other.points[at].group = i;
   }
   AddErrors(random, &pair.reference);
@@ -184,7 +184,8 @@ TEST(ExplainAlignmentTest, EvidenceIsTheIntegralOverTheTransform) {
     fit.log_scale += x[3];
     Eigen::VectorXd r(6);
     for (int k = 0; k < 3; ++k) {
-      r.segment<2>(2 * k) = evidence.PositionInOther(k) - fit * evidence.PositionInReference(k);
+      r.segment<2>(Eigen::Index{2} * k) =
+          evidence.PositionInOther(k) - fit * evidence.PositionInReference(k);
     }
     const double z = fit.log_scale / prior.sd_scale;
     sum += std::exp(LogDensity(r, llt) - 0.5 * z * z);
