@@ -2,6 +2,7 @@
 #include "mapstore/server/credentials.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
 #include <sys/mman.h>
@@ -13,6 +14,7 @@
 #include <utility>
 
 #include "mapstore/core/pem.h"
+#include "mapstore/server/file_state.h"
 
 namespace shiftmap::server {
 namespace {
@@ -50,22 +52,21 @@ StatusOr<std::unique_ptr<TlsCredentials>> TlsCredentials::Read(const TlsFiles& f
   return tls;
 }
 
-// gRPC would take files that do not fit, and fail every handshake.
-StatusOr<TlsCredentials::Content> TlsCredentials::Load() const {
-  SHIFTMAP_ASSIGN_OR_RETURN(TlsIdentity identity,
-                            ReadTlsIdentity("server", files_.certificate, files_.key));
-  SHIFTMAP_ASSIGN_OR_RETURN(std::string authority,
-                            ReadCertificates("client CA", files_.client_authority));
-  return Content{std::move(identity.certificates), std::move(identity.key), std::move(authority)};
-}
-
 StatusOr<bool> TlsCredentials::Update() {
-  SHIFTMAP_ASSIGN_OR_RETURN(Content content, Load());
-  if (content == content_) return false;
-  SHIFTMAP_RETURN_IF_ERROR(certificate_.Write(content.certificate));
-  SHIFTMAP_RETURN_IF_ERROR(key_.Write(content.key));
-  SHIFTMAP_RETURN_IF_ERROR(client_authority_.Write(content.client_authority));
-  content_ = std::move(content);
+  const std::string state = fmt::format("{}; {}; {}",
+                                        FileState(files_.certificate),
+                                        FileState(files_.key),
+                                        FileState(files_.client_authority));
+  if (state == state_) return false;
+  // gRPC would take files that do not match, and fail every handshake.
+  SHIFTMAP_ASSIGN_OR_RETURN(const TlsIdentity identity,
+                            ReadTlsIdentity("server", files_.certificate, files_.key));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::string authority,
+                            ReadCertificates("client CA", files_.client_authority));
+  SHIFTMAP_RETURN_IF_ERROR(certificate_.Write(identity.certificates));
+  SHIFTMAP_RETURN_IF_ERROR(key_.Write(identity.key));
+  SHIFTMAP_RETURN_IF_ERROR(client_authority_.Write(authority));
+  state_ = state;
   return true;
 }
 

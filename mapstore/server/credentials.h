@@ -29,8 +29,8 @@ class MemoryFile {
 };
 
 /// Mutual TLS: a client without a certificate of the authority does not get past the handshake.
-/// The files are read again when they change; what does not read, or does not fit, leaves what was
-/// read before, and is logged. Threads: one, but for get().
+/// A change of the files is loaded while the server runs. Files that cannot be read, or do not
+/// match each other, are logged, and the previous ones stay in use. Threads: one, but for get().
 class TlsCredentials {
  public:
   /// @param log  Must outlive this.
@@ -44,30 +44,19 @@ class TlsCredentials {
   void ReloadIfChanged();
 
  private:
-  // In PEM.
-  struct Content {
-    std::string certificate;
-    std::string key;
-    std::string client_authority;
-
-    bool operator==(const Content&) const = default;
-  };
-
   TlsCredentials(const TlsFiles& files, JsonLog* log) : files_(files), log_(log) {}
 
-  StatusOr<Content> Load() const;
-
-  // Takes what is in the files; says whether that is something else than before.
+  // Loads the files if they changed since they were last loaded. Returns whether they did.
   StatusOr<bool> Update();
 
   const TlsFiles files_;
   JsonLog* const log_;
-  Content content_;
-  // What gRPC watches: content_.
+  std::string state_;  // Of the files that were last loaded.
+  // Their content, which gRPC watches.
   MemoryFile certificate_;
   MemoryFile key_;
   MemoryFile client_authority_;
-  std::string refused_;  // Why the files are not taken as they are now; empty: they are.
+  std::string refused_;  // Why the present files are not in use; empty: they are.
   std::shared_ptr<grpc::ServerCredentials> credentials_;
 };
 

@@ -17,8 +17,8 @@
 
 namespace shiftmap::server {
 
-/// The files of mutual TLS, in PEM. All are read again when they change; what does not read leaves
-/// what was read before.
+/// The files of mutual TLS, in PEM. Changes are loaded while the server runs; where files cannot be
+/// read, the previous ones stay in use.
 struct TlsFiles {
   std::string certificate;  ///< The server's, with the chain that clients need.
   std::string key;

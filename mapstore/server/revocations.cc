@@ -2,7 +2,6 @@
 #include "mapstore/server/revocations.h"
 
 #include <openssl/x509.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -10,6 +9,7 @@
 
 #include "mapstore/core/input_file.h"
 #include "mapstore/core/pem.h"
+#include "mapstore/server/file_state.h"
 
 namespace shiftmap::server {
 namespace {
@@ -24,14 +24,6 @@ bool IsSignedByOne(X509_CRL* crl, const std::vector<std::shared_ptr<X509>>& auth
   });
 }
 
-// Changes whenever somebody writes the file, or puts another one in its place.
-std::string StateOf(const std::string& path) {
-  struct stat info {};
-  if (stat(path.c_str(), &info) != 0) return "none";
-  return fmt::format(
-      "{} {} {}.{}", info.st_ino, info.st_size, info.st_mtim.tv_sec, info.st_mtim.tv_nsec);
-}
-
 }  // namespace
 
 StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_path,
@@ -39,7 +31,7 @@ StatusOr<std::unique_ptr<Revocations>> Revocations::Read(const std::string& crl_
                                                          JsonLog* log) {
   std::unique_ptr<Revocations> revocations(new Revocations(crl_path, authority_path, log));
   if (crl_path.empty()) return revocations;
-  revocations->state_ = StateOf(crl_path);
+  revocations->state_ = FileState(crl_path);
   SHIFTMAP_ASSIGN_OR_RETURN(revocations->lists_, revocations->Load());
   revocations->WarnOfOld();
   return revocations;
@@ -80,7 +72,7 @@ void Revocations::ReloadIfChanged() {
   if (now - looked_ < kLookEvery) return;
   looked_ = now;
   WarnOfOld();
-  const std::string state = StateOf(crl_path_);
+  const std::string state = FileState(crl_path_);
   if (state == state_) return;
   state_ = state;
   StatusOr<Lists> lists = Load();
