@@ -51,7 +51,7 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
     const bool may_be_body = prior.group_share > 0.0 && count >= RigidBodies::kMinSize;
     if (may_be_body && score.log_evidence + rigid.LogProbability(set) >
                            count * evidence.log_anywhere() - kNegligibleSet) {
-      bodies.push_back({set, score.fit, score.log_evidence});
+      bodies.push_back({set, score.fit, score.log_evidence, rigid.ScatteredShare(set)});
     }
     best = std::max(best, score.log_score);
     if (score.log_score > best - kNegligibleSet) sets.emplace_back(set, std::move(score));

@@ -172,9 +172,9 @@ class ExplanationSearch {
     return rivals;
   }
 
-  // Sets that agree and leave out the landmarks of `taken`, but for those that are far likelier to
-  // have moved each alone. One of many landmarks gains more than its parts, of which several may be
-  // bodies.
+  // Sets that agree and have no landmark of `taken`, without those whose landmarks are far likelier
+  // to have moved each alone. A set gains more than its subsets, yet two of these may be the bodies
+  // that moved: the best gain is no limit for the others.
   const std::vector<Body>& BodiesBeside(const MatchSet& taken) {
     constexpr double kLeastGain = -20.0;  // [nats]
     const auto known = bodies_.find(taken);
@@ -188,7 +188,9 @@ class ExplanationSearch {
       const SetScore& score = Score(together);
       const double gain =
           score.log_evidence + rigid_.LogProbability(together) - count * e_.log_anywhere();
-      if (std::isfinite(gain)) rated.push_back({gain, {together, score.fit, score.log_evidence}});
+      if (!std::isfinite(gain)) return;
+      rated.push_back(
+          {gain, {together, score.fit, score.log_evidence, rigid_.ScatteredShare(together)}});
     };
     for (const MatchSet& maximum : maxima_) {
       const MatchSet agreeing = maximum.Without(ruled_out);

@@ -53,11 +53,9 @@ MovedBodies MovedBodies::With(const Body& body) const {
   if (!bodies_.empty() && stayed_->fit != nullptr) {
     const double log_each = std::log(prior_->exchange_share / static_cast<double>(bodies_.size()));
     log_went += std::log1p(-prior_->exchange_share);
-    // Scattered ones have no place that another could take.
-    const double log_compact = std::log1p(-rigid_->ScatteredShare(body.matches));
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      const double log_both =
-          log_compact + std::log1p(-rigid_->ScatteredShare(bodies_[i]->matches));
+      // A scattered body has no place that another could take.
+      const double log_both = std::log1p(-body.scattered) + std::log1p(-bodies_[i]->scattered);
       log_went =
           LogAdd(log_went, log_each + log_both + LogExchanged(*bodies_[i], body) - log_went_[i]);
     }
@@ -81,10 +79,10 @@ double MovedBodies::LogWent(const Body& body) const {
   const SimilarityFit& map = *stayed_->fit;
   const double turn = std::remainder(body.fit.yaw_rad - map.yaw_rad, kTwoPi);
   const double same_heading = kTwoPi * std::exp(LogNormal(turn, kSameHeadingSd * kSameHeadingSd));
-  const double turns_anyhow = 0.5 * (1.0 - rigid_->ScatteredShare(body.matches));
+  const double any_turn = 0.5 * (1.0 - body.scattered);
   return e_->LogMovedBy(body.fit.centre_other - map * body.fit.centre_reference,
                         kNoVariance * Eigen::Matrix2d::Identity()) +
-         e_->log_area() + std::log(turns_anyhow + (1.0 - turns_anyhow) * same_heading);
+         e_->log_area() + std::log(any_turn + (1.0 - any_turn) * same_heading);
 }
 
 // log density of where two bodies went that changed places, against anywhere.

@@ -14,6 +14,7 @@ struct Body {
   MatchSet matches;
   SimilarityFit fit;          ///< Of the body from the reference to the other map.
   double log_evidence = 0.0;  ///< log density of its positions, were it anywhere.
+  double scattered = 0.0;     ///< RigidBodies::ScatteredShare().
 };
 
 /// What stayed between two maps, and what did not.

@@ -35,7 +35,7 @@ class RigidBodies {
   double LogProbability(const MatchSet& body) const;
 
   /// Probability that the landmarks of a body stand anywhere and are displaced together, by where
-  /// they stand in the reference. Such do not turn.
+  /// they stand in the reference. A scattered body does not turn.
   double ScatteredShare(const MatchSet& body) const;
 
  private:

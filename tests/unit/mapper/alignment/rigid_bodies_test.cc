@@ -71,7 +71,7 @@ TEST(RigidBodiesTest, LandmarksThatStandCloseTogetherAreABody) {
   const RigidBodies rigid(evidence, site.prior());
   EXPECT_THAT(rigid.clusters(), ElementsAre(MatchSet::OfBits(0b11110000)));
   EXPECT_GT(rigid.LogProbability(MatchSet::OfBits(0b11110000)), std::log(0.8));
-  EXPECT_LT(rigid.LogProbability(MatchSet::OfBits(0b00001111)), std::log(1e-4));
+  EXPECT_LT(rigid.LogProbability(MatchSet::OfBits(0b00001111)), std::log(2e-5));
   EXPECT_LT(rigid.LogProbability(MatchSet::OfBits(0b01110000)), std::log(0.2));
 }
 
