@@ -177,15 +177,15 @@ class PairDraw {
 
   void DrawPrior(std::size_t count) {
     scale_sd_ = prior_.sd_scale;
-    const std::size_t in_body = dice_.Coin(prior_.group_share) ? ScatterBody(count) : 0;
+    const Body body = dice_.Coin(prior_.group_share) ? PlaceBody(count) : Body();
     Scatter(count);
     // What moves as one: a body if it does not fall apart, and each other landmark.
     std::vector<std::vector<std::size_t>> units;
-    if (in_body > 0 && !dice_.Coin(prior_.body_apart)) {
-      units.emplace_back(in_body);
+    if (body.size > 0 && !dice_.Coin(prior_.body_apart)) {
+      units.emplace_back(body.size);
       std::iota(units.back().begin(), units.back().end(), 0U);
     }
-    for (std::size_t i = units.empty() ? 0 : in_body; i < count; ++i) units.push_back({i});
+    for (std::size_t i = units.empty() ? 0 : body.size; i < count; ++i) units.push_back({i});
     const bool none = dice_.Coin(prior_.none_stayed);
     std::vector<std::size_t> order;
     std::size_t units_that_stay = 0;
@@ -198,24 +198,30 @@ class PairDraw {
     for (std::size_t i = units_that_stay; i < units.size(); ++i) {
       const std::vector<std::size_t>& unit = units[order[i]];
       const Eigen::Vector2d from = before_[unit.front()];
-      const bool turns = dice_.Coin(0.5) && (unit.size() == 1 || body_turns_);
+      const bool turns = dice_.Coin(0.5) && (unit.size() == 1 || !body.scattered);
       const double turn = turns ? dice_.Uniform(-kPi, kPi) : 0.2 * dice_.Normal();
       MoveBody(unit, from, MovedAsPrior(from), turn);
     }
   }
 
-  // Landmarks of one body, the first ones; none if they are more than there are. Returns how many.
-  std::size_t ScatterBody(std::size_t count) {
-    std::size_t size = 3;
-    while (dice_.Coin(prior_.group_continue)) ++size;
-    if (size > count) return 0;
+  // The first landmarks, which move as one. A scattered body does not turn.
+  struct Body {
+    std::size_t size = 0;
+    bool scattered = false;
+  };
+
+  // None if it has more landmarks than there are.
+  Body PlaceBody(std::size_t count) {
+    Body body{3};
+    while (dice_.Coin(prior_.group_continue)) ++body.size;
+    if (body.size > count) return {};
     const Eigen::Vector2d centre = Anywhere();
     const double sd = prior_.body_sd_m[Integer(0, prior_.body_sd_m.size() - 1)];
-    body_turns_ = !dice_.Coin(prior_.scattered_share);
-    for (std::size_t i = 0; i < size; ++i) {
-      before_.push_back(body_turns_ ? centre + sd * dice_.Normal2() : Anywhere());
+    body.scattered = dice_.Coin(prior_.scattered_share);
+    for (std::size_t i = 0; i < body.size; ++i) {
+      before_.push_back(body.scattered ? Anywhere() : centre + sd * dice_.Normal2());
     }
-    return size;
+    return body;
   }
 
   void SortByDistance(const Eigen::Vector2d& from, std::vector<std::size_t>* landmarks) {
@@ -350,7 +356,6 @@ class PairDraw {
   Dice dice_;
   double side_;  // Of the site. [m]
   double scale_sd_ = 0.0;
-  bool body_turns_ = true;  // Else it is scattered.
   std::vector<Eigen::Vector2d> before_;
   std::vector<OtherPlace> others_;
   std::vector<Eigen::Vector2d> after_;

@@ -7,6 +7,7 @@
 #include <random>
 #include <string_view>
 
+#include "mapstore/core/day.h"
 #include "mapstore/core/input_file.h"
 #include "mapstore/core/parse_whole.h"
 
@@ -91,7 +92,7 @@ std::vector<std::size_t> SpacedVisits(const RecurringRecord& record,
                                       const VisitSpacing& spacing,
                                       std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> log_gap(std::log(60.0), std::log(86400.0));
+  std::uniform_real_distribution<double> log_gap(std::log(60.0), std::log(kSecondsPerDay));
   std::vector<std::size_t> indices;
   for (std::size_t i = begin; i < end;) {
     indices.push_back(i);

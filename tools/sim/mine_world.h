@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "mapstore/core/day.h"
 #include "proto/core/status.h"
 #include "tools/sim/mine_drive.h"
 #include "tools/sim/mine_plan.h"
@@ -25,7 +26,7 @@ struct MineWorldOptions {
 
   int runs = 3;
   int vehicles = 2;                   ///< That take turns, a run each. > 0.
-  double shift_interval_s = 86400.0;  ///< From the start of one run to that of the next. [s]
+  double shift_interval_s = kSecondsPerDay;  ///< From the start of one run to that of the next. [s]
 
   /// Of the plan, by run; the last holds for the runs that are left. Not empty.
   std::vector<PlanVersion> versions = {PlanVersion::kOriginal};

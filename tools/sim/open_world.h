@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "mapstore/core/day.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/map/calibration.h"
@@ -25,7 +26,7 @@ struct OpenWorldOptions {
   int runs = 3;
   int vehicles = 2;                   ///< That take turns, a run each. > 0.
   double duration_s = 300.0;          ///< Of each run. [s]
-  double shift_interval_s = 86400.0;  ///< From the start of one run to that of the next. [s]
+  double shift_interval_s = kSecondsPerDay;  ///< From the start of one run to that of the next. [s]
   Stamp start = StampFromSeconds(1767600000.0);
 
   /// Between two runs each landmark moves to another of its places with this probability.
