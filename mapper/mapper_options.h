@@ -43,9 +43,13 @@ struct ModeOptions {
   /// [1/s]
   double leave_rate_per_s = 1e-5;
 
-  /// Uncertainty of a pose when a visit is scored against a mode, added to the observation noise:
-  /// the scans of a visit share the error of the trajectory. [m]
+  /// Error of pose and map that the sightings of a visit share where it is scored against a mode.
+  /// Until runs are placed in the map it is one of each sighting. [m]
   double score_position_sd_m = 0.10;
+
+  /// Density of places where something is misread as a landmark for a burst of scans. By one visit
+  /// a new place is likelier than that by the density of new landmarks to this. [1/m²]
+  double misread_density_per_m2 = 1e-6;
 
   /// How the mode of a visit is chosen from the chain over its group's visits.
   SelectorOptions selector;

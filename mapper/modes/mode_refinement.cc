@@ -11,6 +11,7 @@
 #include "localizer/models/observation_model.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/unconstrained_runs.h"
+#include "mapper/modes/visit_density.h"
 #include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/visit_sequence.h"
@@ -127,19 +128,33 @@ Eigen::VectorXd StartOf(const BuildState& build,
   return chain.Propagate(start, build.known_at, begin);
 }
 
-}  // namespace
-
-ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options) {
-  const auto modes = static_cast<int>(build.modes[group].size());
-  const LandmarkGroup* const known = build.Known(group);
-  if (known == nullptr) return ModeChain::Uniform(modes, options.leave_rate_per_s);
-  const ModeChain& chain = known->chain;
-  return chain.states() == modes + 1 ? chain : ModeChain::Uniform(modes, chain.leave_rate_per_s());
+// Where the prior map has a mode of a group, by its covariance without the common scale. [m²]
+Eigen::Matrix2d KnownCovariance(const BuildState& build, std::size_t group, ModeNumber number) {
+  const LandmarkGroup& known = *build.Known(group);
+  return known.modes[static_cast<std::size_t>(known.StateOf(number)) - 1].cov_p_map_landmark;
 }
 
-Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
-                                   const VisitRef& ref,
-                                   const ModeOptions& options) {
+// Where the sightings of a visit put its landmark from the present poses.
+std::vector<SeenPlace> SeenPlaces(const BuildState& build,
+                                  const BuildRun& run,
+                                  const MappingVisit& visit) {
+  const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
+  std::vector<SeenPlace> seen;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(visit.sightings[i])];
+    const Eigen::Matrix2d R = run.poses[static_cast<std::size_t>(sighting.frame)].Rotation();
+    const Eigen::Matrix2d cov = PositionNoiseInVehicle(
+        sighting.observation, ObservationNoise(sighting.observation, build.sensor));
+    seen.push_back({positions[i], R * cov * R.transpose()});
+  }
+  return seen;
+}
+
+// Before all runs are placed, the error of a pose may be of any size and differ from scan to scan:
+// every sighting is scored by itself, which lets a run that does not fit stand out.
+Eigen::VectorXd ScoreBySighting(const BuildState& build,
+                                const VisitRef& ref,
+                                const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
   const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
   const std::vector<BuildMode>& modes = build.modes[static_cast<std::size_t>(visit.group)];
@@ -166,6 +181,44 @@ Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
     }
   }
   return result;
+}
+
+// The sightings of a visit share the error of pose and map.
+Eigen::VectorXd ScoreJointly(const BuildState& build,
+                             const VisitRef& ref,
+                             const ModeOptions& options) {
+  const MappingVisit& visit = VisitOf(build, ref);
+  const auto group = static_cast<std::size_t>(visit.group);
+  const std::vector<BuildMode>& modes = build.modes[group];
+  const VisitDensity density(
+      SeenPlaces(build, build.runs[static_cast<std::size_t>(ref.run)], visit),
+      build.sensor,
+      options.misread_density_per_m2,
+      options.cluster_radius_m);
+  Eigen::VectorXd result(static_cast<Eigen::Index>(modes.size()) + 1);
+  result[0] = density.LogAbsent();
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * std::pow(options.score_position_sd_m, 2);
+    if (modes[k].number != kAbsent) cov += KnownCovariance(build, group, modes[k].number);
+    result[static_cast<Eigen::Index>(k) + 1] = density.LogUnderMode(modes[k].p_map_landmark, cov);
+  }
+  return result;
+}
+
+}  // namespace
+
+ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options) {
+  const auto modes = static_cast<int>(build.modes[group].size());
+  const LandmarkGroup* const known = build.Known(group);
+  if (known == nullptr) return ModeChain::Uniform(modes, options.leave_rate_per_s);
+  const ModeChain& chain = known->chain;
+  return chain.states() == modes + 1 ? chain : ModeChain::Uniform(modes, chain.leave_rate_per_s());
+}
+
+Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
+                                   const VisitRef& ref,
+                                   const ModeOptions& options) {
+  return build.placed() ? ScoreJointly(build, ref, options) : ScoreBySighting(build, ref, options);
 }
 
 ModeSequenceProblem MakeGroupSequence(const BuildState& build,

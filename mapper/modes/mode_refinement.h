@@ -13,9 +13,10 @@
 
 namespace shiftmap {
 
-/// Log-likelihood of a visit under every state of its group: entry 0 is `absent` (every sighting
-/// clutter or new), entry 1 + i is mode i, from which every sighting is either a detection or
-/// clutter.
+/// Log-likelihood of a visit under every state of its group: entry 0 is `absent` (the sightings are
+/// clutter, or the landmark is new), entry 1 + i is mode i, from which every sighting is either a
+/// detection or clutter. In a build whose runs are placed the sightings of a visit share the error
+/// of pose and map (visit_density.h), else each is scored by itself.
 Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
                                    const VisitRef& visit,
                                    const ModeOptions& options);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <compare>
 #include <functional>
 #include <limits>
@@ -100,6 +101,9 @@ struct BuildState {
 
   /// As in Graph.
   double loss_reach = std::numeric_limits<double>::infinity();
+
+  /// Whether all runs are placed in the map: outliers have no pull any more.
+  bool placed() const { return std::isfinite(loss_reach); }
 
   int modes_merged = 0;
   double cost = 0.0;  ///< Half the sum of all losses at the last solve.

@@ -171,5 +171,31 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   EXPECT_EQ(CreateModes(options.modes, &build), 1);
 }
 
+// What a visit says of a mode does not grow with its sightings once runs are placed: a mode 0.3 m
+// away is three standard deviations of what they share.
+TEST(ModeRefinement, SightingsOfAVisitShareTheErrorOfPoseAndMap) {
+  const SimulatedWorld world = testing::StaticWorld(3);
+  const MappingRun run = testing::Arrange(world, world.runs[0].run);
+  const ModeOptions options;
+  BuildState build = MapSingleRun(run, world.groups.size(), {});
+  build.loss_reach = 50.0;
+  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
+  int checked = 0;
+  for (std::size_t group = 0; group < build.modes.size(); ++group) {
+    if (build.modes[group].empty()) continue;
+    BuildMode away = build.modes[group][0];
+    away.p_map_landmark += Eigen::Vector2d(0.24, 0.18);
+    build.modes[group] = {build.modes[group][0], away};
+    for (const VisitRef& ref : visits[group]) {
+      if (VisitOf(build, ref).sightings.size() < 10) continue;
+      const Eigen::VectorXd score = VisitLogLikelihood(build, ref, options);
+      EXPECT_NEAR(score[1] - score[2], 4.5, 3.0) << group;
+      EXPECT_GT(score[2], score[0]) << group;
+      ++checked;
+    }
+  }
+  EXPECT_GT(checked, 5);
+}
+
 }  // namespace
 }  // namespace shiftmap
