@@ -15,6 +15,9 @@ constexpr double kMaxBearingOffset = 0.6;
 // Odometry in other units, or of another wheel.
 constexpr double kMaxScale = 2.0;
 
+// Recorded robots lose 0.02 to 0.04. [rad/√s]
+constexpr double kMaxHeadingNoise = 0.12;
+
 bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale; }
 
 }  // namespace
@@ -34,6 +37,10 @@ std::string ImplausibleCalibration(const BuildRun& run) {
   if (!IsScale(run.odometry.scale_omega)) {
     return fmt::format("it fits only with yaw rates of {:.2f} times what odometry says",
                        run.odometry.scale_omega);
+  }
+  if (!(run.odometry.noise_omega < kMaxHeadingNoise)) {
+    return fmt::format("it fits only if odometry loses the heading by {:.0f} degrees in a second",
+                       run.odometry.noise_omega * 180.0 / std::numbers::pi);
   }
   return "";
 }

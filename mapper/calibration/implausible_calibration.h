@@ -7,9 +7,10 @@
 
 namespace shiftmap {
 
-/// Says which of a run's systematic errors no working vehicle has, for a message; empty if none.
+/// Says which of a run's errors no working vehicle has, for a message; empty if none.
 /// Odometry that counts backwards explains landmarks as well as a sensor that looks backwards does:
-/// such a run fits itself, and bends the map.
+/// such a run fits itself, and bends the map. So does one whose odometry says nothing of the
+/// heading, and it raises the noise of all runs of its vehicle.
 /// @param run  As estimated by itself.
 std::string ImplausibleCalibration(const BuildRun& run);
 
