@@ -226,9 +226,9 @@ ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       std::size_t group,
                                       const ModeOptions& options) {
   std::vector<VisitStep> steps;
-  for (std::size_t t = 0; t < visits.size(); ++t) {
-    const MappingVisit& visit = VisitOf(build, visits[t]);
-    steps.push_back({VisitLogLikelihood(build, visits[t], options), visit.begin, visit.end});
+  for (const VisitRef& ref : visits) {
+    const MappingVisit& visit = VisitOf(build, ref);
+    steps.push_back({VisitLogLikelihood(build, ref, options), visit.begin, visit.end});
   }
   const ModeChain chain = ChainOf(build, group, options);
   const Eigen::VectorXd start = StartOf(build, group, chain, VisitOf(build, visits.front()).begin);

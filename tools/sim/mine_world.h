@@ -25,7 +25,7 @@ struct MineWorldOptions {
   MineLandmarkOptions landmarks;
 
   int runs = 3;
-  int vehicles = 2;                   ///< That take turns, a run each. > 0.
+  int vehicles = 2;                          ///< That take turns, a run each. > 0.
   double shift_interval_s = kSecondsPerDay;  ///< From the start of one run to that of the next. [s]
 
   /// Of the plan, by run; the last holds for the runs that are left. Not empty.

@@ -24,8 +24,8 @@ struct OpenWorldOptions {
   double mode_gap_m = 2.0;  ///< Least distance between any two places. [m]
 
   int runs = 3;
-  int vehicles = 2;                   ///< That take turns, a run each. > 0.
-  double duration_s = 300.0;          ///< Of each run. [s]
+  int vehicles = 2;                          ///< That take turns, a run each. > 0.
+  double duration_s = 300.0;                 ///< Of each run. [s]
   double shift_interval_s = kSecondsPerDay;  ///< From the start of one run to that of the next. [s]
   Stamp start = StampFromSeconds(1767600000.0);
 

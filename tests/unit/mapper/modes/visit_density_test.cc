@@ -60,8 +60,10 @@ class Grid {
   static constexpr double kStepM = 0.05;
   static constexpr int kCells = 80;
 
-  static Eigen::Vector2d Centre(int i) {
-    return {(i / kCells - 0.5 * kCells) * kStepM, (i % kCells - 0.5 * kCells) * kStepM};
+  static Eigen::Vector2d Centre(int cell) {
+    const int row = cell / kCells;
+    const int column = cell % kCells;
+    return {(row - 0.5 * kCells) * kStepM, (column - 0.5 * kCells) * kStepM};
   }
   static double Sum(const Eigen::VectorXd& cells) { return cells.sum() * kStepM * kStepM; }
 };
