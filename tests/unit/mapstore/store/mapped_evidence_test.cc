@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numeric>
 #include <random>
@@ -202,6 +203,7 @@ TEST_F(MappedEvidenceTest, CheckpointsAreMadeWhileOthersWrite) {
   MapStore::OpenOptions options;
   options.access = MapStore::Access::kReadWriteCreate;
   options.checkpoint_rows = 3;
+  options.lock_timeout = std::chrono::minutes(2);  // Of a disk that other programs keep busy.
   store_ = *MapStore::Open(path, options);
   std::vector<int> runs(200);
   std::iota(runs.begin(), runs.end(), 0);
