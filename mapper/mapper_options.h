@@ -47,8 +47,8 @@ struct ModeOptions {
   /// Until runs are placed in the map it is one of each sighting. [m]
   double score_position_sd_m = 0.10;
 
-  /// Density of places where something is misread as a landmark for a burst of scans. By one visit
-  /// a new place is likelier than that by the density of new landmarks to this. [1/m²]
+  /// Density of the places where an object is misread as a landmark for a burst of scans. Its ratio
+  /// to the density of new landmarks limits what one visit says for a new place. [1/m²]
   double misread_density_per_m2 = 1e-6;
 
   /// How the mode of a visit is chosen from the chain over its group's visits.

@@ -128,7 +128,12 @@ Eigen::VectorXd StartOf(const BuildState& build,
   return chain.Propagate(start, build.known_at, begin);
 }
 
-// Where the prior map has a mode of a group, by its covariance without the common scale. [m²]
+// Covariance of the error of pose and map that a visit is scored with. [m²]
+Eigen::Matrix2d PoseError(const ModeOptions& options) {
+  return Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
+}
+
+// Covariance of a mode in the prior map, without the common scale. [m²]
 Eigen::Matrix2d KnownCovariance(const BuildState& build, std::size_t group, ModeNumber number) {
   const LandmarkGroup& known = *build.Known(group);
   return known.modes[static_cast<std::size_t>(known.StateOf(number)) - 1].cov_p_map_landmark;
@@ -159,8 +164,7 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
   const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
   const std::vector<BuildMode>& modes = build.modes[static_cast<std::size_t>(visit.group)];
   const SensorCalibration& sensor = build.sensor;
-  const Eigen::Matrix2d pose_noise =
-      Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
+  const Eigen::Matrix2d pose_noise = PoseError(options);
 
   Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(modes.size()) + 1);
   for (const int index : visit.sightings) {
@@ -198,7 +202,7 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
   Eigen::VectorXd result(static_cast<Eigen::Index>(modes.size()) + 1);
   result[0] = density.LogAbsent();
   for (std::size_t k = 0; k < modes.size(); ++k) {
-    Eigen::Matrix2d cov = Eigen::Matrix2d::Identity() * std::pow(options.score_position_sd_m, 2);
+    Eigen::Matrix2d cov = PoseError(options);
     if (modes[k].number != kAbsent) cov += KnownCovariance(build, group, modes[k].number);
     result[static_cast<Eigen::Index>(k) + 1] = density.LogUnderMode(modes[k].p_map_landmark, cov);
   }

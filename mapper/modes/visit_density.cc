@@ -14,14 +14,20 @@
 namespace shiftmap {
 namespace {
 
-// Noise that sightings have at least, so that numbers are sound. [m]
+// Least noise of a sighting: without it a covariance may be singular. [m]
 constexpr double kLeastNoiseM = 0.01;
 
-// What adds no more than this to something else does not count.
+// Smaller shares of a density are neglected.
 constexpr double kNegligible = 1e-3;
 
-// What may be anywhere: a Gaussian as wide as this is flat. [m]
+// Standard deviation of a place that may be anywhere. [m]
 constexpr double kAnywhereM = 1e3;
+
+// The loss of the graph. Its norm takes a continued fraction, once for all visits.
+const RobustLoss& GraphLoss() {
+  static const RobustLoss loss(Graph().loss_scale);
+  return loss;
+}
 
 }  // namespace
 
@@ -29,19 +35,20 @@ VisitDensity::VisitDensity(const std::vector<SeenPlace>& seen,
                            const SensorCalibration& sensor,
                            double misread_density_per_m2,
                            double cluster_radius_m)
-    : loss_(Graph().loss_scale),
+    : loss_(GraphLoss()),
       clutter_(sensor.clutter_density_per_m2),
       log_misread_(std::log(misread_density_per_m2)),
       cluster_radius_m_(cluster_radius_m) {
   // ∫ exp(-ρ/2) over a whitened residual, ρ/2 = a log(1 + r²/c²), is π c² / (a - 1).
-  const double squared_scale = Graph().loss_scale * Graph().loss_scale;
+  const double squared_scale = std::pow(Graph().loss_scale, 2);
   const double a = 0.5 * loss_.Weight(0.0) * squared_scale;
   const double norm = (a - 1.0) / (std::numbers::pi * squared_scale);
   for (const SeenPlace& place : seen) {
     const Eigen::Matrix2d cov =
         place.cov + kLeastNoiseM * kLeastNoiseM * Eigen::Matrix2d::Identity();
     const double peak = sensor.detection_probability * norm / std::sqrt(cov.determinant());
-    // What may be anywhere, or is no likelier than a false alarm even at its place, tells of none.
+    // A sighting without a known place, or nowhere likelier than a false alarm, carries no
+    // information.
     if (cov.trace() > kAnywhereM * kAnywhereM || peak <= clutter_) continue;
     terms_.push_back({place.position, cov.inverse(), peak});
   }
@@ -66,10 +73,10 @@ double VisitDensity::LogGiven(const std::vector<Eigen::Vector2d>& places) const 
 }
 
 double VisitDensity::LogUnderMode(const Eigen::Vector2d& p, const Eigen::Matrix2d& cov) const {
-  const Prior prior{
-      p, cov.inverse(), -std::log(2.0 * std::numbers::pi) - 0.5 * std::log(cov.determinant())};
-  // Of two maxima the larger one: by less than log 2 the other adds to it. Where sightings agree
-  // near the mode there is one. Where they are too far off, the landmark was not seen.
+  const Prior prior{p, cov.inverse(), LogGaussian(Eigen::Vector2d::Zero(), cov)};
+  // The integral has one maximum if the sightings agree near the mode, else two: at the mode and
+  // at the sightings. The larger one is taken; the other one adds less than log 2. If all sightings
+  // are too far off, the landmark was not seen.
   constexpr double kNearSd = 2.0;
   const double at_sightings = place_ ? LogGaussian(*place_ - p, cov) : kLogZero;
   const bool reach = at_sightings > log_misread_ + std::log(kNegligible);

@@ -43,7 +43,8 @@ class VisitDensity {
   /// log(f without a landmark + β_NT ∫ f(q) dq): the landmark is not there, or at a new place.
   double LogAbsent() const { return log_absent_; }
 
-  /// Log of the product in f, given the places of landmark and what is misread, or of one or none.
+  /// Log of the product in f at given places: of the landmark and the misread object, of one of
+  /// them, or of none.
   double LogGiven(const std::vector<Eigen::Vector2d>& places) const;
 
  private:
@@ -53,21 +54,20 @@ class VisitDensity {
     double peak;  // P_D t_i at the position. [1/m²]
   };
 
-  // What is known of a place x beside the sightings: exp(log_peak - ½ (x - mean)ᵀ information
-  // (x - mean)).
+  // Prior density of a place x: exp(log_peak - ½ (x - mean)ᵀ information (x - mean)).
   struct Prior {
     Eigen::Vector2d mean;
     Eigen::Matrix2d information;
     double log_peak;
   };
 
-  // The landmark, or what is misread.
+  // The landmark or the misread object.
   struct Object {
     Prior prior;
     Eigen::Vector2d place;
   };
 
-  // Of the log of prior and sightings by the place of an object.
+  // Derivatives of the log-density of prior and sightings by the place of an object.
   struct Slope {
     Eigen::Vector2d slope;
     Eigen::Matrix2d information;  // The curvature that the slope's weights have.
@@ -77,13 +77,14 @@ class VisitDensity {
   double Detection(const Term& term, const Eigen::Vector2d& place) const;
   Slope SlopeAt(const std::vector<Object>& objects, std::size_t k) const;
 
-  // An object that may be anywhere, where most sightings agree that no object explains.
+  // A further object with a flat prior, at the densest cluster of the sightings that no object
+  // explains.
   std::optional<Object> Unexplained(const std::vector<Object>& objects, double log_density) const;
 
-  // Log of the integral over the places of objects, and of what is misread.
+  // Log of the integral over the places of the objects, with and without a misread object.
   double LogIntegral(std::vector<Object> objects) const;
 
-  // Moves the objects to the next maximum: log of the integral around it.
+  // Moves the objects to the nearest maximum. Returns the log of the integral around it.
   double LogIntegralAround(std::vector<Object>* objects) const;
 
   RobustLoss loss_;

@@ -171,8 +171,8 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   EXPECT_EQ(CreateModes(options.modes, &build), 1);
 }
 
-// What a visit says of a mode does not grow with its sightings once runs are placed: a mode 0.3 m
-// away is three standard deviations of what they share.
+// The score of a visit does not grow with the number of its sightings once runs are placed: a mode
+// 0.3 m away is at three standard deviations of their shared error.
 TEST(ModeRefinement, SightingsOfAVisitShareTheErrorOfPoseAndMap) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
