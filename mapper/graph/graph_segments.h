@@ -9,7 +9,7 @@ namespace shiftmap {
 
 /// Poses between two separators. More make the reduced system smaller and let a segment see more
 /// modes.
-inline constexpr int kSegmentPoses = 31;
+inline constexpr int kSegmentPoses = 15;
 
 /// Columns of a segment's boundary: its separators, the calibration of its run, modes.
 inline constexpr int kSeparatorBefore = 0;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/graph/graph_segments.h"
 #include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -68,8 +69,10 @@ TEST(BuildMemory, ModesAreThoseOfTheLargestRunUntilTheyAreKnown) {
 // Every scan is part of one segment, and sees no less than one landmark.
 TEST(BuildMemory, GrowsWithWhatSegmentsSee) {
   const BuildSize size = SizeOf(RunsOf({90.0}), {0});
-  EXPECT_GT(size.segment_boundary * 32, 14 * size.key_frames);
-  EXPECT_LE(size.segment_boundary * 32, (12 + 2 * size.landmarks) * (size.key_frames + 32));
+  constexpr std::int64_t kFrames = kSegmentPoses + 1;
+  EXPECT_GT(size.segment_boundary * kFrames, 14 * size.key_frames);
+  EXPECT_LE(size.segment_boundary * kFrames,
+            (12 + 2 * size.landmarks) * (size.key_frames + kFrames));
   BuildSize denser = size;
   denser.segment_pairs *= 100;
   EXPECT_GT(EstimateBuildMemory(denser), EstimateBuildMemory(size));
