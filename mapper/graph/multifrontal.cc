@@ -113,6 +113,7 @@ MultifrontalShape::MultifrontalShape(int size, const std::vector<SystemTerm>& te
   MakeFronts(nodes, tree);
   LinkToParents();
   AssignTerms(terms);
+  CountProducts();
 }
 
 void MultifrontalShape::OrderUnknowns(const Nodes& nodes, const EliminationTree& tree) {
@@ -166,6 +167,15 @@ void MultifrontalShape::AssignTerms(const std::vector<SystemTerm>& terms) {
     }
     if (At(first) == position_.size()) continue;
     fronts_[At(front_of_position_[At(first)])].terms.push_back(static_cast<int>(t));
+  }
+}
+
+void MultifrontalShape::CountProducts() {
+  for (const FrontShape& front : fronts_) {
+    const double own = front.own;
+    const double below = static_cast<double>(front.rows.size()) - own;
+    factor_products_ += own * (own * own / 6.0 + own * below / 2.0 + below * below / 2.0);
+    solve_products_ += own * (own + 2.0 * below);
   }
 }
 

@@ -40,6 +40,10 @@ class MultifrontalShape {
   const std::vector<FrontShape>& fronts() const { return fronts_; }  ///< Children before parents.
   const std::vector<int>& unknowns() const { return unknowns_; }     ///< By position.
 
+  /// Multiplications of a factorization, and of a solve with one right side.
+  double factor_products() const { return factor_products_; }
+  double solve_products() const { return solve_products_; }
+
   int PositionOf(int unknown) const { return position_[static_cast<std::size_t>(unknown)]; }
 
   /// The fronts of some unknowns and all above them, ascending.
@@ -52,11 +56,14 @@ class MultifrontalShape {
   void MakeFronts(const Nodes& nodes, const EliminationTree& tree);
   void LinkToParents();
   void AssignTerms(const std::vector<SystemTerm>& terms);
+  void CountProducts();
 
   std::vector<int> position_;           // Per unknown in the order of elimination.
   std::vector<int> unknowns_;           // Per position.
   std::vector<int> front_of_position_;  // The front that eliminates it.
   std::vector<FrontShape> fronts_;
+  double factor_products_ = 0.0;
+  double solve_products_ = 0.0;
 };
 
 /// Cholesky factor of a sparse sum of dense terms by the multifrontal method (Duff, Reid 1983). The

@@ -2,6 +2,7 @@
 #include "mapper/graph/reduced_system.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace shiftmap {
@@ -10,13 +11,17 @@ namespace {
 // Up to here a dense factor is faster than ordering a sparse one.
 constexpr int kMaxDense = 400;
 
-// Conjugate gradients: relative error of the solution in the norm of the factor, and how many
-// iterations cost less than a factor.
-constexpr double kTolerance = 1e-6;
-constexpr int kMaxIterations = 8;
+// Conjugate gradients: relative error of the solution in the norm of the factor. A step to the
+// minimum of the loss leaves more than that.
+constexpr double kTolerance = 1e-3;
 
-// Slower than this, per iteration in the squared norm, they do not converge in time.
-constexpr double kLeastProgress = 0.1;
+// They may take this share of the time of a factorization. A product in a solve waits for memory:
+// it takes as long as so many in a factorization.
+constexpr double kMaxShare = 0.5;
+constexpr double kSolveCost = 5.0;
+
+// After this share of their iterations the error has to fall as fast as they need to converge.
+constexpr double kGrace = 1.0 / 3.0;
 
 }  // namespace
 
@@ -89,13 +94,17 @@ std::optional<Eigen::VectorXd> ReducedSystem::Solve() {
 
 // Hestenes and Stiefel, preconditioned. Nothing if it does not converge in time.
 std::optional<Eigen::VectorXd> ReducedSystem::ConjugateGradients() const {
+  const double max_iterations =
+      kMaxShare * shape_->factor_products() / (kSolveCost * shape_->solve_products());
   Eigen::VectorXd x = Eigen::VectorXd::Zero(b_.size());
   Eigen::VectorXd residual = b_;
   Eigen::VectorXd direction = factor_->Solve(residual);
   double squared = residual.dot(direction);
-  const double enough = kTolerance * kTolerance * squared;
-  double slow = squared;
-  for (int i = 0; i < kMaxIterations && squared > enough; ++i) {
+  double least = squared;
+  const double first = squared;
+  for (int i = 0; !(squared <= kTolerance * kTolerance * first); ++i) {
+    const double limit = first * std::pow(kTolerance, 2.0 * (i / max_iterations - kGrace));
+    if (i + 1 > max_iterations || !(least <= limit)) return std::nullopt;
     const Eigen::VectorXd image = Times(terms_, direction);
     const double curvature = direction.dot(image);
     if (!(curvature > 0.0)) return std::nullopt;
@@ -106,10 +115,8 @@ std::optional<Eigen::VectorXd> ReducedSystem::ConjugateGradients() const {
     const double next = residual.dot(preconditioned);
     direction = preconditioned + next / squared * direction;
     squared = next;
-    slow *= kLeastProgress;
-    if (squared > slow) return std::nullopt;
+    least = std::min(least, squared);
   }
-  if (!(squared <= enough)) return std::nullopt;
   return x;
 }
 

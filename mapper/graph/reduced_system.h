@@ -34,7 +34,7 @@ class ReducedSystem {
   /// The factor of the sum; null if that is not positive definite. It takes the blocks.
   std::shared_ptr<const CholeskyFactor> Factorize();
 
-  /// H⁻¹ b, to a millionth: by conjugate gradients preconditioned with the last factor if there is
+  /// H⁻¹ b, to a thousandth: by conjugate gradients preconditioned with the last factor if there is
   /// one of the same shape, with a factor of its own where these are slow. Nothing if the system is
   /// not positive definite.
   std::optional<Eigen::VectorXd> Solve();
