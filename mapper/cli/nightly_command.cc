@@ -262,6 +262,7 @@ void AddNightlyCommand(Application* application) {
   AddBuildOptions(&night.build, &command);
   command
       .Option("--output", &arguments->output, "plan: file to write, and what runs need beside it")
+      .Output()
       .Option("--plan", &arguments->plan, "run, collect: file that plan wrote")
       .Option("--index", &arguments->index, "run: area of the plan, from 0")
       .InRange(0, 1e6)

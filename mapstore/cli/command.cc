@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <system_error>
 #include <type_traits>
 #include <utility>
 
@@ -53,6 +55,15 @@ std::string RefuseOtherThanInteger(const std::string& text) {
 std::string RefuseOtherThanTime(const std::string& text) {
   const StatusOr<Stamp> time = ParseTime(text, SystemNow());
   return time.ok() ? "" : Message(time.status());
+}
+
+// Whether two names are of one file, which need not exist.
+bool IsSameFile(const std::string& a, const std::string& b) {
+  if (a == "-" || b.empty()) return false;
+  std::error_code error;
+  if (std::filesystem::equivalent(a, b, error)) return true;
+  const std::filesystem::path canonical = std::filesystem::weakly_canonical(a, error);
+  return !error && canonical == std::filesystem::weakly_canonical(b, error) && !error;
 }
 
 // The shortest and the longest time between two repetitions. [s]
@@ -183,6 +194,25 @@ Command& Command::Excludes(const std::string& other) {
   SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
   state_->last->excludes(state_->parser->get_option(other));
   return *this;
+}
+
+Command& Command::Output() {
+  SHIFTMAP_CHECK(state_->last != nullptr, "no option was added before");
+  const CLI::Option* output = state_->last;
+  return Check([output, parser = state_->parser]() -> std::string {
+    if (output->count() == 0) return "";
+    const std::string path = output->results().back();
+    for (const CLI::Option* other : parser->get_options()) {
+      if (other == output) continue;
+      for (const std::string& value : other->results()) {
+        if (IsSameFile(path, value)) {
+          return fmt::format(
+              "{} '{}' is the file of {}", output->get_name(), path, other->get_name());
+        }
+      }
+    }
+    return "";
+  });
 }
 
 Command& Command::Check(std::function<std::string()> check) {

@@ -62,6 +62,9 @@ class Command {
   /// the place of the other one in the site file or the environment.
   Command& Excludes(const std::string& other);
 
+  /// The command writes a file with this name. No other option may name the same file.
+  Command& Output();
+
   /// A check of the options as a whole, once they are read: the message of a usage error, or
   /// nothing.
   Command& Check(std::function<std::string()> check);

@@ -211,7 +211,7 @@ StatusOr<RunLogWriter> RunLogWriter::Create(const std::string& path,
         "chunk size {} bytes, expected 1..{}", options.chunk_bytes, kMaxWriterChunkBytes);
   }
   SHIFTMAP_RETURN_IF_ERROR(CheckText(info));
-  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path, FileKind::kRunLog));
   auto state = std::make_unique<State>(info, std::move(file));
   state->writer.emplace(
       [to = &state->file](std::string_view bytes) { return to->Append(bytes); },

@@ -6,9 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <utility>
 
 #include "proto/core/check.h"
@@ -27,6 +30,18 @@ std::string FolderOf(const std::string& path) {
   const std::size_t slash = path.rfind('/');
   if (slash == std::string::npos) return ".";
   return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+// By its first bytes; what cannot be read is kOther.
+FileKind KindOf(const std::string& path) {
+  constexpr std::string_view kMcap = "\x89MCAP0\r\n";
+  constexpr std::string_view kSqlite{"SQLite format 3\0", 16};
+  std::array<char, kSqlite.size()> bytes{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(bytes.data(), std::ssize(bytes));
+  const std::string_view head(bytes.data(), static_cast<std::size_t>(file.gcount()));
+  if (head == kSqlite) return FileKind::kDatabase;
+  return head.starts_with(kMcap) ? FileKind::kRunLog : FileKind::kOther;
 }
 
 // A rename is durable only once the folder is.
@@ -98,10 +113,15 @@ void AtomicFile::Discard() {
   close(std::exchange(fd_, -1));
 }
 
-StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
+StatusOr<AtomicFile> AtomicFile::Create(const std::string& path, FileKind kind) {
   struct stat info {};
   if (stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     return InvalidArgument("not a regular file");
+  }
+  const FileKind there = KindOf(path);
+  if (there != FileKind::kOther && there != kind) {
+    return InvalidArgument("{} is there, and is not replaced",
+                           there == FileKind::kRunLog ? "a run log" : "a map store or a snapshot");
   }
   for (int number = 0;;) {
     std::string temporary = fmt::format("{}.tmp-{}", path, number);

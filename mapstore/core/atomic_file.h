@@ -8,6 +8,10 @@
 
 namespace shiftmap {
 
+/// What a file holds, as far as others must not replace it: weeks of a site are in a map store, and
+/// a run log is recorded once.
+enum class FileKind { kOther, kRunLog, kDatabase };
+
 /// A file that appears at its path whole or not at all. Bytes go to a temporary file in the same
 /// folder; Commit() makes them durable and then renames it into place. Without Commit() the
 /// temporary file is removed, and what was at the path stays.
@@ -16,11 +20,12 @@ namespace shiftmap {
 /// alive holds a lock on its own.
 ///
 /// Errors: kNotFound if the folder does not exist; kInvalidArgument if something other than a
-/// regular file is at the path; kUnavailable if the disk does not take it. Messages say what
-/// failed; the caller puts the kind and name of the file before it.
+/// regular file is at the path, or a run log or a database and the file is none; kUnavailable if
+/// the disk does not take it. Messages say what failed; the caller puts the kind and name of the
+/// file before it.
 class AtomicFile {
  public:
-  static StatusOr<AtomicFile> Create(const std::string& path);
+  static StatusOr<AtomicFile> Create(const std::string& path, FileKind kind = FileKind::kOther);
 
   AtomicFile(AtomicFile&& other) noexcept;
   AtomicFile& operator=(AtomicFile&& other) noexcept;

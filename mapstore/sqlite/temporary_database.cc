@@ -7,7 +7,7 @@
 namespace shiftmap {
 
 StatusOr<TemporaryDatabase> TemporaryDatabase::Create(const std::string& destination) {
-  StatusOr<AtomicFile> claim = AtomicFile::Create(destination);
+  StatusOr<AtomicFile> claim = AtomicFile::Create(destination, FileKind::kDatabase);
   SHIFTMAP_RETURN_IF_ERROR(Annotate(claim.status(), "file '{}'", destination));
   TemporaryDatabase database(*std::move(claim));
   database.Remove();

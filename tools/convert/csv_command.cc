@@ -51,6 +51,7 @@ void AddCsvCommand(Application* application) {
               "without")
       .Required()
       .Option("--output", &arguments->output, "Run log to write")
+      .Output()
       .Required()
       .Option("--vehicle", &options.info.vehicle, "Name of the vehicle, unique in the fleet")
       .Option("--area", &options.info.area, "Area that the run is in")

@@ -162,6 +162,7 @@ void AddExportCommand(Application* application) {
               "With --html: a shift to replay, a recording of shiftmap-localizer run")
       .Option("--run", &arguments->run, "With --tum: this run only, by name or identity")
       .Option("--output", &arguments->output, "File to write; with --tum without --run a folder")
+      .Output()
       .Required()
       .Check([arguments] { return CheckExport(*arguments); });
 }

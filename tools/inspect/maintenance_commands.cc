@@ -194,6 +194,7 @@ void AddMaintenanceCommands(Application* application) {
       .Option("--store", &backup->store, "Map store")
       .Required()
       .Option("--output", &backup->output, "File to write; replaced")
+      .Output()
       .Required()
       .Writes();
 

@@ -139,6 +139,7 @@ void AddPlotCommand(Application* application) {
           "Of modes and history: the signature of a landmark; of diff: two versions; of "
           "trajectory: files in TUM format; of consistency: the file of localizer run --recording")
       .Option("--output", &plot->output, "File to write, .svg or .png")
+      .Output()
       .Required()
       .Option("--width-px", &plot->width_px, "Width of a PNG (default: twice that of the SVG)")
       .InRange(100, kMaxPngWidthPx)

@@ -68,6 +68,7 @@ void AddFetchCommand(Application* application, TransferBody<FetchArguments> body
   command.Option("--area", &arguments->area, "Area")
       .Required()
       .Option("--output", &arguments->output, "Snapshot file to write")
+      .Output()
       .Required()
       .Option("--snapshot-key",
               &arguments->snapshot_keys,

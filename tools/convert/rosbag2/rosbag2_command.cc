@@ -157,6 +157,7 @@ void AddRosbag2Command(Application* application) {
       .Option("BAG", &arguments->options.path, "Folder of the bag, or one .mcap or .db3 file")
       .Required()
       .Option("--output", &arguments->output, "Run log to write")
+      .Output()
       .Required()
       .Option("--vehicle", &arguments->options.vehicle, "Name of the vehicle, unique in the fleet")
       .Option("--area", &arguments->options.area, "Area that the run is in")

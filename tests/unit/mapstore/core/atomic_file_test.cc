@@ -58,6 +58,25 @@ TEST_F(AtomicFileTest, ReplacesOnCommit) {
   EXPECT_EQ(Content(), "other");
 }
 
+// A mistyped name must not cost a site its memory.
+TEST_F(AtomicFileTest, ReplacesALogOrADatabaseByItsKindOnly) {
+  constexpr FileKind kKinds[] = {FileKind::kOther, FileKind::kRunLog, FileKind::kDatabase};
+  const std::string content[] = {
+      "text", "\x89MCAP0\r\nrest of it", std::string("SQLite format 3\0pages", 21)};
+  for (const std::size_t there : {0u, 1u, 2u}) {
+    for (const std::size_t now : {0u, 1u, 2u}) {
+      Put(content[there]);
+      const bool allowed = there == 0 || there == now;
+      auto file = AtomicFile::Create(path_, kKinds[now]);
+      EXPECT_EQ(file.ok(), allowed) << there << now;
+      if (!allowed) {
+        EXPECT_EQ(file.status().code(), StatusCode::kInvalidArgument);
+      }
+      EXPECT_EQ(Content(), content[there]);
+    }
+  }
+}
+
 TEST_F(AtomicFileTest, LeavesNothingBehindWithoutCommit) {
   Put("old");
   {
