@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "mapstore/cli/aligned_table.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/core/nearest_name.h"
 #include "tools/inspect/inspect_commands.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -195,6 +197,27 @@ Status WarnOfPublished(const std::string& area, MapStore* store, const Context& 
   return OkStatus();
 }
 
+// A name with a slip of the pen takes nothing out. One of a vehicle that is still to come is no
+// error.
+Status AttendUnknownVehicle(const RunsArguments& arguments, MapStore* store, Context* context) {
+  const std::string& area = arguments.store.area;
+  std::set<std::string> known;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ReportSummary> reports, store->Reports(area));
+  for (const ReportSummary& report : reports) known.insert(report.vehicle);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (const VersionSummary& version : versions) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
+                              store->LoadProvenance(area, version.version));
+    for (const RunRecord& run : provenance.runs) known.insert(run.vehicle);
+  }
+  if (known.contains(arguments.vehicle)) return OkStatus();
+  context->Attend(fmt::format("area '{}' has no run of a vehicle '{}' so far{}",
+                              area,
+                              InertLine(arguments.vehicle),
+                              DidYouMean(arguments.vehicle, {known.begin(), known.end()})));
+  return OkStatus();
+}
+
 Status Change(const RunsArguments& arguments, Context& context) {
   const bool include = arguments.action == kInclude;
   const auto access =
@@ -215,6 +238,9 @@ Status Change(const RunsArguments& arguments, Context& context) {
                         include ? "included again" : StateText(exclusion));
   }
   SHIFTMAP_RETURN_IF_ERROR(WarnOfPublished(area, &store, context));
+  if (!include && !arguments.vehicle.empty()) {
+    SHIFTMAP_RETURN_IF_ERROR(AttendUnknownVehicle(arguments, &store, &context));
+  }
   context.Report({{"area", area}, {"changed", list}}, text);
   return OkStatus();
 }

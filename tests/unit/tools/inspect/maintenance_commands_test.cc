@@ -154,6 +154,15 @@ TEST_F(StoreCommands, ReportsSayWhyAPersonTookTheirRunOut) {
   EXPECT_EQ(Run({"reports", "--json"}).json()["reports"][0]["exclusion_reason"], "new wheels");
 }
 
+// To exclude a name with a slip of the pen takes nothing out.
+TEST_F(StoreCommands, AVehicleWithoutRunsIsNamed) {
+  const Outcome slip = Run({"runs", "exclude", "--vehicle", "truk", "--reason", "lies"});
+  EXPECT_EQ(slip.code, 8);
+  EXPECT_THAT(slip.err, HasSubstr("no run of a vehicle 'truk' so far; did you mean 'truck'?"));
+  EXPECT_EQ(Run({"runs", "exclude", "--vehicle", "truck", "--reason", "lies"}).code, 0);
+  EXPECT_EQ(Run({"runs", "include", "--vehicle", "truk"}).code, 0);
+}
+
 TEST_F(StoreCommands, ReportsSayWhichRowsCount) {
   const Json reports = Run({"reports", "--json"}).json()["reports"];
   ASSERT_EQ(reports.size(), 1U);
