@@ -77,13 +77,23 @@ StatusOr<MapSnapshot> LoadMap(const RunOptions& options,
   return oldest;
 }
 
+// A log of another area may be tried, but says nothing of this one's landmarks.
+Status CheckArea(const RunOptions& options, const RunInfo& info, const Context& context) {
+  if (info.area.empty() || info.area == options.area) return OkStatus();
+  const std::string message =
+      fmt::format("run log '{}': is of area '{}', not '{}'", options.run, info.area, options.area);
+  if (options.return_report) return InvalidArgument("{}", message);
+  context.Warn(message);
+  return OkStatus();
+}
+
 std::string Software() { return "shiftmap-localizer " + SoftwareVersion(); }
 
 // One shift: a localizer and what is recorded around it.
 class Shift {
  public:
   // The map for a log that begins then.
-  using MapAt = std::function<StatusOr<MapSnapshot>(Stamp begin)>;
+  using MapAt = std::function<StatusOr<MapSnapshot>(const RunInfo& info, Stamp begin)>;
 
   // @param vehicle    Nothing: as the log names it.
   // @param recording  File to record to; nothing: none.
@@ -133,7 +143,7 @@ class Shift {
     localizer_->Finish();
     ShiftReport report = localizer_->Report();
     report.uuid = RandomUuid();
-    report.vehicle = summary_.vehicle;
+    report.vehicle = log_vehicle_.empty() ? summary_.vehicle : log_vehicle_;
     report.run_hash = run_hash_;
     report.run_uuid = run_uuid_;
     report.software = Software();
@@ -162,7 +172,8 @@ class Shift {
 
   // The calibration is that of the vehicle, which only the log names.
   Status Begin(const RunInfo& info, Stamp begin) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, map_at_(begin));
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, map_at_(info, begin));
+    log_vehicle_ = info.vehicle;
     summary_.vehicle = vehicle_.value_or(info.vehicle);
     localizer_.emplace(map.ForVehicle(summary_.vehicle), options_);
     if (!recording_) return OkStatus();
@@ -223,6 +234,7 @@ class Shift {
   RunSummary summary_;
   std::vector<StampedPose> trajectory_;
   bool has_odometry_ = false;
+  std::string log_vehicle_;  // Whose run it is, which the report is about.
   std::string run_hash_;
   std::string run_uuid_;
 };
@@ -323,7 +335,10 @@ Status RunShift(const RunOptions& options, Context& context) {
   const std::string& map_path = options.store ? *options.store : *options.snapshot;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore map_store,
                             OpenStore(map_path, MapStore::Access::kReadOnly, context));
-  const auto map_at = [&](Stamp begin) { return LoadMap(options, begin, &map_store, context); };
+  const auto map_at = [&](const RunInfo& info, Stamp begin) -> StatusOr<MapSnapshot> {
+    SHIFTMAP_RETURN_IF_ERROR(CheckArea(options, info, context));
+    return LoadMap(options, begin, &map_store, context);
+  };
 
   const auto recording = context.dry_run() ? std::nullopt : options.recording;
   Shift shift(map_at, options.vehicle, recording, localizer_options);
@@ -359,12 +374,16 @@ void AddRunCommand(Application* application) {
       .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
       .Option("--vehicle",
               &options->vehicle,
-              "Name of the vehicle, for its own calibration; default: as the log names it")
+              "Vehicle whose calibration is used, and whose report it is if the log names none; "
+              "default: as the log names it")
       .Option("--trajectory", &options->trajectory, "Write the trajectory here, TUM format")
+      .Output()
       .Option("--report", &options->report, "Write the shift report here")
+      .Output()
       .Option("--recording",
               &options->recording,
               "Record the shift here: MCAP for Foxglove, `plot consistency` and `view --replay`")
+      .Output()
       .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
       .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
       .InRange(1e-12, 0.49)

@@ -276,5 +276,98 @@ TEST_F(ReturnTest, EmptyFileAsStore) {
       "shiftmap-localizer", {"return", "--store", bad_, report_}, kBadInput, "not a map store");
 }
 
+// Whatever --vehicle says: a run is its vehicle's, and counts once.
+TEST_F(ReturnTest, ARunIsReportedInTheNameOfItsVehicle) {
+  for (const char* vehicle : {"a", "b", "c"}) {
+    RunForJson("shiftmap-localizer",
+               {"run",
+                "--store",
+                store_,
+                "--area",
+                "floor",
+                "--vehicle",
+                vehicle,
+                "--return",
+                world_->Log(1)});
+  }
+  int counting = 0;
+  const Json reports =
+      RunForJson("shiftmap-inspect", {"reports", "--store", store_, "--area", "floor"})["reports"];
+  EXPECT_EQ(reports.size(), 3u);
+  for (const Json& report : reports) {
+    EXPECT_EQ(report["vehicle"], Good().vehicle);
+    counting += report["set_aside"].empty();
+  }
+  EXPECT_EQ(counting, 1);
+}
+
+TEST_F(ReturnTest, ALogOfAnotherAreaIsNotReported) {
+  StatusOr<RunLog> log = ReadRunLog(world_->Log(1));
+  ASSERT_TRUE(log.ok());
+  log->run.info.area = "hall";
+  const std::string path = folder_.File("hall.mcap");
+  ASSERT_TRUE(WriteRunLog(log->run, path).ok());
+  Arguments words = {"run", "--store", store_, "--area", "floor", path};
+  EXPECT_EQ(RunCommand("shiftmap-localizer", words).exit_code, 0);
+  words.push_back("--return");
+  ExpectError("shiftmap-localizer", words, kBadInput, "is of area 'hall', not 'floor'");
+  const Json reports =
+      RunForJson("shiftmap-inspect", {"reports", "--store", store_, "--area", "floor"});
+  EXPECT_TRUE(reports["reports"].empty());
+}
+
+// An output that is an input, in every command that has both; a link is the same file.
+TEST_F(ReturnTest, NoOutputReplacesWhatACommandReads) {
+  constexpr int kUsage = 2;
+  const std::string log = folder_.File("run.mcap");
+  const std::string link = folder_.File("link");
+  std::filesystem::copy_file(world_->Log(1), log);
+  std::filesystem::create_symlink(store_, link);
+  const auto size = [](const std::string& path) { return std::filesystem::file_size(path); };
+  const auto of_store = size(store_);
+  const auto of_log = size(log);
+  const auto expect = [&](const char* program, Arguments words, const std::string& output) {
+    words.insert(words.end(), {"--store", store_, "--area", "floor"});
+    for (const std::string& path : {store_, link}) {
+      Arguments all = words;
+      all.insert(all.end(), {output, path});
+      ExpectError(program, all, kUsage, path);
+    }
+  };
+  for (const std::string output : {"--trajectory", "--report", "--recording"}) {
+    expect("shiftmap-localizer", {"run", log}, output);
+    ExpectError("shiftmap-localizer",
+                {"run", "--store", store_, "--area", "floor", output, log, log},
+                kUsage,
+                log);
+    ExpectError("shiftmap-localizer",
+                {"run", "--store", store_, "--area", "floor", output, link, log, "--return"},
+                kUsage,
+                link);
+  }
+  for (const char* format : {"--csv", "--html", "--snapshot"}) {
+    expect("shiftmap-inspect", {"export", format}, "--output");
+  }
+  expect("shiftmap-mapper", {"nightly", "plan", "--logs", folder_.path()}, "--output");
+  ExpectError(
+      "shiftmap-inspect", {"backup", "--store", store_, "--output", store_}, kUsage, store_);
+  ExpectError("shiftmap-localizer",
+              {"run",
+               "--store",
+               store_,
+               "--area",
+               "floor",
+               "--report",
+               folder_.File("same"),
+               "--trajectory",
+               folder_.File("same"),
+               log},
+              kUsage,
+              folder_.File("same"));
+  EXPECT_EQ(size(store_), of_store);
+  EXPECT_EQ(size(log), of_log);
+  EXPECT_FALSE(std::filesystem::exists(folder_.File("same")));
+}
+
 }  // namespace
 }  // namespace shiftmap::testing
