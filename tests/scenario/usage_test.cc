@@ -240,7 +240,7 @@ TEST_F(OutputTest, DryRunWritesNothing) {
       {"shiftmap-mapper", OfMap({"import", folder_.File("survey.csv")})},
       {"shiftmap-mapper", {"import", "--store", out, "--area", "yard", folder_.File("survey.csv")}},
       {"shiftmap-localizer",
-       OfMap({"run", "--return", "--report", out, "--trajectory", out, world_.Log(1)})},
+       OfMap({"run", "--return", "--report", out, "--trajectory", out + "2", world_.Log(1)})},
       {"shiftmap-localizer", {"return", "--store", store_, report}},
       {"shiftmap-inspect", OfMap({"plot", "--output", out})},
       {"shiftmap-inspect", OfMap({"export", "--csv", "--output", out})},
@@ -279,7 +279,7 @@ TEST_F(OutputTest, ReadingLeavesTheStoreAsItIs) {
   }
   for (const char* form :
        {"--geojson", "--csv", "--g2o", "--textproto", "--protojson", "--snapshot", "--html"}) {
-    RunForJson("shiftmap-inspect", OfMap({"export", form, "--output", elsewhere.File("map")}));
+    RunForJson("shiftmap-inspect", OfMap({"export", form, "--output", elsewhere.File(form)}));
   }
   RunForJson("shiftmap-inspect", OfMap({"export", "--tum", "--output", elsewhere.File("tum")}));
   RunForJson("shiftmap-eval", OfMap({"map", world_.Places()}));

@@ -199,7 +199,9 @@ Status WarnOfPublished(const std::string& area, MapStore* store, const Context& 
 
 // A name with a slip of the pen takes nothing out. One of a vehicle that is still to come is no
 // error.
-Status AttendUnknownVehicle(const RunsArguments& arguments, MapStore* store, Context* context) {
+Status WarnOfUnknownVehicle(const RunsArguments& arguments,
+                            MapStore* store,
+                            const Context& context) {
   const std::string& area = arguments.store.area;
   std::set<std::string> known;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ReportSummary> reports, store->Reports(area));
@@ -211,10 +213,10 @@ Status AttendUnknownVehicle(const RunsArguments& arguments, MapStore* store, Con
     for (const RunRecord& run : provenance.runs) known.insert(run.vehicle);
   }
   if (known.contains(arguments.vehicle)) return OkStatus();
-  context->Attend(fmt::format("area '{}' has no run of a vehicle '{}' so far{}",
-                              area,
-                              InertLine(arguments.vehicle),
-                              DidYouMean(arguments.vehicle, {known.begin(), known.end()})));
+  context.Warn(fmt::format("area '{}' has no run of a vehicle '{}' so far{}",
+                           area,
+                           InertLine(arguments.vehicle),
+                           DidYouMean(arguments.vehicle, {known.begin(), known.end()})));
   return OkStatus();
 }
 
@@ -239,7 +241,7 @@ Status Change(const RunsArguments& arguments, Context& context) {
   }
   SHIFTMAP_RETURN_IF_ERROR(WarnOfPublished(area, &store, context));
   if (!include && !arguments.vehicle.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(AttendUnknownVehicle(arguments, &store, &context));
+    SHIFTMAP_RETURN_IF_ERROR(WarnOfUnknownVehicle(arguments, &store, context));
   }
   context.Report({{"area", area}, {"changed", list}}, text);
   return OkStatus();
