@@ -280,7 +280,7 @@ TEST(IjrrUtiasTest, ARealizationIsARunWithASeedOfItsOwn) {
   options.datasets = {2};
   options.deltas_m = {0.6};
   options.methods = {"mcts-40s"};
-  options.mcts.iterations = 20;
+  options.mcts.iterations = 5;
   options.protocol.duration_s = 100.0;
   std::vector<double> single;
   for (options.seed = 4; options.seed < 7; ++options.seed) {
