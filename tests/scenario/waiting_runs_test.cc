@@ -2,11 +2,16 @@
 //
 // A run that may lie at several places in the map waits: the store remembers it, builds name it,
 // and the one that is given its log when others have decided takes it up.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
+#include "mapstore/run/trajectory.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 
@@ -77,6 +82,55 @@ TEST_F(WaitingRunsTest, AreRememberedUntilTheyAreTakenUp) {
                {"rollback", "--store", world_.File("maps.db"), "--area", "floor"});
   }
   EXPECT_EQ(Waiting({3}, kDone).size(), 1u);
+}
+
+// By signature where the only mode of each landmark is in a map of its own area.
+std::map<std::string, Eigen::Vector2d> PlacesOf(const std::string& store, const std::string& area) {
+  std::map<std::string, Eigen::Vector2d> places;
+  const Json map = RunForJson("shiftmap-inspect", {"show", "--store", store, "--area", area});
+  for (const Json& group : map["groups"]) {
+    const Json& mode = group["modes"][1];
+    places[group["signature"]] = {mode["x_m"].get<double>(), mode["y_m"].get<double>()};
+  }
+  return places;
+}
+
+// What operations advise where further runs do not decide: three landmarks that moved, surveyed.
+TEST_F(WaitingRunsTest, ASurveyOfThreeMovedLandmarksDecides) {
+  const std::string store = world_.File("maps.db");
+  ASSERT_EQ(Build({0}).exit_code, kDone);
+  ASSERT_EQ(Waiting({1}, kNothingToDo).size(), 1u);
+  RunForJson("shiftmap-mapper", {"build", "--store", store, "--area", "own", world_.Log(1)});
+  const auto before = PlacesOf(store, "floor");
+  const auto after = PlacesOf(store, "own");
+  std::vector<PointPair> stayed;
+  for (const char* name : {"L05", "L07", "L16"}) {
+    stayed.push_back({before.at(name), after.at(name)});
+  }
+  const StatusOr<Se2> T_before_after = AlignRigid2d(stayed);
+  ASSERT_TRUE(T_before_after.ok());
+  int surveyed = 0;
+  for (const auto& [name, place] : after) {
+    const Eigen::Vector2d p = *T_before_after * place;
+    if (surveyed == 3 || !before.contains(name) || (before.at(name) - p).norm() < 1.0) continue;
+    ++surveyed;
+    RunForJson("shiftmap-inspect",
+               {"edit",
+                "position",
+                name,
+                fmt::format("{},{}", p.x(), p.y()),
+                "--new",
+                "--sd",
+                "0.1",
+                "--reason",
+                "survey",
+                "--store",
+                store,
+                "--area",
+                "floor"});
+  }
+  ASSERT_EQ(surveyed, 3);
+  EXPECT_EQ(Waiting({1}, kDone).size(), 0u);
 }
 
 TEST_F(WaitingRunsTest, NothingIsRememberedOfADryRun) {
