@@ -16,6 +16,7 @@ StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const st
   std::error_code error;
   std::vector<std::string> paths;
   if (!fs::exists(folder, error)) return NotFound("folder '{}': does not exist", folder);
+  if (!fs::is_directory(folder, error)) return InvalidArgument("folder '{}': is a file", folder);
   fs::recursive_directory_iterator at(folder, error);
   for (; !error && at != fs::recursive_directory_iterator(); at.increment(error)) {
     std::error_code unknown;

@@ -31,6 +31,9 @@ constexpr std::size_t kMaxTextBytes = 1024;
 // Least standard deviation of a surveyed position. [m]
 constexpr double kMinSd = 1e-4;
 
+// A landmark that moved more often would be at no place when it is seen. [1/s]
+constexpr double kMaxRatePerS = 1.0;
+
 // Most jumps that a statement about a rate counts as.
 constexpr double kMaxWeight = 1e6;
 
@@ -101,8 +104,9 @@ Status ValidateEdit(const MapEdit& edit) {
     case EditKind::kRename:
       return CheckText("new name", edit.new_name.text());
     case EditKind::kRate:
-      if (!(edit.rate_per_s >= kMinMagnitude && edit.rate_per_s <= kMaxMagnitude)) {
-        return InvalidArgument("rate {} per s, expected a number above 0", edit.rate_per_s);
+      if (!(edit.rate_per_s >= kMinMagnitude && edit.rate_per_s <= kMaxRatePerS)) {
+        return InvalidArgument(
+            "rate {} per s, expected above 0 and up to {}", edit.rate_per_s, kMaxRatePerS);
       }
       if (!(edit.weight > 0.0 && edit.weight <= kMaxWeight)) {
         return InvalidArgument("weight {}, expected above 0 and up to {}", edit.weight, kMaxWeight);

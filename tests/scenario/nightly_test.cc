@@ -167,6 +167,11 @@ int ScansInView(const std::string& path, int version) {
   return scans;
 }
 
+TEST_F(NightlyTest, AFileInPlaceOfTheFolderOfLogsStaysOne) {
+  ExpectError(
+      "shiftmap-mapper", {"nightly", "--store", store_, "--logs", world_.Log(0)}, 3, "is a file");
+}
+
 TEST_F(NightlyTest, WhatEachRunSawIsKept) {
   Bring(0, "monday");
   ASSERT_EQ(Night().exit_code, 0);

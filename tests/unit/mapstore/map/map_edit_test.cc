@@ -45,7 +45,7 @@ TEST(ValidateEditTest, RefusesWhatIsNoNumberAndNoText) {
   }
   edit = MakeEdit(EditKind::kRate, "A");
   edit.weight = 1.0;
-  for (const double rate : {0.0, -1.0, kNan}) {
+  for (const double rate : {0.0, -1.0, kNan, 1e9}) {
     edit.rate_per_s = rate;
     EXPECT_THAT(ValidateEdit(edit), StatusIs(StatusCode::kInvalidArgument, "rate"));
   }
