@@ -39,6 +39,9 @@ constexpr double kBadMisfit = 0.5;
 // One of the two motions of a pair counts as none below this share of the other.
 constexpr double kStillShare = 0.05;
 
+// A gyroscope that works has more noise. [rad/s]
+constexpr double kLeastYawRate = 1e-6;
+
 constexpr double kRadPerDegree = std::numbers::pi / 180.0;
 
 // Scales of speed and yaw rate.
@@ -180,6 +183,7 @@ void MotionCheck::Add(const OdometrySample& sample) {
   MoveTo(sample.stamp);
   if (!odometry_) at_ = sample.stamp;
   odometry_ = sample;
+  turns_ |= std::abs(sample.omega_radps) > kLeastYawRate;
 }
 
 void MotionCheck::Add(const Scan& scan) {
@@ -290,6 +294,18 @@ void MotionCheck::Report(Findings* findings) const {
     }
     best = &kTried[i];
     evidence = &tally;
+  }
+  // Without turns in the odometry bearings seem too large.
+  if (!turns_ && (best != nullptr || *MedianMisfit() > kBadMisfit)) {
+    const std::size_t before = findings->size();
+    ReportFrozen(findings);
+    if (findings->size() > before) return;
+    findings->push_back({Severity::kWarning,
+                         "yaw_rate_zero",
+                         "odometry against scans",
+                         "landmarks turn and the yaw rate is 0 throughout",
+                         "see whether the odometry driver reports yaw rates"});
+    return;
   }
   if (best != nullptr) {
     findings->push_back({Severity::kWarning,

@@ -72,6 +72,7 @@ class MotionCheck {
   void ReportFrozen(Findings* findings) const;
 
   std::optional<OdometrySample> odometry_;
+  bool turns_ = false;  // Whether a yaw rate was logged that is not 0.
   Stamp at_;
   Poses T_begin_vehicle_;
   std::map<std::string, Anchor> anchors_;

@@ -90,6 +90,7 @@ const std::vector<Mistake>& Mistakes() {
       {"SpeedMillimetres", "speed_unit", for_odometry(1000.0, 1.0)},
       {"SpeedKilometresPerHour", "speed_unit", for_odometry(3.6, 1.0)},
       {"OdometryZero", "odometry_frozen", for_odometry(0.0, 0.0)},
+      {"YawRateZero", "yaw_rate_zero", for_odometry(1.0, 0.0)},
       {"DetectionsRepeated",
        "detections_frozen",
        [](Run* run) {
