@@ -66,7 +66,10 @@ Status Import(const ImportOptions& options, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionNumber> before,
                             PublishedBefore(options, context));
   Json document = {{"area", options.area}};
-  std::string text = fmt::format("{} landmarks, {} modes", content.groups.size(), modes);
+  std::string text = fmt::format("{} landmarks, {} modes, probabilities of {} UTC",
+                                 content.groups.size(),
+                                 modes,
+                                 FormatUtc(content.stamp));
   if (!context.dry_run()) {
     Provenance provenance;
     provenance.tool = "shiftmap-mapper " + SoftwareVersion();
@@ -99,6 +102,7 @@ Status Import(const ImportOptions& options, Context& context) {
   }
   document["groups"] = content.groups.size();
   document["modes"] = modes;
+  document["stamp_s"] = ToSecondsSinceEpoch(content.stamp);
   context.Report(document, text + "\n");
   return OkStatus();
 }
