@@ -155,9 +155,10 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
     const BuildRun& run = build.runs.front();
-    const std::string implausible = ImplausibleCalibration(run);
-    if (!implausible.empty()) rejected->push_back({run.data->name, implausible});
-    return !implausible.empty();
+    std::string reason = ImplausibleCalibration(run);
+    if (reason.empty() && ModesOf(run).empty()) reason = kOutliersReason;
+    if (!reason.empty()) rejected->push_back({run.data->name, reason});
+    return !reason.empty();
   });
   RaiseNoiseByVehicle(&builds);
   std::vector<std::string> names;
@@ -187,9 +188,10 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
   return size;
 }
 
-Status RequireConstrainedRuns(const BuildState& build) {
-  if (!build.runs.empty()) return OkStatus();
-  return RequireRuns(false, build.left_out);
+// Of the runs that are left some may have lost all that tied them to a map.
+Status RequireConstrainedRuns(BuildState* build) {
+  RemoveRunsOfOutliers(build);
+  return RequireRuns(!build->runs.empty(), build->left_out);
 }
 
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
@@ -231,7 +233,7 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
                            options.modes.min_sightings);
   }
   RemoveUnconstrainedRuns(build);
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
   if (!options.calibrate) SolveContinuous(options, build);  // Else with the noise.
   return OkStatus();
 }
@@ -243,7 +245,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   if (AllWait(*build)) return iterations;
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
   SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (!options.calibrate) return iterations;
   build->sensor = EstimateDetection(*build, options.modes);
@@ -251,7 +253,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
   return iterations;
 }
 
@@ -322,7 +324,7 @@ StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options
   std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(*graph);
   if (!posterior && RemoveUndeterminedRuns(options, build) > 0) {
     RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     *graph = MakeGraph(options, build);
@@ -340,7 +342,7 @@ Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
     if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
     RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(*build));
+    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
     if (build->priors.empty()) AnchorFrame(build);
   }
 }

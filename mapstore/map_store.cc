@@ -294,6 +294,15 @@ StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNu
   return ReadProvenance(database, row.version_id, state_->VersionName(area, version));
 }
 
+StatusOr<std::vector<LineRun>> MapStore::LineRuns(const std::string& area, VersionNumber version) {
+  Database& database = state_->database;
+  SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
+                            GetVersion(database, area, area_row.area_id, version));
+  return ReadLineRuns(database, row.version_id);
+}
+
 StatusOr<std::set<std::string>> MapStore::RunIdentities(const std::string& area,
                                                         VersionNumber version) {
   Database& database = state_->database;
@@ -369,10 +378,10 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
                             GetVersion(database, area, area_row.area_id, version));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
                             ReadExclusions(database, area_row.area_id));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> runs,
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<LineRun> runs,
                             ReadLineRuns(database, row.version_id));
   std::vector<std::string> names;
-  for (const RunRecord& run : runs) {
+  for (const auto& [run, of, committed] : runs) {
     const Exclusion* const exclusion =
         FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
     if (exclusion != nullptr && !exclusion->held) names.push_back(run.name);

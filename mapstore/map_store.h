@@ -168,6 +168,9 @@ class MapStore {
 
   StatusOr<Provenance> LoadProvenance(const std::string& area, VersionNumber version);
 
+  /// All runs that a version and its ancestors were built from, by begin and name.
+  StatusOr<std::vector<LineRun>> LineRuns(const std::string& area, VersionNumber version);
+
   /// RunRecord::sha256 and RunRecord::identity of all runs that a version and its ancestors were
   /// built from.
   StatusOr<std::set<std::string>> RunIdentities(const std::string& area, VersionNumber version);

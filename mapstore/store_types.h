@@ -42,6 +42,13 @@ struct RunRecord {
   const std::string& identity() const { return uuid.empty() ? sha256 : uuid; }
 };
 
+/// A run that a version or one of its ancestors was built from.
+struct LineRun {
+  RunRecord run;          ///< Without trajectory, evidence and visibility.
+  VersionNumber version;  ///< That one.
+  Stamp committed;        ///< When it was, by the clock of the machine that did.
+};
+
 /// Where a version comes from.
 struct Provenance {
   std::string tool;           ///< E.g. "shiftmap-mapper 0.1.0".

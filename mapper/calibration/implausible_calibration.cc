@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstddef>
 #include <numbers>
+
+#include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
 namespace {
@@ -18,7 +21,28 @@ constexpr double kMaxScale = 2.0;
 // Recorded robots lose 0.02 to 0.04. [rad/√s]
 constexpr double kMaxHeadingNoise = 0.12;
 
+// Log odds from which on odometry counts turns the other way.
+constexpr double kSurelyReversed = 10.0;
+
 bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale; }
+
+// Log odds that the vehicle turned against odometry rather than with it, each step's difference
+// with the most noise that a working vehicle has. A scale cannot say so: it has no sign, and what
+// it does not explain becomes noise.
+double LogOddsOfReversedTurns(const BuildRun& run) {
+  double log_odds = 0.0;
+  for (std::size_t i = 0; i < run.motions.between_frames.size(); ++i) {
+    const double odometry = run.motions.between_frames[i].T_begin_end.yaw();
+    const double turned = run.poses[i + 1].yaw() - run.poses[i].yaw();
+    const double seconds = ToSeconds(run.data->frames[i + 1].stamp - run.data->frames[i].stamp);
+    if (seconds <= 0.0) continue;  // Scans of one time.
+    const double with = WrapAngle(turned - odometry);
+    const double against = WrapAngle(turned + odometry);
+    log_odds +=
+        (with * with - against * against) / (2.0 * kMaxHeadingNoise * kMaxHeadingNoise * seconds);
+  }
+  return log_odds;
+}
 
 }  // namespace
 
@@ -29,6 +53,11 @@ std::string ImplausibleCalibration(const BuildRun& run) {
         "it fits only with a sensor turned by {:.0f} degrees: reversed odometry, or another "
         "mounting than the log says",
         offset * 180.0 / std::numbers::pi);
+  }
+  if (LogOddsOfReversedTurns(run) > kSurelyReversed) {
+    return "it fits only if it turns the other way than odometry says: bearings or yaw rates of "
+           "the "
+           "wrong sign";
   }
   if (!IsScale(run.odometry.scale_v)) {
     return fmt::format("it fits only with speeds of {:.2f} times what odometry says",

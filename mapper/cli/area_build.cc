@@ -32,7 +32,7 @@ struct PriorMap {
   std::optional<VersionNumber> version;
   std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
   std::optional<MapContent> content;
-  std::set<std::string> known_runs;        // Hash and identity of those that are in it already.
+  std::vector<LineRun> known_runs;         // Those that are in it already.
   std::vector<UnplacedRun> waiting;        // Of earlier builds.
   std::vector<RunRecord> fallen_out;       // Of versions newer than `version`.
   std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
@@ -91,7 +91,10 @@ Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap*
     SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
                               store->LoadProvenance(options.area, *at));
     for (const RunRecord& run : provenance.runs) {
-      const bool rests = prior->known_runs.contains(run.sha256);
+      const bool rests =
+          std::any_of(prior->known_runs.begin(), prior->known_runs.end(), [&](const LineRun& of) {
+            return of.run.sha256 == run.sha256;
+          });
       const bool excluded =
           FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
       if (!rests && !excluded) prior->fallen_out.push_back(run);
@@ -130,7 +133,7 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
                             store.LoadVersion(options.area, *prior.version));
   prior.content = snapshot.content();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.RunIdentities(options.area, *prior.version));
+  SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.LineRuns(options.area, *prior.version));
   SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   SHIFTMAP_RETURN_IF_ERROR(FindFallenOut(options, &store, &prior));
   return prior;
@@ -233,11 +236,19 @@ std::int64_t MaxMemory(const AreaBuildOptions& options) {
   return options.max_memory_mib ? *options.max_memory_mib * kMib : MemoryBound();
 }
 
-RunLoaderOptions LoaderOptions(const AreaBuildOptions& options, const PriorMap& prior, Stamp now) {
+RunLoaderOptions LoaderOptions(const AreaBuildOptions& options,
+                               const PriorMap& prior,
+                               Stamp now,
+                               const Context& context) {
   RunLoaderOptions loader;
   loader.area = options.area;
   loader.logs = options.logs;
   loader.known_runs = prior.known_runs;
+  loader.known_visits = [&]() -> StatusOr<std::vector<EvidenceRow>> {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                              OpenStore(options.store, MapStore::Access::kReadOnly, context));
+    return store.Evidence(options.area, *prior.version);
+  };
   loader.max_memory_bytes = MaxMemory(options);
   loader.threads = options.threads;
   if (prior.content) loader.prior_modes = prior.content->covariance.size();
@@ -478,7 +489,8 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   const Stamp now = SystemNow();
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, LoadRuns(LoaderOptions(options, prior, now), context));
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs,
+                            LoadRuns(LoaderOptions(options, prior, now, context), context));
   SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
   FollowEdits(prior.edits, &runs.inputs);
   SHIFTMAP_RETURN_IF_ERROR(LoadMemory(options, runs.inputs, context, &prior));

@@ -4,12 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <tuple>
 #include <utility>
 
+#include "mapper/cli/run_copies.h"
 #include "mapper/memory_estimate.h"
 #include "mapstore/cli/exit_codes.h"
 #include "mapstore/codec/run_log.h"
@@ -21,9 +22,6 @@ namespace {
 // build needs them twice (memory_estimate.cc).
 constexpr std::int64_t kReaderShare = 2;
 
-// No vehicle recorded before; a clock that was never set starts in 1970.
-constexpr Stamp kFirstPlausibleStamp = std::chrono::sys_days(std::chrono::year(1980) / 1 / 1);
-
 std::string LogName(const std::string& path) { return fmt::format("run log '{}'", path); }
 
 class Loader {
@@ -31,7 +29,6 @@ class Loader {
   Loader(const RunLoaderOptions& options, const Context& context)
       : options_(options),
         context_(context),
-        seen_(options.known_runs),
         choice_(options.max_memory_bytes, options.prior_modes, options.threads) {}
 
   Status Load(const std::string& path);
@@ -43,17 +40,20 @@ class Loader {
     MapperInput input;
   };
 
-  void Reject(const std::string& path, const Status& status) {
-    rejected_.push_back({std::filesystem::path(path).stem().string(), status});
+  void Reject(const std::string& path, const Status& status, bool longer = false) {
+    rejected_.push_back({std::filesystem::path(path).stem().string(), status, longer});
   }
   // Drops what no vehicle or sensor does.
   Status DropImplausibleItems(const std::string& path, RunLog* log);
   Status CheckName(const std::string& path, const std::string& name);
+  StatusOr<const LineRun*> FindMappedRun(const RunLog& log) const;
+  StatusOr<bool> IsMapped(const std::string& path, const RunLog& log);
   bool KeepLongest(const std::string& path, const RunLog& log);
 
   struct Rejection {
     std::string name;
     Status status;
+    bool longer;  // Than the copy that is in the map.
   };
 
   const RunLoaderOptions& options_;
@@ -88,11 +88,38 @@ Status Loader::CheckName(const std::string& path, const std::string& name) {
       "run logs '{}' and '{}': their trajectories would be one file", named->second, path);
 }
 
+// The run of the map that a log is of, or null.
+StatusOr<const LineRun*> Loader::FindMappedRun(const RunLog& log) const {
+  const RunInfo& info = log.run.info;
+  const LineRun* const mapped = FindMapped(options_.known_runs, info, log.sha256);
+  if (mapped != nullptr) return mapped;
+  const LineRun* const like = FindLikeness(options_.known_runs, info, BeginOf(log.run));
+  if (like == nullptr) return like;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, options_.known_visits());
+  return SawVisits(log.run, like->run.sha256, rows) ? like : nullptr;
+}
+
+// What a run says counts once.
+StatusOr<bool> Loader::IsMapped(const std::string& path, const RunLog& log) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, FindMappedRun(log));
+  if (mapped == nullptr) return false;
+  if (mapped->run.sha256 == log.sha256) {
+    Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));
+    return true;
+  }
+  const std::optional<std::string> rest = MissingRest(*mapped, EndOf(log.run));
+  Reject(path,
+         rest ? MakeStatus(StatusCode::kAlreadyExists, "{}: {}", LogName(path), *rest)
+              : MakeStatus(StatusCode::kAlreadyExists,
+                           "another copy of the run is in the map already"),
+         rest.has_value());
+  return true;
+}
+
 // Of copies of one run the one that was cut off last has the others in it. False: not this one.
 bool Loader::KeepLongest(const std::string& path, const RunLog& log) {
-  const std::string& uuid = log.run.info.uuid;
   const auto copy = std::find_if(loaded_.begin(), loaded_.end(), [&](const auto& loaded) {
-    return !uuid.empty() && loaded.second.input.run.info.uuid == uuid;
+    return AreCopies(loaded.second.input.run, log.run);
   });
   if (copy == loaded_.end()) return true;
   const Run& other = copy->second.input.run;
@@ -125,15 +152,12 @@ Status Loader::Load(const std::string& path) {
     context_.Warn(fmt::format("{}: {}", LogName(path), log->truncation));
   }
   if (!seen_.insert(log->sha256).second) {
-    Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));
+    Reject(path, MakeStatus(StatusCode::kAlreadyExists, "the log is given twice"));
     return OkStatus();
   }
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool mapped, IsMapped(path, *log));
+  if (mapped) return OkStatus();
   const RunInfo& info = log->run.info;
-  if (options_.known_runs.contains(info.uuid)) {
-    Reject(path,
-           MakeStatus(StatusCode::kAlreadyExists, "another copy of the run is in the map already"));
-    return OkStatus();
-  }
   if (!info.area.empty() && info.area != options_.area) {
     Reject(path, InvalidArgument("{}: is of area '{}'", LogName(path), info.area));
     return OkStatus();
@@ -174,15 +198,18 @@ StatusOr<LoadedRuns> Loader::Finish() {
   });
   LoadedRuns runs;
   runs.dropped = std::move(dropped_);
-  Status first;  // That is not in the map.
+  Status first;   // That is not in the map.
+  Status longer;  // Or not whole.
   for (const Rejection& rejection : rejected_) {
     runs.rejected.push_back({rejection.name, Message(rejection.status)});
     const bool known = rejection.status.code() == StatusCode::kAlreadyExists;
     if (first.ok() && !known) first = rejection.status;
+    if (longer.ok() && rejection.longer) longer = rejection.status;
   }
   for (auto& [hash, loaded] : loaded_) runs.inputs.push_back(std::move(loaded.input));
   if (!runs.inputs.empty()) return runs;
   SHIFTMAP_RETURN_IF_ERROR(first);
+  SHIFTMAP_RETURN_IF_ERROR(longer);
   return MakeStatus(
       StatusCode::kAlreadyExists, "area '{}': every run is already in the map", options_.area);
 }

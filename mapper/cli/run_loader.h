@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -12,14 +11,18 @@
 #include "mapstore/cli/context.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/run/item_limits.h"
+#include "mapstore/store_types.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
 
 struct RunLoaderOptions {
-  std::string area;                  ///< For messages.
-  std::vector<std::string> logs;     ///< Paths.
-  std::set<std::string> known_runs;  ///< Hash and identity of the runs that are in the map already.
+  std::string area;                 ///< For messages.
+  std::vector<std::string> logs;    ///< Paths.
+  std::vector<LineRun> known_runs;  ///< Those that are in the map already.
+
+  /// What the ledger has of the visits of these; asked where only they tell.
+  std::function<StatusOr<std::vector<EvidenceRow>>()> known_visits;
 
   /// Bound on the build's memory, and what it grows with beside the logs. [bytes]
   std::int64_t max_memory_bytes = 0;
@@ -41,10 +44,10 @@ struct LoadedRuns {
 };
 
 /// Reads the logs of a build. A log that is damaged, ends in the future, names another area, is a
-/// shorter copy of another one's run, or takes too much memory is left out by name, so that the
-/// others need not wait for it. Of logs that are too much together
-/// the largest are left out, whatever their order. Warns of logs that are cut off, hold implausible
-/// items, or were recorded without a clock.
+/// shorter copy of another one's run, is of a run that is in the map (FindMapped, SawVisits), or
+/// takes too much memory is left out by name, so that the others need not wait for it. Of logs that
+/// are too much together the largest are left out, whatever their order. Warns of logs that are cut
+/// off, hold implausible items, or were recorded without a clock.
 ///
 /// Memory: never more than `max_memory_bytes`, and one chunk of a log.
 /// Errors: those of the first log by name that is left out if none is left, kAlreadyExists if all

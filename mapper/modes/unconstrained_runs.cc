@@ -53,7 +53,7 @@ class Ties {
         open.push_back(run);
       }
     };
-    if (priors_.empty()) {
+    if (priors_.empty() && !modes_[first].empty()) {
       tied[first] = true;
       open.push_back(first);
     }
@@ -114,6 +114,14 @@ int RemoveUnconstrainedRuns(BuildState* build) {
   if (loose == 0) return 0;
   KeepRuns(tied, kUnconstrainedReason, build);
   return loose;
+}
+
+int RemoveRunsOfOutliers(BuildState* build) {
+  std::vector<bool> keep;
+  for (const BuildRun& run : build->runs) keep.push_back(!ModesOf(run).empty());
+  const auto empty = static_cast<int>(std::count(keep.begin(), keep.end(), false));
+  if (empty > 0) KeepRuns(keep, kOutliersReason, build);
+  return empty;
 }
 
 bool RemoveRunWithMostModes(BuildState* build) {

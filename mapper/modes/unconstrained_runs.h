@@ -19,6 +19,14 @@ inline constexpr char kUnconstrainedReason[] = "too few landmarks stand where th
 /// BuildState::left_out. Returns how many runs that are.
 int RemoveUnconstrainedRuns(BuildState* build);
 
+/// Why a run none of whose observations is at a mode is left out.
+inline constexpr char kOutliersReason[] =
+    "all its observations are outliers: they are in another unit, or not of its odometry";
+
+/// Takes out runs without a mode: they have nothing in the map. Otherwise as
+/// RemoveUnconstrainedRuns(), which leaves one run by itself as it is.
+int RemoveRunsOfOutliers(BuildState* build);
+
 /// Why a run whose modes take too much memory is left out.
 inline constexpr char kTooLargeReason[] = "its landmarks take too much memory";
 

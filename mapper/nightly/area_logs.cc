@@ -10,7 +10,9 @@
 #include <utility>
 
 #include "mapper/cli/area_build.h"
+#include "mapper/cli/run_copies.h"
 #include "mapper/nightly/rolled_back.h"
+#include "mapstore/codec/run_log.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -21,7 +23,8 @@ constexpr std::size_t kSha256Digits = 64;
 // What the store says of an area's runs.
 struct KnownRuns {
   std::set<std::string> mapped;
-  std::set<std::string> kept;     // Of these, what is in the version that a build goes on from.
+  VersionNumber prior;            // What a build goes on from.
+  std::vector<LineRun> kept;      // In it.
   std::set<std::string> waiting;  // Hashes.
 
   // What versions mapped that somebody rolled back, and the version.
@@ -51,8 +54,8 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
   }
   // The build says what is wrong with it.
   const StatusOr<VersionNumber> prior = FindPriorVersion(area, **published, store, nullptr);
-  SHIFTMAP_ASSIGN_OR_RETURN(known.kept,
-                            store->RunIdentities(area, prior.ok() ? *prior : **published));
+  known.prior = prior.ok() ? *prior : **published;
+  SHIFTMAP_ASSIGN_OR_RETURN(known.kept, store->LineRuns(area, known.prior));
   return known;
 }
 
@@ -74,6 +77,41 @@ bool Remove(const KnownRuns& known, const std::string& run, const LogHead& log, 
   return true;
 }
 
+// The run of the map that a log is of, or null.
+StatusOr<const LineRun*> FindMappedRun(const std::string& area,
+                                       const KnownRuns& known,
+                                       const LogHead& log,
+                                       MapStore* store) {
+  const LineRun* const mapped = FindMapped(known.kept, log.info, log.sha256);
+  if (mapped != nullptr) return mapped;
+  const LineRun* const like = FindLikeness(known.kept, log.info, log.begin);
+  if (like == nullptr) return like;
+  const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
+  if (!read.ok()) return static_cast<const LineRun*>(nullptr);  // The build says so.
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                            store->Evidence(area, known.prior));
+  return SawVisits(read->run, like->run.sha256, rows) ? like : nullptr;
+}
+
+// What the map lacks of a log that it has a run of, for a line about it; nothing if it lacks
+// nothing. A file that is as it was when its run was mapped need not be read.
+StatusOr<std::optional<std::string>> Rest(const LineRun& mapped, LogHead* log) {
+  const std::optional<Stamp> changed = ChangedAt(log->path);
+  if (!log->info.uuid.empty() && changed && *changed < mapped.committed) {
+    return std::optional<std::string>();
+  }
+  if (log->sha256.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(log->sha256, HashFile(log->path));
+  }
+  if (log->sha256 == mapped.run.sha256) return std::optional<std::string>();
+  const StatusOr<RunLog> read = ReadRunLog(log->path, {.lidar_scans = false});
+  if (!read.ok()) return std::optional<std::string>();
+  const std::optional<std::string> rest = MissingRest(mapped, EndOf(read->run));
+  if (!rest) return rest;
+  return std::optional(
+      fmt::format("'{}' is left out: {}; to leave it so, delete the log", log->path, *rest));
+}
+
 }  // namespace
 
 StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, MapStore* store) {
@@ -89,8 +127,14 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
   AreaLogs sorted;
   for (LogHead& log : logs) {
     if (Remove(known, log.identity(), log, &sorted)) continue;
-    if (known.kept.contains(log.identity())) {
-      sorted.mapped.push_back(std::move(log));
+    SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, FindMappedRun(area, known, log, store));
+    if (mapped != nullptr) {
+      SHIFTMAP_ASSIGN_OR_RETURN(std::optional<std::string> rest, Rest(*mapped, &log));
+      if (rest) {
+        sorted.held.push_back(*std::move(rest));
+      } else {
+        sorted.mapped.push_back(std::move(log));
+      }
       continue;
     }
     if (by_hash && log.sha256.empty()) {

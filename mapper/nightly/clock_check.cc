@@ -2,7 +2,6 @@
 #include "mapper/nightly/clock_check.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <map>
@@ -25,15 +24,6 @@ constexpr double kLiveS = 86'400.0;
 // A run that takes so much longer than others to come, and longer than this, is late.
 constexpr double kLateFactor = 10.0;
 constexpr double kLateS = 3600.0;
-
-// When a file was changed last, by the clock of the machine that has it. Unlike the time of its
-// content, nobody sets it.
-std::optional<Stamp> ChangedAt(const std::string& path) {
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0) return std::nullopt;
-  return Stamp(std::chrono::seconds(status.st_ctim.tv_sec) +
-               std::chrono::nanoseconds(status.st_ctim.tv_nsec));
-}
 
 std::string Utc(Stamp stamp) { return FormatUtc(stamp) + " UTC"; }
 

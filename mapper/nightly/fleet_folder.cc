@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/fleet_folder.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <system_error>
@@ -38,6 +41,13 @@ StatusOr<LogHead> ReadLogHead(const std::string& path) {
     SHIFTMAP_ASSIGN_OR_RETURN(head.sha256, HashFile(path));
   }
   return head;
+}
+
+std::optional<Stamp> ChangedAt(const std::string& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return std::nullopt;
+  return Stamp(std::chrono::seconds(status.st_ctim.tv_sec) +
+               std::chrono::nanoseconds(status.st_ctim.tv_nsec));
 }
 
 }  // namespace shiftmap

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <set>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,5 +29,9 @@ struct LogHead {
 /// Reads a run log's head; one whose run has no UUID is hashed.
 /// Errors: as RunLogStream; kInvalidArgument if it holds no item.
 StatusOr<LogHead> ReadLogHead(const std::string& path);
+
+/// When a file was changed last, by the clock of the machine that has it; nothing if there is none.
+/// Unlike the time of its content, nobody sets it.
+std::optional<Stamp> ChangedAt(const std::string& path);
 
 }  // namespace shiftmap

@@ -10,6 +10,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/cli/run_copies.h"
 #include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/log_area.h"
 #include "mapper/nightly/log_limits.h"
@@ -21,9 +22,6 @@
 
 namespace shiftmap {
 namespace {
-
-// A clock that is behind this was never set.
-constexpr Stamp kFirstPlausibleStamp = Stamp(std::chrono::seconds(315532800));  // 1980.
 
 StatusOr<MapStore> Open(const NightOptions& options,
                         MapStore::Access access,

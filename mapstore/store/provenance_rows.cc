@@ -121,36 +121,38 @@ StatusOr<Provenance> ReadProvenance(Database& database,
   return provenance;
 }
 
-StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t version_id) {
+StatusOr<std::vector<LineRun>> ReadLineRuns(Database& database, std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("WITH RECURSIVE line(version_id) AS (VALUES (?1) UNION "
                        "SELECT parent_version_id FROM version JOIN line USING (version_id) "
                        "WHERE parent_version_id IS NOT NULL) "
-                       "SELECT DISTINCT name, sha256, vehicle, begin_ns, end_ns, identity "
-                       "FROM line "
+                       "SELECT name, sha256, vehicle, begin_ns, end_ns, identity, min(number), "
+                       "min(created_ns) FROM line JOIN version USING (version_id) "
                        "JOIN version_run USING (version_id) JOIN run USING (run_id) "
-                       "ORDER BY begin_ns, name"));
+                       "GROUP BY run_id ORDER BY begin_ns, name"));
   query.Bind(version_id);
-  std::vector<RunRecord> runs;
+  std::vector<LineRun> runs;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
     if (!row) return runs;
-    runs.push_back({query.Text(0),
-                    query.Text(1),
-                    query.Text(2),
-                    StampFromNanoseconds(query.Int64(3)),
-                    StampFromNanoseconds(query.Int64(4)),
-                    {},
-                    {},
-                    UuidOf(query.Text(5), query.Text(1))});
+    RunRecord run;
+    run.name = query.Text(0);
+    run.sha256 = query.Text(1);
+    run.vehicle = query.Text(2);
+    run.begin = StampFromNanoseconds(query.Int64(3));
+    run.end = StampFromNanoseconds(query.Int64(4));
+    run.uuid = UuidOf(query.Text(5), run.sha256);
+    runs.push_back(
+        {std::move(run), VersionNumber(query.Int64(6)), StampFromNanoseconds(query.Int64(7))});
   }
 }
 
 StatusOr<std::set<std::string>> ReadRunIdentities(Database& database, std::int64_t version_id) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<RunRecord> runs, ReadLineRuns(database, version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<LineRun> runs, ReadLineRuns(database, version_id));
   std::set<std::string> identities;
-  for (const RunRecord& run : runs) identities.insert({run.sha256, run.identity()});
+  for (const auto& [run, version, committed] : runs)
+    identities.insert({run.sha256, run.identity()});
   return identities;
 }
 

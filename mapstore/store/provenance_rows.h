@@ -30,9 +30,8 @@ StatusOr<Provenance> ReadProvenance(Database& database,
                                     std::int64_t version_id,
                                     const std::string& owner);
 
-/// All runs that a version and its ancestors were built from, by begin and name, without
-/// trajectories.
-StatusOr<std::vector<RunRecord>> ReadLineRuns(Database& database, std::int64_t version_id);
+/// All runs that a version and its ancestors were built from, by begin and name.
+StatusOr<std::vector<LineRun>> ReadLineRuns(Database& database, std::int64_t version_id);
 
 /// Their RunRecord::sha256 and RunRecord::identity.
 StatusOr<std::set<std::string>> ReadRunIdentities(Database& database, std::int64_t version_id);

@@ -2,6 +2,7 @@
 //
 // A log that is made to harm, comes from a clock that was wrong, or holds what no device measures,
 // among good ones: it is named and left out, or its items are, and the others are built.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,6 +28,7 @@ using std::chrono::hours;
 using std::chrono::seconds;
 
 constexpr int kBadInput = 3;
+constexpr int kNothingToDo = 5;
 constexpr auto kYear = hours(24 * 365);
 constexpr std::size_t kMib = std::size_t{1} << 20;
 
@@ -252,6 +254,36 @@ TEST_F(BuildLogs, ALogWithoutAClockIsNamedAndUsed) {
   EXPECT_EQ(CountLines(built.err), 1) << built.err;
   EXPECT_NE(built.err.find("begins at 1970-01-01 00:00:00 UTC"), std::string::npos) << built.err;
   EXPECT_EQ(Json::parse(built.out)["runs"].size(), 2u);
+}
+
+// A log without a UUID is known by what it holds.
+TEST_F(BuildLogs, ACopyThatWasCutOffCountsOnce) {
+  shiftmap::Run cut = ReadShift(2);
+  cut.odometry.resize(cut.odometry.size() / 2);
+  std::erase_if(cut.scans,
+                [&](const Scan& scan) { return scan.stamp > cut.odometry.back().stamp; });
+  const std::string part = Log("part.mcap", cut);
+  const std::string whole = world_->Log(2);
+  const CommandResult built = RunCommand("shiftmap-mapper", Build({"--json", part, whole}));
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_NE(built.err.find("run 'part' is left out: run log '" + part + "': a copy of the run"),
+            std::string::npos)
+      << built.err;
+  EXPECT_EQ(Json::parse(built.out)["runs"].size(), 1u);
+  ExpectError("shiftmap-mapper", Build({part}), kNothingToDo, "already in the map");
+
+  RunForJson("shiftmap-mapper", Build({"--prior", "none", part}));
+  ExpectError("shiftmap-mapper", Build({whole}), kNothingToDo, "built from a shorter copy of it");
+}
+
+// Without a clock all begin at one time.
+TEST_F(BuildLogs, LogsWithoutAClockAreNoCopies) {
+  for (const int shift : {0, 1}) {
+    shiftmap::Run run = ReadShift(shift);
+    run.info.vehicle = "robot";
+    Shift(Stamp() - run.odometry.front().stamp, &run);
+    RunForJson("shiftmap-mapper", Build({Log(fmt::format("unset-{}.mcap", shift), run)}));
+  }
 }
 
 // What a driver writes for `no reading` is as if it were not there.

@@ -274,20 +274,31 @@ TEST_F(NightlyTest, ALogThatMayNotBeWholeWaitsForAnotherNight) {
   EXPECT_FALSE(fs::exists(store_));
 }
 
-// Of copies of one run the longest is mapped, once.
-TEST_F(NightlyTest, ACopyThatWasCutOffIsNoOtherRun) {
-  const auto named = [](shiftmap::Run* run) {
-    run->info.uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
-  };
-  const auto cut = [&](shiftmap::Run* run) {
-    named(run);
+// By the parameter, logs have the UUID of their run or not.
+class CutOffTest : public NightlyTest, public ::testing::WithParamInterface<const char*> {
+ protected:
+  static void Name(shiftmap::Run* run) { run->info.uuid = GetParam(); }
+  static void Cut(shiftmap::Run* run) {
+    Name(run);
     run->odometry.resize(run->odometry.size() / 2);
     std::erase_if(run->scans,
                   [&](const Scan& scan) { return scan.stamp > run->odometry.back().stamp; });
-  };
-  Bring(0, "a_cut", cut);
-  Bring(0, "whole", named);
-  Bring(0, "z_cut", cut);
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Uuids,
+                         CutOffTest,
+                         ::testing::Values("", "0f8fad5b-d9cb-469f-a165-70867728950e"),
+                         [](const auto& uuid) { return *uuid.param == '\0' ? "None" : "One"; });
+
+// Of copies of one run the longest is mapped, once.
+TEST_P(CutOffTest, ACopyIsNoOtherRun) {
+  Bring(0, "a_cut", Cut);
+  Bring(0, "whole", Name);
+  Bring(0, "z_cut", [](shiftmap::Run* run) {
+    Cut(run);
+    run->odometry.pop_back();
+  });
   CommandResult night = Night();
   EXPECT_EQ(night.exit_code, kAttention) << night.err;
   EXPECT_NE(night.err.find("a copy of the run, not longer than"), std::string::npos) << night.err;
@@ -297,6 +308,40 @@ TEST_F(NightlyTest, ACopyThatWasCutOffIsNoOtherRun) {
       RunForJson("shiftmap-inspect", {"runs", "--store", store_, "--area", "floor"})["runs"];
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0]["run"], "whole");
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+// A log whose first part is mapped is named until somebody takes that part back and builds with it.
+TEST_P(CutOffTest, TheRestIsNamed) {
+  Bring(1, "other");
+  ASSERT_EQ(Night().exit_code, 0);
+  Bring(0, "run", Cut);
+  ASSERT_EQ(Night().exit_code, 0);
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+  Bring(0, "run", Name);
+  for (const char* const time : {"first", "second"}) {
+    const CommandResult night = Night();
+    EXPECT_EQ(night.exit_code, kAttention) << time;
+    EXPECT_NE(night.err.find("version 2 was built from a shorter copy"), std::string::npos)
+        << time << night.err;
+    EXPECT_EQ(night.err.find("clock"), std::string::npos) << time << night.err;
+  }
+  const Arguments store = {"--store", store_, "--area", "floor"};
+  const auto with = [&](const std::string& command, const Arguments& more = {}) {
+    Arguments words = {command};
+    words.insert(words.end(), store.begin(), store.end());
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  ExpectError("shiftmap-mapper",
+              with("build", {logs_ + "/run.mcap"}),
+              kNothingToDo,
+              "run.mcap': version 2 was built from a shorter copy");
+  RunForJson("shiftmap-inspect", with("rollback"));
+  RunForJson("shiftmap-mapper", with("build", {logs_ + "/run.mcap"}));
+  const Json runs = RunForJson("shiftmap-inspect", with("runs"))["runs"];
+  ASSERT_EQ(runs.size(), 1u);
+  EXPECT_NEAR(runs[0]["end_s"].get<double>() - runs[0]["begin_s"].get<double>(), 60.0, 1.0);
   EXPECT_EQ(Night().exit_code, kNothingToDo);
 }
 

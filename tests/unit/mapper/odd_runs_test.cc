@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Runs that are valid and make no sense: a build gives a valid map, or says what is wrong.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <functional>
+#include <numbers>
+#include <optional>
 #include <random>
 #include <vector>
 
 #include "mapper/mapper.h"
+#include "mapper/modes/unconstrained_runs.h"
+#include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
@@ -171,6 +178,67 @@ TEST(OddRuns, GiveAValidMapOrSayWhatIsWrong) {
   EXPECT_GT(maps, 230);  // Of 240: there is a run that makes sense in each build.
   RecordProperty("maps", maps);
   RecordProperty("refused", refused);
+}
+
+// Laps of a circle to the left among landmarks about it: no turn to the right tells the sign of
+// yaw rates from their scale.
+MapperInput Laps(int day, double range_factor, double bearing_factor) {
+  constexpr double kRadius = 8.0;  // [m]
+  constexpr int kLandmarks = 12;
+  std::mt19937_64 random(static_cast<std::uint64_t>(day));
+  std::normal_distribution<double> noise;
+  MapperInput input{fmt::format("day-{}", day), fmt::format("{:064x}", day), {}};
+  input.run.info.vehicle = "robot";
+  for (int i = 0; i < 1500; ++i) {
+    const Stamp stamp = OpenWorldOptions().start + std::chrono::days(day) + FromSeconds(0.1 * i);
+    input.run.odometry.push_back(
+        {stamp, 1.0 + 0.003 * noise(random), 1.0 / kRadius + 0.003 * noise(random)});
+    if (i % 2 == 0) continue;
+    const double yaw = 0.1 * i / kRadius;
+    const Se2 T_map_vehicle(kRadius * std::sin(yaw), -kRadius * std::cos(yaw), yaw);
+    Scan scan{stamp, {}};
+    for (int k = 0; k < kLandmarks; ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / kLandmarks;
+      const double distance = 9.0 + std::fmod(2.3 * k, 5.0);
+      const Eigen::Vector2d q =
+          T_map_vehicle.Inverse() *
+          Eigen::Vector2d(distance * std::cos(angle), distance * std::sin(angle));
+      const double bearing = std::atan2(q.y(), q.x());
+      if (q.norm() > 12.0 || std::abs(bearing) > 1.2) continue;
+      Observation observation;
+      observation.signature = Signature(fmt::format("L{}", k));
+      observation.z = {range_factor * (q.norm() + 0.05 * noise(random)),
+                       bearing_factor * (bearing + 0.01 * noise(random))};
+      scan.observations.push_back(observation);
+    }
+    input.run.scans.push_back(std::move(scan));
+  }
+  return input;
+}
+
+TEST(OddRuns, OfTurnsTheWrongWayAreLeftOut) {
+  const StatusOr<MapperResult> result =
+      BuildMap({Laps(0, 1.0, 1.0), Laps(1, 1.0, -1.0)}, std::nullopt, {});
+  ASSERT_THAT(result, testing::IsOk());
+  ASSERT_EQ(result->runs.size(), 1u);
+  EXPECT_EQ(result->runs[0].name, "day-0");
+  ASSERT_EQ(result->rejected.size(), 1u);
+  EXPECT_THAT(result->rejected[0].reason, ::testing::HasSubstr("wrong sign"));
+  EXPECT_THAT(BuildMap({Laps(0, 1.0, -1.0), Laps(1, 1.0, -1.0)}, std::nullopt, {}),
+              testing::StatusIs(StatusCode::kInvalidArgument,
+                                "'day-0': it fits only if it turns the other way"));
+}
+
+TEST(OddRuns, OfNothingButOutliersAreLeftOut) {
+  const StatusOr<MapperResult> result =
+      BuildMap({Laps(0, 1.0, 1.0), Laps(1, 100.0, 1.0), Laps(2, 100.0, 1.0)}, std::nullopt, {});
+  ASSERT_THAT(result, testing::IsOk());
+  EXPECT_EQ(result->runs.size(), 1u);
+  ASSERT_EQ(result->rejected.size(), 2u);
+  for (const RejectedRun& run : result->rejected) EXPECT_EQ(run.reason, kOutliersReason);
+  EXPECT_THAT(BuildMap({Laps(1, 100.0, 1.0)}, std::nullopt, {}),
+              testing::StatusIs(StatusCode::kInvalidArgument,
+                                "'day-1': all its observations are outliers"));
 }
 
 }  // namespace

@@ -87,6 +87,27 @@ TEST_F(UnconstrainedRuns, VisitsWithoutModeTieNothing) {
   EXPECT_EQ(Left(), Names{"a"});
 }
 
+TEST_F(UnconstrainedRuns, ARunWithoutModesIsNoMap) {
+  Add("outliers", {0});
+  problem_.runs[0].assignment = {kUnassigned};
+  Add("a", {1, 2});
+  EXPECT_EQ(RemoveUnconstrainedRuns(&problem_), 1);
+  EXPECT_EQ(Left(), Names{"a"});
+}
+
+TEST_F(UnconstrainedRuns, RunsOfOutliersAreNamed) {
+  Add("outliers", {0, 1});
+  problem_.runs[0].assignment = {kUnassigned, kUnassigned};
+  Add("a", {1});
+  EXPECT_EQ(RemoveRunsOfOutliers(&problem_), 1);
+  EXPECT_EQ(Left(), Names{"a"});
+  ASSERT_EQ(problem_.left_out.size(), 1u);
+  EXPECT_EQ(problem_.left_out[0].name, "outliers");
+  EXPECT_EQ(problem_.left_out[0].reason, kOutliersReason);
+  EXPECT_TRUE(problem_.modes[0].empty());
+  EXPECT_EQ(RemoveRunsOfOutliers(&problem_), 0);
+}
+
 TEST_F(UnconstrainedRuns, OneRunByItselfIsTied) {
   Add("a", {0});
   EXPECT_EQ(RemoveUnconstrainedRuns(&problem_), 0);

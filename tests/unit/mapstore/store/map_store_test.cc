@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/map_store.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -207,6 +208,11 @@ TEST_F(MapStoreTest, RunsOfAVersionAreThoseOfItsAncestorsToo) {
   EXPECT_THAT(of(1), ElementsAre("a", "b"));
   EXPECT_THAT(of(4), ElementsAre("a", "b", "d", "e"));
   EXPECT_THAT(of(5), ElementsAre("a", "b", "c"));
+  std::vector<std::string> line;
+  for (const LineRun& of : store_.LineRuns("level 1", VersionNumber(4)).value()) {
+    line.push_back(fmt::format("{} {}", of.run.sha256, of.version.value()));
+  }
+  EXPECT_THAT(line, ElementsAre("a 1", "b 1", "d 3", "e 4"));
   EXPECT_THAT(store_.RunIdentities("level 1", VersionNumber(6)),
               StatusIs(StatusCode::kNotFound, "no version 6"));
 }

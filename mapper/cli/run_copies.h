@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapstore/core/stamp.h"
+#include "mapstore/map/mode_filter.h"
+#include "mapstore/run/run.h"
+#include "mapstore/store_types.h"
+
+namespace shiftmap {
+
+/// No vehicle recorded before: a clock that is behind this was never set.
+inline constexpr Stamp kFirstPlausibleStamp =
+    std::chrono::sys_days(std::chrono::year(1980) / 1 / 1);
+
+/// Whether one of two logs is a copy of the other that was cut off: they have one UUID or, where
+/// one has none, one vehicle and odometry, as far as the shorter goes.
+/// Precondition: both have odometry.
+bool AreCopies(const Run& a, const Run& b);
+
+/// The run of a map that a log is of, by its hash or UUID; null if there is none.
+const LineRun* FindMapped(const std::vector<LineRun>& runs,
+                          const RunInfo& info,
+                          const std::string& sha256);
+
+/// The run of a map that a log may be another copy of (SawVisits tells): where one of the two has
+/// no UUID, one of its vehicle with its begin; null if there is none.
+const LineRun* FindLikeness(const std::vector<LineRun>& runs, const RunInfo& info, Stamp begin);
+
+/// Whether a run saw most of what a map's ledger has of the visits of another one until it ends, at
+/// the same times: one is a copy of the other then.
+/// @param rows  Of any runs; those of `source` count.
+bool SawVisits(const Run& run, const std::string& source, const std::vector<EvidenceRow>& rows);
+
+/// What the map lacks of a run whose copy of a log it was built from ends before this one, and how
+/// to get it; nothing if it lacks nothing.
+/// @param end  Of the log.
+std::optional<std::string> MissingRest(const LineRun& mapped, Stamp end);
+
+}  // namespace shiftmap
