@@ -2,12 +2,16 @@
 //
 // Edits that a person makes in a map, and takes back.
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "mapstore/core/inert_text.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/map/control_points.h"
 #include "mapstore/map/frame_change.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
@@ -97,6 +101,25 @@ Status CheckNewName(Database& database,
   return OkStatus();
 }
 
+// A build that applies the points again is not to fail by them: they are checked when they come.
+Status CheckPoints(const EditedMap& map, const MapEdit& control) {
+  std::vector<MapEdit> held = map.held();
+  held.push_back(control);
+  return CheckControlPoints(ControlPointsOf(held), map.content());
+}
+
+// How a surveyed position moves its mode; nothing if the map does not have it.
+std::optional<EditResult::Move> MoveOf(const EditedMap& map, const MapEdit& position) {
+  const LandmarkGroup* const group = map.GroupOf(position);
+  const int state = group == nullptr ? -1 : group->StateOf(position.mode);
+  if (state < 1) return std::nullopt;
+  const Mode& mode = group->modes[static_cast<std::size_t>(state) - 1];
+  const Eigen::Vector2d by = position.p_map_landmark - mode.p_map_landmark;
+  const Eigen::Matrix2d cov =
+      mode.cov_p_map_landmark + position.sd_m * position.sd_m * Eigen::Matrix2d::Identity();
+  return EditResult::Move{by.norm(), std::sqrt(SquaredMahalanobis(by, cov))};
+}
+
 }  // namespace
 
 StatusOr<VersionRow> MapStore::State::AddEdited(std::int64_t area_id,
@@ -173,13 +196,17 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
     SHIFTMAP_ASSIGN_OR_RETURN(edit.kept,
                               FindKept(database, published.version_id, edit.vehicle, edit.since));
   }
+  if (edit.kind == EditKind::kControl) {
+    if (const Status fit = CheckPoints(map, edit); !fit.ok()) return refuse(fit);
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const auto kept, ReadKept(database, area_id, edit));
   if (!dry_run) {
     SHIFTMAP_ASSIGN_OR_RETURN(edit.id, InsertEdit(database, area_id, edit));
   }
+  EditResult result;
+  if (edit.kind == EditKind::kPosition) result.move = MoveOf(map, edit);
   if (const Status applied = map.Apply(edit, kept); !applied.ok()) return refuse(applied);
   if (const Status valid = ValidateMapContent(map.content()); !valid.ok()) return refuse(valid);
-  EditResult result;
   result.edit = edit.id;
   if (dry_run) return result;
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,

@@ -142,6 +142,13 @@ struct EditResult {
   /// Of an edit taken back: the published version still rests on it, and the next build goes on
   /// without it.
   bool rests_on = false;
+
+  /// Of a surveyed position: how far from where runs saw the mode.
+  struct Move {
+    double distance_m = 0.0;
+    double sds = 0.0;  ///< In standard deviations of the difference.
+  };
+  std::optional<Move> move;
 };
 
 struct AreaSummary {

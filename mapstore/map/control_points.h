@@ -7,6 +7,7 @@
 #include "mapstore/core/ids.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/map_snapshot.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -31,5 +32,11 @@ struct ControlPoint {
 /// @param inform  False: the map's covariance knows of the points already, and stays.
 /// @return T_new_old of the frame. Determinism: the order of `points` matters in rounding only.
 Se2 HoldControlPoints(const std::vector<ControlPoint>& points, bool inform, MapContent* content);
+
+/// Whether control points fit each other and the map, as HoldControlPoints takes them: rᵀ Q r is
+/// chi-square, with the degrees of freedom that the frame leaves, if map and points are as good as
+/// they say. The bound leaves room for a map of 1.5 times the variance that it states.
+/// Errors: kInvalidArgument, which names the point without which the others fit best.
+Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapContent& content);
 
 }  // namespace shiftmap

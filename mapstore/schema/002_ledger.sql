@@ -50,8 +50,8 @@ ALTER TABLE shift_report ADD COLUMN first_visit_ns INTEGER;
 UPDATE shift_report SET first_visit_ns =
   (SELECT min(begin_ns) FROM visit_evidence e WHERE e.report_id = shift_report.report_id);
 
--- 1: another report about the same run log counts: that against the lowest version, then of the
--- lowest UUID.
+-- 1: another report about the same run log comes before it: that against the lowest version, then
+-- of the lowest UUID. Of those about a run the first counts that is of a version's line.
 ALTER TABLE shift_report ADD COLUMN superseded INTEGER NOT NULL DEFAULT 0;
 CREATE INDEX shift_report_run ON shift_report (run_hash) WHERE run_hash <> '';
 UPDATE shift_report SET superseded = 1

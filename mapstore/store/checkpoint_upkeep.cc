@@ -162,14 +162,9 @@ Status KeepCheckpoints(Database& database,
                        std::int64_t checkpoint_rows,
                        const std::string& owner) {
   int deleted = 0;
-  if (inserted.first_visit && !inserted.superseded) {
+  if (inserted.changed_from) {
     SHIFTMAP_ASSIGN_OR_RETURN(deleted,
-                              DeleteCheckpointsAfter(database, area_id, *inserted.first_visit));
-  }
-  if (inserted.replaced && inserted.replaced->first_visit) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        const int also, DeleteCheckpointsAfter(database, area_id, *inserted.replaced->first_visit));
-    deleted += also;
+                              DeleteCheckpointsAfter(database, area_id, *inserted.changed_from));
   }
   if (!published) {
     return AddRowsSinceCheckpoint(database, area_id, rows_added).status();

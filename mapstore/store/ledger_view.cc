@@ -239,19 +239,24 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   return whole;
 }
 
-// Of a report that is superseded now: whether what supersedes it had come by then.
+// Of a report that does not come first of its run: whether one that comes before it is of the
+// view's line, and had come by then.
 StatusOr<bool> LedgerView::IsSuperseded(std::int64_t report_id) {
-  if (!known_) return true;
   SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement other,
+      Statement others,
       database_->Prepare(
-          "SELECT 1 FROM shift_report r JOIN version v USING (version_id), "
+          "SELECT o.version_id FROM shift_report r JOIN version v USING (version_id), "
           "shift_report o JOIN version ov ON ov.version_id = o.version_id "
           "WHERE r.report_id = ?1 AND o.identity = r.identity AND o.vehicle = r.vehicle "
           "AND ov.area_id = v.area_id AND (ov.number, o.uuid) < (v.number, r.uuid) "
           "AND o.received_ns <= ?2"));
-  other.Bind(report_id, ToNanoseconds(*known_));
-  return other.Step();
+  others.Bind(report_id, ToNanoseconds(known_.value_or(Stamp::max())));
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
+    if (!row) return false;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(others.Int64(0)));
+    if (place.relation != Relation::kOther) return true;
+  }
 }
 
 StatusOr<LedgerView::Place> LedgerView::PlaceOf(std::int64_t version_id) {

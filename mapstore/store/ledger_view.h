@@ -38,7 +38,7 @@ struct LedgerVehicle {
 ///
 ///   mapped by the version or an ancestor                       counts
 ///   reported against the version, an ancestor or a descendant  counts, but not
-///     if another report about the run counts                   kSameRun
+///     if one of these about the run comes before it            kSameRun
 ///     if the version or an ancestor mapped the run             kRunInMap
 ///   mapped by a descendant                                     kLaterVersion
 ///   anything else                                              kOtherLine

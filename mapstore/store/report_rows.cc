@@ -101,37 +101,42 @@ std::string IdentityOf(const ShiftReport& report) {
   return report.run_hash.empty() ? LowerCaseUuid(report.uuid) : report.run_hash;
 }
 
-// Of several reports of a vehicle about one run a single one counts: that against the lowest
-// version, then that of the lowest UUID, whatever the order in which they came.
-Status DecideAmongSameRun(Database& database,
-                          std::int64_t area_id,
-                          const VersionRow& version,
-                          const std::string& uuid,
-                          const std::string& identity,
-                          const std::string& vehicle,
-                          InsertedReport* inserted) {
+void Widen(std::optional<Stamp> first_visit, std::optional<Stamp>* from) {
+  if (first_visit) *from = std::min(from->value_or(*first_visit), *first_visit);
+}
+
+// Of several reports of a vehicle about one run that against the lowest version comes first, then
+// that of the lowest UUID, whatever the order in which they came. Notes which do not come first.
+// @return Whether another one comes before this.
+StatusOr<bool> OrderAmongSameRun(Database& database,
+                                 std::int64_t area_id,
+                                 const VersionRow& version,
+                                 const std::string& uuid,
+                                 const std::string& identity,
+                                 const std::string& vehicle,
+                                 InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement other,
-      database.Prepare("SELECT report_id, r.version_id, first_visit_ns, number, uuid "
+      Statement others,
+      database.Prepare("SELECT report_id, first_visit_ns, number, uuid "
                        "FROM shift_report r JOIN version v USING (version_id) "
-                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3 "
-                       "AND superseded = 0"));
-  other.Bind(identity, area_id, vehicle);
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool found, other.Step());
-  if (!found) return OkStatus();
-  const auto counted = std::make_tuple(VersionNumber(other.Int64(3)), other.Text(4));
-  if (counted < std::make_tuple(version.number, uuid)) {
-    inserted->superseded = true;
-    return OkStatus();
-  }
-  InsertedReport::Superseded replaced{other.Int64(1), std::nullopt};
-  if (!other.IsNull(2)) replaced.first_visit = StampFromNanoseconds(other.Int64(2));
-  inserted->replaced = replaced;
+                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3"));
+  others.Bind(identity, area_id, vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement update,
       database.Prepare("UPDATE shift_report SET superseded = 1 WHERE report_id = ?1"));
-  update.Bind(other.Int64(0));
-  return update.Execute();
+  bool superseded = false;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
+    if (!row) return superseded;
+    const auto other = std::make_tuple(VersionNumber(others.Int64(2)), others.Text(3));
+    if (other < std::make_tuple(version.number, uuid)) {
+      superseded = true;
+      continue;
+    }
+    if (!others.IsNull(1)) Widen(StampFromNanoseconds(others.Int64(1)), &inserted->changed_from);
+    update.Bind(others.Int64(0));
+    SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+  }
 }
 
 }  // namespace
@@ -150,15 +155,16 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       const ShiftReport& report,
                                       Stamp received) {
   const std::string uuid = LowerCaseUuid(report.uuid);
+  std::optional<Stamp> first_visit;
+  for (const VisitEvidence& evidence : report.evidence) Widen(evidence.begin, &first_visit);
   InsertedReport inserted;
-  for (const VisitEvidence& evidence : report.evidence) {
-    inserted.first_visit = std::min(inserted.first_visit.value_or(evidence.begin), evidence.begin);
-  }
+  inserted.changed_from = first_visit;
   const std::string identity = IdentityOf(report);
-  SHIFTMAP_RETURN_IF_ERROR(
-      DecideAmongSameRun(database, area_id, version, uuid, identity, report.vehicle, &inserted));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const bool superseded,
+      OrderAmongSameRun(database, area_id, version, uuid, identity, report.vehicle, &inserted));
   std::optional<std::int64_t> first_visit_ns;
-  if (inserted.first_visit) first_visit_ns = ToNanoseconds(*inserted.first_visit);
+  if (first_visit) first_visit_ns = ToNanoseconds(*first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO shift_report (uuid, version_id, vehicle, run_hash, software, "
@@ -173,7 +179,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
            ToNanoseconds(report.end),
            ToNanoseconds(received),
            first_visit_ns,
-           inserted.superseded ? 1 : 0,
+           superseded ? 1 : 0,
            identity);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   inserted.report_id = database.LastInsertRowId();

@@ -19,15 +19,10 @@ StatusOr<bool> HasReport(Database& database, const std::string& uuid);
 /// A report as it was added.
 struct InsertedReport {
   std::int64_t report_id = 0;
-  bool superseded = false;           ///< Another report about the same log counts.
-  std::optional<Stamp> first_visit;  ///< Nothing without evidence.
 
-  /// The report that counted until now, if this one takes its place.
-  struct Superseded {
-    std::int64_t version_id = 0;
-    std::optional<Stamp> first_visit;
-  };
-  std::optional<Superseded> replaced;
+  /// Begin of the first visit that it may make count, or no longer count, for some version: its
+  /// own, or one of the reports about its run that it comes before. Nothing without evidence.
+  std::optional<Stamp> changed_from;
 };
 
 /// Adds a checked report that is not there yet, made against `version` of the area.

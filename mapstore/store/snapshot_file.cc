@@ -209,6 +209,8 @@ Status CopyRows(Database& source,
             "INSERT INTO main.shift_report SELECT * FROM source.shift_report WHERE report_id = ?1",
             report_id));
   }
+  // What counts here is of the version's line, and nothing of the others is there.
+  SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("UPDATE main.shift_report SET superseded = 0"));
   SHIFTMAP_RETURN_IF_ERROR(CopyVersions(source, snapshot, version, copied.versions));
   SHIFTMAP_RETURN_IF_ERROR(CopyEdits(snapshot, area_id));
   return CopyContent(snapshot, version.version_id);

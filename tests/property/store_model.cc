@@ -31,6 +31,8 @@ std::optional<Eigen::VectorXd> Claim(const LandmarkGroup& group, const MapConten
   return std::nullopt;
 }
 
+std::size_t IndexOf(VersionNumber version) { return static_cast<std::size_t>(version.value() - 1); }
+
 }  // namespace
 
 std::size_t StoreModel::Commit(Version version) {
@@ -61,11 +63,16 @@ bool StoreModel::IsAncestor(std::size_t ancestor, std::size_t version) const {
   return false;
 }
 
-bool StoreModel::IsSuperseded(std::size_t report) const {
+bool StoreModel::IsOfLine(std::size_t other, std::size_t version) const {
+  return IsInLine(other, version) || IsAncestor(version, other);
+}
+
+bool StoreModel::IsSuperseded(std::size_t report, std::size_t version) const {
   const ShiftReport& mine = reports_[report];
   return !mine.run_hash.empty() &&
          std::any_of(reports_.begin(), reports_.end(), [&](const ShiftReport& other) {
            return other.run_hash == mine.run_hash && other.vehicle == mine.vehicle &&
+                  IsOfLine(IndexOf(other.version), version) &&
                   std::tie(other.version, other.uuid) < std::tie(mine.version, mine.uuid);
          });
 }
@@ -94,7 +101,7 @@ bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::siz
   if (IsExcluded(mine.run_hash.empty() ? mine.uuid : mine.run_hash, mine.vehicle, mine.begin)) {
     return false;
   }
-  if (IsSuperseded(report)) return false;
+  if (IsSuperseded(report, version)) return false;
   for (std::size_t built = 0; built < versions_.size(); ++built) {
     if (!IsInLine(built, version)) continue;
     if (known && IsInLine(built, *statement)) continue;
@@ -102,7 +109,7 @@ bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::siz
       if (run.sha256 == reports_[report].run_hash) return false;
     }
   }
-  const auto reported = static_cast<std::size_t>(reports_[report].version.value() - 1);
+  const std::size_t reported = IndexOf(reports_[report].version);
   if (!IsInLine(reported, version)) return IsAncestor(version, reported);
   return !(known && IsAncestor(reported, *statement) &&
            visit.begin <= versions_[*statement].content.stamp);

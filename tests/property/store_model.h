@@ -59,7 +59,8 @@ class StoreModel {
   bool IsAncestor(std::size_t ancestor, std::size_t version) const;
   bool IsInLine(std::size_t upper, std::size_t version) const;
   std::vector<EvidenceRow> RowsOf(const LandmarkGroup& group, std::size_t version, Stamp at) const;
-  bool IsSuperseded(std::size_t report) const;
+  bool IsOfLine(std::size_t other, std::size_t version) const;
+  bool IsSuperseded(std::size_t report, std::size_t version) const;
   bool IsExcluded(const std::string& run, const std::string& vehicle, Stamp begin) const;
 
   std::vector<Version> versions_;

@@ -26,6 +26,9 @@ constexpr char kList[] = "list";
 constexpr char kUndo[] = "undo";
 constexpr char kReset[] = "reset";
 
+// A surveyed position farther than this from where runs saw the mode may be mistyped.
+constexpr double kUnlikelySds = 5.0;
+
 struct EditArguments {
   std::string action = kList;
   StoreArguments store;
@@ -196,9 +199,14 @@ void ReportResult(const EditArguments& arguments,
   document["version"] = result.version ? Json(result.version->version.value()) : Json(nullptr);
   document["content_hash"] = result.version ? Json(result.version->content_hash) : Json(nullptr);
   document["rests_on"] = result.rests_on;
+  document["moved_m"] = result.move ? Json(result.move->distance_m) : Json(nullptr);
   const bool undo = arguments.action == kUndo;
   std::string text = edit.id == EditId() ? "edit" : fmt::format("edit {}", edit.id.value());
   text += fmt::format(": {}{}\n", EditText(edit), undo ? ", taken back" : "");
+  if (result.move) {
+    text +=
+        fmt::format("it moves by {:.3f} m, {:.1f} sd\n", result.move->distance_m, result.move->sds);
+  }
   if (result.version) {
     text += fmt::format("version {} is published\n", result.version->version.value());
   } else if (context.dry_run()) {
@@ -224,6 +232,15 @@ Status Make(const EditArguments& arguments, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(edit, FindEdit(arguments.store.area, result.edit, &store));
   }
   ReportResult(arguments, edit, result, context);
+  if (result.move && result.move->sds > kUnlikelySds) {
+    context.Attend(
+        fmt::format("mode {} of '{}' moves by {:.3f} m, {:.0f} times its standard deviation: undo "
+                    "the edit if its position is mistyped",
+                    edit.mode.value(),
+                    InertLine(edit.signature.text()),
+                    result.move->distance_m,
+                    result.move->sds));
+  }
   return OkStatus();
 }
 

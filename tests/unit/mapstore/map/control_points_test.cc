@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapstore/map/control_points.h"
 
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "tests/support/geometry_matchers.h"
@@ -148,6 +152,86 @@ TEST(ControlPointsTest, PointsOfUnknownModesSayNothing) {
   other.mode = ModeNumber(7);
   HoldControlPoints({other}, true, &content);
   EXPECT_EQ(GeometryHash(content), GeometryHash(before));
+}
+
+// Landmarks and points as a survey finds them: of a map whose errors have `ratio` times the
+// variance that it states.
+std::vector<ControlPoint> Survey(const MapContent& map,
+                                 const Se2& T_new_old,
+                                 double ratio,
+                                 double sd_m,
+                                 std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd root = map.covariance.Dense().llt().matrixL();
+  Eigen::VectorXd error(root.cols());
+  for (double& value : error) value = std::sqrt(ratio) * normal(random);
+  const Eigen::VectorXd truth = PositionsOf(map) + root * error;
+  std::vector<ControlPoint> points;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector2d noise(sd_m * normal(random), sd_m * normal(random));
+    points.push_back({map.groups[static_cast<std::size_t>(i)].signature,
+                      ModeNumber(1),
+                      T_new_old * Eigen::Vector2d(truth.segment<2>(2 * i)) + noise,
+                      sd_m});
+  }
+  return points;
+}
+
+// NEES 3 of 2 degrees of freedom, and each point checked when it comes.
+TEST(ControlPointsTest, AnHonestSurveyOfAnOverconfidentMapIsNotRefused) {
+  std::mt19937_64 random(TestSeed(7));
+  std::uniform_real_distribution<double> angle(-3.0, 3.0);
+  int refused = 0;
+  for (int survey = 0; survey < 300; ++survey) {
+    MapContent content = FourLandmarks(100 + static_cast<std::uint64_t>(survey));
+    const std::vector<ControlPoint> points =
+        Survey(content, {300.0, -40.0, angle(random)}, 1.5, 0.02, random);
+    std::vector<ControlPoint> held;
+    for (const ControlPoint& point : points) {
+      held.push_back(point);
+      refused += CheckControlPoints(held, content).ok() ? 0 : 1;
+      HoldControlPoints(held, true, &content);
+    }
+  }
+  EXPECT_LE(refused, 2);
+}
+
+TEST(ControlPointsTest, APointThatContradictsTheOthersIsNamedWhicheverItIs) {
+  std::mt19937_64 random(TestSeed(8));
+  const MapContent content = FourLandmarks(8);
+  for (std::size_t wrong = 0; wrong < 4; ++wrong) {
+    for (const Eigen::Vector2d& by : {Eigen::Vector2d(30.0, 0.0), Eigen::Vector2d(0.0, -1.0)}) {
+      std::vector<ControlPoint> points = Survey(content, {500.0, 500.0, 0.4}, 1.0, 0.01, random);
+      ASSERT_THAT(CheckControlPoints(points, content), IsOk());
+      points[wrong].p_map_landmark += by;
+      const Status refused = CheckControlPoints(points, content);
+      const std::string named = fmt::format("control point '{}': ", points[wrong].signature.text());
+      ASSERT_THAT(refused, StatusIs(StatusCode::kInvalidArgument, named));
+      EXPECT_NEAR(std::stod(Message(refused).substr(named.size())), by.norm(), 0.2);
+    }
+  }
+}
+
+// Of two points nobody knows which is wrong: the one that came last is the one to look at first.
+TEST(ControlPointsTest, TwoPointsAtAnotherDistanceThanInTheMapAreRefused) {
+  const MapContent content = FourLandmarks(9);
+  EXPECT_THAT(CheckControlPoints({PointOn(content, 0, 0.0, 0.0, 0.02)}, content), IsOk());
+  const Eigen::Vector2d apart = PositionsOf(content).segment<2>(4).normalized();
+  ControlPoint second = PointOn(content, 2, 7.0 * apart.x(), 7.0 * apart.y(), 0.02);
+  const Status refused = CheckControlPoints({PointOn(content, 0, 0.0, 0.0, 0.02), second}, content);
+  EXPECT_THAT(refused, StatusIs(StatusCode::kInvalidArgument, "'L3'"));
+}
+
+// Of a frame that is turned by a right angle, points within half a metre do not tell: a map held on
+// them would bend.
+TEST(ControlPointsTest, PointsTooCloseTogetherForATurnedFrameAreRefused) {
+  MapContent content = FourLandmarks(5);
+  const Eigen::Vector2d p = content.groups[0].modes[0].p_map_landmark;
+  content.groups[1].modes[0].p_map_landmark = p + Eigen::Vector2d(0.5, 0.0);
+  ControlPoint second = PointOn(content, 1, 0.0, 0.0, 0.05);
+  second.p_map_landmark = p + Eigen::Vector2d(0.0, 0.5);
+  EXPECT_THAT(CheckControlPoints({PointOn(content, 0, 0.0, 0.0, 0.05), second}, content),
+              StatusIs(StatusCode::kInvalidArgument, "farther apart"));
 }
 
 }  // namespace

@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 
+#include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -320,6 +323,54 @@ TEST_F(LedgerTest, OfTwoReportsAboutOneRunOneCountsWhicheverCameFirst) {
   ASSERT_THAT(other.Return(first), IsOk());
   EXPECT_THAT(other.Return(second)->set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
   EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
+}
+
+// A version is rolled back and the next one is of another line: a log that was localized on the
+// first counts by what is reported against the second. Whichever comes first, each version counts
+// the first one that is of its line.
+TEST_F(LedgerTest, OfReportsAboutARunEveryLineCountsItsOwnFirst) {
+  CommitOptions options;
+  options.parent = version_.version;
+  options.states_probabilities = false;
+  const auto commit = [&](MapStore& store) {
+    const CommitResult bad = *store.Commit("a", TwoStateContent(kRate, 0.7, At(1.0)), {}, options);
+    EXPECT_THAT(store.Rollback("a"), IsOk());
+    const CommitResult good = *store.Commit("a", TwoStateContent(kRate, 0.7, At(2.0)), {}, options);
+    return std::make_pair(bad, good);
+  };
+  MapStore other = OpenStore(dir_.File("other.db"));
+  ASSERT_THAT(other.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+  const auto [bad, good] = commit(store_);
+  commit(other);
+  ShiftReport first = EmptyReport(bad, "a", 1);
+  ShiftReport second = EmptyReport(good, "a", 2);
+  ShiftReport third = EmptyReport(good, "a", 3);
+  first.run_hash = second.run_hash = third.run_hash = std::string(64, 'b');
+  first.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  second.evidence = third.evidence = {TwoStateEvidence(At(810.0), At(890.0), 0.0, -2.0)};
+  third.evidence[0].modes[1].log_likelihood = 1.0;
+
+  EXPECT_THAT(MustReturn(first).set_aside, ElementsAre(IsAside(SetAside::kOtherLine, 1)));
+  EXPECT_THAT(MustReturn(second).set_aside, IsEmpty());
+  EXPECT_THAT(MustReturn(third).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
+  for (const ShiftReport& report : {third, second, first}) {
+    ASSERT_THAT(other.Return(report), IsOk());
+  }
+  const double by_first = Relaxed(Updated(Relaxed(0.7, 800.0), 3.0), 100.0);
+  const double by_second = Relaxed(Updated(Relaxed(0.7, 810.0), -2.0), 110.0);
+  EXPECT_NEAR(ProbabilityAt(At(1000.0), version_.version), by_first, 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(1000.0), bad.version), by_first, 1e-12);
+  EXPECT_NEAR(ProbabilityAt(At(1000.0), good.version), by_second, 1e-12);
+  for (const CommitResult& version : {version_, bad, good}) {
+    EXPECT_EQ(other.LoadAt("a", version.version, At(1000.0))->groups()[0].probabilities,
+              store_.LoadAt("a", version.version, At(1000.0))->groups()[0].probabilities);
+  }
+  ASSERT_THAT(store_.ExportSnapshot("a", dir_.File("s.db")), IsOk());
+  for (const std::string& file : {dir_.File("a.db"), dir_.File("other.db"), dir_.File("s.db")}) {
+    const StatusOr<VerifyResult> verified = VerifyStore(file);
+    ASSERT_THAT(verified, IsOk());
+    EXPECT_TRUE(verified->clean()) << file << ": " << verified->defects[0].problem;
+  }
 }
 
 // A vehicle reports its shift and leaves the log, which is localized again, and then mapped: what

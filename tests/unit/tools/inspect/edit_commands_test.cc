@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -77,7 +79,8 @@ TEST_F(EditCommands, EveryKindIsMadeListedAndTakenBack) {
       {"calibration", "reset", vehicle_, "--since", "0"}};
   for (std::size_t i = 0; i < edits.size(); ++i) {
     const Outcome made = Edit(edits[i]);
-    ASSERT_EQ(made.code, 0) << i << made.err;
+    // The surveyed position is far from where the map has the mode.
+    ASSERT_EQ(made.code, i == 0 ? 8 : 0) << i << made.err;
     EXPECT_THAT(made.out, HasSubstr("version " + std::to_string(i + 2) + " is published"));
   }
   const Json list = Run({"list", "--json"}).json();
@@ -103,6 +106,65 @@ TEST_F(EditCommands, ACalibrationIsForgottenSinceATimeInAnyForm) {
       Edit({"calibration", "reset", vehicle_, "--since", "2026-01-07T06:00Z", "--json"});
   ASSERT_EQ(made.code, 0) << made.err;
   EXPECT_EQ(made.json()["edit"]["since_s"], 1767765600.0);
+}
+
+// A landmark may have been entered wrongly: the edit holds, and a person is told.
+TEST_F(EditCommands, APositionFarFromWhereRunsSawTheModeIsSaid) {
+  const Mode before = *MapStore::Open(store_, MapStore::Access::kReadOnly)
+                           ->LoadAt("hall")
+                           ->groups()[0]
+                           .modes.begin();
+  const auto place = [&](double by_m) {
+    return Edit({"position",
+                 names_[0],
+                 std::to_string(before.number.value()),
+                 fmt::format("{},{}", before.p_map_landmark.x(), before.p_map_landmark.y() + by_m),
+                 "--sd",
+                 "0.1",
+                 "--json"});
+  };
+  const Outcome far = place(217.0);
+  EXPECT_EQ(far.code, 8);
+  EXPECT_NEAR(far.json()["moved_m"].get<double>(), 217.0, 1e-9);
+  EXPECT_EQ(far.json()["version"], 2);
+  EXPECT_THAT(far.err, HasSubstr("of '" + names_[0] + "' moves by 217.000 m, "));
+  ASSERT_EQ(Edit({"undo", "1"}).code, 0);
+  const Outcome near = place(0.1);
+  EXPECT_EQ(near.code, 0) << near.err;
+  EXPECT_NEAR(near.json()["moved_m"].get<double>(), 0.1, 1e-9);
+}
+
+// What does not fit is refused before anything is written, and in a dry run.
+TEST_F(EditCommands, AControlPointThatContradictsAnotherIsRefused) {
+  const std::vector<LandmarkGroup> groups =
+      MapStore::Open(store_, MapStore::Access::kReadOnly)->LoadAt("hall")->groups();
+  const auto control = [&](std::size_t i, double by_m) {
+    const Mode& mode = groups[i].modes[0];
+    return std::vector<std::string>{
+        "control",
+        names_[i],
+        fmt::format(
+            "{},{}", mode.p_map_landmark.x() + 500.0, mode.p_map_landmark.y() + 500.0 + by_m),
+        "--sd",
+        "0.02",
+        "--mode",
+        std::to_string(mode.number.value())};
+  };
+  for (const std::size_t i : {0u, 1u, 2u}) {
+    const Outcome made = Edit(control(i, 0.0));
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  const std::string before = *HashFile(store_);
+  for (const bool dry_run : {true, false}) {
+    std::vector<std::string> mistyped = control(3, 300.0);
+    if (dry_run) mistyped.push_back("--dry-run");
+    const Outcome refused = Edit(mistyped);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_THAT(refused.err, HasSubstr("control point '" + names_[3] + "': "));
+    EXPECT_EQ(std::count(refused.err.begin(), refused.err.end(), '\n'), 1) << refused.err;
+    EXPECT_EQ(*HashFile(store_), before);
+  }
+  EXPECT_EQ(Edit(control(3, 0.0)).code, 0);
 }
 
 TEST_F(EditCommands, AMergedModeIsPartOfTheOther) {
