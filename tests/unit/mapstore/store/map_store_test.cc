@@ -209,8 +209,8 @@ TEST_F(MapStoreTest, RunsOfAVersionAreThoseOfItsAncestorsToo) {
   EXPECT_THAT(of(4), ElementsAre("a", "b", "d", "e"));
   EXPECT_THAT(of(5), ElementsAre("a", "b", "c"));
   std::vector<std::string> line;
-  for (const LineRun& of : store_.LineRuns("level 1", VersionNumber(4)).value()) {
-    line.push_back(fmt::format("{} {}", of.run.sha256, of.version.value()));
+  for (const LineRun& run : store_.LineRuns("level 1", VersionNumber(4)).value()) {
+    line.push_back(fmt::format("{} {}", run.run.sha256, run.version.value()));
   }
   EXPECT_THAT(line, ElementsAre("a 1", "b 1", "d 3", "e 4"));
   EXPECT_THAT(store_.RunIdentities("level 1", VersionNumber(6)),
