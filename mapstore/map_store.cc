@@ -19,7 +19,6 @@
 #include "mapstore/store/provenance_rows.h"
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
-#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
 #include "mapstore/store/visibility_rows.h"
 #include "proto/core/check.h"
@@ -104,6 +103,12 @@ Status MapStore::State::RefuseSnapshot(const char* what) {
   return FailedPrecondition("{}: a snapshot {}", database.name(), what);
 }
 
+StatusOr<Transaction> MapStore::State::Change(bool dry_run) {
+  if (!dry_run) return Write();
+  SHIFTMAP_RETURN_IF_ERROR(CheckNoSnapshot(database));
+  return Read();
+}
+
 StatusOr<MapStore::State::Filtered> MapStore::State::Filter(const std::string& area,
                                                             std::optional<VersionNumber> version,
                                                             const LedgerQuery& query) {
@@ -181,7 +186,12 @@ StatusOr<MapStore> MapStore::Open(const std::string& path, Access access) {
   return Open(path, options);
 }
 
-Status MapStore::CheckWritable(const std::string& path) { return Database::CheckWritable(path); }
+Status MapStore::CheckWritable(const std::string& path) {
+  SHIFTMAP_RETURN_IF_ERROR(Database::CheckWritable(path));
+  StatusOr<Database> database = OpenStoreFile(path, {});
+  // What else there is at the path, who opens it says.
+  return database.ok() ? CheckNoSnapshot(*database) : OkStatus();
+}
 
 StatusOr<std::vector<AreaSummary>> MapStore::Areas() {
   SHIFTMAP_ASSIGN_OR_RETURN(

@@ -73,8 +73,8 @@ class MapStore {
 
   /// Whether a store could be written, or made, as far as permissions tell, for what works long
   /// before it commits. Makes and changes nothing. Errors: kNotFound if its folder does not exist;
-  /// kFailedPrecondition if something else is at the path; kUnavailable if the file or its folder
-  /// may not be written to.
+  /// kFailedPrecondition if something else is at the path, or a snapshot; kUnavailable if the file
+  /// or its folder may not be written to.
   static Status CheckWritable(const std::string& path);
 
   MapStore(MapStore&&) noexcept;

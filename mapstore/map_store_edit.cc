@@ -165,10 +165,9 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
     return Annotate(status, "{}", state_->AreaName(area));
   };
   if (const Status valid = ValidateEdit(edit); !valid.ok()) return refuse(valid);
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   const std::int64_t area_id = area_row.area_id;
-  SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("takes no edit"));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
                             ReadHeldEdits(database, area_id, published.version_id));
@@ -233,10 +232,9 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
     return Annotate(status, "{}", state_->AreaName(area));
   };
   if (const Status valid = ValidateUndo(undo); !valid.ok()) return refuse(valid);
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   const std::int64_t area_id = area_row.area_id;
-  SHIFTMAP_RETURN_IF_ERROR(state_->RefuseSnapshot("takes no edit"));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
   const auto edit = std::find_if(
       edits.begin(), edits.end(), [&](const MapEdit& other) { return other.id == id; });

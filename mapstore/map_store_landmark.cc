@@ -11,9 +11,9 @@
 
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map_store.h"
+#include "mapstore/schema/store_file.h"
 #include "mapstore/store/landmark_rows.h"
 #include "mapstore/store/ledger_filter.h"
-#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/store_state.h"
 #include "mapstore/store/track_recorder.h"
 

@@ -261,7 +261,7 @@ Status MapStore::Publish(const std::string& area,
                          std::optional<VersionNumber> expected,
                          bool dry_run) {
   Database& database = state_->database;
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
                             GetVersion(database, area, area_row.area_id, version));
@@ -288,7 +288,7 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
                                            std::optional<VersionNumber> to,
                                            bool dry_run) {
   Database& database = state_->database;
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? state_->Read() : state_->Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
   VersionRow at = published;
@@ -324,9 +324,8 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   if (exclude && exclusion.reason.empty()) {
     return InvalidArgument("{}: expected a reason", AreaName(area));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, dry_run ? Read() : Write());
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_RETURN_IF_ERROR(RefuseSnapshot("takes no exclusion"));
   if (!exclusion.run.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, exclusion.run));
   }

@@ -43,6 +43,14 @@ Status RequireClean(const std::string& path) {
                   first.problem);
 }
 
+// A snapshot has one area, without its history.
+Status RequireNoSnapshot(const std::string& path) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Database database, OpenStoreFile(path, {}));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (!snapshot) return OkStatus();
+  return InvalidArgument("{}: is a snapshot, not a backup of a store", database.name());
+}
+
 // Copies a store into a new file.
 Status CopyToFile(const std::string& from, const std::string& to) {
   SHIFTMAP_ASSIGN_OR_RETURN(Database source, OpenStoreFile(from, {}));
@@ -132,6 +140,7 @@ StatusOr<RestoreResult> RestoreStore(const std::string& backup,
   if (std::filesystem::equivalent(path, backup, error)) {
     return InvalidArgument("map store '{}': cannot be restored from itself", path);
   }
+  SHIFTMAP_RETURN_IF_ERROR(RequireNoSnapshot(backup));
   SHIFTMAP_RETURN_IF_ERROR(RequireClean(backup));
   SHIFTMAP_ASSIGN_OR_RETURN(const BackupResult expected, Describe(backup));
   RestoreResult result;

@@ -32,7 +32,7 @@ struct RestoreResult {
 /// that processes which have it open go on with what was restored. What is too damaged to be copied
 /// is renamed to that.
 /// Errors also: kFailedPrecondition if there is a store and not `replace`; kDataLoss if the backup
-/// does not verify.
+/// does not verify; kInvalidArgument if it is a snapshot.
 StatusOr<RestoreResult> RestoreStore(const std::string& backup,
                                      const std::string& path,
                                      bool replace);

@@ -19,7 +19,6 @@
 #include "mapstore/store/checkpoint_upkeep.h"
 #include "mapstore/store/ledger_cursor.h"
 #include "mapstore/store/ledger_view.h"
-#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/summary_rows.h"
 #include "mapstore/store/version_rows.h"
 
@@ -197,8 +196,6 @@ std::string NameOf(const Database& database, const VersionRow& version) {
 
 // Thins the ledger as the published version sees it. Checkpoints of what it was go.
 Status ThinArea(Database& database, std::int64_t area_id, Stamp before, CompactResult* result) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
-  if (snapshot) return FailedPrecondition("{}: a snapshot is not thinned", database.name());
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<VersionRow> published,
                             PublishedOf(database, area_id));
   if (!published) return OkStatus();

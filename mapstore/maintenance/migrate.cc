@@ -96,10 +96,14 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
         StatusCode::kAborted, "{}: another process migrated it meanwhile", database.name());
   }
   SHIFTMAP_RETURN_IF_ERROR(Migrate(database, result.from));
-  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
-                                       std::nullopt,
-                                       AuditAction::kMigrate,
-                                       fmt::format("schema {} to {}", result.from, result.to)));
+  // A snapshot stays one.
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (!snapshot) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                         std::nullopt,
+                                         AuditAction::kMigrate,
+                                         fmt::format("schema {} to {}", result.from, result.to)));
+  }
   SHIFTMAP_RETURN_IF_ERROR(Check(database));
   SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
   return result;

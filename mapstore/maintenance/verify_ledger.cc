@@ -4,8 +4,8 @@
 
 #include "mapstore/core/clock.h"
 #include "mapstore/maintenance/verify_rows.h"
+#include "mapstore/schema/store_file.h"
 #include "mapstore/store/blob.h"
-#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/visibility_rows.h"
 
 namespace shiftmap {

@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "mapstore/maintenance/verify_rows.h"
+#include "mapstore/schema/store_file.h"
 #include "mapstore/store/blob.h"
-#include "mapstore/store/snapshot_file.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {

@@ -64,7 +64,11 @@ StatusOr<Database> OpenStoreFile(const std::string& path, const Database::Option
     if (empty) SHIFTMAP_RETURN_IF_ERROR(MakeSchema(database));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t version, StoredSchemaVersion(database));
-  if (version == kSchemaVersion) return database;
+  if (version == kSchemaVersion) {
+    if (options.mode != Database::Mode::kReadOnly)
+      SHIFTMAP_RETURN_IF_ERROR(CheckNoSnapshot(database));
+    return database;
+  }
   return FailedPrecondition("{}: schema version {}, this build reads {}{}",
                             database.name(),
                             version,
@@ -83,6 +87,22 @@ StatusOr<std::int64_t> StoredSchemaVersion(Database& database) {
                               kApplicationId);
   }
   return database.QueryInt64("PRAGMA user_version");
+}
+
+StatusOr<bool> IsSnapshot(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::int64_t snapshot,
+      database.QueryInt64("SELECT EXISTS (SELECT 1 FROM area WHERE published_version_id IS NOT "
+                          "NULL) AND NOT EXISTS (SELECT 1 FROM audit)"));
+  return snapshot != 0;
+}
+
+Status CheckNoSnapshot(Database& database) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (!snapshot) return OkStatus();
+  return FailedPrecondition(
+      "{}: is a snapshot, which is never written to: expected the store that it was exported from",
+      database.name());
 }
 
 Status Migrate(Database& database, std::int64_t from) {

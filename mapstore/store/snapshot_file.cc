@@ -218,12 +218,6 @@ Status CopyRows(Database& source,
 
 }  // namespace
 
-StatusOr<bool> IsSnapshot(Database& database) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t written,
-                            database.QueryInt64("SELECT EXISTS (SELECT 1 FROM audit)"));
-  return written == 0;
-}
-
 StatusOr<SnapshotWriter> SnapshotWriter::Open(const Database& source,
                                               const std::string& path,
                                               std::chrono::milliseconds wait) {

@@ -13,9 +13,6 @@
 
 namespace shiftmap {
 
-/// Whether a store is a snapshot: it has no audit log.
-StatusOr<bool> IsSnapshot(Database& database);
-
 /// Writes one version of an area into a new store: its content, provenance without trajectories,
 /// its newest ledger checkpoint and the rows after it that count, and of the versions that these
 /// were reported against the version rows. Published there, compact, not yet durable.

@@ -38,6 +38,9 @@ struct MapStore::State {
   StatusOr<Transaction> Read() { return Transaction::Begin(database, Transaction::Kind::kRead); }
   StatusOr<Transaction> Write() { return Transaction::Begin(database, Transaction::Kind::kWrite); }
 
+  /// Write(), or in a dry run Read() of what could be written.
+  StatusOr<Transaction> Change(bool dry_run);
+
   /// Errors: kNotFound if nothing is published.
   StatusOr<VersionRow> PublishedRow(const std::string& area, const AreaRow& area_row);
 

@@ -43,6 +43,17 @@ class BackupTest : public ::testing::Test {
   const std::string backup_ = dir_.File("backup.db");
 };
 
+TEST_F(BackupTest, ASnapshotIsNoBackup) {
+  const std::string snapshot = dir_.File("f.snap");
+  ASSERT_THAT(OpenStore(path_).ExportSnapshot("mine", snapshot), IsOk());
+  const std::string before = *HashFile(path_);
+  EXPECT_THAT(RestoreStore(snapshot, path_, true),
+              StatusIs(StatusCode::kInvalidArgument, "is a snapshot, not a backup"));
+  EXPECT_THAT(RestoreStore(snapshot, dir_.File("new.db"), false),
+              StatusIs(StatusCode::kInvalidArgument, "is a snapshot, not a backup"));
+  EXPECT_EQ(*HashFile(path_), before);
+}
+
 TEST_F(BackupTest, RestoresWhatWasThere) {
   const std::string content = HashOfMap(path_);
   const StatusOr<BackupResult> backup = BackupStore(path_, backup_);

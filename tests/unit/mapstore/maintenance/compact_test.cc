@@ -266,7 +266,7 @@ TEST_F(CompactTest, ASnapshotHasNoPastToThinOrToAskFor) {
   RetentionPolicy policy;
   policy.thin_before = At(1e9);
   EXPECT_THAT(CompactStore(path, policy, false),
-              StatusIs(StatusCode::kFailedPrecondition, "a snapshot is not thinned"));
+              StatusIs(StatusCode::kFailedPrecondition, "is a snapshot"));
   MapStore snapshot = *MapStore::Open(path, MapStore::Access::kReadOnly);
   EXPECT_THAT(snapshot.LoadKnown("mine", At(1e9)),
               StatusIs(StatusCode::kFailedPrecondition, "a snapshot does not hold"));

@@ -302,6 +302,21 @@ TEST(MigrateDerivedTest, ChainsGetRhythms) {
               IsNearMatrix(before.groups()[0].probabilities, 1e-9));
 }
 
+// A snapshot of an older build is read after its migration, and still is no store.
+TEST(MigrateDerivedTest, AMigratedSnapshotStaysOne) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_8.db"), path);
+  {
+    StatusOr<Database> database = Database::Open(path, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("DELETE FROM audit"), IsOk());
+  }
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  EXPECT_THAT(MapStore::Open(path, MapStore::Access::kReadOnly)->LoadAt("floor"), IsOk());
+  EXPECT_THAT(MapStore::Open(path, MapStore::Access::kReadWrite),
+              StatusIs(StatusCode::kFailedPrecondition, "is a snapshot"));
+}
+
 // The rows that its checkpoint was made from are elsewhere.
 TEST(MigrateDerivedTest, ASnapshotIsExportedAnew) {
   const TempDir dir;

@@ -72,8 +72,8 @@ TEST_F(TemporaryDatabaseTest, NothingOfAKilledCommandStays) {
   const std::string other = dir_.File("b.db");
   const std::string first = dir_.File("first.db");
   const std::vector<std::pair<std::string, std::function<Status()>>> commands = {
-      {other, [&] { return BackupStore(store_, other).status(); }},
       {other, [&] { return OpenStore(store_).ExportSnapshot("a", other).status(); }},
+      {other, [&] { return BackupStore(store_, other).status(); }},
       {store_, [&] { return RestoreStore(other, store_, false).status(); }},
       {first, [&] { return MapStore::Open(first, MapStore::Access::kReadWriteCreate).status(); }},
   };

@@ -450,9 +450,8 @@ TEST_F(EditTest, ASnapshotHoldsEditsAndFollowsNames) {
   EXPECT_THAT(Group(map, NameOf(1))->modes[0].p_map_landmark,
               IsNearMatrix(Eigen::Vector2d(50.0, 60.0), 1e-9));
   EXPECT_TRUE(VerifyStore(path)->clean());
-  MapStore writer = *MapStore::Open(path, MapStore::Access::kReadWrite);
-  EXPECT_THAT(writer.Edit("floor", Rename(0, "door")),
-              StatusIs(StatusCode::kFailedPrecondition, "a snapshot takes no edit"));
+  EXPECT_THAT(snapshot.Edit("floor", Rename(0, "door"), true),
+              StatusIs(StatusCode::kFailedPrecondition, "is a snapshot"));
 }
 
 // What an import states goes with the renamed landmark, in the version that is edited and in

@@ -9,9 +9,13 @@
 
 #include <csignal>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <thread>
 #include <vector>
 
+#include "mapstore/maintenance/compact.h"
+#include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/transaction.h"
 #include "tests/support/status_matchers.h"
@@ -265,6 +269,31 @@ TEST_F(StoreFileTest, WhetherAStoreCanBeWrittenIsKnownBefore) {
                 StatusIs(StatusCode::kUnavailable, "cannot be written"));
   }
   ASSERT_EQ(chmod(dir_.path().c_str(), 0755), 0);
+}
+
+// What a vehicle carries is not the site's store, whoever takes it for that.
+TEST_F(StoreFileTest, ASnapshotIsNeverWrittenTo) {
+  MakeStore();
+  const std::string snapshot = dir_.File("f.snap");
+  {
+    MapStore store = *MapStore::Open(path_, Access::kReadWrite);
+    // Nothing is published yet.
+    EXPECT_THAT(MapStore::CheckWritable(path_), IsOk());
+    ASSERT_THAT(store.Commit("floor", TwoStateContent(1e-3, 0.7, At(0.0)), {}, {}), IsOk());
+    ASSERT_THAT(store.ExportSnapshot("floor", snapshot), IsOk());
+  }
+  const std::string before = *HashFile(snapshot);
+  const auto refused = StatusIs(StatusCode::kFailedPrecondition, "is a snapshot");
+  EXPECT_THAT(MapStore::CheckWritable(snapshot), refused);
+  for (const Access access : {Access::kReadWrite, Access::kReadWriteCreate}) {
+    EXPECT_THAT(MapStore::Open(snapshot, access), refused);
+  }
+  EXPECT_THAT(CompactStore(snapshot, {}, false), refused);
+  MapStore reader = *MapStore::Open(snapshot, Access::kReadOnly);
+  EXPECT_THAT(reader.LoadAt("floor"), IsOk());
+  EXPECT_THAT(reader.Rollback("floor", std::nullopt, true), refused);
+  EXPECT_EQ(*HashFile(snapshot), before);
+  EXPECT_THAT(MapStore::Open(path_, Access::kReadWrite), IsOk());
 }
 
 TEST_F(StoreFileTest, ALinkToAStoreMayStandWhereNothingCanBeWritten) {
