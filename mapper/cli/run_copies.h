@@ -13,9 +13,10 @@
 
 namespace shiftmap {
 
-/// No vehicle recorded before: a clock that is behind this was never set.
+/// No vehicle recorded before. A clock that is behind this was never set: it counts from 1970, or
+/// with a receiver of GPS from 1980 or 1999.
 inline constexpr Stamp kFirstPlausibleStamp =
-    std::chrono::sys_days(std::chrono::year(1980) / 1 / 1);
+    std::chrono::sys_days(std::chrono::year(2000) / 1 / 1);
 
 /// Whether one of two logs is a copy of the other that was cut off: they have one UUID or, where
 /// one has none, one vehicle and odometry, as far as the shorter goes.

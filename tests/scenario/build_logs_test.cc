@@ -277,6 +277,18 @@ TEST_F(BuildLogs, ACopyThatWasCutOffCountsOnce) {
 }
 
 // Without a clock all begin at one time.
+TEST_F(BuildLogs, AClockThatWasNeverSetIsNamed) {
+  for (const int year : {1970, 1980, 1999, 2001}) {
+    shiftmap::Run run = ReadShift(0);
+    const Stamp begin = std::chrono::sys_days(std::chrono::year(year) / 1 / 6);
+    Shift(begin - run.odometry.front().stamp, &run);
+    const CommandResult built =
+        RunCommand("shiftmap-mapper", Build({"--dry-run", Log(fmt::format("{}.mcap", year), run)}));
+    EXPECT_EQ(built.exit_code, 0) << built.err;
+    EXPECT_EQ(built.err.find("clock was not set") != std::string::npos, year < 2000) << built.err;
+  }
+}
+
 TEST_F(BuildLogs, LogsWithoutAClockAreNoCopies) {
   for (const int shift : {0, 1}) {
     shiftmap::Run run = ReadShift(shift);
