@@ -37,12 +37,24 @@ std::string UuidOf(const std::string& identity, const std::string& sha256) {
   return identity == sha256 ? "" : identity;
 }
 
+// Of a row that begins with name, sha256, vehicle, begin_ns, end_ns, identity.
+RunRecord RunAt(const Statement& row) {
+  RunRecord run;
+  run.name = row.Text(0);
+  run.sha256 = row.Text(1);
+  run.vehicle = row.Text(2);
+  run.begin = StampFromNanoseconds(row.Int64(3));
+  run.end = StampFromNanoseconds(row.Int64(4));
+  run.uuid = UuidOf(row.Text(5), run.sha256);
+  return run;
+}
+
 StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
                                           std::int64_t version_id,
                                           const std::string& owner) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT name, sha256, vehicle, begin_ns, end_ns, trajectory, identity "
+      database.Prepare("SELECT name, sha256, vehicle, begin_ns, end_ns, identity, trajectory "
                        "FROM version_run JOIN run USING (run_id) WHERE version_id = ?1 "
                        "ORDER BY begin_ns, sha256, name"));
   query.Bind(version_id);
@@ -50,16 +62,10 @@ StatusOr<std::vector<RunRecord>> ReadRuns(Database& database,
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
     if (!row) return runs;
-    RunRecord run;
-    run.name = query.Text(0);
-    run.sha256 = query.Text(1);
-    run.vehicle = query.Text(2);
-    run.begin = StampFromNanoseconds(query.Int64(3));
-    run.end = StampFromNanoseconds(query.Int64(4));
-    std::optional<std::vector<TrajectoryPose>> trajectory = UnpackTrajectory(query.Blob(5));
+    RunRecord run = RunAt(query);
+    std::optional<std::vector<TrajectoryPose>> trajectory = UnpackTrajectory(query.Blob(6));
     if (!trajectory) return DataLoss("{}: run '{}': trajectory is damaged", owner, run.name);
     run.trajectory = *std::move(trajectory);
-    run.uuid = UuidOf(query.Text(6), run.sha256);
     runs.push_back(std::move(run));
   }
 }
@@ -136,23 +142,15 @@ StatusOr<std::vector<LineRun>> ReadLineRuns(Database& database, std::int64_t ver
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
     if (!row) return runs;
-    RunRecord run;
-    run.name = query.Text(0);
-    run.sha256 = query.Text(1);
-    run.vehicle = query.Text(2);
-    run.begin = StampFromNanoseconds(query.Int64(3));
-    run.end = StampFromNanoseconds(query.Int64(4));
-    run.uuid = UuidOf(query.Text(5), run.sha256);
     runs.push_back(
-        {std::move(run), VersionNumber(query.Int64(6)), StampFromNanoseconds(query.Int64(7))});
+        {RunAt(query), VersionNumber(query.Int64(6)), StampFromNanoseconds(query.Int64(7))});
   }
 }
 
 StatusOr<std::set<std::string>> ReadRunIdentities(Database& database, std::int64_t version_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<LineRun> runs, ReadLineRuns(database, version_id));
   std::set<std::string> identities;
-  for (const auto& [run, version, committed] : runs)
-    identities.insert({run.sha256, run.identity()});
+  for (const LineRun& line : runs) identities.insert({line.run.sha256, line.run.identity()});
   return identities;
 }
 
