@@ -209,7 +209,9 @@ TEST_F(MapStoreTest, RunsOfAVersionAreThoseOfItsAncestorsToo) {
   EXPECT_THAT(of(4), ElementsAre("a", "b", "d", "e"));
   EXPECT_THAT(of(5), ElementsAre("a", "b", "c"));
   std::vector<std::string> line;
-  for (const LineRun& run : store_.LineRuns("level 1", VersionNumber(4)).value()) {
+  const StatusOr<std::vector<LineRun>> runs = store_.LineRuns("level 1", VersionNumber(4));
+  ASSERT_THAT(runs, IsOk());
+  for (const LineRun& run : *runs) {
     line.push_back(fmt::format("{} {}", run.run.sha256, run.version.value()));
   }
   EXPECT_THAT(line, ElementsAre("a 1", "b 1", "d 3", "e 4"));
