@@ -140,7 +140,7 @@ std::string WaitingReason(const AmbiguousChange& change) {
   if (change.explanations.size() == 1) text = Words(change.explanations.front());
   if (!change.waits) text += fmt::format("; {} kept both places", List(change.deciding));
   if (!change.deciding.empty()) {
-    text += fmt::format("; another run past {} may tell", List(change.deciding));
+    text += fmt::format("; another run past {} may decide", List(change.deciding));
   }
   return text;
 }

@@ -23,21 +23,28 @@ bool AreCopies(const Run& a, const Run& b) {
                     });
 }
 
-const LineRun* FindMapped(const std::vector<LineRun>& runs,
-                          const RunInfo& info,
-                          const std::string& sha256) {
-  const auto found = std::find_if(runs.begin(), runs.end(), [&](const LineRun& of) {
-    return of.run.sha256 == sha256 || (!info.uuid.empty() && of.run.uuid == info.uuid);
+StatusOr<const LineRun*> FindMappedRun(
+    const std::vector<LineRun>& runs,
+    const RunInfo& info,
+    const std::string& sha256,
+    Stamp begin,
+    const std::function<StatusOr<bool>(const LineRun& run)>& saw_visits) {
+  const auto find = [&](const auto& is_wanted) {
+    const auto found = std::find_if(
+        runs.begin(), runs.end(), [&](const LineRun& of) { return is_wanted(of.run); });
+    return found == runs.end() ? nullptr : &*found;
+  };
+  const LineRun* const mapped = find([&](const RunRecord& run) {
+    return run.sha256 == sha256 || (!info.uuid.empty() && run.uuid == info.uuid);
   });
-  return found == runs.end() ? nullptr : &*found;
-}
-
-const LineRun* FindLikeness(const std::vector<LineRun>& runs, const RunInfo& info, Stamp begin) {
-  const auto found = std::find_if(runs.begin(), runs.end(), [&](const LineRun& of) {
-    return (info.uuid.empty() || of.run.uuid.empty()) && of.run.vehicle == info.vehicle &&
-           of.run.begin == begin;
+  if (mapped != nullptr) return mapped;
+  const LineRun* const like = find([&](const RunRecord& run) {
+    return (info.uuid.empty() || run.uuid.empty()) && run.vehicle == info.vehicle &&
+           run.begin == begin;
   });
-  return found == runs.end() ? nullptr : &*found;
+  if (like == nullptr) return like;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool saw, saw_visits(*like));
+  return saw ? like : nullptr;
 }
 
 bool SawVisits(const Run& run, const std::string& source, const std::vector<EvidenceRow>& rows) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,27 +10,25 @@
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/run/run.h"
 #include "mapstore/store_types.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
-
-/// No vehicle recorded before. A clock that is behind this was never set: it counts from 1970, or
-/// with a receiver of GPS from 1980 or 1999.
-inline constexpr Stamp kFirstPlausibleStamp =
-    std::chrono::sys_days(std::chrono::year(2000) / 1 / 1);
 
 /// Whether one of two logs is a copy of the other that was cut off: they have one UUID or, where
 /// one has none, one vehicle and odometry, as far as the shorter goes.
 /// Precondition: both have odometry.
 bool AreCopies(const Run& a, const Run& b);
 
-/// The run of a map that a log is of, by its hash or UUID; null if there is none.
-const LineRun* FindMapped(const std::vector<LineRun>& runs,
-                          const RunInfo& info,
-                          const std::string& sha256);
-
-/// The run of a map that a log may be another copy of (SawVisits tells): where one of the two has
-/// no UUID, one of its vehicle with its begin; null if there is none.
-const LineRun* FindLikeness(const std::vector<LineRun>& runs, const RunInfo& info, Stamp begin);
+/// The run of a map that a log is of: by its hash or UUID, or where one of the two has no UUID, one
+/// of its vehicle with its begin whose visits it saw. Null if there is none.
+/// @param saw_visits  Whether the log saw the visits of that run (SawVisits). It takes the whole
+///                    log and the ledger, and is called for such a run only.
+StatusOr<const LineRun*> FindMappedRun(
+    const std::vector<LineRun>& runs,
+    const RunInfo& info,
+    const std::string& sha256,
+    Stamp begin,
+    const std::function<StatusOr<bool>(const LineRun& run)>& saw_visits);
 
 /// Whether a run saw most of what a map's ledger has of the visits of another one until it ends, at
 /// the same times: one is a copy of the other then.

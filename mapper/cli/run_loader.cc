@@ -46,7 +46,7 @@ class Loader {
   // Drops what no vehicle or sensor does.
   Status DropImplausibleItems(const std::string& path, RunLog* log);
   Status CheckName(const std::string& path, const std::string& name);
-  StatusOr<const LineRun*> FindMappedRun(const RunLog& log) const;
+  StatusOr<const LineRun*> MappedRunOf(const RunLog& log) const;
   StatusOr<bool> IsMapped(const std::string& path, const RunLog& log);
   bool KeepLongest(const std::string& path, const RunLog& log);
 
@@ -89,19 +89,17 @@ Status Loader::CheckName(const std::string& path, const std::string& name) {
 }
 
 // The run of the map that a log is of, or null.
-StatusOr<const LineRun*> Loader::FindMappedRun(const RunLog& log) const {
-  const RunInfo& info = log.run.info;
-  const LineRun* const mapped = FindMapped(options_.known_runs, info, log.sha256);
-  if (mapped != nullptr) return mapped;
-  const LineRun* const like = FindLikeness(options_.known_runs, info, BeginOf(log.run));
-  if (like == nullptr) return like;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, options_.known_visits());
-  return SawVisits(log.run, like->run.sha256, rows) ? like : nullptr;
+StatusOr<const LineRun*> Loader::MappedRunOf(const RunLog& log) const {
+  const auto saw_visits = [&](const LineRun& like) -> StatusOr<bool> {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, options_.known_visits());
+    return SawVisits(log.run, like.run.sha256, rows);
+  };
+  return FindMappedRun(options_.known_runs, log.run.info, log.sha256, BeginOf(log.run), saw_visits);
 }
 
 // What a run says counts once.
 StatusOr<bool> Loader::IsMapped(const std::string& path, const RunLog& log) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, FindMappedRun(log));
+  SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, MappedRunOf(log));
   if (mapped == nullptr) return false;
   if (mapped->run.sha256 == log.sha256) {
     Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));

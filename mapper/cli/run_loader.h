@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -16,12 +17,18 @@
 
 namespace shiftmap {
 
+/// No vehicle recorded before. A clock that is behind this was never set: it counts from 1970, or
+/// with a receiver of GPS from 1980 or 1999.
+inline constexpr Stamp kFirstPlausibleStamp =
+    std::chrono::sys_days(std::chrono::year(2000) / 1 / 1);
+
 struct RunLoaderOptions {
   std::string area;                 ///< For messages.
   std::vector<std::string> logs;    ///< Paths.
   std::vector<LineRun> known_runs;  ///< Those that are in the map already.
 
-  /// What the ledger has of the visits of these; asked where only they tell.
+  /// Reads what the ledger has of the visits of these runs. It is called for a log only where hash
+  /// and UUID do not identify its run (FindMappedRun).
   std::function<StatusOr<std::vector<EvidenceRow>>()> known_visits;
 
   /// Bound on the build's memory, and what it grows with beside the logs. [bytes]
@@ -44,7 +51,7 @@ struct LoadedRuns {
 };
 
 /// Reads the logs of a build. A log that is damaged, ends in the future, names another area, is a
-/// shorter copy of another one's run, is of a run that is in the map (FindMapped, SawVisits), or
+/// shorter copy of another one's run, is of a run that is in the map (FindMappedRun), or
 /// takes too much memory is left out by name, so that the others need not wait for it. Of logs that
 /// are too much together the largest are left out, whatever their order. Warns of logs that are cut
 /// off, hold implausible items, or were recorded without a clock.

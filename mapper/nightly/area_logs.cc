@@ -78,19 +78,18 @@ bool Remove(const KnownRuns& known, const std::string& run, const LogHead& log, 
 }
 
 // The run of the map that a log is of, or null.
-StatusOr<const LineRun*> FindMappedRun(const std::string& area,
-                                       const KnownRuns& known,
-                                       const LogHead& log,
-                                       MapStore* store) {
-  const LineRun* const mapped = FindMapped(known.kept, log.info, log.sha256);
-  if (mapped != nullptr) return mapped;
-  const LineRun* const like = FindLikeness(known.kept, log.info, log.begin);
-  if (like == nullptr) return like;
-  const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
-  if (!read.ok()) return static_cast<const LineRun*>(nullptr);  // The build says so.
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
-                            store->Evidence(area, known.prior));
-  return SawVisits(read->run, like->run.sha256, rows) ? like : nullptr;
+StatusOr<const LineRun*> MappedRunOf(const std::string& area,
+                                     const KnownRuns& known,
+                                     const LogHead& log,
+                                     MapStore* store) {
+  const auto saw_visits = [&](const LineRun& like) -> StatusOr<bool> {
+    const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
+    if (!read.ok()) return false;  // The build says so.
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
+                              store->Evidence(area, known.prior));
+    return SawVisits(read->run, like.run.sha256, rows);
+  };
+  return FindMappedRun(known.kept, log.info, log.sha256, log.begin, saw_visits);
 }
 
 // What the map lacks of a log that it has a run of, for a line about it; nothing if it lacks
@@ -127,7 +126,7 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
   AreaLogs sorted;
   for (LogHead& log : logs) {
     if (Remove(known, log.identity(), log, &sorted)) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, FindMappedRun(area, known, log, store));
+    SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, MappedRunOf(area, known, log, store));
     if (mapped != nullptr) {
       SHIFTMAP_ASSIGN_OR_RETURN(std::optional<std::string> rest, Rest(*mapped, &log));
       if (rest) {

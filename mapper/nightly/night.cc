@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-#include "mapper/cli/run_copies.h"
+#include "mapper/cli/run_loader.h"
 #include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/log_area.h"
 #include "mapper/nightly/log_limits.h"
