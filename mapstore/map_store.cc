@@ -71,6 +71,11 @@ StatusOr<VersionRow> MapStore::State::PublishedRow(const std::string& area,
   return GetVersion(database, area, area_row.area_id, *area_row.published);
 }
 
+StatusOr<VersionRow> MapStore::State::RowOf(const std::string& area, VersionNumber version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  return GetVersion(database, area, area_row.area_id, version);
+}
+
 StatusOr<VersionRow> MapStore::State::SelectRow(const std::string& area,
                                                 const AreaRow& area_row,
                                                 std::optional<VersionNumber> version,
@@ -298,18 +303,14 @@ StatusOr<std::vector<VehicleTrust>> MapStore::Trust(const std::string& area,
 StatusOr<Provenance> MapStore::LoadProvenance(const std::string& area, VersionNumber version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
-                            GetVersion(database, area, area_row.area_id, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->RowOf(area, version));
   return ReadProvenance(database, row.version_id, state_->VersionName(area, version));
 }
 
 StatusOr<std::vector<LineRun>> MapStore::LineRuns(const std::string& area, VersionNumber version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
-                            GetVersion(database, area, area_row.area_id, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->RowOf(area, version));
   return ReadLineRuns(database, row.version_id);
 }
 
@@ -317,9 +318,7 @@ StatusOr<std::set<std::string>> MapStore::RunIdentities(const std::string& area,
                                                         VersionNumber version) {
   Database& database = state_->database;
   SHIFTMAP_ASSIGN_OR_RETURN(const Transaction transaction, state_->Read());
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row,
-                            GetVersion(database, area, area_row.area_id, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow row, state_->RowOf(area, version));
   return ReadRunIdentities(database, row.version_id);
 }
 

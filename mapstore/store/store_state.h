@@ -44,6 +44,9 @@ struct MapStore::State {
   /// Errors: kNotFound if nothing is published.
   StatusOr<VersionRow> PublishedRow(const std::string& area, const AreaRow& area_row);
 
+  /// The version by number, inside a transaction. Errors: kNotFound if there is none.
+  StatusOr<VersionRow> RowOf(const std::string& area, VersionNumber version);
+
   /// The version by number, or the published one.
   /// @param known  At this time; nothing: now.
   StatusOr<VersionRow> SelectRow(const std::string& area,
