@@ -207,10 +207,15 @@ Status WarnOfUnknownVehicle(const RunsArguments& arguments,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<ReportSummary> reports, store->Reports(area));
   for (const ReportSummary& report : reports) known.insert(report.vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  std::set<VersionNumber> parents;
   for (const VersionSummary& version : versions) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store->LoadProvenance(area, version.version));
-    for (const RunRecord& run : provenance.runs) known.insert(run.vehicle);
+    if (version.parent) parents.insert(*version.parent);
+  }
+  for (const VersionSummary& version : versions) {
+    if (parents.contains(version.version)) continue;  // Its line has it.
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<LineRun> runs,
+                              store->LineRuns(area, version.version));
+    for (const LineRun& line : runs) known.insert(line.run.vehicle);
   }
   if (known.contains(arguments.vehicle)) return OkStatus();
   context.Warn(fmt::format("area '{}' has no run of a vehicle '{}' so far{}",

@@ -248,7 +248,7 @@ bool MotionCheck::Holds(const Tally& tally) const {
          static_cast<double>(Median(tally.misfits)) <= kGoodMisfit;
 }
 
-void MotionCheck::ReportFrozen(Findings* findings) const {
+bool MotionCheck::ReportFrozen(Findings* findings) const {
   const double most = kBetterShare * static_cast<double>(pairs_);
   if (static_cast<double>(odometry_still_) >= most) {
     findings->push_back({Severity::kWarning,
@@ -258,7 +258,9 @@ void MotionCheck::ReportFrozen(Findings* findings) const {
                                      odometry_still_,
                                      pairs_),
                          "see whether the odometry driver reports velocities"});
-  } else if (static_cast<double>(landmark_still_) >= most) {
+    return true;
+  }
+  if (static_cast<double>(landmark_still_) >= most) {
     findings->push_back(
         {Severity::kWarning,
          "detections_frozen",
@@ -268,7 +270,9 @@ void MotionCheck::ReportFrozen(Findings* findings) const {
                      pairs_),
          "see whether the detector repeats its last result, or gives positions in "
          "the map"});
+    return true;
   }
+  return false;
 }
 
 void MotionCheck::Report(Findings* findings) const {
@@ -297,9 +301,7 @@ void MotionCheck::Report(Findings* findings) const {
   }
   // Without turns in the odometry bearings seem too large.
   if (!turns_ && (best != nullptr || *MedianMisfit() > kBadMisfit)) {
-    const std::size_t before = findings->size();
-    ReportFrozen(findings);
-    if (findings->size() > before) return;
+    if (ReportFrozen(findings)) return;
     findings->push_back({Severity::kWarning,
                          "yaw_rate_zero",
                          "odometry against scans",
@@ -318,9 +320,7 @@ void MotionCheck::Report(Findings* findings) const {
                          best->advice});
     return;
   }
-  const std::size_t before = findings->size();
-  ReportFrozen(findings);
-  if (findings->size() > before) return;
+  if (ReportFrozen(findings)) return;
   if (*MedianMisfit() > kBadMisfit) {
     findings->push_back({Severity::kWarning,
                          "motion_misfit",

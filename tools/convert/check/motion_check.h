@@ -69,7 +69,7 @@ class MotionCheck {
   void MoveTo(Stamp stamp);
   void AddPair(const Anchor& first, const Observation& second);
   bool Holds(const Tally& tally) const;
-  void ReportFrozen(Findings* findings) const;
+  bool ReportFrozen(Findings* findings) const;  // Whether it is.
 
   std::optional<OdometrySample> odometry_;
   bool turns_ = false;  // Whether a yaw rate was logged that is not 0.
