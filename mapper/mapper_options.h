@@ -48,7 +48,7 @@ struct ModeOptions {
   double score_position_sd_m = 0.10;
 
   /// Density of the places where an object is misread as a landmark for a burst of scans. Its ratio
-  /// to the density of new landmarks limits what one visit says for a new place. [1/m²]
+  /// to the density of new landmarks bounds the evidence of one visit for a new place. [1/m²]
   double misread_density_per_m2 = 1e-6;
 
   /// How the mode of a visit is chosen from the chain over its group's visits.

@@ -15,8 +15,8 @@ constexpr int kMaxDense = 400;
 // minimum of the loss leaves more than that.
 constexpr double kTolerance = 1e-3;
 
-// They may take this share of the time of a factorization. A product in a solve waits for memory:
-// it takes as long as so many in a factorization.
+// They may take this share of the time of a factorization. A product of a solve waits for memory
+// and costs kSolveCost times a product of a factorization.
 constexpr double kMaxShare = 0.5;
 constexpr double kSolveCost = 5.0;
 

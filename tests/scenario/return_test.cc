@@ -53,6 +53,13 @@ class ReturnTest : public ::testing::Test {
     return words;
   }
 
+  // A run of the second log on the map.
+  Arguments Run(Arguments more) const {
+    more.insert(more.begin(), {"run", "--store", store_, "--area", "floor"});
+    more.push_back(world_->Log(1));
+    return more;
+  }
+
   static ShiftReport Good() {
     const StatusOr<ShiftReport> report = ReadShiftReport(world_->File("good.report"));
     EXPECT_TRUE(report.ok()) << Message(report.status());
@@ -126,16 +133,7 @@ TEST_F(ReturnTest, SecondTimeIsNothingToDo) {
 
 TEST_F(ReturnTest, ReturnedByTheRunAndAgainByFile) {
   const std::string report = folder_.File("shift.report");
-  RunForJson("shiftmap-localizer",
-             {"run",
-              "--store",
-              store_,
-              "--area",
-              "floor",
-              "--return",
-              "--report",
-              report,
-              world_->Log(1)});
+  RunForJson("shiftmap-localizer", Run({"--return", "--report", report}));
   EXPECT_EQ(RunCommand("shiftmap-localizer", Return({report})).exit_code, kNothingToDo);
 }
 
@@ -188,7 +186,7 @@ TEST_F(ReturnTest, ARunOfALogFromTheFutureWritesNothing) {
 
 // A run knows what was known when its log began: returned reports about it do not change it.
 TEST_F(ReturnTest, ARunAgainIsWhatItWas) {
-  const Arguments run = {"run", "--store", store_, "--area", "floor", world_->Log(1)};
+  const Arguments run = Run({});
   const Json before = RunForJson("shiftmap-localizer", run);
   RunForJson("shiftmap-localizer", Return({report_}));
   EXPECT_EQ(RunForJson("shiftmap-localizer", run)["mode_probabilities"],
@@ -279,16 +277,7 @@ TEST_F(ReturnTest, EmptyFileAsStore) {
 // Whatever --vehicle says: a run is its vehicle's, and counts once.
 TEST_F(ReturnTest, ARunIsReportedInTheNameOfItsVehicle) {
   for (const char* vehicle : {"a", "b", "c"}) {
-    RunForJson("shiftmap-localizer",
-               {"run",
-                "--store",
-                store_,
-                "--area",
-                "floor",
-                "--vehicle",
-                vehicle,
-                "--return",
-                world_->Log(1)});
+    RunForJson("shiftmap-localizer", Run({"--vehicle", vehicle, "--return"}));
   }
   int counting = 0;
   const Json reports =
