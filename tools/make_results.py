@@ -43,6 +43,7 @@ EXPERIMENTS = {
     "ledger": ("a year of 20 vehicles in one store: time and bytes of a report", "SHIFTMAP_LONG_TESTS=1 shiftmap_ledger_bench"),
     "ledger-years": ("size and time of a ledger over ten years of 1,000 landmarks", "shiftmap-experiment ledger-years --years 10 --vehicles 5 --visits-per-day 0.3 --output OUT --work WORK"),
     "lidar-run": ("buildings mapped by corners that a lidar sees", "shiftmap-experiment lidar-run --data DATA/lidar --output OUT"),
+    "localizer-bodies": ("recorded robots among landmarks that moved together", "shiftmap-experiment localizer-bodies --data DATA/utias --output OUT"),
     "localizer-consistency": ("error of the pose against its covariance on uncertain maps", "shiftmap-experiment localizer-consistency --output OUT"),
     "localizer-decisions": ("share of wrong decisions, and their delay", "shiftmap-experiment localizer-decisions --output OUT"),
     "localizer-decisions-blind": ("the same after 5 to 60 s without a sighting", "shiftmap-experiment localizer-decisions --blind --output OUT"),

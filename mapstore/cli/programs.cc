@@ -29,6 +29,7 @@ const std::vector<ProgramCommands>& AllPrograms() {
         "ledger-years",
         "lidar-repeatability",
         "lidar-run",
+        "localizer-bodies",
         "localizer-consistency",
         "localizer-decisions",
         "localizer-recorded",

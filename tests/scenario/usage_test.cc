@@ -47,6 +47,7 @@ const std::vector<Program>& Programs() {
         "ijrr-utias",
         "lidar-repeatability",
         "lidar-run",
+        "localizer-bodies",
         "localizer-consistency",
         "localizer-decisions",
         "localizer-recorded",

@@ -11,6 +11,7 @@
 #include "tools/experiment/ledger_years_command.h"
 #include "tools/experiment/lidar_repeatability_command.h"
 #include "tools/experiment/lidar_run_command.h"
+#include "tools/experiment/localizer_bodies_command.h"
 #include "tools/experiment/localizer_consistency_command.h"
 #include "tools/experiment/localizer_decisions_command.h"
 #include "tools/experiment/localizer_recorded_command.h"
@@ -40,6 +41,7 @@ void AddExperiments(Application* application) {
   AddLedgerYearsExperiment(application);
   AddLidarRepeatabilityExperiment(application);
   AddLidarRunExperiment(application);
+  AddLocalizerBodiesExperiment(application);
   AddLocalizerConsistencyExperiment(application);
   AddLocalizerDecisionsExperiment(application);
   AddLocalizerRecordedExperiment(application);

@@ -15,6 +15,7 @@
 #include "tools/convert/utias.h"
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/localizer_recorded.h"
+#include "tools/experiment/localizer_utias.h"
 
 namespace shiftmap {
 namespace {
@@ -31,10 +32,6 @@ struct Recording {
   std::vector<StampedPose> truth;
   std::map<Signature, Eigen::Vector2d> places;
 };
-
-// Robots of each data set whose files are at hand: others were not recorded whole.
-constexpr std::array<std::array<int, 4>, 4> kRobots = {
-    {{1, 1, 2, 3}, {2, 1, 2, 4}, {3, 1, 2, 3}, {6, 1, 2, 3}}};
 
 constexpr std::array<double, 6> kBlindSeconds = {0.0, 5.0, 15.0, 25.0, 40.0, 60.0};
 
@@ -81,10 +78,10 @@ Status AddRows(const MapSnapshot& map,
   return OkStatus();
 }
 
-Status AddDataset(const std::string& data, const std::array<int, 4>& robots, ResultTable* table) {
+Status AddDataset(const std::string& data, const UtiasRobots& recorded, ResultTable* table) {
   std::vector<Recording> recordings;
-  for (std::size_t i = 1; i < robots.size(); ++i) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Recording recording, Load(data, robots.front(), robots[i]));
+  for (const int robot : recorded.robots) {
+    SHIFTMAP_ASSIGN_OR_RETURN(Recording recording, Load(data, recorded.dataset, robot));
     recordings.push_back(std::move(recording));
   }
   for (const Recording& mapped : recordings) {
@@ -114,9 +111,9 @@ Status Measure(const Arguments& arguments, Context& context) {
                      "decisions",
                      "wrong",
                      "wrong_last"});
-  for (std::size_t i = 0; i < kRobots.size(); ++i) {
-    progress->Update("runs", static_cast<double>(i) / static_cast<double>(kRobots.size()));
-    SHIFTMAP_RETURN_IF_ERROR(AddDataset(arguments.data, kRobots[i], &table));
+  for (std::size_t i = 0; i < kUtiasRobots.size(); ++i) {
+    progress->Update("runs", static_cast<double>(i) / static_cast<double>(kUtiasRobots.size()));
+    SHIFTMAP_RETURN_IF_ERROR(AddDataset(arguments.data, kUtiasRobots[i], &table));
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePage(

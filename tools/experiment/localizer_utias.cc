@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <random>
+#include <utility>
 
 #include "localizer/filter/odometry_buffer.h"
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/mapper.h"
 #include "mapstore/core/median.h"
 #include "tools/convert/utias.h"
 
@@ -157,6 +160,19 @@ StatusOr<UtiasShift> LoadUtiasShift(const std::string& data, int dataset, int ro
     return InvalidArgument("data set {}: no scan of robot {} has a true pose", dataset, robot);
   }
   return shift;
+}
+
+StatusOr<Calibration> MappedCalibration(const std::string& data) {
+  std::vector<MapperInput> inputs;
+  for (const int dataset : {1, 2}) {
+    UtiasOptions options;
+    options.dataset_dir = data + "/MRCLAM_Dataset" + std::to_string(dataset);
+    SHIFTMAP_ASSIGN_OR_RETURN(UtiasRun recorded, ReadUtias(options));
+    const std::string name = "set" + std::to_string(dataset);
+    inputs.push_back({name, name, std::move(recorded.run)});
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result, BuildMap(inputs, std::nullopt, {}));
+  return result.content.calibration;
 }
 
 UtiasShiftResult LocalizeUtias(const UtiasShift& shift,

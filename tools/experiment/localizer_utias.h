@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -33,6 +34,15 @@ struct UtiasShiftOptions {
   double alpha = 1e-4;
 };
 
+/// A data set, and the robots whose files are at hand: others were not recorded whole.
+struct UtiasRobots {
+  int dataset = 0;
+  std::array<int, 3> robots = {};
+};
+
+inline constexpr std::array<UtiasRobots, 4> kUtiasRobots = {
+    {{1, {1, 2, 3}}, {2, {1, 2, 4}}, {3, {1, 2, 3}}, {6, {1, 2, 3}}}};
+
 struct UtiasShift {
   int dataset = 0;
   int layout = 0;  ///< Index of the layout that holds.
@@ -59,6 +69,10 @@ MapContent LayoutMap(const std::vector<Layout>& layouts,
 
 /// Reads one robot's run and truth, from the first stamp that has both.
 StatusOr<UtiasShift> LoadUtiasShift(const std::string& data, int dataset, int robot, int layout);
+
+/// What a fleet would know of its vehicles from mapping with another one: robot 1 of data sets 1
+/// and 2, which share a frame. Errors: ReadUtias()'s and BuildMap()'s.
+StatusOr<Calibration> MappedCalibration(const std::string& data);
 
 /// Drives the three localizers along the run, from a start that is off by a draw from its
 /// covariance.

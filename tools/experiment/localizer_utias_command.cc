@@ -4,12 +4,10 @@
 #include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "mapper/mapper.h"
 #include "tools/convert/utias.h"
 #include "tools/experiment/experiment_output.h"
 #include "tools/experiment/localizer_utias.h"
@@ -27,21 +25,6 @@ struct Arguments {
   std::uint64_t seed = 1;
   UtiasShiftOptions options;
 };
-
-// What a fleet would know of its vehicles from mapping with another one: robot 1 of data sets 1 and
-// 2, which share a frame.
-StatusOr<Calibration> MappedCalibration(const std::string& data) {
-  std::vector<MapperInput> inputs;
-  for (const int dataset : {1, 2}) {
-    UtiasOptions options;
-    options.dataset_dir = data + "/MRCLAM_Dataset" + std::to_string(dataset);
-    SHIFTMAP_ASSIGN_OR_RETURN(UtiasRun recorded, ReadUtias(options));
-    const std::string name = "set" + std::to_string(dataset);
-    inputs.push_back({name, name, std::move(recorded.run)});
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result, BuildMap(inputs, std::nullopt, {}));
-  return result.content.calibration;
-}
 
 Status Measure(const Arguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(
