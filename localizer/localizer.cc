@@ -21,6 +21,15 @@ constexpr double kDuplicateSigmas = 5.0;
 // With a heading less certain than this the filter, which is linear, misplaces what it sees. [rad]
 constexpr double kMaxYawSd = 0.7;
 
+// A vehicle that looks anywhere sees every landmark at some place or other. [rad]
+constexpr double kNoYawSd = 1.5;
+
+// A landmark that is expected no better than this agrees with more than one pose. [m]
+constexpr double kMaxExactSd = 0.3;
+
+// One of two poses is given up when it is less likely.
+constexpr double kGivenUp = 1e-3;
+
 // Observations of signatures that the map does not know: per scan, and of all kinds in the scans
 // that wait for a start.
 constexpr std::size_t kMaxUnknown = 256;
@@ -43,9 +52,10 @@ std::string Describe(const Observation& observation, Stamp stamp) {
                      observation.cov_z ? ", or its covariance" : "");
 }
 
-// Odometry has been silent for so long that nobody knows where the vehicle looks.
+// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon.
 bool IsUnlocalized(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
-  return motion.silent_s > 0.0 && pose.cov_T_map_vehicle(2, 2) > kMaxYawSd * kMaxYawSd;
+  const double limit = motion.silent_s > 0.0 ? kMaxYawSd : kNoYawSd;
+  return pose.cov_T_map_vehicle(2, 2) > limit * limit;
 }
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
@@ -266,7 +276,7 @@ void Localizer::Step(const WindowScan& step) {
   const bool unlocalized = was_nowhere || IsNowhere(pose) || IsUnlocalized(step.motion, pose);
   if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
-    DistrustPose();
+    DistrustPose(health_.failing_since());
   }
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
@@ -275,7 +285,7 @@ void Localizer::Step(const WindowScan& step) {
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
-    new_estimates_.push_back({step.scan.stamp, bank_->best().filter.Pose(), quality_.p_value()});
+    new_estimates_.push_back({step.scan.stamp, bank_->Pose(), quality_.p_value()});
     for (const ObservationOutcome& outcome : events.outcomes) {
       new_innovations_.push_back({step.scan.stamp, outcome});
     }
@@ -302,22 +312,51 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
     }
     const bool explained = Explains(outcome, scan);
     const auto nis = outcome.gated ? std::optional(outcome.nis) : std::nullopt;
-    health_.Add(scan.stamp, outcome.group, explained, nis);
+    const bool vague = outcome.gated && outcome.S.trace() > 2.0 * kMaxExactSd * kMaxExactSd;
+    health_.Add(scan.stamp, outcome.group, explained, nis, vague);
   }
   health_.Judge();
   if (!health_.lost()) {
-    if (health_.Confirms()) confirmed_ = scan.stamp;
-    const PoseWithCovariance pose = bank_->best().filter.Pose();
-    const auto wrong_since = FindWrongPose(recent_,
-                                           health_,
-                                           snapshot_,
-                                           pose,
-                                           bank_->field_of_view(),
-                                           options_.global_start,
-                                           scan.stamp);
-    if (wrong_since) health_.DeclareLost(*wrong_since);
+    if (health_.Confirms() && !rival_) confirmed_ = scan.stamp;
+    if (!rival_) FindRival(scan.stamp);
   }
-  if (health_.lost() && !was_lost) DistrustPose();
+  if (rival_) JudgeRival();
+  if (health_.lost() && !was_lost) DistrustPose(health_.failing_since());
+}
+
+void Localizer::FindRival(Stamp stamp) {
+  const auto other = FindWrongPose(recent_,
+                                   health_,
+                                   snapshot_,
+                                   bank_->best().filter.Pose(),
+                                   bank_->field_of_view(),
+                                   options_.global_start,
+                                   stamp);
+  if (!other) return;
+  if (other->certain) {
+    health_.DeclareLost(other->since);
+  } else {
+    Consider(other->pose, other->since);
+  }
+}
+
+void Localizer::Consider(const PoseWithCovariance& there, Stamp since) {
+  const Se2 T_map_here = bank_->best().filter.T_map_vehicle();
+  if (!bank_->Consider(there)) return;
+  rival_ = {bank_->T_odom_vehicle(), T_map_here, there.T_map_vehicle, since};
+}
+
+void Localizer::JudgeRival() {
+  const Se2 moved = rival_->T_odom_vehicle.Inverse() * bank_->T_odom_vehicle();
+  const double there = bank_->ShareNearer((rival_->T_map_there * moved).translation(),
+                                          (rival_->T_map_here * moved).translation());
+  if (there > kGivenUp && there < 1.0 - kGivenUp) return;
+  if (there > 0.5) {
+    ++statistics_.starts;
+    DistrustPose(rival_->since);
+    ForgetOutcomes();
+  }
+  rival_.reset();
 }
 
 void Localizer::JudgeMisses(const Scan& scan, const BankEvents& events) {
@@ -406,8 +445,8 @@ SightingCollector::PlaceState Localizer::Collect(const Observation& observation,
 }
 
 // Since when it failed is known; since when it was wrong is not, but not since it was confirmed.
-void Localizer::DistrustPose() {
-  const Stamp since = std::min(confirmed_, health_.failing_since());
+void Localizer::DistrustPose(Stamp failing_since) {
+  const Stamp since = std::min(confirmed_, failing_since);
   ForgetSince(since);
   sightings_.ForgetSince(since);
   changes_.Reset();
@@ -417,27 +456,39 @@ void Localizer::DistrustPose() {
 }
 
 void Localizer::TryGlobalStart() {
+  if (rival_) return;
   const std::vector<WindowScan> window(window_.begin(), window_.end());
   const auto start = FindRecentStart(window, snapshot_, options_.global_start);
-  if (start) StartAt(start->pose, start->scan);
+  if (!start) return;
+  if (bank_ && !health_.wrong()) {
+    Consider(PoseAtEnd(*start, window), health_.failing_since());
+  } else {
+    StartAt(start->pose, start->scan);
+  }
+}
+
+void Localizer::ForgetOutcomes() {
+  health_.Reset();
+  changes_.Reset();
+  missed_.Reset();
+  quality_.Reset();
 }
 
 void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   const Stamp stamp = window_[first].scan.stamp;
   if (bank_) {
-    bank_->Restart(pose, stamp);
-    if (health_.lost()) DistrustPose();
+    const Stamp wrong_since = std::min(confirmed_, health_.failing_since());
+    bank_->Restart(pose, stamp, health_.lost() ? wrong_since : Stamp::max());
+    if (health_.lost()) DistrustPose(health_.failing_since());
     ForgetSince(stamp);
   } else {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   confirmed_ = stamp;
+  rival_.reset();
   ++statistics_.starts;
-  health_.Reset();
-  changes_.Reset();
-  missed_.Reset();
+  ForgetOutcomes();
   recent_.Clear();
-  quality_.Reset();
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   for (std::size_t i = first; i < replayed.size(); ++i) {
     WindowScan step = replayed[i];
@@ -458,7 +509,7 @@ void Localizer::Initialize(const PoseWithCovariance& pose) {
 
 std::optional<PoseEstimate> Localizer::Estimate() const {
   if (!bank_) return std::nullopt;
-  return PoseEstimate{scan_stamp_, bank_->best().filter.Pose(), quality_.p_value()};
+  return PoseEstimate{scan_stamp_, bank_->Pose(), quality_.p_value()};
 }
 
 LocalizerStatistics Localizer::Statistics() const {
@@ -479,7 +530,7 @@ Eigen::VectorXd Localizer::Probabilities(int group) const {
 
 LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
-  if (health_.lost()) return LocalizerState::kLost;
+  if (health_.lost() || rival_) return LocalizerState::kLost;
   const Duration hold = FromSeconds(options_.state_hold_s);
   const auto recent = [&](const std::optional<StateEvidence>& cause) {
     return cause && now_ - cause->stamp <= hold;
@@ -500,8 +551,9 @@ void Localizer::SetState(LocalizerState state) {
     evidence = *mode_changed_;
   } else {
     evidence.stamp = now_;
+    const Stamp failing_since = rival_ ? rival_->since : health_.failing_since();
     const bool lost = state == LocalizerState::kLost;
-    evidence.support = lost ? health_.Support(health_.failing_since(), -1) : health_.Support();
+    evidence.support = lost ? health_.Support(failing_since, -1) : health_.Support();
   }
   state_changes_.push_back({now_, state_, state, evidence});
   state_ = state;

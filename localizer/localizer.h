@@ -146,6 +146,7 @@ class Localizer {
   void BoundWindow(Stamp now);
   void Step(const WindowScan& step);
   void TryGlobalStart();
+  void ForgetOutcomes();
   void StartAt(const PoseWithCovariance& pose, std::size_t first);
 
   // Takes back what was concluded from scans that are about to be replayed with another pose: they
@@ -158,11 +159,22 @@ class Localizer {
   void JudgeMisses(const Scan& scan, const BankEvents& events);
   bool Explains(const ObservationOutcome& outcome, const Scan& scan);
   bool NearAMode(int group, const SightingCollector::PlaceState& place) const;
-  void DistrustPose();
+  void DistrustPose(Stamp failing_since);
   void ForgetNew();
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
   void SetState(LocalizerState state);
+
+  // Another pose that explains as much, until what is seen decides.
+  struct RivalPose {
+    Se2 T_odom_vehicle;  // When it was found.
+    Se2 T_map_here;      // Of the vehicle then, by either.
+    Se2 T_map_there;
+    Stamp since;  // When the one failed.
+  };
+  void FindRival(Stamp stamp);
+  void Consider(const PoseWithCovariance& there, Stamp since);
+  void JudgeRival();
 
   MapSnapshot snapshot_;
   LocalizerOptions options_;
@@ -187,10 +199,11 @@ class Localizer {
   std::vector<PoseEstimate> new_estimates_;
   std::vector<StampedOutcome> new_innovations_;
   std::optional<Stamp> newest_estimate_;
-  std::optional<Stamp> begin_;                   // Of the first event.
-  Stamp now_;                                    // Of the last event.
-  Stamp scan_stamp_;                             // Of the last scan.
-  Stamp confirmed_;                              // The pose, last; else its start.
+  std::optional<Stamp> begin_;  // Of the first event.
+  Stamp now_;                   // Of the last event.
+  Stamp scan_stamp_;            // Of the last scan.
+  Stamp confirmed_;             // The pose, last; else its start.
+  std::optional<RivalPose> rival_;
   std::optional<StateEvidence> mode_changed_;    // The last one.
   std::optional<StateEvidence> unknown_change_;  // The last one.
   std::set<Signature> at_two_places_;            // Of the map's.

@@ -462,7 +462,17 @@ void KnownMapFilter::StartPlace(int group,
   place.cov = R_map_vehicle * prediction.S * R_vehicle_map_;
   place.cross_state = -prediction.cov_state_z * R_vehicle_map_;
   place.cross_bias = -cov_bias_z * R_vehicle_map_;
+  AdoptPlace(place);
+}
+
+void KnownMapFilter::AdoptPlace(const UnknownPlace& place) {
+  shared_errors_.Forget(SharedErrors::PlaceIndex(place.group));
   places_.Put(place);
+}
+
+void KnownMapFilter::ErasePlace(int group) {
+  shared_errors_.Forget(SharedErrors::PlaceIndex(group));
+  places_.Erase(group);
 }
 
 KnownMapFilter::Point KnownMapFilter::PredictPlace(const UnknownPlace& place) const {
@@ -482,9 +492,37 @@ KnownMapFilter::Prediction KnownMapFilter::PredictPlace(const UnknownPlace& plac
   return prediction;
 }
 
+SharedErrors::Observed KnownMapFilter::ObservedAt(const UnknownPlace& place,
+                                                  const Prediction& prediction) const {
+  SharedErrors::Observed seen = ObservedBy(prediction, SharedErrors::PlaceIndex(place.group));
+  seen.nu += prediction.point.H_landmark * (place.p_map_landmark - place.p_shared);
+  return seen;
+}
+
+double KnownMapFilter::LogLikelihood(const Prediction& prediction,
+                                     const UnknownPlace& place,
+                                     const MapSnapshot& snapshot) const {
+  const bool shared = shared_errors_.Has(SharedErrors::PlaceIndex(place.group));
+  if (!prediction.usable() || !shared) return prediction.LogLikelihood();
+  const double log_p =
+      shared_errors_.LogLikelihood(ObservedAt(place, prediction), snapshot.covariance());
+  if (!std::isfinite(log_p)) return prediction.LogLikelihood();
+  return log_p + prediction.measurement.log_m2_per_unit;
+}
+
 void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
                                  const Prediction& prediction,
-                                 double weight) {
+                                 const MapSnapshot& snapshot,
+                                 double weight,
+                                 bool certain) {
+  UnknownPlace corrected = place;
+  const bool shared = shared_errors_.Has(SharedErrors::PlaceIndex(place.group));
+  if (certain && !shared) corrected.p_shared = place.p_map_landmark;
+  if (certain || shared) {
+    SharedErrors::Observed seen = ObservedAt(corrected, prediction);
+    seen.cov_noise /= weight;
+    if (!shared_errors_.Update(seen, snapshot.covariance())) shared_errors_ = SharedErrors(P_);
+  }
   const Measurement& measurement = prediction.measurement;
   const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
   const Eigen::Matrix2d& H_p = prediction.point.H_landmark;
@@ -498,7 +536,6 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
                                      cross_bias * H_p.transpose() +
                                      bias.cov * measurement.dq_dz.transpose();
   const Eigen::Matrix2d K = cov_place_z * S.inverse();
-  UnknownPlace corrected = place;
   corrected.p_map_landmark += K * prediction.nu;
   corrected.cov = Symmetrized(Eigen::Matrix2d(place.cov - K * S * K.transpose()));
   corrected.cross_state -= prediction.cov_state_z * K.transpose();

@@ -143,19 +143,32 @@ class KnownMapFilter {
 
   /// The place remembered for a group; null if there is none. Valid until the filter changes.
   const UnknownPlace* FindPlace(int group) const { return places_.Find(group); }
-  void ErasePlace(int group) { places_.Erase(group); }
+  void ErasePlace(int group);
 
   /// Takes a place over from another filter whose pose is about the same.
-  void AdoptPlace(const UnknownPlace& place) { places_.Put(place); }
+  void AdoptPlace(const UnknownPlace& place);
 
   /// As PredictObservation(), for a landmark that stands at a place.
   Prediction PredictPlace(const UnknownPlace& place, const Measurement& measurement) const;
   Point PredictPlace(const UnknownPlace& place) const;
 
+  /// log p(z | all observations before) of a landmark at a place, as for a mode.
+  double LogLikelihood(const Prediction& prediction,
+                       const UnknownPlace& place,
+                       const MapSnapshot& snapshot) const;
+
   /// Corrects a place, and not the state, with an observation of it.
   /// @param prediction  Of this filter in its present state, for the same place.
   /// @param weight      As for Update().
-  void UpdatePlace(const UnknownPlace& place, const Prediction& prediction, double weight);
+  /// @param certain     The landmark stands there. From then on LogLikelihood() counts what its
+  ///                    sightings have in common once, as for a mode. Without it each of them would
+  ///                    cost the odometry's noise since the first, and a pose that moved along with
+  ///                    the landmarks would seem likelier.
+  void UpdatePlace(const UnknownPlace& place,
+                   const Prediction& prediction,
+                   const MapSnapshot& snapshot,
+                   double weight,
+                   bool certain);
 
   PoseWithCovariance Pose() const;
   const Se2& T_map_vehicle() const { return T_map_vehicle_; }
@@ -209,6 +222,7 @@ class KnownMapFilter {
   void TransformGains(const StateMatrix& M);
   void ApplyGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
+  SharedErrors::Observed ObservedAt(const UnknownPlace& place, const Prediction& prediction) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
   // unknown to the next one. If the observation was linearized at the corrected pose, the right

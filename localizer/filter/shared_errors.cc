@@ -18,6 +18,16 @@ constexpr double kBiasTime = 60.0;
 
 using Pair = Eigen::Array2d;
 
+// Of an unknown place, per axis. [m]
+constexpr double kPlaceSd = 100.0;
+
+// Of the errors of two modes or places before anything is seen.
+Eigen::Matrix2d PriorOf(int a, int b, const JointCovariance& covariance) {
+  if (a >= 0 && b >= 0) return covariance.Block(a, b);
+  if (a != b) return Eigen::Matrix2d::Zero();
+  return kPlaceSd * kPlaceSd * Eigen::Matrix2d::Identity();
+}
+
 // Two rows of a column, the first of them even.
 Eigen::Map<Pair, Eigen::Aligned16> At(double* column, int row) {
   return Eigen::Map<Pair, Eigen::Aligned16>(column + row);
@@ -98,7 +108,7 @@ double SharedErrors::LogLikelihood(const Observed& observed,
 
 bool SharedErrors::Update(const Observed& observed, const JointCovariance& covariance) {
   UseBiasOf(observed);
-  int place = Place(observed.mode_index);
+  int place = Row(observed.mode_index);
   if (place < 0) {
     if (modes_ == kMaxModes) RemoveOldest();
     place = rows();
@@ -145,7 +155,7 @@ void SharedErrors::Subtract(const Columns& K, const Columns& cross) {
   cov_.MirrorFull();
 }
 
-int SharedErrors::Place(int mode_index) const {
+int SharedErrors::Row(int mode_index) const {
   const auto end = mode_indices_.begin() + modes_;
   const auto found = std::find(mode_indices_.begin(), end, mode_index);
   return found == end ? -1 : kFixed + 2 * static_cast<int>(found - mode_indices_.begin());
@@ -154,7 +164,7 @@ int SharedErrors::Place(int mode_index) const {
 SharedErrors::ModeError SharedErrors::ErrorOf(int mode_index,
                                               const JointCovariance& covariance,
                                               int rows) const {
-  const int place = Place(mode_index);
+  const int place = Row(mode_index);
   if (place < 0) return ErrorOfNew(mode_index, covariance);
   ModeError mode;
   mode.mean = mean_.segment<2>(place);
@@ -175,23 +185,25 @@ SharedErrors::ModeError SharedErrors::ErrorOf(int mode_index,
 
 SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
                                                  const JointCovariance& covariance) const {
-  const Eigen::Matrix2d prior = covariance.Block(mode_index, mode_index);
+  const Eigen::Matrix2d prior = PriorOf(mode_index, mode_index, covariance);
   ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero()};
-  if (covariance.cross_blocks().empty()) return mode;
+  if (mode_index < 0 || covariance.cross_blocks().empty()) return mode;
   // Of the modes in use with the new one, and its regression on them.
   using Used = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxModes, kMax>;
   const Eigen::Index used = Eigen::Index{2} * modes_;
   Eigen::Matrix<double, Eigen::Dynamic, 2, 0, 2 * kMaxModes, 2> with_new(used, 2);
   for (int i = 0; i < modes_; ++i) {
     const int index = mode_indices_[static_cast<std::size_t>(i)];
-    with_new.middleRows<2>(Eigen::Index{2} * i) = covariance.Block(index, mode_index);
+    with_new.middleRows<2>(Eigen::Index{2} * i) = PriorOf(index, mode_index, covariance);
   }
   if (with_new.isZero(0.0)) return mode;
   Used joint(used, used);
   for (int i = 0; i < modes_; ++i) {
     for (int j = 0; j < modes_; ++j) {
-      joint.block<2, 2>(Eigen::Index{2} * i, Eigen::Index{2} * j) = covariance.Block(
-          mode_indices_[static_cast<std::size_t>(i)], mode_indices_[static_cast<std::size_t>(j)]);
+      joint.block<2, 2>(Eigen::Index{2} * i, Eigen::Index{2} * j) =
+          PriorOf(mode_indices_[static_cast<std::size_t>(i)],
+                  mode_indices_[static_cast<std::size_t>(j)],
+                  covariance);
     }
   }
   const Eigen::Matrix<double, Eigen::Dynamic, 2, 0, 2 * kMaxModes, 2> regression =
@@ -256,10 +268,18 @@ void SharedErrors::Add(int mode_index, const ModeError& mode) {
   ++modes_;
 }
 
-// The last takes its rows.
 void SharedErrors::RemoveOldest() {
   const auto oldest = std::min_element(last_used_.begin(), last_used_.begin() + modes_);
-  const auto slot = static_cast<std::size_t>(oldest - last_used_.begin());
+  Remove(static_cast<std::size_t>(oldest - last_used_.begin()));
+}
+
+void SharedErrors::Forget(int mode_index) {
+  const int row = Row(mode_index);
+  if (row >= 0) Remove(static_cast<std::size_t>((row - kFixed) / 2));
+}
+
+// The last takes its rows.
+void SharedErrors::Remove(std::size_t slot) {
   --modes_;
   const auto last_slot = static_cast<std::size_t>(modes_);
   if (slot == last_slot) return;

@@ -39,9 +39,13 @@ class SharedErrors {
   /// @param A  [A_pose 0; 0 I].
   void Move(const StateMatrix& A, const StateVector& correction);
 
+  /// For Observed::mode_index: the unknown place of a group, of which nothing is known before it is
+  /// seen. Its error is that of the fixed point which the innovations are taken against.
+  static int PlaceIndex(int group) { return -1 - group; }
+
   /// An innovation ν = H_state x̃ + H_bias b + H_mode e + v of a mode, v ~ N(0, cov_noise).
   struct Observed {
-    int mode_index = 0;  ///< Row in the map's covariance.
+    int mode_index = 0;  ///< Row in the map's covariance; or PlaceIndex().
     Observation::Kind kind = Observation::Kind::kRangeBearing;
     Eigen::Vector2d nu = Eigen::Vector2d::Zero();
     Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();
@@ -50,6 +54,10 @@ class SharedErrors {
     Eigen::Matrix2d cov_bias = Eigen::Matrix2d::Zero();  ///< Prior of b.
     Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();
   };
+
+  /// Something of a mode or place has been taken in and counts.
+  bool Has(int mode_index) const { return Row(mode_index) >= 0; }
+  void Forget(int mode_index);
 
   /// log p(ν | everything taken in before); not finite if numbers have lost their digits.
   double LogLikelihood(const Observed& observed, const JointCovariance& covariance) const;
@@ -78,7 +86,7 @@ class SharedErrors {
   };
 
   int rows() const { return kFixed + 2 * modes_; }  // Of a that are in use.
-  int Place(int mode_index) const;                  // Of its first row in a, or -1.
+  int Row(int mode_index) const;                    // Its first in a, or -1.
 
   // Of `rows` rows of a, even and at least kFixed; what others would be is left open.
   ModeError ErrorOf(int mode_index, const JointCovariance& covariance, int rows) const;
@@ -91,6 +99,7 @@ class SharedErrors {
   void Subtract(const Columns& K, const Columns& cross);  // K crossᵀ, from the covariance.
   void Add(int mode_index, const ModeError& mode);
   void RemoveOldest();
+  void Remove(std::size_t slot);
   void UseBiasOf(const Observed& observed);
 
   int modes_ = 0;

@@ -25,6 +25,9 @@ struct UnknownPlace {
   int group = 0;                                             ///< Index into MapSnapshot::groups().
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
 
+  /// The point whose error SharedErrors estimates, if it knows of the place. [m]
+  Eigen::Vector2d p_shared = Eigen::Vector2d::Zero();
+
   /// Of the first sighting, by dead reckoning: a pose that is corrected has not moved. [m]
   Eigen::Vector2d p_odom_viewpoint = Eigen::Vector2d::Zero();
 

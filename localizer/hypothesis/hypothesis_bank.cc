@@ -4,11 +4,13 @@
 // hypothesis_scoring.cc.
 #include "localizer/hypothesis/hypothesis_bank.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
+#include "localizer/initialization/start_pose.h"
 #include "localizer/models/site_area.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -21,6 +23,16 @@ constexpr double kTrustedTurn = 0.1;      // [rad]
 
 // Ways without sightings on which wheels slip, as a share. [-]
 constexpr double kSlipShare = 0.1;
+
+// Another pose is considered if it is less likely so far. [-]
+constexpr double kConsidered = 1e-3;
+
+// A pose vaguer than this is none that another one could be. [m]
+constexpr double kVague = 1.0;
+
+// A landmark's probabilities that differ by more were learned since the map was made. [-]
+constexpr double kLearned = 0.1;
+constexpr double kMinProbability = 1e-6;
 
 Eigen::Vector2d EdgeOfView(const SensorCalibration& sensor) {
   const double bearing = std::min(sensor.max_bearing_rad, std::numbers::pi);
@@ -64,11 +76,76 @@ void BankEvents::Clear() {
   decisions.clear();
 }
 
-void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp) {
+void HypothesisBank::Restart(const PoseWithCovariance& start, Stamp stamp, Stamp wrong_since) {
+  tree_.ForgetSince(wrong_since, snapshot_.groups(), snapshot_.stamp());
   stamp_ = stamp;
   agreed_ = {};
   ConfirmPose();
   tree_.Restart({KnownMapFilter(start, snapshot_.calibration())});
+}
+
+bool HypothesisBank::Consider(const PoseWithCovariance& pose) {
+  LeafSet<Leaf>& leaves = tree_.leaves();
+  const double log_considered = std::log(kConsidered);
+  if (std::any_of(leaves.all().begin(), leaves.all().end(), [&](const Leaf* leaf) {
+        const PoseWithCovariance held = leaf->filter.Pose();
+        const bool vague = held.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() > kVague * kVague;
+        return leaf->log_weight > log_considered && !vague && !ClearlyApart(held, pose);
+      })) {
+    return false;
+  }
+  // By another pose nothing holds that was concluded by this one: there, all is as in the map.
+  const auto prior = [&](int group) {
+    const LandmarkGroup& landmark = GroupAt(group);
+    return landmark.chain.Propagate(landmark.probabilities, snapshot_.stamp(), stamp_);
+  };
+  for (int group = 0; group < static_cast<int>(snapshot_.groups().size()); ++group) {
+    const Eigen::VectorXd learned = Probabilities(group) - prior(group);
+    if (learned.cwiseAbs().maxCoeff() > kLearned) tree_.Hold(group, snapshot_.groups(), stamp_);
+  }
+  Leaf other = best();
+  other.filter = KnownMapFilter(pose, snapshot_.calibration());
+  for (PlaceBelief& belief : other.beliefs) {
+    const int group = belief.group;
+    belief = PlaceBelief();
+    belief.group = group;
+    const Eigen::ArrayXd p = prior(group).array().max(kMinProbability);
+    const Eigen::ArrayXd log_p = (p / p.sum()).log();
+    belief.log_p = StateValues(log_p.data(), log_p.data() + log_p.size());
+    belief.log_missed.resize(belief.log_p.size(), 0.0);
+    // What the visit gave up it did by the other leaves' poses.
+    Visit* const visit = tree_.FindVisit(group);
+    if (visit) std::fill(visit->given_up.begin(), visit->given_up.end(), std::nullopt);
+  }
+  other.log_weight = 0.0;  // As heavy as all others together.
+  leaves.Add(other);
+  tree_.Reduce();
+  return true;
+}
+
+PoseWithCovariance HypothesisBank::Pose() const {
+  PoseWithCovariance pose = best().filter.Pose();
+  if (tree_.leaves().size() == 1) return pose;
+  const Se2 T_best_map = pose.T_map_vehicle.Inverse();
+  pose.cov_T_map_vehicle.setZero();
+  for (const Leaf* leaf : tree_.leaves().all()) {
+    const PoseWithCovariance other = leaf->filter.Pose();
+    const Eigen::Vector3d xi = (T_best_map * other.T_map_vehicle).Log();
+    const Eigen::Matrix3d J = Se2::RightJacobian(xi).inverse();
+    pose.cov_T_map_vehicle += std::exp(leaf->log_weight) *
+                              (J * other.cov_T_map_vehicle * J.transpose() + xi * xi.transpose());
+  }
+  return pose;
+}
+
+double HypothesisBank::ShareNearer(const Eigen::Vector2d& there,
+                                   const Eigen::Vector2d& here) const {
+  double share = 0.0;
+  for (const Leaf* leaf : tree_.leaves().all()) {
+    const Eigen::Vector2d& p = leaf->filter.T_map_vehicle().translation();
+    if ((p - there).norm() < (p - here).norm()) share += std::exp(leaf->log_weight);
+  }
+  return share;
 }
 
 void HypothesisBank::Predict(const MotionIncrement& increment, double elapsed_s) {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "localizer/hypothesis/body_prior.h"
 #include "localizer/hypothesis/hypothesis_tree.h"
 #include "localizer/hypothesis/known_map_leaf.h"
 #include "localizer/hypothesis/unseen_way.h"
@@ -73,8 +74,13 @@ class HypothesisBank {
                  const PoseWithCovariance& start,
                  Stamp stamp);
 
-  /// Starts again at another pose: leaves and open visits go, what ended visits decided stays.
-  void Restart(const PoseWithCovariance& start, Stamp stamp);
+  /// Starts again at another pose: leaves and open visits go, what visits said that ended before
+  /// `wrong_since` stays.
+  void Restart(const PoseWithCovariance& start, Stamp stamp, Stamp wrong_since = Stamp::max());
+
+  /// Takes in that the vehicle is as likely at another pose now, with the modes of landmarks in
+  /// view as before their visits. Returns false, and does nothing, if a leaf is there already.
+  bool Consider(const PoseWithCovariance& pose);
 
   /// Moves all leaves on.
   void Predict(const MotionIncrement& increment, double elapsed_s);
@@ -89,6 +95,12 @@ class HypothesisBank {
   std::vector<VisitEvidence> EndVisits();
 
   const Leaf& best() const { return tree_.best(); }
+
+  /// The pose of the heaviest leaf, with the second moment of the poses of all leaves about it.
+  PoseWithCovariance Pose() const;
+
+  /// Probability that the vehicle is nearer to `there` than to `here`. [m]
+  double ShareNearer(const Eigen::Vector2d& there, const Eigen::Vector2d& here) const;
 
   /// Where dead reckoning has the vehicle: it moves as the vehicle does, and is never corrected.
   const Se2& T_odom_vehicle() const { return T_odom_vehicle_; }
@@ -108,6 +120,12 @@ class HypothesisBank {
   int leaves_max() const { return tree_.leaves_max(); }
 
  private:
+  // An observation of a landmark that stands at none of its modes.
+  struct AtNoMode {
+    double log_density = 0.0;  // In its own units.
+    double place_share = 0.0;  // Of it that is not a false alarm.
+  };
+
   // Landmarks that confirm a pose.
   static constexpr int kConfirming = 2;
 
@@ -129,6 +147,7 @@ class HypothesisBank {
   double InViewProbability(const KnownMapFilter::Point& point) const {
     return view_.Probability(point.q, point.cov_q);
   }
+  double LogDetection(double in_view) const;
   ModeScore Score(const Leaf& leaf, const SeenObservation& seen, int state) const;
   double LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* score) const;
   double LogUngated(const Leaf& leaf,
@@ -138,16 +157,26 @@ class HypothesisBank {
                     PlaceBelief* belief) const;
 
   double LogAbsent(const SeenObservation& seen,
-                   std::optional<double> log_ungated,
                    double weight,
                    Leaf* leaf,
                    PlaceBelief* belief) const;
+  double LogSameView(const SeenObservation& seen, double log_ungated, Leaf* leaf) const;
+  double LogAtPlace(const KnownMapFilter::Prediction& prediction,
+                    const UnknownPlace& place,
+                    const Leaf& leaf) const;
+  AtNoMode ScoreAtNoMode(const SeenObservation& seen,
+                         const Leaf& leaf,
+                         const PlaceBelief& belief) const;
+  MovedLandmarks MovedIn(const Leaf& leaf) const;
   void StartPlace(const SeenObservation& seen,
                   double probability,
                   Leaf* leaf,
                   PlaceBelief* belief) const;
-  // The place remembered for a group is apart from its modes.
-  bool IsUnknown(int group, const Leaf& leaf) const;
+  // Apart from the modes of a group.
+  bool IsUnknown(int group, const Eigen::Vector2d& p_map_landmark) const;
+  bool IsSeenFromApart(const UnknownPlace& place) const {
+    return (T_odom_vehicle_.translation() - place.p_odom_viewpoint).norm() > kApart;
+  }
   void MissPlace(const Leaf& leaf, PlaceBelief* belief) const;
 
   // A bound on LogUngated() that costs less.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "localizer/hypothesis/body_prior.h"
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/models/detection_model.h"
 #include "localizer/models/observation_model.h"
@@ -29,6 +30,12 @@ constexpr double kNegligible = 25.0;
 constexpr double kRepetitionWeight = 0.25;
 constexpr double kSameViewDistance = 0.1;  // [m]
 constexpr double kSameViewYaw = 0.05;      // [rad]
+
+// A landmark stands at an unknown place for certain if it is elsewhere with less probability.
+constexpr double kCertain = 1e-3;
+
+// One that is less likely to have moved says nothing of others.
+constexpr double kMinMoved = 0.05;
 
 }  // namespace
 
@@ -91,6 +98,12 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
   tree_.Reduce();
 }
 
+// What is seen is in view, T-IV VI-D.
+double HypothesisBank::LogDetection(double in_view) const {
+  return std::log(snapshot_.calibration().sensor.detection_probability *
+                  std::max(in_view, options_.fov_leave));
+}
+
 HypothesisBank::ModeScore HypothesisBank::Score(const Leaf& leaf,
                                                 const SeenObservation& seen,
                                                 int state) const {
@@ -99,7 +112,7 @@ HypothesisBank::ModeScore HypothesisBank::Score(const Leaf& leaf,
   const double in_view = InViewProbability(point);
   ModeScore score;
   score.prediction = leaf.filter.PredictObservation(seen.measurement, point);
-  score.log_detection = std::log(detection * std::max(in_view, options_.fov_leave));
+  score.log_detection = LogDetection(in_view);
   score.log_miss = std::log1p(-detection * in_view);
   return score;
 }
@@ -127,51 +140,105 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
 
 // Under `absent` an observation is clutter or a new place, or the landmark at the place where it
 // was seen before. Of places one is kept, the likeliest.
-//
-// One outlier view, repeated, is at one place as well, whatever the mode: so until the landmark
-// was seen from apart, the place says no more for `absent` than `log_ungated` does for a mode.
-// A sighting that gates with a mode is not outlier: then nothing bounds what the place says.
 double HypothesisBank::LogAbsent(const SeenObservation& seen,
-                                 std::optional<double> log_ungated,
                                  double weight,
                                  Leaf* leaf,
                                  PlaceBelief* belief) const {
   const UnknownPlace* const place =
       belief->place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
   if (!place) {
-    StartPlace(seen, seen.new_share, leaf, belief);
-    return weight * seen.log_any;
+    const AtNoMode first = ScoreAtNoMode(seen, *leaf, *belief);
+    StartPlace(seen, first.place_share, leaf, belief);
+    return weight * first.log_density;
   }
   const double detection = snapshot_.calibration().sensor.detection_probability;
   const KnownMapFilter::Prediction prediction = leaf->filter.PredictPlace(*place, seen.measurement);
   const double in_view = InViewProbability(prediction.point);
-  const double log_detection = std::log(detection * std::max(in_view, options_.fov_leave));
-  const double log_here = log_detection + prediction.LogLikelihood();
+  const double log_here = LogAtPlace(prediction, *place, *leaf);
   double log_clutter = seen.log_any;
   AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_clutter);
-  const double log_outlier = std::log(kOutlierShare) + log_detection +
+  const double log_outlier = std::log(kOutlierShare) + LogDetection(in_view) +
                              leaf->filter.PredictPlace(*place, seen.outlier).LogLikelihood();
   const double log_not_here = LogAdd(log_clutter, log_outlier);
+  const bool here = log_here > log_not_here;
   // As a leaf that is resolved: it takes an observation for what it likelier is.
   const double log_at_place =
       std::log(belief->place_probability) + weight * std::max(log_here, log_not_here);
-  const double log_other = std::log1p(-belief->place_probability) + weight * seen.log_any;
+  const AtNoMode elsewhere =
+      here ? AtNoMode{seen.log_any, seen.new_share} : ScoreAtNoMode(seen, *leaf, *belief);
+  const double log_other = std::log1p(-belief->place_probability) + weight * elsewhere.log_density;
   const double total = LogAdd(log_at_place, log_other);
   const double at_place = std::exp(log_at_place - total);
-  const bool apart = (T_odom_vehicle_.translation() - place->p_odom_viewpoint).norm() > kApart;
-  const double said = apart || !log_ungated ? total : std::min(total, weight * *log_ungated);
-  const double started = std::exp(log_other - total) * seen.new_share;
+  const double started = std::exp(log_other - total) * elsewhere.place_share;
   if (started > at_place) {
     StartPlace(seen, started, leaf, belief);
-    return said;
+    return total;
   }
   belief->place_probability = at_place;
-  if (log_here > log_not_here) {
-    leaf->filter.UpdatePlace(*place, prediction, weight);
+  if (here) {
+    const double doubt = 1.0 - at_place * std::exp(belief->LogProbability(0));
+    // One landmark alone does not tell another pose from a move.
+    const bool certain = doubt < kCertain && MovedIn(*leaf).size() > 1;
+    leaf->filter.UpdatePlace(*place, prediction, snapshot_, weight, certain);
     belief->log_missed[0] = 0.0;
-    if (!IsUnknown(seen.group, *leaf)) belief->place_probability = 0.0;
+    if (!IsUnknown(seen.group, leaf->filter.FindPlace(seen.group)->p_map_landmark))
+      belief->place_probability = 0.0;
   }
-  return said;
+  return total;
+}
+
+// One outlier view repeats itself until the landmark is seen from apart, whatever the mode: so what
+// it says once for `absent` it does not say again with each scan. A leaf that is resolved remembers
+// where it was.
+double HypothesisBank::LogSameView(const SeenObservation& seen,
+                                   double log_ungated,
+                                   Leaf* leaf) const {
+  const UnknownPlace* const place = leaf->filter.FindPlace(seen.group);
+  if (place && IsSeenFromApart(*place)) return log_ungated;
+  if (place) {
+    const auto prediction = leaf->filter.PredictPlace(*place, seen.measurement);
+    const double log_same = LogAtPlace(prediction, *place, *leaf);
+    if (log_same > log_ungated) return log_same;
+  }
+  leaf->filter.StartPlace(seen.group, seen.measurement, T_odom_vehicle_.translation());
+  return log_ungated;
+}
+
+double HypothesisBank::LogAtPlace(const KnownMapFilter::Prediction& prediction,
+                                  const UnknownPlace& place,
+                                  const Leaf& leaf) const {
+  return LogDetection(InViewProbability(prediction.point)) +
+         leaf.filter.LogLikelihood(prediction, place, snapshot_);
+}
+
+// A landmark seen near a mode does not count as moved.
+HypothesisBank::AtNoMode HypothesisBank::ScoreAtNoMode(const SeenObservation& seen,
+                                                       const Leaf& leaf,
+                                                       const PlaceBelief& belief) const {
+  AtNoMode score{seen.log_any, seen.new_share};
+  const MovedLandmarks moved = MovedIn(leaf);
+  if (moved.empty() || !IsUnknown(seen.group, leaf.filter.T_map_vehicle() * seen.measurement.q))
+    return score;
+  const double with_others =
+      snapshot_.calibration().sensor.detection_probability *
+      DensityWithOthers(snapshot_, leaf.filter, seen.group, seen.measurement, moved);
+  // That others moved makes `absent` likelier than its prior, by which this is divided.
+  const double log_with_others =
+      std::log(with_others) - belief.LogProbability(0) + seen.measurement.log_m2_per_unit;
+  score.log_density = LogAdd(seen.log_any, log_with_others);
+  score.place_share = 1.0 - (1.0 - seen.new_share) * std::exp(seen.log_any - score.log_density);
+  return score;
+}
+
+MovedLandmarks HypothesisBank::MovedIn(const Leaf& leaf) const {
+  MovedLandmarks moved;
+  for (const PlaceBelief& belief : leaf.beliefs) {
+    const double probability = std::exp(belief.LogProbability(0)) * belief.place_probability;
+    if (probability < kMinMoved) continue;
+    const UnknownPlace* const place = leaf.filter.FindPlace(belief.group);
+    if (place) moved.push_back({place, probability});
+  }
+  return moved;
 }
 
 void HypothesisBank::StartPlace(const SeenObservation& seen,
@@ -179,15 +246,15 @@ void HypothesisBank::StartPlace(const SeenObservation& seen,
                                 Leaf* leaf,
                                 PlaceBelief* belief) const {
   leaf->filter.StartPlace(seen.group, seen.measurement, T_odom_vehicle_.translation());
-  belief->place_probability = IsUnknown(seen.group, *leaf) ? probability : 0.0;
+  const UnknownPlace& place = *leaf->filter.FindPlace(seen.group);
+  belief->place_probability = IsUnknown(seen.group, place.p_map_landmark) ? probability : 0.0;
   belief->log_missed[0] = 0.0;
 }
 
-bool HypothesisBank::IsUnknown(int group, const Leaf& leaf) const {
-  const Eigen::Vector2d& p = leaf.filter.FindPlace(group)->p_map_landmark;
+bool HypothesisBank::IsUnknown(int group, const Eigen::Vector2d& p_map_landmark) const {
   const std::vector<Mode>& modes = GroupAt(group).modes;
   return std::all_of(modes.begin(), modes.end(), [&](const Mode& mode) {
-    return (mode.p_map_landmark - p).norm() >= kMinDisplacement;
+    return (mode.p_map_landmark - p_map_landmark).norm() >= kMinDisplacement;
   });
 }
 
@@ -280,7 +347,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
   const PlaceBelief before = belief;
   const bool unresolved = before.resolved == GroupBelief::kUnresolved;
   bool explained = false;
-  double log_ungated_most = kLogZero;
+  StateValues log_ungated_by(before.log_p.size(), kLogZero);
   for (int state = 1; state < before.states(); ++state) {
     if (before.LogProbability(state) == kLogZero) continue;
     std::optional<ModeScore> own;
@@ -294,14 +361,13 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       return;
     }
     const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
-    log_ungated_most = std::max(log_ungated_most, log_ungated);
     explained = explained || score.prediction.nis <= gate_;
     if (unresolved) {
       if (score.prediction.nis < kMaxForkNis) {
         LogLikelihood(*leaf, {seen.group, state}, &score);
         AddChild(*leaf, seen, score, before, state, weight);
       }
-      belief.log_p[static_cast<std::size_t>(state)] += weight * log_ungated;
+      log_ungated_by[static_cast<std::size_t>(state)] = weight * log_ungated;
     } else if (LogLikelihood(*leaf, {seen.group, state}, &score) >= log_ungated) {
       // A resolved leaf takes an observation for what it likelier is; for others it may be either.
       belief = before;
@@ -309,17 +375,23 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       tree_.leaves().Keep(leaf);
       return;
     } else {
-      leaf->log_weight += weight * log_ungated;
+      leaf->log_weight += weight * LogSameView(seen, log_ungated, leaf);
     }
   }
   if (!unresolved) {
     if (belief.resolved == 0) leaf->log_weight += weight * seen.log_any;
   } else {
+    double log_same_view = kLogZero;
     if (belief.log_p[0] != kLogZero) {
-      // Without a mode that is possible there is nothing to hold a place against.
-      const bool open = explained || log_ungated_most == kLogZero;
-      const auto log_ungated = open ? std::nullopt : std::optional(log_ungated_most);
-      belief.log_p[0] += LogAbsent(seen, log_ungated, weight, leaf, &belief);
+      const UnknownPlace* const place =
+          belief.place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
+      const bool same_view = place && !explained && !IsSeenFromApart(*place);
+      const double log_absent = LogAbsent(seen, weight, leaf, &belief);
+      belief.log_p[0] += log_absent;
+      if (same_view) log_same_view = log_absent;
+    }
+    for (std::size_t state = 1; state < belief.log_p.size(); ++state) {
+      belief.log_p[state] += std::max(log_ungated_by[state], log_same_view);
     }
     leaf->log_weight += Normalize(&belief);
   }

@@ -51,6 +51,10 @@ class HypothesisTree {
   /// Starts again with one leaf: leaves and open visits go, what ended visits decided stays.
   void Restart(const LeafType& root);
 
+  /// What visits that ended at `since` or later said of a group does not hold: its probabilities
+  /// are those of `groups` again, at `stamp`.
+  void ForgetSince(Stamp since, const Groups& groups, Stamp stamp);
+
   /// Makes memory for leaves of `forks` children each.
   void Reserve(std::size_t forks);
 
@@ -67,6 +71,9 @@ class HypothesisTree {
 
   /// Begins to evaluate a group: each leaf gets the chain's distribution at `now`, T-IV (13).
   void OpenVisit(int group, const Groups& groups, Stamp now);
+
+  /// Leaves hold beliefs about a group outside of a visit from now on: what they agree on so far.
+  void Hold(int group, const Groups& groups, Stamp now);
 
   /// Ends the visit at `visit_index`. Leaves that disagree go on holding their beliefs.
   VisitEvidence CloseVisit(std::size_t visit_index, const Groups& groups);
@@ -189,6 +196,14 @@ void HypothesisTree<LeafType>::Restart(const LeafType& root) {
 }
 
 template <class LeafType>
+void HypothesisTree<LeafType>::ForgetSince(Stamp since, const Groups& groups, Stamp stamp) {
+  for (std::size_t group = 0; group < posteriors_.size(); ++group) {
+    if (posteriors_[group].stamp >= since)
+      posteriors_[group] = {groups[group].probabilities, stamp};
+  }
+}
+
+template <class LeafType>
 void HypothesisTree<LeafType>::Reserve(std::size_t forks) {
   constexpr std::size_t kMostLeaves = 256;
   constexpr std::size_t kVisits = 64;
@@ -258,6 +273,14 @@ void HypothesisTree<LeafType>::OpenVisit(int group, const Groups& groups, Stamp 
   const auto place = std::find_if(
       visits_.begin(), visits_.end(), [&](const Visit& other) { return other.group > group; });
   visits_.insert(place, std::move(visit));
+}
+
+template <class LeafType>
+void HypothesisTree<LeafType>::Hold(int group, const Groups& groups, Stamp now) {
+  if (BeliefIndex(group) < leaves_.front().beliefs.size()) return;
+  OpenVisit(group, groups, now);
+  visits_.erase(visits_.begin() + (FindVisit(group) - visits_.data()));
+  held_since_[static_cast<std::size_t>(group)] = now;
 }
 
 template <class LeafType>

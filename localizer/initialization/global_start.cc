@@ -442,6 +442,14 @@ std::optional<GlobalStart> FindGlobalStart(std::span<const WindowScan> window,
   return StartIn(window, snapshot, options, 0.0, &poses);
 }
 
+PoseWithCovariance PoseAtEnd(const GlobalStart& start, std::span<const WindowScan> window) {
+  PoseWithCovariance pose = start.pose;
+  for (const WindowScan& scan : window.subspan(start.scan + 1)) {
+    pose = Moved(pose, scan.motion.increment);
+  }
+  return pose;
+}
+
 std::optional<GlobalStart> FindRecentStart(std::span<const WindowScan> window,
                                            const MapSnapshot& snapshot,
                                            const GlobalStartOptions& options) {

@@ -29,6 +29,9 @@ struct GlobalStart {
   double probability = 0.0;
 };
 
+/// The pose of a start after the last scan of its window.
+PoseWithCovariance PoseAtEnd(const GlobalStart& start, std::span<const WindowScan> window);
+
 /// Finds the vehicle on the map by the posterior of poses that landmarks agree on.
 ///
 /// Every two landmarks seen, with every two modes of theirs that are as far apart as the two were

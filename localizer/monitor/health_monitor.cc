@@ -54,13 +54,14 @@ double FailureTail(const PoseSupport& support) {
   return std::max(tail, 0.0);
 }
 
-void HealthMonitor::Add(Stamp stamp, int group, bool explained, std::optional<double> nis) {
+void HealthMonitor::Add(
+    Stamp stamp, int group, bool explained, std::optional<double> nis, bool vague) {
   LastSeen& last = last_[static_cast<std::size_t>(group)];
   if (last.stamp != Stamp::min()) --(last.explained ? all_.agreeing : all_.failing);
   ++(explained ? all_.agreeing : all_.failing);
   last.stamp = stamp;
   last.explained = explained;
-  if (explained) last.agreed = stamp;
+  if (explained && !vague) last.agreed = stamp;
   Tally& tally = TallyAt(stamp);
   ++(explained ? tally.explained : tally.failed);
   if (!nis) return;
@@ -117,10 +118,12 @@ void HealthMonitor::Judge() {
   if (!Support(begin->stamp, -1).Doubts() || LandmarksMoved(begin)) return;
   while (begin != tallies_.begin() && (begin - 1)->explained == 0) --begin;
   DeclareLost(begin->stamp);
+  wrong_ = false;
 }
 
 void HealthMonitor::DeclareLost(Stamp since) {
   lost_ = true;
+  wrong_ = true;
   failing_since_ = since;
 }
 

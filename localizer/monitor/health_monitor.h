@@ -52,7 +52,9 @@ class HealthMonitor {
 
   /// @param explained  By a mode of the group, or by a place that it is known to have moved to.
   /// @param nis        Of the mode, 2 dof; nothing where none explains.
-  void Add(Stamp stamp, int group, bool explained, std::optional<double> nis);
+  /// @param vague      What explains it does so because the pose is vague: that it fails later says
+  ///                   nothing against a pose that has become exact.
+  void Add(Stamp stamp, int group, bool explained, std::optional<double> nis, bool vague = false);
 
   /// Takes in the pairs of landmarks that fail of a scan. A wrong pose leaves distances as they
   /// are; landmarks that moved do not keep theirs.
@@ -65,6 +67,9 @@ class HealthMonitor {
   void DeclareLost(Stamp since);
 
   bool lost() const { return lost_; }
+
+  /// Lost by DeclareLost(): the pose is wrong, and not only in doubt.
+  bool wrong() const { return lost_ && wrong_; }
 
   /// Of the last observations, those from `since` on and not of `except` (-1: of all).
   PoseSupport Support(Stamp since, int except) const;
@@ -111,6 +116,7 @@ class HealthMonitor {
   PoseSupport all_;             // Counts of last_, and nothing else.
   Tallies tallies_{kScans};     // Of scans in which something was seen.
   bool lost_ = false;
+  bool wrong_ = false;
   Stamp failing_since_;
 };
 

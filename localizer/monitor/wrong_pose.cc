@@ -22,15 +22,6 @@ constexpr double kMissed = 3.0;
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
 
-// The pose of a start, moved on to the last scan of its window.
-PoseWithCovariance MovedToEnd(const GlobalStart& start, const std::vector<WindowScan>& window) {
-  PoseWithCovariance pose = start.pose;
-  for (std::size_t i = start.scan + 1; i < window.size(); ++i) {
-    pose = Moved(pose, window[i].motion.increment);
-  }
-  return pose;
-}
-
 // Landmarks that one who is at `pose` after the last scan would have seen and did not, by where
 // they were most likely when the map was built.
 int CountMissed(const Se2& pose,
@@ -64,13 +55,13 @@ int CountMissed(const Se2& pose,
 
 }  // namespace
 
-std::optional<Stamp> FindWrongPose(const RecentScans& recent,
-                                   const HealthMonitor& health,
-                                   const MapSnapshot& snapshot,
-                                   const PoseWithCovariance& pose,
-                                   const FieldOfView& field_of_view,
-                                   const GlobalStartOptions& options,
-                                   Stamp now) {
+std::optional<OtherPose> FindWrongPose(const RecentScans& recent,
+                                       const HealthMonitor& health,
+                                       const MapSnapshot& snapshot,
+                                       const PoseWithCovariance& pose,
+                                       const FieldOfView& field_of_view,
+                                       const GlobalStartOptions& options,
+                                       Stamp now) {
   for (const double window_s : kWindowsS) {
     const Stamp since = now - FromSeconds(window_s);
     const PoseSupport support = health.Support(since, -1);
@@ -83,12 +74,13 @@ std::optional<Stamp> FindWrongPose(const RecentScans& recent,
     if (window.empty()) continue;
     const auto other = FindGlobalStart(window, snapshot, options);
     if (!other || other->explained < support.agreeing + kMinGain) continue;
-    const PoseWithCovariance there = MovedToEnd(*other, window);
+    const PoseWithCovariance there = PoseAtEnd(*other, window);
     if (!ClearlyApart(there, pose)) continue;
     const auto missed_at = [&](const PoseWithCovariance& at) {
       return CountMissed(at.T_map_vehicle, window, snapshot, field_of_view);
     };
-    if (support.turned >= kMinTurned || missed_at(there) < missed_at(pose)) return since;
+    const bool turned = support.turned >= kMinTurned;
+    if (turned || missed_at(there) < missed_at(pose)) return OtherPose{since, there, turned};
   }
   return std::nullopt;
 }

@@ -9,6 +9,16 @@
 
 namespace shiftmap {
 
+/// Another pose that explains what fails.
+struct OtherPose {
+  Stamp since;              ///< Begin of the window in which the present one failed.
+  PoseWithCovariance pose;  ///< At its end.
+
+  /// What had agreed with the present pose fails now, so that it has gone wrong. Otherwise as many
+  /// landmarks may have moved as one.
+  bool certain = false;
+};
+
 /// Finds out that the vehicle is elsewhere: that one other pose explains what fails.
 ///
 /// Two causes are weighed for the landmarks that fail. If they moved, each did so by itself, and no
@@ -26,13 +36,13 @@ namespace shiftmap {
 /// @param recent  Up to the present scan.
 /// @param pose    After it.
 /// @param field_of_view  The vehicle's.
-/// @return Begin of the window in which the pose was wrong; nothing if it may be right.
-std::optional<Stamp> FindWrongPose(const RecentScans& recent,
-                                   const HealthMonitor& health,
-                                   const MapSnapshot& snapshot,
-                                   const PoseWithCovariance& pose,
-                                   const FieldOfView& field_of_view,
-                                   const GlobalStartOptions& options,
-                                   Stamp now);
+/// @return Nothing if nothing speaks against the pose.
+std::optional<OtherPose> FindWrongPose(const RecentScans& recent,
+                                       const HealthMonitor& health,
+                                       const MapSnapshot& snapshot,
+                                       const PoseWithCovariance& pose,
+                                       const FieldOfView& field_of_view,
+                                       const GlobalStartOptions& options,
+                                       Stamp now);
 
 }  // namespace shiftmap

@@ -225,6 +225,7 @@ TEST(KnownMapFilter, ASightingByAVaguePoseWeighsAsTheIntegralOverPoses) {
 // one is expected at the mean of those before, as exactly as if position and bias were known.
 TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
   const MapContent content = CorrelatedMap(0.1, 0.05);
+  const MapSnapshot map("area", VersionNumber(1), "hash", content);
   const PoseWithCovariance start{Se2(1.0, 2.0, 0.7),
                                  Eigen::Vector3d(0.04, 0.09, 1e-12).asDiagonal()};
   KnownMapFilter filter(start, content.calibration);
@@ -245,7 +246,7 @@ TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
       const KnownMapFilter::Prediction prediction = filter.PredictPlace(place, measurement);
       EXPECT_LT((prediction.point.q - mean).norm(), 1e-6);
       EXPECT_LT((prediction.S - R * (1.0 + 1.0 / i)).norm(), 1e-6 * variance);
-      filter.UpdatePlace(place, prediction, 1.0);
+      filter.UpdatePlace(place, prediction, map, 1.0, false);
     }
     mean += (observation.z - mean) / (i + 1.0);
   }

@@ -51,15 +51,20 @@ SharedErrors::StateMatrix StartCovariance() {
   return P;
 }
 
+// One unknown place, of group 3, after the modes.
+constexpr int kPlaceGroup = 3;
+constexpr double kPlaceVariance = 1e4;
+
 // log N of all innovations together, whose errors are joint and were never estimated.
 double LogLikelihoodOfAll(const std::vector<SharedErrors::Observed>& all,
                           const JointCovariance& covariance) {
   const auto n = static_cast<Eigen::Index>(2 * all.size());
-  const Eigen::Index errors = 5 + 2 + 2 * kModes;
+  const Eigen::Index errors = 5 + 2 + 2 * (kModes + 1);
   Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(errors, errors);
   prior.topLeftCorner<5, 5>() = StartCovariance();
   prior.block<2, 2>(5, 5) = all.front().cov_bias;
-  prior.bottomRightCorner(2 * kModes, 2 * kModes) = covariance.Dense();
+  prior.block<2 * kModes, 2 * kModes>(7, 7) = covariance.Dense();
+  prior.bottomRightCorner<2, 2>() = kPlaceVariance * Eigen::Matrix2d::Identity();
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, errors);
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd nu(n);
@@ -67,7 +72,8 @@ double LogLikelihoodOfAll(const std::vector<SharedErrors::Observed>& all,
     const SharedErrors::Observed& observed = all[static_cast<std::size_t>(i / 2)];
     H.block<2, 3>(i, 0) = observed.H_pose;
     H.block<2, 2>(i, 5) = observed.H_bias;
-    H.block<2, 2>(i, 7 + 2 * observed.mode_index) = observed.H_mode;
+    const int mode = observed.mode_index < 0 ? kModes : observed.mode_index;
+    H.block<2, 2>(i, 7 + 2 * mode) = observed.H_mode;
     noise.block<2, 2>(i, i) = observed.cov_noise;
     nu.segment<2>(i) = observed.nu;
   }
@@ -90,6 +96,28 @@ TEST(SharedErrors, OneByOneIsAsAllTogether) {
       all.push_back(observed);
     }
     EXPECT_NEAR(sum, LogLikelihoodOfAll(all, covariance), 1e-9) << correlation;
+  }
+}
+
+TEST(SharedErrors, AnUnknownPlaceIsAModeOfWhichNothingIsKnown) {
+  for (const double correlation : {0.0, 0.6}) {
+    const JointCovariance covariance = Correlated(correlation);
+    std::mt19937_64 random(3);
+    std::vector<SharedErrors::Observed> all;
+    SharedErrors errors(StartCovariance());
+    double log_likelihood = 0.0;
+    for (const int mode : {0, -1, 2, -1, 1, -1}) {
+      const int index = mode < 0 ? SharedErrors::PlaceIndex(kPlaceGroup) : mode;
+      all.push_back(DrawObserved(index, &random));
+      all.back().cov_bias = all.front().cov_bias;
+      log_likelihood += errors.LogLikelihood(all.back(), covariance);
+      ASSERT_TRUE(errors.Update(all.back(), covariance));
+    }
+    EXPECT_NEAR(log_likelihood, LogLikelihoodOfAll(all, covariance), 1e-6);
+    EXPECT_TRUE(errors.Has(SharedErrors::PlaceIndex(kPlaceGroup)));
+    errors.Forget(SharedErrors::PlaceIndex(kPlaceGroup));
+    EXPECT_FALSE(errors.Has(SharedErrors::PlaceIndex(kPlaceGroup)));
+    EXPECT_TRUE(errors.Has(2));
   }
 }
 

@@ -471,6 +471,29 @@ TEST(HypothesisBank, ADecisionIsRevisedByWhatComesAfterIt) {
   EXPECT_EQ(bank.EndVisits().size(), 1u);
 }
 
+TEST(HypothesisBank, AnotherPoseIsHeldBesideThePresentOneUntilWhatIsSeenDecides) {
+  const Eigen::Vector2d p(4.0, 0.0);
+  MapContent content = OneGroup(p, p + Eigen::Vector2d(0.0, 40.0));
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  PoseWithCovariance there = AtOrigin(0.1);
+  there.T_map_vehicle = Se2(0.0, 3.0, 0.0);
+  ASSERT_TRUE(bank.Consider(there));
+  EXPECT_FALSE(bank.Consider(there));
+  const Eigen::Vector2d p_there = there.T_map_vehicle.translation();
+  EXPECT_NEAR(bank.ShareNearer(p_there, Eigen::Vector2d::Zero()), 0.5, 1e-9);
+  // Second moment of two poses of equal weight about one of them.
+  const PoseWithCovariance pose = bank.Pose();
+  EXPECT_NEAR(pose.cov_T_map_vehicle(1, 1), 0.5 * 9.0 + 0.01, 0.01);
+  EXPECT_NEAR(pose.cov_T_map_vehicle(0, 0), 0.01, 0.01);
+
+  const Eigen::Vector2d q = there.T_map_vehicle.Inverse() * p;
+  for (int i = 0; i < 3; ++i) {
+    bank.Correct(ScanOf(content, 0.2 * i, {q.norm(), std::atan2(q.y(), q.x())}));
+  }
+  EXPECT_GT(bank.ShareNearer(p_there, Eigen::Vector2d::Zero()), 0.99);
+  EXPECT_LT((bank.Pose().T_map_vehicle.translation() - p_there).norm(), 0.3);
+}
+
 TEST(HypothesisBank, LeavesStayBounded) {
   MapContent content = MakeTwoModeMap(30, 8.0, 9);
   content.calibration.sensor.max_bearing_rad = 3.1;

@@ -72,7 +72,7 @@ struct Seen {
     }
   }
 
-  std::optional<Stamp> WrongSince(const MapContent& content, const Se2& pose) const {
+  std::optional<OtherPose> Other(const MapContent& content, const Se2& pose) const {
     const FieldOfView sector(content.calibration.sensor, {});
     return FindWrongPose(recent, health, Snapshot(content), SureOf(pose), sector, {}, At(3.0));
   }
@@ -88,20 +88,22 @@ std::vector<Eigen::Vector2d> InPlace(const MapContent& content) {
 TEST(WrongPose, OneMotionThatPutsAllBackIsFound) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 0, true);
-  EXPECT_TRUE(seen.WrongSince(content, Se2(1.5, -1.0, 0.3)));
-  EXPECT_TRUE(seen.WrongSince(content, Se2(0.0, 0.0, 0.5)));
+  const auto other = seen.Other(content, Se2(1.5, -1.0, 0.3));
+  ASSERT_TRUE(other);
+  EXPECT_TRUE(other->certain);
+  EXPECT_TRUE(seen.Other(content, Se2(0.0, 0.0, 0.5)));
 }
 
 TEST(WrongPose, ThePoseThatExplainsAllIsNotWrong) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 0, true);
-  EXPECT_FALSE(seen.WrongSince(content, Se2(0.05, -0.05, 0.01)));
+  EXPECT_FALSE(seen.Other(content, Se2(0.05, -0.05, 0.01)));
 }
 
 TEST(WrongPose, AsLongAsOthersAgreeThePoseMayBeRight) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 4, true);
-  EXPECT_FALSE(seen.WrongSince(content, Se2(1.5, -1.0, 0.3)));
+  EXPECT_FALSE(seen.Other(content, Se2(1.5, -1.0, 0.3)));
 }
 
 // All eight at once, and none that agrees: by chance some motion fits three of them.
@@ -119,7 +121,7 @@ TEST(WrongPose, LandmarksThatMovedEachByItselfAreNotExplainedByOne) {
       p += moved;
     }
     const Seen seen(content, truth, 0, true);
-    wrong += seen.WrongSince(content, Se2()).has_value();
+    wrong += seen.Other(content, Se2()).has_value();
   }
   EXPECT_LE(wrong, kWorlds / 10);
 }
@@ -130,11 +132,13 @@ TEST(WrongPose, WhatIsMissedTellsARackThatMovedFromAVehicleThatWasCarried) {
   std::vector<Eigen::Vector2d> truth = InPlace(content);
   for (Eigen::Vector2d& p : truth) p = rack * p;
   const Seen moved(content, truth, 0, false);
-  EXPECT_FALSE(moved.WrongSince(content, Se2()));
+  EXPECT_FALSE(moved.Other(content, Se2()));
 
   // Carried from where it looked at the others, which are missed now.
   const Seen carried(content, InPlace(content), 0, false);
-  EXPECT_TRUE(carried.WrongSince(content, Se2(0.0, 0.0, M_PI)));
+  const auto other = carried.Other(content, Se2(0.0, 0.0, M_PI));
+  ASSERT_TRUE(other);
+  EXPECT_FALSE(other->certain);
 }
 
 }  // namespace

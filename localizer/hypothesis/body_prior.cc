@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "localizer/hypothesis/body_prior.h"
+
+#include <cmath>
+
+#include "mapstore/geometry/covariance.h"
+
+namespace shiftmap {
+namespace {
+
+// What a body's landmarks keep of their places in it, standard deviation per axis. [m]
+constexpr double kRigidSd = 0.1;
+
+// Turns of a body, standard deviations. [rad]
+constexpr double kUnturnedSd = 0.02;
+constexpr double kTurnedSd = 0.3;
+
+// Share of bodies that are not turned.
+constexpr double kUnturnedShare = 0.5;
+
+// The likeliest mode of a group when the map was loaded.
+const Mode& LikeliestMode(const MapSnapshot& snapshot, int group) {
+  const LandmarkGroup& landmark = snapshot.groups()[static_cast<std::size_t>(group)];
+  int likeliest = 0;
+  landmark.probabilities.tail(landmark.probabilities.size() - 1).maxCoeff(&likeliest);
+  return landmark.modes[static_cast<std::size_t>(likeliest)];
+}
+
+// Where a landmark is that goes along with another one.
+UnknownPlace Along(const Mode& from,
+                   const Mode& other_from,
+                   const UnknownPlace& other,
+                   double sd_turn) {
+  const Eigen::Vector2d apart = from.p_map_landmark - other_from.p_map_landmark;
+  const Eigen::Vector2d across = sd_turn * Eigen::Vector2d(-apart.y(), apart.x());
+  UnknownPlace place = other;
+  place.p_map_landmark += apart;
+  place.cov += from.cov_p_map_landmark + other_from.cov_p_map_landmark +
+               kRigidSd * kRigidSd * Eigen::Matrix2d::Identity() + across * across.transpose();
+  return place;
+}
+
+}  // namespace
+
+double DensityWithOthers(const MapSnapshot& snapshot,
+                         const KnownMapFilter& filter,
+                         int group,
+                         const KnownMapFilter::Measurement& measurement,
+                         const MovedLandmarks& moved) {
+  const Mode& from = LikeliestMode(snapshot, group);
+  double sum = 0.0;
+  double others = 0.0;
+  for (const auto& [place, probability] : moved) {
+    if (place->group == group) continue;
+    const Mode& other_from = LikeliestMode(snapshot, place->group);
+    const auto along = [&](double sd_turn) {
+      const KnownMapFilter::Prediction prediction =
+          filter.PredictPlace(Along(from, other_from, *place, sd_turn), measurement);
+      return prediction.usable() ? std::exp(LogGaussian(prediction.nu, prediction.S)) : 0.0;
+    };
+    others += probability;
+    sum += probability *
+           (kUnturnedShare * along(kUnturnedSd) + (1.0 - kUnturnedShare) * along(kTurnedSd));
+  }
+  return sum / (others + 1.0);
+}
+
+}  // namespace shiftmap
