@@ -50,16 +50,16 @@ double DensityWithOthers(const MapSnapshot& snapshot,
   const Mode& from = LikeliestMode(snapshot, group);
   double sum = 0.0;
   double others = 0.0;
-  for (const auto& [place, probability] : moved) {
-    if (place->group == group) continue;
-    const Mode& other_from = LikeliestMode(snapshot, place->group);
+  for (const MovedLandmark& other : moved) {
+    if (other.place->group == group) continue;
+    const Mode& other_from = LikeliestMode(snapshot, other.place->group);
     const auto along = [&](double sd_turn) {
       const KnownMapFilter::Prediction prediction =
-          filter.PredictPlace(Along(from, other_from, *place, sd_turn), measurement);
+          filter.PredictPlace(Along(from, other_from, *other.place, sd_turn), measurement);
       return prediction.usable() ? std::exp(LogGaussian(prediction.nu, prediction.S)) : 0.0;
     };
-    others += probability;
-    sum += probability *
+    others += other.probability;
+    sum += other.probability *
            (kUnturnedShare * along(kUnturnedSd) + (1.0 - kUnturnedShare) * along(kTurnedSd));
   }
   return sum / (others + 1.0);
