@@ -165,7 +165,7 @@ class Localizer {
   LocalizerState JudgeState() const;
   void SetState(LocalizerState state);
 
-  // Another pose that explains as much, until what is seen decides.
+  // A leaf at another pose that competes with the present one.
   struct RivalPose {
     Se2 T_odom_vehicle;  // When it was found.
     Se2 T_map_here;      // Of the vehicle then, by either.

@@ -371,10 +371,15 @@ SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
 double KnownMapFilter::LogLikelihood(const Prediction& prediction,
                                      ModeRef mode,
                                      const MapSnapshot& snapshot) const {
-  if (!prediction.usable()) return prediction.LogLikelihood();
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
-  const double log_p =
-      shared_errors_.LogLikelihood(ObservedBy(prediction, mode_index), snapshot.covariance());
+  return SharedLogLikelihood(prediction, ObservedBy(prediction, mode_index), snapshot);
+}
+
+double KnownMapFilter::SharedLogLikelihood(const Prediction& prediction,
+                                           const SharedErrors::Observed& seen,
+                                           const MapSnapshot& snapshot) const {
+  if (!prediction.usable()) return prediction.LogLikelihood();
+  const double log_p = shared_errors_.LogLikelihood(seen, snapshot.covariance());
   // Where the shared errors have lost their digits, they count as unknown.
   if (!std::isfinite(log_p)) return prediction.LogLikelihood();
   return log_p + prediction.measurement.log_m2_per_unit;
@@ -502,12 +507,8 @@ SharedErrors::Observed KnownMapFilter::ObservedAt(const UnknownPlace& place,
 double KnownMapFilter::LogLikelihood(const Prediction& prediction,
                                      const UnknownPlace& place,
                                      const MapSnapshot& snapshot) const {
-  const bool shared = shared_errors_.Has(SharedErrors::PlaceIndex(place.group));
-  if (!prediction.usable() || !shared) return prediction.LogLikelihood();
-  const double log_p =
-      shared_errors_.LogLikelihood(ObservedAt(place, prediction), snapshot.covariance());
-  if (!std::isfinite(log_p)) return prediction.LogLikelihood();
-  return log_p + prediction.measurement.log_m2_per_unit;
+  if (!shared_errors_.Has(SharedErrors::PlaceIndex(place.group))) return prediction.LogLikelihood();
+  return SharedLogLikelihood(prediction, ObservedAt(place, prediction), snapshot);
 }
 
 void KnownMapFilter::UpdatePlace(const UnknownPlace& place,

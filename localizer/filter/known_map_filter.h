@@ -223,6 +223,9 @@ class KnownMapFilter {
   void ApplyGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   SharedErrors::Observed ObservedAt(const UnknownPlace& place, const Prediction& prediction) const;
+  double SharedLogLikelihood(const Prediction& prediction,
+                             const SharedErrors::Observed& seen,
+                             const MapSnapshot& snapshot) const;
   // Applies a correction. The errors stay as they are in the map frame, and so turn with the step
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
   // unknown to the next one. If the observation was linearized at the corrected pose, the right

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/main_mode.h"
 
 namespace shiftmap {
 namespace {
@@ -18,12 +19,10 @@ constexpr double kTurnedSd = 0.3;
 // Share of bodies that are not turned.
 constexpr double kUnturnedShare = 0.5;
 
-// The likeliest mode of a group when the map was loaded.
-const Mode& LikeliestMode(const MapSnapshot& snapshot, int group) {
+// Where a landmark most probably stood when the map was made.
+const Mode& ModeBefore(const MapSnapshot& snapshot, int group) {
   const LandmarkGroup& landmark = snapshot.groups()[static_cast<std::size_t>(group)];
-  int likeliest = 0;
-  landmark.probabilities.tail(landmark.probabilities.size() - 1).maxCoeff(&likeliest);
-  return landmark.modes[static_cast<std::size_t>(likeliest)];
+  return landmark.modes[MainMode(landmark)];
 }
 
 // Where a landmark is that goes along with another one.
@@ -47,12 +46,12 @@ double DensityWithOthers(const MapSnapshot& snapshot,
                          int group,
                          const KnownMapFilter::Measurement& measurement,
                          const MovedLandmarks& moved) {
-  const Mode& from = LikeliestMode(snapshot, group);
+  const Mode& from = ModeBefore(snapshot, group);
   double sum = 0.0;
   double others = 0.0;
   for (const MovedLandmark& other : moved) {
     if (other.place->group == group) continue;
-    const Mode& other_from = LikeliestMode(snapshot, other.place->group);
+    const Mode& other_from = ModeBefore(snapshot, other.place->group);
     const auto along = [&](double sd_turn) {
       const KnownMapFilter::Prediction prediction =
           filter.PredictPlace(Along(from, other_from, *other.place, sd_turn), measurement);

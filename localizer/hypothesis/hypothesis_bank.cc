@@ -27,12 +27,11 @@ constexpr double kSlipShare = 0.1;
 // Another pose is considered if it is less likely so far. [-]
 constexpr double kConsidered = 1e-3;
 
-// A pose vaguer than this is none that another one could be. [m]
+// A leaf with a pose vaguer than this does not stand for another pose within it. [m]
 constexpr double kVague = 1.0;
 
 // A landmark's probabilities that differ by more were learned since the map was made. [-]
 constexpr double kLearned = 0.1;
-constexpr double kMinProbability = 1e-6;
 
 Eigen::Vector2d EdgeOfView(const SensorCalibration& sensor) {
   const double bearing = std::min(sensor.max_bearing_rad, std::numbers::pi);
@@ -106,15 +105,9 @@ bool HypothesisBank::Consider(const PoseWithCovariance& pose) {
   Leaf other = best();
   other.filter = KnownMapFilter(pose, snapshot_.calibration());
   for (PlaceBelief& belief : other.beliefs) {
-    const int group = belief.group;
-    belief = PlaceBelief();
-    belief.group = group;
-    const Eigen::ArrayXd p = prior(group).array().max(kMinProbability);
-    const Eigen::ArrayXd log_p = (p / p.sum()).log();
-    belief.log_p = StateValues(log_p.data(), log_p.data() + log_p.size());
-    belief.log_missed.resize(belief.log_p.size(), 0.0);
+    belief = HypothesisTree<Leaf>::BeliefOf(belief.group, prior(belief.group));
     // What the visit gave up it did by the other leaves' poses.
-    Visit* const visit = tree_.FindVisit(group);
+    Visit* const visit = tree_.FindVisit(belief.group);
     if (visit) std::fill(visit->given_up.begin(), visit->given_up.end(), std::nullopt);
   }
   other.log_weight = 0.0;  // As heavy as all others together.

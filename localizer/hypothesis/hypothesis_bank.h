@@ -78,8 +78,8 @@ class HypothesisBank {
   /// `wrong_since` stays.
   void Restart(const PoseWithCovariance& start, Stamp stamp, Stamp wrong_since = Stamp::max());
 
-  /// Takes in that the vehicle is as likely at another pose now, with the modes of landmarks in
-  /// view as before their visits. Returns false, and does nothing, if a leaf is there already.
+  /// Adds a leaf at another pose, as heavy as all others together, with the map's probabilities of
+  /// all modes. Returns false, and does nothing, if a leaf is there already.
   bool Consider(const PoseWithCovariance& pose);
 
   /// Moves all leaves on.

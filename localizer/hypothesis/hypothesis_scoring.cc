@@ -177,7 +177,7 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   belief->place_probability = at_place;
   if (here) {
     const double doubt = 1.0 - at_place * std::exp(belief->LogProbability(0));
-    // One landmark alone does not tell another pose from a move.
+    // A single moved landmark is no body: it never competes with another pose.
     const bool certain = doubt < kCertain && MovedIn(*leaf).size() > 1;
     leaf->filter.UpdatePlace(*place, prediction, snapshot_, weight, certain);
     belief->log_missed[0] = 0.0;

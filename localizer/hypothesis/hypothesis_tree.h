@@ -69,10 +69,20 @@ class HypothesisTree {
   /// Into Leaf::beliefs; their number if leaves hold none about the group.
   std::size_t BeliefIndex(int group) const;
 
+  /// An unresolved belief with these probabilities, none of them taken as 0.
+  static typename LeafType::Belief BeliefOf(int group, const Eigen::VectorXd& probabilities) {
+    typename LeafType::Belief belief;
+    belief.group = group;
+    belief.log_p = ValuesOf(Floored(probabilities).array().log());
+    belief.log_missed.resize(belief.log_p.size(), 0.0);
+    return belief;
+  }
+
   /// Begins to evaluate a group: each leaf gets the chain's distribution at `now`, T-IV (13).
   void OpenVisit(int group, const Groups& groups, Stamp now);
 
-  /// Leaves hold beliefs about a group outside of a visit from now on: what they agree on so far.
+  /// Gives all leaves a belief about a group that none holds and no visit evaluates: its
+  /// probabilities now.
   void Hold(int group, const Groups& groups, Stamp now);
 
   /// Ends the visit at `visit_index`. Leaves that disagree go on holding their beliefs.
@@ -249,10 +259,7 @@ void HypothesisTree<LeafType>::OpenVisit(int group, const Groups& groups, Stamp 
         is_held ? landmark.chain.Propagate(
                       Floored(LeafProbabilities(leaf->beliefs[held])), HeldSince(group), now)
                 : unheld;
-    typename LeafType::Belief belief;
-    belief.group = group;
-    belief.log_p = ValuesOf(Floored(p).array().log());
-    belief.log_missed.resize(belief.log_p.size(), 0.0);
+    const typename LeafType::Belief belief = BeliefOf(group, p);
     prior += std::exp(leaf->log_weight) * Floored(p);
     if (is_held) {
       leaf->beliefs[held] = belief;

@@ -7,6 +7,7 @@
 
 #include "localizer/initialization/start_pose.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/main_mode.h"
 
 namespace shiftmap {
 namespace {
@@ -37,9 +38,7 @@ int CountMissed(const Se2& pose,
     field_of_view.Look(&window[i].lidar);
     for (std::size_t group = 0; !seen.empty() && group < missed.size(); ++group) {
       const LandmarkGroup& landmark = snapshot.groups()[group];
-      int likely = 0;
-      landmark.probabilities.tail(landmark.probabilities.size() - 1).maxCoeff(&likely);
-      const Mode& mode = landmark.modes[static_cast<std::size_t>(likely)];
+      const Mode& mode = landmark.modes[MainMode(landmark)];
       if (!field_of_view.WellInView(T_vehicle_map * mode.p_map_landmark)) continue;
       missed[group] -= std::log1p(-sensor.detection_probability);
     }

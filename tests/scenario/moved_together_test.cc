@@ -15,15 +15,6 @@
 namespace shiftmap {
 namespace {
 
-UtiasShiftOptions Options() {
-  UtiasShiftOptions options;
-  options.stale_probability = 0.97;
-  options.sd_start_m = 0.2;
-  options.sd_start_rad = 0.1;
-  options.settled_after_s = 30.0;
-  return options;
-}
-
 // Sites of 40 m with 30 landmarks, one shift each.
 class Sites {
  public:
@@ -52,8 +43,9 @@ class Sites {
 
   DisplacedTally Tally(DisplacedPart part, double displaced_m, int draws) const {
     std::uint64_t seed = 1;
-    const auto runs = DrawDisplacedRuns(recordings_, part, displaced_m, draws, Options(), &seed);
-    return TallyDisplaced(runs, Calibration(), Options(), 2).value();
+    const auto runs =
+        DrawDisplacedRuns(recordings_, part, displaced_m, draws, DisplacedOptions(), &seed);
+    return TallyDisplaced(runs, Calibration(), DisplacedOptions(), 2).value();
   }
 
  private:

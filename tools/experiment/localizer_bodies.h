@@ -28,6 +28,15 @@ struct UtiasRecordings {
   std::vector<Layout> layouts;
 };
 
+/// A map that is believed, and a start that is known well.
+inline UtiasShiftOptions DisplacedOptions() {
+  return {.stale_probability = 0.97,
+          .sd_start_m = 0.2,
+          .sd_start_rad = 0.1,
+          .sd_survey_m = 0.03,
+          .settled_after_s = 30.0};
+}
+
 /// One robot on one map.
 struct DisplacedRun {
   const UtiasShift* shift = nullptr;  ///< Must outlive this.

@@ -21,11 +21,7 @@ struct Arguments {
   int draws = 3;
   int threads = 1;
   std::uint64_t seed = 1;
-  UtiasShiftOptions options = {.stale_probability = 0.97,
-                               .sd_start_m = 0.2,
-                               .sd_start_rad = 0.1,
-                               .sd_survey_m = 0.03,
-                               .settled_after_s = 30.0};
+  UtiasShiftOptions options = DisplacedOptions();
 };
 
 struct Row {

@@ -81,12 +81,6 @@ Eigen::Index MostProbable(const LandmarkGroup& group) {
   return state;
 }
 
-std::size_t MainMode(const LandmarkGroup& group) {
-  Eigen::Index mode = 0;
-  group.probabilities.tail(group.probabilities.size() - 1).maxCoeff(&mode);
-  return static_cast<std::size_t>(mode);
-}
-
 bool IsLikelyAbsent(const LandmarkGroup& group) { return group.probabilities(0) > kLikely; }
 
 std::string PercentText(double probability) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "mapstore/map/landmark_group.h"
+#include "mapstore/map/main_mode.h"
 #include "mapstore/map/map_snapshot.h"
 #include "tools/plot/label_placer.h"
 #include "tools/plot/legend.h"
@@ -17,10 +18,6 @@ namespace shiftmap {
 
 /// The state that is the most probable: 0 is `absent`.
 Eigen::Index MostProbable(const LandmarkGroup& group);
-
-/// The mode that stands for the landmark in a picture: the most probable one, `absent` left out.
-/// Precondition: the group has a mode.
-std::size_t MainMode(const LandmarkGroup& group);
 
 /// Whether a picture shows the landmark as absent: that is more than 60 % probable.
 bool IsLikelyAbsent(const LandmarkGroup& group);
