@@ -134,12 +134,14 @@ void Localizer::LocalizeDue() {
 
 void Localizer::Localize(const OdometrySample& sample) {
   AccountTime(sample.stamp);
+  heard_ = sample.stamp;
   odometry_.Add(sample);
   SetState(JudgeState());
 }
 
 void Localizer::Localize(const Scan& scan) {
   AccountTime(scan.stamp);
+  heard_ = scan.stamp;
   ProcessScan(scan);
   SetState(JudgeState());
 }
@@ -153,10 +155,16 @@ void Localizer::Localize(const LidarScan& scan) {
 }
 
 void Localizer::AccountTime(Stamp stamp) {
-  if (begin_) {
-    statistics_.seconds_in_state[static_cast<std::size_t>(state_)] += ToSeconds(stamp - now_);
-  } else {
-    begin_ = stamp;
+  if (!begin_) begin_ = now_ = heard_ = stamp;
+  const Stamp gap_begin = heard_ + OdometryBuffer::SilenceUntil(kMaxYawSd);
+  const Stamp told_until = std::clamp(gap_begin, now_, stamp);
+  statistics_.seconds_in_state[static_cast<std::size_t>(state_)] += ToSeconds(told_until - now_);
+  if (stamp > gap_begin) {
+    if (now_ <= gap_begin) ++statistics_.gaps;
+    statistics_.gap_s += ToSeconds(stamp - told_until);
+    now_ = told_until;
+    in_gap_ = true;
+    SetState(JudgeState());
   }
   now_ = stamp;
 }
@@ -278,6 +286,7 @@ void Localizer::Step(const WindowScan& step) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose(health_.failing_since());
   }
+  if (pose.cov_T_map_vehicle(2, 2) <= kMaxYawSd * kMaxYawSd) in_gap_ = false;
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
@@ -485,6 +494,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   confirmed_ = stamp;
+  in_gap_ = false;
   rival_.reset();
   ++statistics_.starts;
   ForgetOutcomes();
@@ -530,7 +540,7 @@ Eigen::VectorXd Localizer::Probabilities(int group) const {
 
 LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
-  if (health_.lost() || rival_) return LocalizerState::kLost;
+  if (health_.lost() || rival_ || in_gap_) return LocalizerState::kLost;
   const Duration hold = FromSeconds(options_.state_hold_s);
   const auto recent = [&](const std::optional<StateEvidence>& cause) {
     return cause && now_ - cause->stamp <= hold;
@@ -552,8 +562,8 @@ void Localizer::SetState(LocalizerState state) {
   } else {
     evidence.stamp = now_;
     const Stamp failing_since = rival_ ? rival_->since : health_.failing_since();
-    const bool lost = state == LocalizerState::kLost;
-    evidence.support = lost ? health_.Support(failing_since, -1) : health_.Support();
+    const bool failed = health_.lost() || rival_;
+    evidence.support = failed ? health_.Support(failing_since, -1) : health_.Support();
   }
   state_changes_.push_back({now_, state_, state, evidence});
   state_ = state;

@@ -41,7 +41,10 @@ struct StampedOutcome {
 struct LocalizerStatistics {
   std::int64_t scans = 0;
   std::int64_t scans_by_lidar = 0;  ///< Whose field of view was that of a lidar's scan.
-  std::array<double, kLocalizerStates> seconds_in_state = {};  ///< By LocalizerState. [s]
+  /// By LocalizerState, without gaps. [s]
+  std::array<double, kLocalizerStates> seconds_in_state = {};
+  std::int64_t gaps = 0;     ///< Begin three seconds after the last odometry or scan.
+  double gap_s = 0.0;        ///< In all gaps. [s]
   std::int64_t updates = 0;  ///< Observations that corrected the heaviest leaf; 2 dof each.
   double nis_sum = 0.0;      ///< Of their νᵀ S⁻¹ ν.
   std::int64_t starts = 0;   ///< Poses found or given; more than one: it was lost in between.
@@ -162,6 +165,7 @@ class Localizer {
   void DistrustPose(Stamp failing_since);
   void ForgetNew();
   void AccountTime(Stamp stamp);
+  // Nobody knows what the vehicle does in a gap: the pose is lost there, by no fault of the map.
   LocalizerState JudgeState() const;
   void SetState(LocalizerState state);
 
@@ -201,6 +205,8 @@ class Localizer {
   std::optional<Stamp> newest_estimate_;
   std::optional<Stamp> begin_;  // Of the first event.
   Stamp now_;                   // Of the last event.
+  Stamp heard_;                 // Of the last odometry or scan.
+  bool in_gap_ = false;         // Until a scan tells the heading again.
   Stamp scan_stamp_;            // Of the last scan.
   Stamp confirmed_;             // The pose, last; else its start.
   std::optional<RivalPose> rival_;

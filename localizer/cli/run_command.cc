@@ -24,6 +24,7 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map/shift_report_check.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/map_store.h"
 #include "mapstore/run/trajectory.h"
 
@@ -315,6 +316,17 @@ void WarnOfImplausible(const std::string& run, const Localizer& localizer, const
 // Without a lidar scan the sector model is used, although the polygon was configured.
 void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
   const LocalizerStatistics statistics = localizer.Statistics();
+void WarnOfGaps(const std::string& run, const Localizer& localizer, const Context& context) {
+  const LocalizerStatistics statistics = localizer.Statistics();
+  if (statistics.gaps == 0) return;
+  context.Warn(
+      fmt::format("run log '{}': {} without odometry and scans, {:.1f} s in all, in which the pose "
+                  "is lost and no state counts",
+                  run,
+                  CountText(statistics.gaps, "gap"),
+                  statistics.gap_s));
+}
+
   if (FieldOfViewNamed(options.field_of_view) != FieldOfViewModel::kScanPolygon ||
       statistics.scans_by_lidar > 0) {
     return;
@@ -360,6 +372,7 @@ Status RunShift(const RunOptions& options, Context& context) {
 }  // namespace
 
 void AddRunCommand(Application* application) {
+  WarnOfGaps(options.run, shift.localizer(), context);
   auto options = std::make_shared<RunOptions>();
   Command& command =
       application->AddCommand("run",

@@ -112,6 +112,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   document["frames_by_lidar"] = statistics.scans_by_lidar;
   document["state"] = ToString(localizer.state());
   document["states"] = StatesJson(statistics);
+  document["gaps"] = {{"count", statistics.gaps}, {"seconds", statistics.gap_s}};
   document["state_changes"] = StateChangesJson(localizer);
   document["starts"] = statistics.starts;
   document["localized"] = statistics.localized();

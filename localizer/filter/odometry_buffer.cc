@@ -52,6 +52,10 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
   return std::exchange(pending_, next);
 }
 
+Duration OdometryBuffer::SilenceUntil(double sd_rad) {
+  return kHold + FromSeconds(sd_rad * sd_rad / (kUnknownMotion * kUnknownMotion));
+}
+
 void OdometryBuffer::Restart() {
   samples_.clear();
   started_ = false;

@@ -33,6 +33,9 @@ class OdometryBuffer {
   };
   Motion Take(Stamp end);
 
+  /// How long after the last sample a heading that was exact is uncertain by `sd_rad`.
+  static Duration SilenceUntil(double sd_rad);
+
   /// Forgets what was added and taken; the memory stays.
   void Restart();
 

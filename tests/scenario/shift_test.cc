@@ -4,6 +4,7 @@
 // they learned. Truth is the simulator's.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -265,6 +266,31 @@ TEST_F(ShiftTest, PipeIsAsGoodAsTheFile) {
                                     Of(store_, {"run", "-"}),
                                     {.input = ReadFile(week_->Log(kMappedShifts))});
   EXPECT_EQ(WithoutChance(from_file), WithoutChance(from_pipe));
+}
+
+TEST_F(ShiftTest, AGapCountsForNoState) {
+  shiftmap::Run run = Log(kMappedShifts).run;
+  const double duration_s = ToSeconds(run.odometry.back().stamp - run.odometry.front().stamp);
+  const Stamp middle = run.odometry[run.odometry.size() / 2].stamp;
+  const auto let_wait = [&](auto* items) {
+    for (auto& item : *items) {
+      if (item.stamp >= middle) item.stamp += std::chrono::hours(1);
+    }
+  };
+  let_wait(&run.odometry);
+  let_wait(&run.scans);
+  const std::string path = folder_.File("gap.mcap");
+  ASSERT_TRUE(WriteRunLog(run, path).ok());
+  const CommandResult result =
+      RunCommand("shiftmap-localizer", Of(store_, {"run", "--json", path}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.err.find("1 gap without odometry and scans"), std::string::npos) << result.err;
+  const Json document = Json::parse(result.out);
+  EXPECT_EQ(document["gaps"]["count"], 1);
+  EXPECT_NEAR(document["gaps"]["seconds"].get<double>(), 3597.0, 1.0);
+  double told_s = 0.0;
+  for (const Json& seconds : document["states"]) told_s += seconds.get<double>();
+  EXPECT_NEAR(told_s, duration_s + 3.0, 1.0);
 }
 
 TEST_F(ShiftTest, NextNightKeepsTheModeNumbers) {

@@ -267,7 +267,6 @@ TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {
   EXPECT_LT(error.norm(), 0.5);
 }
 
-// Odometry is silent for eight seconds in which nothing is seen, while the vehicle turns on.
 // Given at a pose that is wrong, a vehicle takes landmarks for others until nothing fits any more.
 // The fleet hears nothing of what it concluded by then, but where by chance all that was in view
 // confirmed that pose: without that rule, 79 of the decisions are wrong.
@@ -298,6 +297,7 @@ TEST(Localizer, WhatAWrongStartConcludedIsNotReported) {
   EXPECT_LT(wrong, 10);
 }
 
+// Odometry is silent for eight seconds in which nothing is seen, while the vehicle turns on.
 TEST(Localizer, AVehicleThatNobodyKnowsTheHeadingOfIsLost) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 21);
   const std::vector<int> states(content.groups.size(), 1);
@@ -322,6 +322,79 @@ TEST(Localizer, AVehicleThatNobodyKnowsTheHeadingOfIsLost) {
     const Eigen::Vector2d error = outcome.poses.back().pose.T_map_vehicle.translation() -
                                   simulated.T_map_vehicle.back().translation();
     EXPECT_LT(error.norm(), 0.5) << seed;
+  }
+}
+
+// Takes `cut_s` out of a run, a minute after its begin, and lets the rest come `gap_s` after that.
+SimulatedRun WithGap(const SimulatedRun& simulated, double cut_s, double gap_s) {
+  const Stamp from = simulated.run.odometry.front().stamp + FromSeconds(60.0);
+  const Duration later = FromSeconds(gap_s - cut_s);
+  SimulatedRun result;
+  const auto take = [&](auto item, auto* items) {
+    if (item.stamp >= from && item.stamp < from + FromSeconds(cut_s)) return false;
+    if (item.stamp >= from) item.stamp += later;
+    items->push_back(item);
+    return true;
+  };
+  for (const OdometrySample& sample : simulated.run.odometry) take(sample, &result.run.odometry);
+  for (std::size_t i = 0; i < simulated.run.scans.size(); ++i) {
+    if (!take(simulated.run.scans[i], &result.run.scans)) continue;
+    result.T_map_vehicle.push_back(simulated.T_map_vehicle[i]);
+  }
+  return result;
+}
+
+// A gap ends at the same place, or at the other side of a circle of four metres.
+TEST(Localizer, NothingIsClaimedOfAGap) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.duration_s = 150.0;
+  simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+  const SimulatedRun whole = Simulate(content, PositionsOf(content, states), simulation);
+  struct Gap {
+    double cut_s;  // In which the vehicle moved.
+    double gap_s;
+  };
+  for (const Gap& gap : {Gap{0.0, 5.0}, Gap{0.0, 3600.0}, Gap{12.6, 3600.0}}) {
+    const SimulatedRun simulated = WithGap(whole, gap.cut_s, gap.gap_s);
+    Localizer localizer(Snapshot(content), AtPose(simulation.T_map_start));
+    Stamp last;
+    Stamp gap_begin;
+    bool unsure = false;  // Before the first scan after the gap.
+    for (const RunEvent& event : MergeEvents(simulated.run)) {
+      ASSERT_TRUE(localizer.Process(event).ok());
+      if (ToSeconds(StampOf(event) - last) > 4.0 && last > Stamp()) {
+        gap_begin = last;
+        unsure = true;
+      }
+      unsure = unsure && !std::holds_alternative<Scan>(event);
+      if (unsure) {
+        EXPECT_EQ(localizer.state(), LocalizerState::kLost);
+      }
+      last = StampOf(event);
+    }
+    const LocalizerStatistics statistics = localizer.Statistics();
+    EXPECT_EQ(statistics.gaps, 1);
+    EXPECT_NEAR(statistics.gap_s, gap.gap_s - 3.0, 0.2);
+    double told_s = 0.0;
+    for (const double seconds : statistics.seconds_in_state) told_s += seconds;
+    EXPECT_NEAR(told_s, simulation.duration_s - gap.cut_s + 3.0, 0.5);
+    const auto lost = std::find_if(
+        localizer.state_changes().begin(), localizer.state_changes().end(), [](const auto& change) {
+          return change.to == LocalizerState::kLost;
+        });
+    ASSERT_NE(lost, localizer.state_changes().end());
+    EXPECT_NEAR(ToSeconds(lost->stamp - gap_begin), 3.0, 0.1);
+
+    EXPECT_NE(localizer.state(), LocalizerState::kLost);
+    EXPECT_EQ(statistics.starts, gap.gap_s > 60.0 ? 2 : 1);
+    const Eigen::Vector2d error = localizer.Estimate()->pose.T_map_vehicle.translation() -
+                                  simulated.T_map_vehicle.back().translation();
+    EXPECT_LT(error.norm(), 0.5) << gap.cut_s;
+    for (const Decision& decision : localizer.decisions()) {
+      EXPECT_EQ(decision.mode, ModeNumber(1)) << decision.signature.text();
+    }
   }
 }
 
