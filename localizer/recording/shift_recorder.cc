@@ -308,7 +308,9 @@ StatusOr<ShiftRecorder> ShiftRecorder::Create(const std::string& path,
   shift.version = map.version();
   shift.content_hash = map.content_hash();
   shift.calibrated_vehicle = map.calibrated_vehicle();
-  StatusOr<AtomicFile> file = AtomicFile::Create(path, FileKind::kRunLog);
+  // Both are MCAP files, but a recording can be made again.
+  const FileKind kind = BeginsAsRecording(path) ? FileKind::kRunLog : FileKind::kOther;
+  StatusOr<AtomicFile> file = AtomicFile::Create(path, kind);
   SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, file.status()));
   auto state = std::make_unique<State>(path, *std::move(file), options);
   SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, state->Begin(shift, map, begin)));

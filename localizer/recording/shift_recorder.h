@@ -21,7 +21,7 @@ struct ShiftRecorderOptions {
 /// localizer between two items, and writes.
 ///
 /// The file grows with the scans of the log, not with the size of the map. It appears at its path
-/// whole or not at all.
+/// whole or not at all, and takes the place of another recording, but of no run log.
 /// Errors: as AtomicFile; messages start with `recording 'PATH': `.
 class ShiftRecorder {
  public:

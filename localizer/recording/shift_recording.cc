@@ -23,13 +23,14 @@ Status Append(std::string_view bytes, std::vector<Item>* items) {
   return Decode(bytes, &items->emplace_back());
 }
 
+bool IsOn(const RecordingTopic& topic, const mcap::LogMessage& message) {
+  return message.channel->topic == topic.topic && message.channel->schema_name == topic.schema_name;
+}
+
 class RecordingReader {
  public:
   Status Take(const mcap::LogMessage& message) {
-    const auto is = [&](const RecordingTopic& topic) {
-      return message.channel->topic == topic.topic &&
-             message.channel->schema_name == topic.schema_name;
-    };
+    const auto is = [&](const RecordingTopic& topic) { return IsOn(topic, message); };
     if (!is(kShiftTopic) && !found_) return InvalidArgument("no recording of a shift");
     bytes_left_ -=
         kBytesPerMessage + kBytesPerByte * static_cast<std::int64_t>(message.data.size());
@@ -83,6 +84,15 @@ NisSum GatedNis(const ScanInnovations& scan) {
     ++nis.updates;
   }
   return nis;
+}
+
+bool BeginsAsRecording(const std::string& path) {
+  StatusOr<std::ifstream> file = OpenInputFile(path);
+  if (!file.ok()) return false;
+  StatusOr<mcap::Reader> reader = mcap::Reader::Open(&*file);
+  if (!reader.ok()) return false;
+  const StatusOr<std::optional<mcap::LogMessage>> first = reader->Next();
+  return first.ok() && *first && IsOn(kShiftTopic, **first);
 }
 
 StatusOr<ShiftRecording> ReadShiftRecording(const std::string& path) {

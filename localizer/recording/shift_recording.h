@@ -97,6 +97,9 @@ struct ShiftRecording {
   std::string truncation;  ///< Non-empty if the file ends early: says where.
 };
 
+/// Whether a file begins as a recording does.
+bool BeginsAsRecording(const std::string& path);
+
 /// Reads a recording whole. Topics that are not of the table are skipped.
 /// Errors: kNotFound; kInvalidArgument if it is no recording, a message does not hold what its
 /// schema says, or it takes more than a quarter of MemoryBound(); kDataLoss if a checksum is wrong.

@@ -5,12 +5,14 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <random>
 #include <utility>
 #include <vector>
 
+#include "mapstore/codec/run_log.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -204,6 +206,17 @@ TEST_F(ShiftRecorderTest, WhatIsNotFinishedLeavesNothing) {
 }
 
 // Every byte that changes is found by a checksum or refused by what reads it; none crashes.
+TEST_F(ShiftRecorderTest, ARecordingTakesThePlaceOfNoRunLog) {
+  ASSERT_THAT(WriteRunLog(run_, path_), IsOk());
+  const std::string log = testing::ReadFile(path_);
+  const auto again = [&] { return ShiftRecorder::Create(path_, {}, *map_, Stamp()).status(); };
+  EXPECT_THAT(again(), StatusIs(StatusCode::kInvalidArgument, "a run log is there"));
+  EXPECT_EQ(testing::ReadFile(path_), log);
+  std::filesystem::remove(path_);
+  Record();
+  EXPECT_THAT(again(), IsOk());
+}
+
 TEST_F(ShiftRecorderTest, ADamagedRecordingIsAnErrorOrAShorterOne) {
   Record();
   std::ifstream in(path_, std::ios::binary);
