@@ -82,32 +82,6 @@ Json WaitingJson(const std::vector<UnplacedRun>& waiting) {
   return list;
 }
 
-// The runs that a version was built from; with `line` those of its ancestors too, by version.
-struct MappedRun {
-  RunRecord run;
-  VersionNumber version;
-};
-
-StatusOr<std::vector<MappedRun>> RunsOf(const std::string& area,
-                                        VersionNumber version,
-                                        bool line,
-                                        MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  std::vector<MappedRun> runs;
-  std::optional<VersionNumber> next = version;
-  while (next) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, *next));
-    for (RunRecord& run : provenance.runs) runs.push_back({std::move(run), *next});
-    const auto found = std::find_if(versions.begin(), versions.end(), [&](const auto& other) {
-      return other.version == *next;
-    });
-    // A parent has a smaller number; a damaged file must end too.
-    const bool goes_on = line && found != versions.end() && found->parent && *found->parent < *next;
-    next = goes_on ? found->parent : std::nullopt;
-  }
-  return runs;
-}
-
 Status List(const RunsArguments& all_arguments, Context& context) {
   const StoreArguments& arguments = all_arguments.store;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
@@ -117,16 +91,19 @@ Status List(const RunsArguments& all_arguments, Context& context) {
                             store.PublishedVersion(arguments.area));
   if (arguments.version) version = VersionNumber(*arguments.version);
   Provenance provenance;
-  std::vector<MappedRun> runs;
+  std::vector<LineRun> runs;
   if (version) {
     SHIFTMAP_ASSIGN_OR_RETURN(provenance, store.LoadProvenance(arguments.area, *version));
-    SHIFTMAP_ASSIGN_OR_RETURN(runs, RunsOf(arguments.area, *version, all_arguments.all, &store));
+    for (const RunRecord& run : provenance.runs) runs.push_back({run, *version, {}});
+  }
+  if (version && all_arguments.all) {
+    SHIFTMAP_ASSIGN_OR_RETURN(runs, store.LineRuns(arguments.area, *version));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<UnplacedRun> waiting,
                             store.WaitingRuns(arguments.area));
   Json list = Json::array();
   AlignedTable table({"run", "state", "vehicle", "begin", "version", "sha256", "duration_s"});
-  for (const auto& [run, mapped_by] : runs) {
+  for (const auto& [run, mapped_by, committed] : runs) {
     const Exclusion* const exclusion =
         FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
     const std::string state = exclusion == nullptr ? "" : StateText(*exclusion);

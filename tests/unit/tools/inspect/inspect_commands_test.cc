@@ -199,7 +199,18 @@ TEST_F(InspectCommands, TextHasALinePerMode) {
   EXPECT_EQ(static_cast<std::size_t>(lines), 1 + modes);
   EXPECT_EQ(Run({"show"}).code, 0);
   EXPECT_EQ(Run({"sightings"}).code, 0);
-  EXPECT_EQ(Run({"runs", "--json"}).json()["runs"][0]["run"], "run_000");
+}
+
+// Both versions are made from the one run.
+TEST_F(InspectCommands, ARunOfALineIsListedOnce) {
+  const Json own = Run({"runs", "--json"}).json()["runs"];
+  ASSERT_EQ(own.size(), 1U);
+  EXPECT_EQ(own[0]["run"], "run_000");
+  EXPECT_EQ(own[0]["version"], 2);
+  const Json all = Run({"runs", "--all", "--json"}).json()["runs"];
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0]["run"], "run_000");
+  EXPECT_EQ(all[0]["version"], 1);
 }
 
 // What a build has mapped since is no events, unless one asks for it.
