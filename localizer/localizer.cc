@@ -334,13 +334,10 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
 }
 
 void Localizer::FindRival(Stamp stamp) {
-  const auto other = FindWrongPose(recent_,
-                                   health_,
+  const auto other = FindWrongPose({bank_->best().filter.Pose(), stamp, recent_, health_},
                                    snapshot_,
-                                   bank_->best().filter.Pose(),
                                    bank_->field_of_view(),
-                                   options_.global_start,
-                                   stamp);
+                                   options_.global_start);
   if (!other) return;
   if (other->certain) {
     health_.DeclareLost(other->since);
@@ -454,7 +451,7 @@ SightingCollector::PlaceState Localizer::Collect(const Observation& observation,
 }
 
 // Since when it failed is known; since when it was wrong is not, but not since it was confirmed.
-void Localizer::DistrustPose(Stamp failing_since) {
+Stamp Localizer::DistrustPose(Stamp failing_since) {
   const Stamp since = std::min(confirmed_, failing_since);
   ForgetSince(since);
   sightings_.ForgetSince(since);
@@ -462,6 +459,7 @@ void Localizer::DistrustPose(Stamp failing_since) {
   missed_.Reset();
   if (mode_changed_ && mode_changed_->stamp >= since) mode_changed_.reset();
   if (unknown_change_ && unknown_change_->stamp >= since) unknown_change_.reset();
+  return since;
 }
 
 void Localizer::TryGlobalStart() {
@@ -486,9 +484,8 @@ void Localizer::ForgetOutcomes() {
 void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   const Stamp stamp = window_[first].scan.stamp;
   if (bank_) {
-    const Stamp wrong_since = std::min(confirmed_, health_.failing_since());
-    bank_->Restart(pose, stamp, health_.lost() ? wrong_since : Stamp::max());
-    if (health_.lost()) DistrustPose(health_.failing_since());
+    const Stamp wrong_since = health_.lost() ? DistrustPose(health_.failing_since()) : Stamp::max();
+    bank_->Restart(pose, stamp, wrong_since);
     ForgetSince(stamp);
   } else {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);

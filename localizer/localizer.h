@@ -162,10 +162,11 @@ class Localizer {
   void JudgeMisses(const Scan& scan, const BankEvents& events);
   bool Explains(const ObservationOutcome& outcome, const Scan& scan);
   bool NearAMode(int group, const SightingCollector::PlaceState& place) const;
-  void DistrustPose(Stamp failing_since);
+  // Returns since when the pose is not to be trusted.
+  Stamp DistrustPose(Stamp failing_since);
   void ForgetNew();
-  void AccountTime(Stamp stamp);
   // Nobody knows what the vehicle does in a gap: the pose is lost there, by no fault of the map.
+  void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
   void SetState(LocalizerState state);
 

@@ -54,32 +54,30 @@ int CountMissed(const Se2& pose,
 
 }  // namespace
 
-std::optional<OtherPose> FindWrongPose(const RecentScans& recent,
-                                       const HealthMonitor& health,
+std::optional<OtherPose> FindWrongPose(const PresentPose& present,
                                        const MapSnapshot& snapshot,
-                                       const PoseWithCovariance& pose,
                                        const FieldOfView& field_of_view,
-                                       const GlobalStartOptions& options,
-                                       Stamp now) {
+                                       const GlobalStartOptions& options) {
   for (const double window_s : kWindowsS) {
-    const Stamp since = now - FromSeconds(window_s);
-    const PoseSupport support = health.Support(since, -1);
+    const Stamp since = present.stamp - FromSeconds(window_s);
+    const PoseSupport support = present.health.Support(since, -1);
     // Then nothing fails in the shorter ones either.
     if (support.failing == 0) return std::nullopt;
     if (!support.Doubts()) continue;
     // Landmarks that never agreed may be all that is in view: then it takes the longest.
     if (support.turned < kMinTurned && window_s < kWindowsS[0]) continue;
-    const std::vector<WindowScan> window = recent.Since(since);
+    const std::vector<WindowScan> window = present.recent.Since(since);
     if (window.empty()) continue;
     const auto other = FindGlobalStart(window, snapshot, options);
     if (!other || other->explained < support.agreeing + kMinGain) continue;
     const PoseWithCovariance there = PoseAtEnd(*other, window);
-    if (!ClearlyApart(there, pose)) continue;
+    if (!ClearlyApart(there, present.pose)) continue;
     const auto missed_at = [&](const PoseWithCovariance& at) {
       return CountMissed(at.T_map_vehicle, window, snapshot, field_of_view);
     };
     const bool turned = support.turned >= kMinTurned;
-    if (turned || missed_at(there) < missed_at(pose)) return OtherPose{since, there, turned};
+    if (turned || missed_at(there) < missed_at(present.pose))
+      return OtherPose{since, there, turned};
   }
   return std::nullopt;
 }

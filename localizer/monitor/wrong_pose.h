@@ -9,6 +9,14 @@
 
 namespace shiftmap {
 
+/// A pose after a scan, and what was seen up to it.
+struct PresentPose {
+  PoseWithCovariance pose;
+  Stamp stamp;  ///< Of the scan.
+  const RecentScans& recent;
+  const HealthMonitor& health;
+};
+
 /// Another pose that explains what fails.
 struct OtherPose {
   Stamp since;              ///< Begin of the window in which the present one failed.
@@ -33,16 +41,11 @@ struct OtherPose {
 ///
 /// Windows of 3, 1.5 and 0.75 s are asked: the longer tell more, the shorter do without what was
 /// seen before the pose went wrong, and without odometry that may be what is wrong.
-/// @param recent  Up to the present scan.
-/// @param pose    After it.
 /// @param field_of_view  The vehicle's.
 /// @return Nothing if nothing speaks against the pose.
-std::optional<OtherPose> FindWrongPose(const RecentScans& recent,
-                                       const HealthMonitor& health,
+std::optional<OtherPose> FindWrongPose(const PresentPose& present,
                                        const MapSnapshot& snapshot,
-                                       const PoseWithCovariance& pose,
                                        const FieldOfView& field_of_view,
-                                       const GlobalStartOptions& options,
-                                       Stamp now);
+                                       const GlobalStartOptions& options);
 
 }  // namespace shiftmap

@@ -74,7 +74,7 @@ struct Seen {
 
   std::optional<OtherPose> Other(const MapContent& content, const Se2& pose) const {
     const FieldOfView sector(content.calibration.sensor, {});
-    return FindWrongPose(recent, health, Snapshot(content), SureOf(pose), sector, {}, At(3.0));
+    return FindWrongPose({SureOf(pose), At(3.0), recent, health}, Snapshot(content), sector, {});
   }
 
   HealthMonitor health;
