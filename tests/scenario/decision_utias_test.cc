@@ -53,7 +53,7 @@ TEST_P(DecisionUtias, AWrongLayoutBelievedCostsNoAccuracy) {
   }
   const int layout = GetParam();
   const int believed = (layout + 1) % 4;
-  const UtiasShift shift = LoadUtiasShift(data, kDatasets[layout], kRobot, layout).value();
+  const TrueShift shift = LoadUtiasShift(data, kDatasets[layout], kRobot, layout).value();
   const UtiasShiftResult result =
       LocalizeUtias(shift, layouts, believed, MappedCalibration(), {}, 1);
   EXPECT_GT(result.decisions, 15);

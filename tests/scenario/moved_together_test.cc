@@ -30,7 +30,7 @@ class Sites {
                                   "1",
                                   "--size-m",
                                   "40"});
-      UtiasShift& shift = recordings_.shifts.emplace_back();
+      TrueShift& shift = recordings_.shifts.emplace_back();
       shift.layout = site;
       shift.run = ReadRunLog(world.Log(0)).value().run;
       shift.truth = ReadTum(world.Truth(0)).value();

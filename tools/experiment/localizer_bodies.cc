@@ -67,9 +67,7 @@ Layout DrawDisplaced(
   return mapped;
 }
 
-PoseWithCovariance DrawStart(const UtiasShift& shift,
-                             const UtiasShiftOptions& options,
-                             Dice* dice) {
+PoseWithCovariance DrawStart(const TrueShift& shift, const LayoutOptions& options, Dice* dice) {
   const Eigen::Vector3d sd(options.sd_start_m, options.sd_start_m, options.sd_start_rad);
   const Eigen::Matrix3d cov = sd.cwiseAbs2().asDiagonal();
   const Stamp begin = shift.run.scans.front().stamp;
@@ -79,7 +77,7 @@ PoseWithCovariance DrawStart(const UtiasShift& shift,
 
 MapSnapshot MapOf(const DisplacedRun& run,
                   const Calibration& calibration,
-                  const UtiasShiftOptions& options) {
+                  const LayoutOptions& options) {
   MapContent content = LayoutMap({run.mapped}, 0, calibration, options);
   for (LandmarkGroup& group : content.groups) group.chain = ModeChain::Uniform(1, kLeaveRate);
   content.stamp = run.shift->run.scans.front().stamp;
@@ -107,7 +105,7 @@ void CountPose(const PoseEstimate& estimate,
 
 StatusOr<DisplacedTally> LocalizeDisplaced(const DisplacedRun& run,
                                            const Calibration& calibration,
-                                           const UtiasShiftOptions& options) {
+                                           const LayoutOptions& options) {
   LocalizerOptions localizer_options;
   localizer_options.initial_pose = run.start;
   Localizer localizer(MapOf(run, calibration, options), localizer_options);
@@ -144,10 +142,10 @@ std::vector<DisplacedRun> DrawDisplacedRuns(const UtiasRecordings& recordings,
                                             DisplacedPart part,
                                             double displaced_m,
                                             int draws,
-                                            const UtiasShiftOptions& options,
+                                            const LayoutOptions& options,
                                             std::uint64_t* next_seed) {
   std::vector<DisplacedRun> runs;
-  for (const UtiasShift& shift : recordings.shifts) {
+  for (const TrueShift& shift : recordings.shifts) {
     const auto holds = static_cast<std::size_t>(shift.layout);
     const Layout& places = recordings.layouts[holds];
     const auto add = [&](const Layout& mapped, Dice* dice) {
@@ -187,7 +185,7 @@ void DisplacedTally::Add(const DisplacedTally& other) {
 
 StatusOr<DisplacedTally> TallyDisplaced(const std::vector<DisplacedRun>& runs,
                                         const Calibration& calibration,
-                                        const UtiasShiftOptions& options,
+                                        const LayoutOptions& options,
                                         int threads) {
   std::vector<std::optional<StatusOr<DisplacedTally>>> tallies(runs.size());
   ForEachIndex(runs.size(), threads, [&](std::size_t i) {

@@ -22,14 +22,14 @@ enum class DisplacedPart {
   kLayout,  ///< The map is that of another data set.
 };
 
-/// Every robot that is localized, and the landmarks' places by UtiasShift::layout. [m]
+/// Every robot that is localized, and the landmarks' places by TrueShift::layout. [m]
 struct UtiasRecordings {
-  std::vector<UtiasShift> shifts;
+  std::vector<TrueShift> shifts;
   std::vector<Layout> layouts;
 };
 
 /// A map that is believed, and a start that is known well.
-inline UtiasShiftOptions DisplacedOptions() {
+inline LayoutOptions DisplacedOptions() {
   return {.stale_probability = 0.97,
           .sd_start_m = 0.2,
           .sd_start_rad = 0.1,
@@ -39,9 +39,9 @@ inline UtiasShiftOptions DisplacedOptions() {
 
 /// One robot on one map.
 struct DisplacedRun {
-  const UtiasShift* shift = nullptr;  ///< Must outlive this.
-  Layout places;                      ///< Where the landmarks stand. [m]
-  Layout mapped;                      ///< Where the map has them. [m]
+  const TrueShift* shift = nullptr;  ///< Must outlive this.
+  Layout places;                     ///< Where the landmarks stand. [m]
+  Layout mapped;                     ///< Where the map has them. [m]
   PoseWithCovariance start;
 };
 
@@ -54,10 +54,10 @@ std::vector<DisplacedRun> DrawDisplacedRuns(const UtiasRecordings& recordings,
                                             DisplacedPart part,
                                             double displaced_m,
                                             int draws,
-                                            const UtiasShiftOptions& options,
+                                            const LayoutOptions& options,
                                             std::uint64_t* next_seed);
 
-/// What localizers made of displaced maps, from UtiasShiftOptions::settled_after_s on.
+/// What localizers made of displaced maps, from LayoutOptions::settled_after_s on.
 struct DisplacedTally {
   std::int64_t runs = 0;
   std::int64_t poses = 0;
@@ -77,7 +77,7 @@ struct DisplacedTally {
 /// Errors: Localizer::Process()'s. Determinism: independent of the number of threads.
 StatusOr<DisplacedTally> TallyDisplaced(const std::vector<DisplacedRun>& runs,
                                         const Calibration& calibration,
-                                        const UtiasShiftOptions& options,
+                                        const LayoutOptions& options,
                                         int threads);
 
 }  // namespace shiftmap

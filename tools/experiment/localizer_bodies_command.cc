@@ -21,7 +21,7 @@ struct Arguments {
   int draws = 3;
   int threads = 1;
   std::uint64_t seed = 1;
-  UtiasShiftOptions options = DisplacedOptions();
+  LayoutOptions options = DisplacedOptions();
 };
 
 struct Row {
@@ -50,7 +50,7 @@ StatusOr<UtiasRecordings> LoadRecordings(const std::string& data) {
         Layout places, ReadUtiasLandmarks(data + "/MRCLAM_Dataset" + std::to_string(dataset)));
     recordings.layouts.push_back(std::move(places));
     for (const int robot : robots) {
-      SHIFTMAP_ASSIGN_OR_RETURN(UtiasShift shift, LoadUtiasShift(data, dataset, robot, layout));
+      SHIFTMAP_ASSIGN_OR_RETURN(TrueShift shift, LoadUtiasShift(data, dataset, robot, layout));
       recordings.shifts.push_back(std::move(shift));
     }
   }
@@ -103,7 +103,7 @@ Status Measure(const Arguments& arguments, Context& context) {
               .x_label = "displacement of the landmarks [m]",
               .y_label = "share of poses"};
   const std::vector<Row> rows = Rows();
-  const UtiasShiftOptions& options = arguments.options;
+  const LayoutOptions& options = arguments.options;
   std::uint64_t seed = arguments.seed;
   DisplacedTally bodies;
   for (const Row& row : rows) {

@@ -45,7 +45,7 @@ struct Drive {
 };
 
 PoseWithCovariance DrawStart(const Se2& T_map_vehicle,
-                             const UtiasShiftOptions& options,
+                             const LayoutOptions& options,
                              std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
@@ -56,9 +56,9 @@ PoseWithCovariance DrawStart(const Se2& T_map_vehicle,
   return {T_map_vehicle * Se2::Exp(xi), sd.cwiseAbs2().asDiagonal()};
 }
 
-Drive Localize(const UtiasShift& shift,
+Drive Localize(const TrueShift& shift,
                const MapContent& content,
-               const UtiasShiftOptions& options,
+               const LayoutOptions& options,
                std::uint64_t seed) {
   const MapSnapshot map("utias", VersionNumber(1), "", content);
   const Stamp begin = shift.run.scans.front().stamp;
@@ -110,7 +110,7 @@ Drive Localize(const UtiasShift& shift,
 MapContent LayoutMap(const std::vector<Layout>& layouts,
                      int stale,
                      const Calibration& calibration,
-                     const UtiasShiftOptions& options) {
+                     const LayoutOptions& options) {
   MapContent content;
   content.calibration = calibration;
   const Eigen::Matrix2d cov =
@@ -141,12 +141,12 @@ MapContent LayoutMap(const std::vector<Layout>& layouts,
   return content;
 }
 
-StatusOr<UtiasShift> LoadUtiasShift(const std::string& data, int dataset, int robot, int layout) {
+StatusOr<TrueShift> LoadUtiasShift(const std::string& data, int dataset, int robot, int layout) {
   UtiasOptions options;
   options.dataset_dir = data + "/MRCLAM_Dataset" + std::to_string(dataset);
   options.robot = robot;
   SHIFTMAP_ASSIGN_OR_RETURN(UtiasRun recorded, ReadUtias(options));
-  UtiasShift shift;
+  TrueShift shift;
   shift.dataset = dataset;
   shift.layout = layout;
   SHIFTMAP_ASSIGN_OR_RETURN(shift.truth, ReadUtiasGroundtruth(options.dataset_dir, robot));
@@ -175,11 +175,11 @@ StatusOr<Calibration> MappedCalibration(const std::string& data) {
   return result.content.calibration;
 }
 
-UtiasShiftResult LocalizeUtias(const UtiasShift& shift,
+UtiasShiftResult LocalizeUtias(const TrueShift& shift,
                                const std::vector<Layout>& layouts,
                                int stale,
                                const Calibration& calibration,
-                               const UtiasShiftOptions& options,
+                               const LayoutOptions& options,
                                std::uint64_t seed) {
   const auto holds = static_cast<std::size_t>(shift.layout);
   const MapContent all = LayoutMap(layouts, stale, calibration, options);

@@ -23,7 +23,7 @@ namespace shiftmap {
 /// Data sets 1, 2, 3 and 6 of UTIAS MRCLAM have the same landmarks at four layouts. Taken as one
 /// frame, each landmark has a mode per layout, and a recorded run of one data set tells which one
 /// holds.
-struct UtiasShiftOptions {
+struct LayoutOptions {
   double stale_probability =
       0.9;  ///< Of the layout that does not hold; the rest shares what is left.
   double sd_start_m = 1.0;
@@ -43,7 +43,8 @@ struct UtiasRobots {
 inline constexpr std::array<UtiasRobots, 4> kUtiasRobots = {
     {{1, {1, 2, 3}}, {2, {1, 2, 4}}, {3, {1, 2, 3}}, {6, {1, 2, 3}}}};
 
-struct UtiasShift {
+/// A drive and its truth, recorded or simulated.
+struct TrueShift {
   int dataset = 0;
   int layout = 0;  ///< Index of the layout that holds.
   Run run;
@@ -65,10 +66,10 @@ struct UtiasShiftResult {
 MapContent LayoutMap(const std::vector<Layout>& layouts,
                      int stale,
                      const Calibration& calibration,
-                     const UtiasShiftOptions& options);
+                     const LayoutOptions& options);
 
 /// Reads one robot's run and truth, from the first stamp that has both.
-StatusOr<UtiasShift> LoadUtiasShift(const std::string& data, int dataset, int robot, int layout);
+StatusOr<TrueShift> LoadUtiasShift(const std::string& data, int dataset, int robot, int layout);
 
 /// What a fleet would know of its vehicles from mapping with another one: robot 1 of data sets 1
 /// and 2, which share a frame. Errors: ReadUtias()'s and BuildMap()'s.
@@ -76,11 +77,11 @@ StatusOr<Calibration> MappedCalibration(const std::string& data);
 
 /// Drives the three localizers along the run, from a start that is off by a draw from its
 /// covariance.
-UtiasShiftResult LocalizeUtias(const UtiasShift& shift,
+UtiasShiftResult LocalizeUtias(const TrueShift& shift,
                                const std::vector<Layout>& layouts,
                                int stale,
                                const Calibration& calibration,
-                               const UtiasShiftOptions& options,
+                               const LayoutOptions& options,
                                std::uint64_t seed);
 
 }  // namespace shiftmap

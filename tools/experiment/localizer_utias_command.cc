@@ -23,7 +23,7 @@ struct Arguments {
   int robot = 2;
   int starts = 3;
   std::uint64_t seed = 1;
-  UtiasShiftOptions options;
+  LayoutOptions options;
 };
 
 Status Measure(const Arguments& arguments, Context& context) {
@@ -59,7 +59,7 @@ Status Measure(const Arguments& arguments, Context& context) {
   for (int layout = 0; layout < static_cast<int>(kDatasets.size()); ++layout) {
     const int dataset = kDatasets[static_cast<std::size_t>(layout)];
     const int stale = (layout + 1) % static_cast<int>(kDatasets.size());
-    SHIFTMAP_ASSIGN_OR_RETURN(const UtiasShift shift,
+    SHIFTMAP_ASSIGN_OR_RETURN(const TrueShift shift,
                               LoadUtiasShift(arguments.data, dataset, arguments.robot, layout));
     for (int start = 0; start < arguments.starts; ++start) {
       const std::uint64_t seed = arguments.seed + static_cast<std::uint64_t>(start);
@@ -84,7 +84,7 @@ Status Measure(const Arguments& arguments, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Recorded robots with the wrong layout believed", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", chart));
-  const UtiasShiftOptions& shift = arguments.options;
+  const LayoutOptions& shift = arguments.options;
   const Json options{{"robot", arguments.robot},
                      {"seed", arguments.seed},
                      {"alpha", shift.alpha},
