@@ -19,12 +19,13 @@
 #include "localizer/localizer.h"
 #include "localizer/recording/shift_recorder.h"
 #include "mapstore/cli/input_options.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
-#include "mapstore/map/shift_report_check.h"
 #include "mapstore/core/count_text.h"
+#include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/run/trajectory.h"
 
@@ -111,6 +112,7 @@ class Shift {
   Status ProcessFile(const std::string& path) {
     SHIFTMAP_ASSIGN_OR_RETURN(const RunLog log, ReadRunLog(path, {.lidar_scans = UsesLidar()}));
     const auto take = [&](const RunEvent& event) -> Status {
+      if (!StopSignals::Received().empty()) return MakeStatus(StatusCode::kCancelled, "stopped");
       if (!localizer_) SHIFTMAP_RETURN_IF_ERROR(Begin(log.run.info, StampOf(event)));
       return Process(event);
     };
@@ -123,7 +125,7 @@ class Shift {
 
   Status ProcessStream(const std::string& path) {
     SHIFTMAP_ASSIGN_OR_RETURN(RunLogStream stream, RunLogStream::Open(path, UsesLidar()));
-    while (true) {
+    while (StopSignals::Received().empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<RunEvent> event, stream.Next());
       if (!event) break;
       if (!localizer_) SHIFTMAP_RETURN_IF_ERROR(Begin(stream.info(), StampOf(*event)));
@@ -131,7 +133,8 @@ class Shift {
     }
     if (!has_odometry_) return InvalidArgument("run log '{}': no odometry", path);
     run_uuid_ = stream.info().uuid;
-    summary_.truncation = stream.truncation();
+    const std::string signal = StopSignals::Received();
+    summary_.truncation = signal.empty() ? stream.truncation() : "stopped by " + signal;
     return OkStatus();
   }
 
@@ -313,9 +316,6 @@ void WarnOfImplausible(const std::string& run, const Localizer& localizer, const
       localizer.first_implausible()));
 }
 
-// Without a lidar scan the sector model is used, although the polygon was configured.
-void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
-  const LocalizerStatistics statistics = localizer.Statistics();
 void WarnOfGaps(const std::string& run, const Localizer& localizer, const Context& context) {
   const LocalizerStatistics statistics = localizer.Statistics();
   if (statistics.gaps == 0) return;
@@ -327,6 +327,9 @@ void WarnOfGaps(const std::string& run, const Localizer& localizer, const Contex
                   statistics.gap_s));
 }
 
+// Without a lidar scan the sector model is used, although the polygon was configured.
+void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
+  const LocalizerStatistics statistics = localizer.Statistics();
   if (FieldOfViewNamed(options.field_of_view) != FieldOfViewModel::kScanPolygon ||
       statistics.scans_by_lidar > 0) {
     return;
@@ -336,6 +339,8 @@ void WarnOfGaps(const std::string& run, const Localizer& localizer, const Contex
 }
 
 Status RunShift(const RunOptions& options, Context& context) {
+  const bool is_stream = options.run == "-";
+  const StopSignals signals(/*reads_end=*/is_stream);
   LocalizerOptions localizer_options;
   localizer_options.hypotheses.alpha = options.alpha;
   localizer_options.hypotheses.max_leaves = options.max_leaves;
@@ -354,14 +359,20 @@ Status RunShift(const RunOptions& options, Context& context) {
 
   const auto recording = context.dry_run() ? std::nullopt : options.recording;
   Shift shift(map_at, options.vehicle, recording, localizer_options);
-  SHIFTMAP_RETURN_IF_ERROR(options.run == "-" ? shift.ProcessStream(options.run)
-                                              : shift.ProcessFile(options.run));
+  const Status taken =
+      is_stream ? shift.ProcessStream(options.run) : shift.ProcessFile(options.run);
+  // What came over a pipe does not come again: that shift ends here.
+  if (!is_stream || !taken.ok()) {
+    SHIFTMAP_RETURN_IF_ERROR(StopSignals::Check(fmt::format("run log '{}': run", options.run)));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(taken);
   const ShiftReport report = shift.Finish();
   const RunSummary& summary = shift.summary();
   if (!summary.truncation.empty()) {
     context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
   WarnOfImplausible(options.run, shift.localizer(), context);
+  WarnOfGaps(options.run, shift.localizer(), context);
   WarnOfNoLidar(options, shift.localizer(), context);
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, report, context, &shift));
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
@@ -372,7 +383,6 @@ Status RunShift(const RunOptions& options, Context& context) {
 }  // namespace
 
 void AddRunCommand(Application* application) {
-  WarnOfGaps(options.run, shift.localizer(), context);
   auto options = std::make_shared<RunOptions>();
   Command& command =
       application->AddCommand("run",

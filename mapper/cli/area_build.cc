@@ -12,10 +12,10 @@
 
 #include "mapper/cli/build_report.h"
 #include "mapper/cli/run_loader.h"
-#include "mapper/cli/stop_signals.h"
 #include "mapper/map_edits.h"
 #include "mapper/selection/selector.h"
 #include "mapper/tree/tree_builder.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/core/folder.h"
@@ -218,16 +218,8 @@ Status LoadMemory(const AreaBuildOptions& options,
   return OkStatus();
 }
 
-// Nothing was written so far, and nothing will be.
-Status StoppedStatus(const AreaBuildOptions& options) {
-  return MakeStatus(StatusCode::kCancelled,
-                    "area '{}': build stopped by {}, nothing is written",
-                    options.area,
-                    StopSignals::Received());
-}
-
 Status CheckStopped(const AreaBuildOptions& options) {
-  return StopSignals::Received().empty() ? OkStatus() : StoppedStatus(options);
+  return StopSignals::Check(fmt::format("area '{}': build", options.area));
 }
 
 // The bound on a build's memory: what was asked for, or what the process can have. [bytes]
@@ -513,10 +505,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
           : BuildMap(std::move(runs.inputs), prior.content, mapper_options, monitor);
   progress.reset();
   // From here on it takes no time to speak of: what began to write ends.
-  if (result.ok() ? !StopSignals::Received().empty()
-                  : result.status().code() == StatusCode::kCancelled) {
-    return StoppedStatus(options);
-  }
+  SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
   SHIFTMAP_RETURN_IF_ERROR(result.status());
   build.result = *std::move(result);
   HoldControlPoints(prior.edits, &build.result);

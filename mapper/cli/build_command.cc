@@ -11,8 +11,8 @@
 #include "mapper/cli/area_build.h"
 #include "mapper/cli/build_report.h"
 #include "mapper/cli/commands.h"
-#include "mapper/cli/stop_signals.h"
 #include "mapper/selection/selector.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/core/ids.h"
 
 namespace shiftmap {

@@ -14,13 +14,13 @@
 #include <vector>
 
 #include "mapper/cli/commands.h"
-#include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/log_limits.h"
 #include "mapper/nightly/night.h"
 #include "mapper/nightly/night_json.h"
 #include "mapper/nightly/night_page.h"
 #include "mapper/nightly/night_plan.h"
 #include "mapstore/cli/exit_codes.h"
+#include "mapstore/cli/stop_signals.h"
 
 namespace shiftmap {
 namespace {

@@ -12,10 +12,10 @@
 #include <utility>
 
 #include "mapper/cli/area_build.h"
-#include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/candidate.h"
 #include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/since_published.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/map/sha256.h"
 

@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "mapper/cli/run_loader.h"
-#include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/log_area.h"
 #include "mapper/nightly/log_limits.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/inert_text.h"

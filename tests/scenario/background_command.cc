@@ -29,7 +29,8 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
 
 BackgroundCommand::BackgroundCommand(const std::string& program,
                                      const Arguments& arguments,
-                                     const std::vector<std::string>& environment) {
+                                     const std::vector<std::string>& environment,
+                                     const std::string& input) {
   const std::string out = folder_.File("out");
   const std::string err = folder_.File("err");
   std::vector<std::string> words = arguments;
@@ -44,7 +45,11 @@ BackgroundCommand::BackgroundCommand(const std::string& program,
   if (child_ != 0) return;
   const int out_fd = open(out.c_str(), O_WRONLY | O_CREAT, 0600);
   const int err_fd = open(err.c_str(), O_WRONLY | O_APPEND);
-  if (dup2(out_fd, STDOUT_FILENO) < 0 || dup2(err_fd, STDERR_FILENO) < 0) _exit(kExecFailed);
+  const int in_fd = input.empty() ? STDIN_FILENO : open(input.c_str(), O_RDONLY);
+  if (dup2(in_fd, STDIN_FILENO) < 0 || dup2(out_fd, STDOUT_FILENO) < 0 ||
+      dup2(err_fd, STDERR_FILENO) < 0) {
+    _exit(kExecFailed);
+  }
   execve(argv[0], argv.data(), envp.data());
   _exit(kExecFailed);
 }

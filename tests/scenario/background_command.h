@@ -14,9 +14,11 @@ namespace shiftmap::testing {
 /// One of the project's programs, running beside the test; killed with this object.
 class BackgroundCommand {
  public:
+  /// @param input  Path of what it reads on standard input; empty: that of the test.
   BackgroundCommand(const std::string& program,
                     const Arguments& arguments,
-                    const std::vector<std::string>& environment = {});
+                    const std::vector<std::string>& environment = {},
+                    const std::string& input = {});
   ~BackgroundCommand();
   BackgroundCommand(const BackgroundCommand&) = delete;
   BackgroundCommand& operator=(const BackgroundCommand&) = delete;

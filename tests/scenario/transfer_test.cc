@@ -31,6 +31,7 @@ constexpr int kNothingToDo = 5;
 constexpr int kNotFound = 6;
 constexpr int kAttention = 8;
 constexpr int kTemporary = 75;
+constexpr int kStopped = 130;
 
 bool Soon(const std::function<bool()>& holds) {
   for (int i = 0; i < 400 * kSlowdown; ++i) {
@@ -100,6 +101,24 @@ TEST_F(TransferTest, AVehicleFetchesItsMapAndHandsInWhatItLearned) {
   const Json uploaded = RunForJson("shiftmap-localizer", As(Vehicle(), {"upload", LogPath()}));
   EXPECT_EQ(uploaded["logs"][0]["size_bytes"], LogBytes().size());
   EXPECT_EQ(Code(As(Vehicle(), {"upload", LogPath()})), kNothingToDo);
+}
+
+TEST_F(TransferTest, AStoppedFetchGoesOnLater) {
+  const std::string output = dir_.File("floor.db");
+  const Arguments words = As(Vehicle(), {"fetch", "--area", "floor", "--output", output});
+  Arguments slow = words;
+  slow.insert(slow.end(), {"--max-kib-per-s", "1"});
+  for (const int signal : {SIGINT, SIGTERM}) {
+    BackgroundCommand fetch("shiftmap-localizer", slow);
+    ASSERT_TRUE(Soon([&] { return fs::exists(output + ".part"); })) << fetch.Errors();
+    fetch.WaitUntilItCatches(signal);
+    EXPECT_EQ(fetch.End(signal), kStopped);
+    EXPECT_NE(fetch.Errors().find("stopped by SIG"), std::string::npos);
+    EXPECT_EQ(CountLines(fetch.Errors()), 1) << fetch.Errors();
+    EXPECT_FALSE(fs::exists(output));
+  }
+  EXPECT_EQ(RunForJson("shiftmap-localizer", words)["changed"], true);
+  EXPECT_FALSE(fs::exists(output + ".part"));
 }
 
 TEST_F(TransferTest, AnotherVehiclesReportAndLogAreRefusedForGood) {

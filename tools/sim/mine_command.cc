@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/sim/mine_command.h"
 
+#include <fmt/format.h>
+
 #include <memory>
 #include <optional>
 #include <string_view>
 
+#include "mapstore/cli/stop_signals.h"
 #include "tools/convert/decimal.h"
 #include "tools/sim/mine_drawing.h"
 #include "tools/sim/mine_files.h"
@@ -98,7 +101,9 @@ void AddLidars(const MineArguments& arguments, MineDriveOptions* drive) {
 }
 
 Status RunMine(MineArguments arguments, Context& context) {
+  const StopSignals signals;
   MineWorldOptions& options = arguments.world;
+  options.stopped = [] { return !StopSignals::Received().empty(); };
   options.drive.start = StampFromSeconds(arguments.start_s);
   options.drive.path = PathOf(arguments);
   options.landmarks.corners = arguments.sign_corners;
@@ -107,13 +112,16 @@ Status RunMine(MineArguments arguments, Context& context) {
   if (arguments.drawing()) {
     SHIFTMAP_ASSIGN_OR_RETURN(options.drawn, ReadPlan(arguments));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const MineWorld mine, SimulateMine(options));
+  const StatusOr<MineWorld> mine = SimulateMine(options);
+  SHIFTMAP_RETURN_IF_ERROR(
+      StopSignals::Check(fmt::format("folder '{}': simulation", arguments.directory)));
+  SHIFTMAP_RETURN_IF_ERROR(mine.status());
   std::vector<std::string> paths;
   if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(paths, WriteWorld(mine.world, arguments.directory));
-    SHIFTMAP_RETURN_IF_ERROR(WriteMinePlan(mine.site, arguments.directory));
+    SHIFTMAP_ASSIGN_OR_RETURN(paths, WriteWorld(mine->world, arguments.directory));
+    SHIFTMAP_RETURN_IF_ERROR(WriteMinePlan(mine->site, arguments.directory));
   }
-  ReportWorld(mine.world, arguments.directory, paths, &context);
+  ReportWorld(mine->world, arguments.directory, paths, &context);
   return OkStatus();
 }
 

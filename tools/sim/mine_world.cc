@@ -72,6 +72,7 @@ StatusOr<MineWorld> SimulateMine(const MineWorldOptions& options) {
                  {options.mode_change_probability, options.absent_probability},
                  &random);
   for (int run = 0; run < options.runs; ++run) {
+    if (options.stopped && options.stopped()) return MakeStatus(StatusCode::kCancelled, "stopped");
     SHIFTMAP_ASSIGN_OR_RETURN(
         SimulatedRun simulated,
         SimulateRun(options, mine.site, states[static_cast<std::size_t>(run)], run));

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -36,6 +37,8 @@ struct MineWorldOptions {
 
   MineDriveOptions drive;  ///< Starts with the first run.
 
+  std::function<bool()> stopped = {};  ///< As in OpenWorldOptions.
+
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };
@@ -47,7 +50,7 @@ struct MineWorld {
 
 /// Simulates shifts.
 /// Determinism: the same options give the same bits.
-/// Errors: as Validate(), GenerateMinePlan(), MakeMineSite() and SimulateDrive().
+/// Errors: as Validate(), GenerateMinePlan(), MakeMineSite() and SimulateDrive(); kCancelled.
 StatusOr<MineWorld> SimulateMine(const MineWorldOptions& options);
 
 }  // namespace shiftmap

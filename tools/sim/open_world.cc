@@ -121,6 +121,7 @@ StatusOr<SimulatedWorld> SimulateOpen(const OpenWorldOptions& options) {
                        &random)
           : options.states;
   for (int run = 0; run < options.runs; ++run) {
+    if (options.stopped && options.stopped()) return MakeStatus(StatusCode::kCancelled, "stopped");
     world.runs.push_back(
         SimulateRun(options, world.groups, states[static_cast<std::size_t>(run)], run));
   }

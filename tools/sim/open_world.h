@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "mapstore/core/day.h"
@@ -52,6 +53,9 @@ struct OpenWorldOptions {
   /// signature of some landmark.
   double clutter_per_scan = 0.0;
 
+  /// Asked before each run; true ends the simulation with kCancelled. May be null.
+  std::function<bool()> stopped = {};
+
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };
@@ -60,7 +64,7 @@ struct OpenWorldOptions {
 /// velocity, scaled, lagged, and disturbed by a random walk in the vehicle frame. Scans without
 /// any observation are logged: the sensor looked and saw nothing.
 /// Determinism: the same options give the same bits.
-/// Errors: as Validate(), and kInvalidArgument if the places do not fit on the floor.
+/// Errors: as Validate(); kInvalidArgument if the places do not fit on the floor; kCancelled.
 StatusOr<SimulatedWorld> SimulateOpen(const OpenWorldOptions& options);
 
 }  // namespace shiftmap

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/sim/sim_commands.h"
 
+#include <fmt/format.h>
+
 #include <memory>
 
+#include "mapstore/cli/stop_signals.h"
 #include "tools/sim/mine_command.h"
 #include "tools/sim/open_world.h"
 #include "tools/sim/world_files.h"
@@ -18,13 +21,18 @@ struct OpenArguments {
 };
 
 Status RunOpen(OpenArguments arguments, Context& context) {
+  const StopSignals signals;
   arguments.world.start = StampFromSeconds(arguments.start_s);
-  SHIFTMAP_ASSIGN_OR_RETURN(const SimulatedWorld world, SimulateOpen(arguments.world));
+  arguments.world.stopped = [] { return !StopSignals::Received().empty(); };
+  const StatusOr<SimulatedWorld> world = SimulateOpen(arguments.world);
+  SHIFTMAP_RETURN_IF_ERROR(
+      StopSignals::Check(fmt::format("folder '{}': simulation", arguments.directory)));
+  SHIFTMAP_RETURN_IF_ERROR(world.status());
   std::vector<std::string> paths;
   if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(paths, WriteWorld(world, arguments.directory));
+    SHIFTMAP_ASSIGN_OR_RETURN(paths, WriteWorld(*world, arguments.directory));
   }
-  ReportWorld(world, arguments.directory, paths, &context);
+  ReportWorld(*world, arguments.directory, paths, &context);
   return OkStatus();
 }
 

@@ -3,12 +3,20 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <stop_token>
+#include <thread>
 
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/snapshot_fetch.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap::transfer {
+namespace {
+
+constexpr double kLookEveryS = 0.05;
+
+}  // namespace
 
 ServerOptions ServerOptionsOf(const ServerArguments& arguments) {
   return {.address = arguments.server,
@@ -26,11 +34,24 @@ Status RunFetch(const FetchArguments& arguments, Context& context) {
   options.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
   options.dry_run = context.dry_run();
   SHIFTMAP_ASSIGN_OR_RETURN(options.keys, SnapshotKeys::Read(arguments.snapshot_keys));
-  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client, MapClient::Create(ServerOptionsOf(arguments.server)));
+  const StopSignals signals;
+  std::stop_source stop;
+  const std::jthread watch([&stop](const std::stop_token& done) {
+    while (StopSignals::Received().empty() && SleepFor(kLookEveryS, done)) {
+    }
+    stop.request_stop();
+  });
+  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client,
+                            MapClient::Create(ServerOptionsOf(arguments.server), stop.get_token()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   options.progress = [&progress](double done) { progress->Update("fetching", done); };
-  SHIFTMAP_ASSIGN_OR_RETURN(const FetchResult result, FetchSnapshot(&client, options));
-  const SnapshotInfo& snapshot = result.snapshot;
+  const StatusOr<FetchResult> result = FetchSnapshot(&client, options);
+  if (!result.ok()) {
+    SHIFTMAP_RETURN_IF_ERROR(
+        StopSignals::Check(fmt::format("snapshot '{}': fetch", arguments.output)));
+    return result.status();
+  }
+  const SnapshotInfo& snapshot = result->snapshot;
   const std::string what = fmt::format("area '{}' version {}, ledger up to report {}",
                                        snapshot.area,
                                        snapshot.version.value(),
@@ -42,16 +63,16 @@ Status RunFetch(const FetchArguments& arguments, Context& context) {
                   {"sha256", snapshot.sha256},
                   {"size_bytes", snapshot.size_bytes},
                   {"output", arguments.output},
-                  {"changed", !result.not_changed},
-                  {"resumed_bytes", result.resumed_bytes},
-                  {"received_bytes", result.received_bytes},
-                  {"retries", result.retries}},
+                  {"changed", !result->not_changed},
+                  {"resumed_bytes", result->resumed_bytes},
+                  {"received_bytes", result->received_bytes},
+                  {"retries", result->retries}},
                  fmt::format("{}: {}, {} bytes{}\n",
                              InertLine(arguments.output),
                              InertLine(what),
                              snapshot.size_bytes,
-                             result.not_changed ? ", not changed" : ""));
-  if (!result.not_changed) return OkStatus();
+                             result->not_changed ? ", not changed" : ""));
+  if (!result->not_changed) return OkStatus();
   return MakeStatus(
       StatusCode::kAlreadyExists, "snapshot '{}': not changed: it is {}", arguments.output, what);
 }

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "mapper/cli/stop_signals.h"
 #include "mapper/nightly/candidate.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"

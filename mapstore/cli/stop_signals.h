@@ -3,6 +3,9 @@
 
 #include <csignal>
 #include <string>
+#include <string_view>
+
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -10,13 +13,17 @@ namespace shiftmap {
 /// process; the second one ends it. One at a time in a process.
 class StopSignals {
  public:
-  StopSignals();
+  /// @param reads_end  A read that waits, as for a pipe, fails with the signal; else it goes on.
+  explicit StopSignals(bool reads_end = false);
   ~StopSignals();
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
 
   /// The name of the signal that came, or empty.
   static std::string Received();
+
+  /// kCancelled `WHAT stopped by SIGNAL, nothing is written` if one came.
+  static Status Check(std::string_view what);
 
  private:
   struct sigaction interrupt_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/cli/stop_signals.h"
+#include "mapstore/cli/stop_signals.h"
 
 #include <atomic>
 
@@ -20,12 +20,12 @@ void Take(int signal, const struct sigaction& action, struct sigaction* before) 
 
 }  // namespace
 
-StopSignals::StopSignals() {
+StopSignals::StopSignals(bool reads_end) {
   received = 0;
   struct sigaction keep = {};
   keep.sa_handler = Keep;
-  // Reads and writes go on; the second signal finds what was there before.
-  keep.sa_flags = static_cast<int>(SA_RESTART | SA_RESETHAND);
+  // The second signal finds what was there before.
+  keep.sa_flags = static_cast<int>(reads_end ? SA_RESETHAND : SA_RESTART | SA_RESETHAND);
   sigemptyset(&keep.sa_mask);
   Take(SIGINT, keep, &interrupt_);
   Take(SIGTERM, keep, &terminate_);
@@ -45,6 +45,12 @@ std::string StopSignals::Received() {
     default:
       return "";
   }
+}
+
+Status StopSignals::Check(std::string_view what) {
+  const std::string signal = Received();
+  if (signal.empty()) return OkStatus();
+  return MakeStatus(StatusCode::kCancelled, "{} stopped by {}, nothing is written", what, signal);
 }
 
 }  // namespace shiftmap
