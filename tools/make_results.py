@@ -40,7 +40,7 @@ EXPERIMENTS = {
     "groupings": ("the same days built every night, every few, or in one batch", "shiftmap-experiment groupings --worlds 2 --groups 20 --size-m 25 --duration-s 60 --output OUT --work WORK"),
     "incremental": ("time of a step of the frame-by-frame mapper", "shiftmap_incremental_bench " + BENCH.format("incremental_bench")),
     "layout-pairs": ("recorded runs of two layouts: search against a sum over all explanations", "shiftmap-experiment layout-pairs --data DATA/utias --output OUT"),
-    "ledger": ("a year of 20 vehicles in one store: time and bytes of a report", "SHIFTMAP_LONG_TESTS=1 shiftmap_ledger_bench"),
+    "ledger": ("a year of 20 vehicles in one store: time and bytes of a report", "SHIFTMAP_LONG_TESTS=1 shiftmap_ledger_bench " + BENCH.format("ledger_bench")),
     "ledger-years": ("size and time of a ledger over ten years of 1,000 landmarks", "shiftmap-experiment ledger-years --years 10 --vehicles 5 --visits-per-day 0.3 --output OUT --work WORK"),
     "lidar-run": ("buildings mapped by corners that a lidar sees", "shiftmap-experiment lidar-run --data DATA/lidar --output OUT"),
     "localizer-bodies": ("recorded robots among landmarks that moved together", "shiftmap-experiment localizer-bodies --data DATA/utias --output OUT"),

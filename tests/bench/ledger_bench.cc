@@ -91,7 +91,13 @@ class Fleet {
 
   void Advance(int days) {
     const int until = days * kShiftsPerDay * kVehicles;
-    while (reports_ < until) Return(NextReport());
+    while (reports_ < until) {
+      std::vector<AttributedReport> shift(kVehicles);
+      for (AttributedReport& report : shift) report.report = NextReport();
+      for (const StatusOr<ReturnResult>& result : store_->ReturnAll(shift)) {
+        SHIFTMAP_CHECK(result.ok(), "{}", Message(result.status()));
+      }
+    }
   }
 
  private:
@@ -104,7 +110,7 @@ class Fleet {
   int reports_ = 0;
 };
 
-// One fleet per (groups, visits a report), which only gets older: arguments come by ascending days.
+// One fleet per (groups, visits a report), which only gets older.
 Fleet& FleetAt(const benchmark::State& state) {
   static std::map<std::pair<std::int64_t, std::int64_t>, std::unique_ptr<Fleet>> fleets;
   std::unique_ptr<Fleet>& fleet = fleets[{state.range(1), state.range(2)}];
@@ -122,23 +128,11 @@ void SetCounters(const Fleet& fleet, benchmark::State& state) {
   state.counters["bytes_per_report"] = bytes / fleet.reports();
 }
 
-// Days, groups, visits a report. The whole year with large reports takes minutes to make.
-void Sizes(benchmark::internal::Benchmark* benchmark) {
-  const bool whole = std::getenv("SHIFTMAP_LONG_TESTS") != nullptr;
-  benchmark->ArgNames({"days", "groups", "visits"})->Unit(benchmark::kMillisecond);
-  for (const int days : whole ? std::vector<int>{10, 100, 365} : std::vector<int>{10, 40}) {
-    benchmark->Args({days, 1000, 100});
-    benchmark->Args({days, 10'000, 100});
-    if (whole) benchmark->Args({days, 1000, 1000});
-  }
-}
-
 void BM_LoadAtNow(benchmark::State& state) {
   Fleet& fleet = FleetAt(state);
   for (auto _ : state) benchmark::DoNotOptimize(fleet.store().LoadAt(kArea));
   SetCounters(fleet, state);
 }
-BENCHMARK(BM_LoadAtNow)->Apply(Sizes);
 
 void BM_LoadAtAnyTime(benchmark::State& state) {
   Fleet& fleet = FleetAt(state);
@@ -151,7 +145,6 @@ void BM_LoadAtAnyTime(benchmark::State& state) {
   }
   SetCounters(fleet, state);
 }
-BENCHMARK(BM_LoadAtAnyTime)->Apply(Sizes);
 
 void BM_ReturnIntoLedger(benchmark::State& state) {
   Fleet& fleet = FleetAt(state);
@@ -163,14 +156,40 @@ void BM_ReturnIntoLedger(benchmark::State& state) {
   }
   SetCounters(fleet, state);
 }
-BENCHMARK(BM_ReturnIntoLedger)->Apply(Sizes)->Iterations(200);
 
 void BM_PublishABuild(benchmark::State& state) {
   Fleet& fleet = FleetAt(state);
   for (auto _ : state) fleet.Build();
   SetCounters(fleet, state);
 }
-BENCHMARK(BM_PublishABuild)->Apply(Sizes)->Iterations(3);
+
+struct Measured {
+  const char* name;
+  void (*run)(benchmark::State&);
+  int iterations;  // 0: as many as it takes.
+};
+
+// All of a day before the first of a later day: a fleet gets no younger again. The whole year with
+// large reports takes minutes to make.
+bool Register() {
+  const bool whole = std::getenv("SHIFTMAP_LONG_TESTS") != nullptr;
+  for (const int days : whole ? std::vector<int>{10, 100, 365} : std::vector<int>{10, 40}) {
+    std::vector<std::vector<std::int64_t>> sizes = {{days, 1000, 100}, {days, 10'000, 100}};
+    if (whole) sizes.push_back({days, 1000, 1000});
+    for (const Measured& measured : {Measured{"BM_LoadAtNow", BM_LoadAtNow, 0},
+                                     Measured{"BM_LoadAtAnyTime", BM_LoadAtAnyTime, 0},
+                                     Measured{"BM_ReturnIntoLedger", BM_ReturnIntoLedger, 200},
+                                     Measured{"BM_PublishABuild", BM_PublishABuild, 3}}) {
+      auto* const benchmark = benchmark::RegisterBenchmark(measured.name, measured.run);
+      benchmark->ArgNames({"days", "groups", "visits"})->Unit(benchmark::kMillisecond);
+      for (const auto& size : sizes) benchmark->Args(size);
+      if (measured.iterations > 0) benchmark->Iterations(measured.iterations);
+    }
+  }
+  return true;
+}
+
+[[maybe_unused]] const bool registered = Register();
 
 }  // namespace
 }  // namespace shiftmap::testing
