@@ -188,8 +188,9 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
   return size;
 }
 
-// Of the runs that are left some may have lost all that tied them to a map.
-Status RequireConstrainedRuns(BuildState* build) {
+// Of the runs that are left some may have lost all that tied them to a map. It is an error if none
+// is left then.
+Status RemoveRunsOfNoMode(BuildState* build) {
   RemoveRunsOfOutliers(build);
   return RequireRuns(!build->runs.empty(), build->left_out);
 }
@@ -233,7 +234,7 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
                            options.modes.min_sightings);
   }
   RemoveUnconstrainedRuns(build);
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   if (!options.calibrate) SolveContinuous(options, build);  // Else with the noise.
   return OkStatus();
 }
@@ -245,7 +246,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   if (AllWait(*build)) return iterations;
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (!options.calibrate) return iterations;
   build->sensor = EstimateDetection(*build, options.modes);
@@ -253,7 +254,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   return iterations;
 }
 
@@ -324,7 +325,7 @@ StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options
   std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(*graph);
   if (!posterior && RemoveUndeterminedRuns(options, build) > 0) {
     RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
+    SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     *graph = MakeGraph(options, build);
@@ -342,7 +343,7 @@ Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
     if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
     RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RequireConstrainedRuns(build));
+    SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
     if (build->priors.empty()) AnchorFrame(build);
   }
 }
