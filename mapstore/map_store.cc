@@ -191,8 +191,8 @@ StatusOr<MapStore> MapStore::Open(const std::string& path, Access access) {
   return Open(path, options);
 }
 
-Status MapStore::CheckWritable(const std::string& path) {
-  SHIFTMAP_RETURN_IF_ERROR(Database::CheckWritable(path));
+Status MapStore::CheckWritable(const std::string& path, bool dry_run) {
+  if (!dry_run) SHIFTMAP_RETURN_IF_ERROR(Database::CheckWritable(path));
   StatusOr<Database> database = OpenStoreFile(path, {});
   // What else there is at the path, who opens it says.
   return database.ok() ? CheckNoSnapshot(*database) : OkStatus();

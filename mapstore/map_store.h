@@ -75,7 +75,8 @@ class MapStore {
   /// before it commits. Makes and changes nothing. Errors: kNotFound if its folder does not exist;
   /// kFailedPrecondition if something else is at the path, or a snapshot; kUnavailable if the file
   /// or its folder may not be written to.
-  static Status CheckWritable(const std::string& path);
+  /// @param dry_run  Nothing is to be written: a snapshot alone is an error.
+  static Status CheckWritable(const std::string& path, bool dry_run = false);
 
   MapStore(MapStore&&) noexcept;
   MapStore& operator=(MapStore&&) noexcept;

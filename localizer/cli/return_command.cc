@@ -31,6 +31,9 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(ShiftReport report, ReadShiftReport(path));
     reports.push_back(std::move(report));
   }
+  if (context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.store, true));
+  }
   const auto access =
       context.dry_run() ? MapStore::Access::kReadOnly : MapStore::Access::kReadWrite;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,

@@ -425,10 +425,12 @@ MapperMonitor MakeMonitor(Progress* progress) {
 }
 
 // What cannot be written is better known before the work than after it.
-Status CheckOutputs(const AreaBuildOptions& options) {
+Status CheckOutputs(const AreaBuildOptions& options, bool dry_run) {
   if (options.area.empty()) return InvalidArgument("--area '': expected a name");
-  if (options.trajectories) SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
-  return MapStore::CheckWritable(options.store);
+  if (options.trajectories && !dry_run) {
+    SHIFTMAP_RETURN_IF_ERROR(CheckFolder(*options.trajectories));
+  }
+  return MapStore::CheckWritable(options.store, dry_run);
 }
 
 CommitOptions MakeCommitOptions(const AreaBuildOptions& options,
@@ -479,7 +481,7 @@ StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
 
 StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context) {
   const Stamp now = SystemNow();
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options));
+  SHIFTMAP_RETURN_IF_ERROR(CheckOutputs(options, context.dry_run()));
   SHIFTMAP_ASSIGN_OR_RETURN(PriorMap prior, LoadPrior(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs,
                             LoadRuns(LoaderOptions(options, prior, now, context), context));

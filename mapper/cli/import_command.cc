@@ -38,6 +38,9 @@ StatusOr<std::optional<VersionNumber>> PublishedBefore(const ImportOptions& opti
   // Also in a dry run: what is there must be a store.
   std::error_code error;
   if (!std::filesystem::exists(options.store, error)) return std::optional<VersionNumber>();
+  if (context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.store, true));
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
   return store.PublishedVersion(options.area);

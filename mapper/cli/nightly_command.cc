@@ -92,8 +92,8 @@ Status Finish(const NightOptions& options,
 Status RunAll(const NightOptions& options, Context& context) {
   const Stamp begin = SystemNow();
   std::optional<OwnedFd> lock;
+  SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store, context.dry_run()));
   if (!context.dry_run()) {
-    SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store));
     SHIFTMAP_ASSIGN_OR_RETURN(lock, LockNight(options.build.store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const NightResult result, RunNight(options, context));
@@ -103,8 +103,8 @@ Status RunAll(const NightOptions& options, Context& context) {
 Status RunPlan(const NightlyArguments& arguments, Context& context) {
   const NightOptions& options = arguments.night;
   std::optional<OwnedFd> lock;
+  SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store, context.dry_run()));
   if (!context.dry_run()) {
-    SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store));
     SHIFTMAP_ASSIGN_OR_RETURN(lock, LockNight(options.build.store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const NightPlan plan, PlanNight(options, *arguments.output, context));

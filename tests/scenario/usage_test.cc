@@ -17,6 +17,7 @@ namespace shiftmap::testing {
 namespace {
 
 constexpr int kUsage = 2;
+constexpr int kBadInput = 3;
 constexpr int kTemporary = 75;
 
 // Names and bytes of all files in a folder.
@@ -257,6 +258,27 @@ TEST_F(OutputTest, DryRunWritesNothing) {
   }
 }
 
+TEST_F(OutputTest, ADryRunRefusesASnapshotAsTheWriteDoes) {
+  const std::string report = folder_.File("shift.report");
+  RunForJson("shiftmap-localizer", OfMap({"run", "--report", report, world_.Log(1)}));
+  const std::string snapshot = folder_.File("map.db");
+  RunForJson("shiftmap-inspect", OfMap({"export", "--snapshot", "--output", snapshot}));
+  const std::vector<std::pair<std::string, Arguments>> commands = {
+      {"shiftmap-mapper", {"build", "--area", "floor", world_.Log(1)}},
+      {"shiftmap-mapper", {"build", "--area", "floor", "--prior", "none", world_.Log(1)}},
+      {"shiftmap-mapper", {"import", "--area", "floor", folder_.File("survey.csv")}},
+      {"shiftmap-mapper", {"nightly", "--logs", folder_.path()}},
+      {"shiftmap-localizer", {"return", report}},
+      {"shiftmap-inspect", {"rollback", "--area", "floor"}},
+  };
+  for (auto [program, words] : commands) {
+    words.insert(words.end(), {"--store", snapshot});
+    ExpectError(program, words, kBadInput, "is a snapshot");
+    words.emplace_back("--dry-run");
+    ExpectError(program, words, kBadInput, "is a snapshot");
+  }
+}
+
 TEST_F(OutputTest, ReadingLeavesTheStoreAsItIs) {
   RunForJson("shiftmap-mapper", OfMap({"build", world_.Log(1)}));
   const auto before = Contents(folder_.path());
@@ -334,7 +356,6 @@ TEST_F(OutputTest, FolderThatDoesNotExistIsNotFound) {
 
 // Something else is there, and stays: trying again does not help.
 TEST_F(OutputTest, FileInThePlaceOfAFolderIsBadInput) {
-  constexpr int kBadInput = 3;
   const std::string file = folder_.File("survey.csv");
   const auto before = Contents(folder_.path());
   ExpectError("shiftmap-sim", {"open", file, "--duration-s", "20"}, kBadInput, file);

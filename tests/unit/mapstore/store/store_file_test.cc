@@ -285,6 +285,8 @@ TEST_F(StoreFileTest, ASnapshotIsNeverWrittenTo) {
   const std::string before = *HashFile(snapshot);
   const auto refused = StatusIs(StatusCode::kFailedPrecondition, "is a snapshot");
   EXPECT_THAT(MapStore::CheckWritable(snapshot), refused);
+  EXPECT_THAT(MapStore::CheckWritable(snapshot, /*dry_run=*/true), refused);
+  EXPECT_THAT(MapStore::CheckWritable(dir_.File("no/folder.db"), /*dry_run=*/true), IsOk());
   for (const Access access : {Access::kReadWrite, Access::kReadWriteCreate}) {
     EXPECT_THAT(MapStore::Open(snapshot, access), refused);
   }
