@@ -30,7 +30,7 @@ constexpr std::size_t kStoredPoses = 2000;
 // The version that a build starts from.
 struct PriorMap {
   std::optional<VersionNumber> version;
-  std::optional<VersionNumber> published;  // Newer than `version` if it is made from excluded runs.
+  std::optional<VersionNumber> published;  // Newer than `version` if it rests on excluded runs.
   std::optional<MapContent> content;
   std::vector<LineRun> known_runs;         // Those that are in it already.
   std::vector<UnplacedRun> waiting;        // Of earlier builds.
@@ -126,6 +126,13 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
     if (!prior.published) return prior;
     SHIFTMAP_ASSIGN_OR_RETURN(prior.version,
                               FindPriorVersion(options.area, *prior.published, &store, &context));
+    if (!prior.version && !options.starts_anew) {
+      return FailedPrecondition(
+          "area '{}': every version of the line rests on what was taken out; --prior none with the "
+          "logs of all runs that count starts anew",
+          options.area);
+    }
+    if (!prior.version) return prior;
   } else {
     prior.version = VersionNumber(std::stoll(options.prior));
   }
@@ -449,34 +456,28 @@ CommitOptions MakeCommitOptions(const AreaBuildOptions& options,
 
 }  // namespace
 
-StatusOr<VersionNumber> FindPriorVersion(const std::string& area,
-                                         VersionNumber version,
-                                         MapStore* store,
-                                         const Context* context) {
+StatusOr<std::optional<VersionNumber>> FindPriorVersion(const std::string& area,
+                                                        VersionNumber version,
+                                                        MapStore* store,
+                                                        const Context* context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (VersionNumber at = version;;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs, store->ExcludedRunsOf(area, at));
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, at, store));
-    if (runs.empty() && undone.empty()) return at;
+  std::optional<VersionNumber> at = version;
+  for (; at; at = ParentOf(*at, versions)) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->ExcludedRunsOf(area, *at));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, *at, store));
+    if (runs.empty() && undone.empty()) break;
     if (context != nullptr) {
       context->Warn(
           runs.empty()
               ? fmt::format("version {} rests on {}, which was taken back: it is no prior",
-                            at.value(),
+                            at->value(),
                             undone)
               : fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
-                            at.value(),
+                            at->value(),
                             runs.front()));
     }
-    const std::optional<VersionNumber> parent = ParentOf(at, versions);
-    if (!parent) {
-      return FailedPrecondition(
-          "area '{}': every version of the line rests on what was taken out; --prior none starts "
-          "anew",
-          area);
-    }
-    at = *parent;
   }
+  return at;
 }
 
 StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context) {

@@ -23,9 +23,9 @@ constexpr std::size_t kSha256Digits = 64;
 // What the store says of an area's runs.
 struct KnownRuns {
   std::set<std::string> mapped;
-  VersionNumber prior;            // What a build goes on from.
-  std::vector<LineRun> kept;      // In it.
-  std::set<std::string> waiting;  // Hashes.
+  std::optional<VersionNumber> prior;  // What a build goes on from.
+  std::vector<LineRun> kept;           // In it.
+  std::set<std::string> waiting;       // Hashes.
 
   // What versions mapped that somebody rolled back, and the version.
   std::map<std::string, VersionNumber> rolled_back;
@@ -52,10 +52,9 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
     SHIFTMAP_ASSIGN_OR_RETURN(const auto identities, store->RunIdentities(area, version));
     for (const std::string& run : identities) known.rolled_back.emplace(run, version);
   }
-  // The build says what is wrong with it.
-  const StatusOr<VersionNumber> prior = FindPriorVersion(area, **published, store, nullptr);
-  known.prior = prior.ok() ? *prior : **published;
-  SHIFTMAP_ASSIGN_OR_RETURN(known.kept, store->LineRuns(area, known.prior));
+  SHIFTMAP_ASSIGN_OR_RETURN(known.prior, FindPriorVersion(area, **published, store, nullptr));
+  if (!known.prior) return known;
+  SHIFTMAP_ASSIGN_OR_RETURN(known.kept, store->LineRuns(area, *known.prior));
   return known;
 }
 
@@ -86,7 +85,7 @@ StatusOr<const LineRun*> MappedRunOf(const std::string& area,
     const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
     if (!read.ok()) return false;  // The build says so.
     SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
-                              store->Evidence(area, known.prior));
+                              store->Evidence(area, *known.prior));
     return SawVisits(read->run, like.run.sha256, rows);
   };
   return FindMappedRun(known.kept, log.info, log.sha256, log.begin, saw_visits);

@@ -61,6 +61,7 @@ class Area {
   Status Publish(Candidate* candidate);
   Status Refuse(const Judgement& judgement, Candidate* candidate);
   StatusOr<bool> LeaveOut(const Candidate& candidate);
+  StatusOr<std::vector<std::string>> FindLost(const Candidate& candidate) const;
   StatusOr<Step> Build();
   void Say(const std::string& line);
   void Take(const Candidate& candidate);
@@ -259,6 +260,35 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   return !out.empty();
 }
 
+// What the published version has and a map that is built anew lacks, for want of a prior. Whether
+// it is worth that is not for shifts to judge.
+StatusOr<std::vector<std::string>> Area::FindLost(const Candidate& candidate) const {
+  std::vector<std::string> lost;
+  if (candidate.version.parent || !HasStore(options_)) return lost;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
+  if (!published) return lost;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto exclusions, store.Exclusions(night_.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store.LineRuns(night_.area, *published));
+  const std::vector<RunRecord>& built = candidate.version.provenance.runs;
+  for (const auto& [run, version, committed] : runs) {
+    const bool there = std::any_of(built.begin(), built.end(), [&](const RunRecord& of) {
+      return of.sha256 == run.sha256 || of.identity() == run.identity();
+    });
+    if (there || FindExclusion(exclusions, run.identity(), run.vehicle, run.begin) != nullptr) {
+      continue;
+    }
+    lost.push_back(
+        fmt::format("run '{}' is not in it, its log is not there or left out", run.name));
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto edits, store.EditsOf(night_.area, *published));
+  for (const MapEdit& edit : edits) {
+    if (edit.undone) continue;
+    lost.push_back(fmt::format("edit {} is not in it, to be made again", edit.id.value()));
+  }
+  return lost;
+}
+
 // The only place where a version of the night is written.
 // Errors: kAborted if another version was published since the build began.
 Status Area::Commit(bool publish, Candidate* candidate) {
@@ -340,12 +370,17 @@ StatusOr<Area::Step> Area::Build() {
   SHIFTMAP_ASSIGN_OR_RETURN(const bool held, HoldSuspects(judgement, &given_));
   if (held) return Step::kAgain;
   for (const std::string& doubt : judgement.doubts) Say(doubt);
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> lost, FindLost(*candidate));
+  judgement.worse.insert(judgement.worse.end(), lost.begin(), lost.end());
   night_.judgement = judgement;
   if (judgement.worse.empty()) {
     SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
     return Step::kDone;
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool done, BuildWithoutWorst(judgement, given_));
+  bool done = false;
+  if (judgement.before) {
+    SHIFTMAP_ASSIGN_OR_RETURN(done, BuildWithoutWorst(judgement, given_));
+  }
   if (!done) SHIFTMAP_RETURN_IF_ERROR(Refuse(judgement, &*candidate));
   return Step::kDone;
 }
@@ -366,6 +401,21 @@ StatusOr<AreaNight> Area::Run() {
   return night_;
 }
 
+// The command that publishes a version although it was refused. It expects the parent to be
+// published, unless it is told otherwise.
+StatusOr<std::string> PublishCommand(const std::string& area,
+                                     VersionNumber version,
+                                     MapStore* store) {
+  std::string command = fmt::format("shiftmap-inspect publish {}", version.value());
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (const VersionSummary& of : versions) {
+    if (of.version != version || !published || of.parent == published) continue;
+    command += fmt::format(" --expected {}", published->value());
+  }
+  return command;
+}
+
 }  // namespace
 
 StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
@@ -379,13 +429,16 @@ StatusOr<AreaNight> RunAreaNight(const NightOptions& options,
   if (night.version && !night.published) {
     const auto refused = since.refused.find(*night.version);
     if (refused != since.refused.end()) {
-      night.reasons.insert(
-          night.reasons.begin(),
-          fmt::format("version {} is not published: {}; to take it all the same: shiftmap-inspect "
-                      "publish {}",
-                      refused->first.value(),
-                      refused->second,
-                      refused->first.value()));
+      SHIFTMAP_ASSIGN_OR_RETURN(
+          MapStore store, OpenStore(options.build.store, MapStore::Access::kReadOnly, context));
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::string command,
+                                PublishCommand(area, *night.version, &store));
+      night.reasons.insert(night.reasons.begin(),
+                           fmt::format("version {} is not published: {}; to take it all the same: "
+                                       "{}",
+                                       refused->first.value(),
+                                       refused->second,
+                                       command));
     }
   }
   if (night.alarm()) {

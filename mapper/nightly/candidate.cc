@@ -24,6 +24,7 @@ std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& b
 AreaBuildOptions CandidateBuilder::BuildOptions(const std::vector<LogHead>& logs) const {
   AreaBuildOptions build = options_.build;
   build.area = area_;
+  build.starts_anew = true;
   build.night = NightKey(logs, options_.build);
   for (const LogHead& log : logs) build.logs.push_back(log.path);
   return build;

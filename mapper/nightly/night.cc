@@ -280,7 +280,7 @@ StatusOr<AreaNight> RunArea(const NightOptions& options,
   const AreaLogs logs = WithoutUnsetClocks(all, &unset);
   AreaNight night;
   night.area = area;
-  if (logs.fresh.empty()) {
+  if (logs.fresh.empty() && logs.again.empty()) {
     for (const LogHead& log : logs.waiting) {
       night.reasons.push_back(fmt::format("'{}' waits", log.path));
     }

@@ -155,8 +155,8 @@ Status MakeEditsVersion(const NightOptions& options,
   if (!published || context.dry_run()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store.Edits(area));
   if (edits.empty()) return OkStatus();
-  const StatusOr<VersionNumber> prior = FindPriorVersion(area, *published, &store, nullptr);
-  if (!prior.ok()) return OkStatus();  // The build says so.
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto prior, FindPriorVersion(area, *published, &store, nullptr));
+  if (!prior) return OkStatus();
   return store.WithEditsInForce(area, *prior).status();
 }
 

@@ -207,6 +207,86 @@ TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
   EXPECT_EQ(Night().exit_code, 0);
 }
 
+// The first build's run is excluded, so that no version is left to go on from.
+class AnewTest : public NightlyTest {
+ protected:
+  AnewTest() {
+    int run = 0;
+    for (const char* const name : {"first", "second", "third"}) {
+      Bring(run++, name);
+      EXPECT_EQ(Night().exit_code, 0) << name;
+    }
+    RunForJson("shiftmap-inspect",
+               {"runs",
+                "exclude",
+                *HashFile(logs_ + "/first.mcap"),
+                "--reason",
+                "slips",
+                "--store",
+                store_,
+                "--area",
+                "floor"});
+  }
+
+  std::vector<std::string> PublishedRuns() const {
+    MapStore store = *MapStore::Open(store_, MapStore::Access::kReadOnly);
+    const std::vector<LineRun> runs = *store.LineRuns("floor", **store.PublishedVersion("floor"));
+    std::vector<std::string> names;
+    for (const LineRun& of : runs) names.push_back(of.run.name);
+    return names;
+  }
+};
+
+// The oracle is a store that never had the run.
+TEST_F(AnewTest, TheNightBuildsTheOthersWithoutAPrior) {
+  const CommandResult night = Night();
+  ASSERT_EQ(night.exit_code, 0) << night.err;
+  const Json area = Json::parse(night.out)["areas"][0];
+  EXPECT_EQ(area["version"], 4);
+  EXPECT_EQ(area["published"], true);
+  EXPECT_EQ(PublishedRuns(), (std::vector<std::string>{"second", "third"}));
+
+  const std::string others = world_.File("others");
+  fs::create_directory(others);
+  for (const std::string name : {"/second.mcap", "/third.mcap"}) {
+    fs::copy_file(logs_ + name, others + name);
+  }
+  const Json clean =
+      RunForJson("shiftmap-mapper",
+                 {"nightly", "--store", world_.File("b.db"), "--logs", others, "--min-age-s", "0"});
+  EXPECT_EQ(area["content_hash"], clean["areas"][0]["content_hash"]);
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+// Its log was deleted: a person decides whether the map is worth the run.
+TEST_F(AnewTest, AMapThatLacksAnotherRunIsNotPublishedByItself) {
+  fs::remove(logs_ + "/second.mcap");
+  for (const char* const time : {"first", "again"}) {
+    const CommandResult night = Night();
+    EXPECT_EQ(night.exit_code, kAttention) << time;
+    EXPECT_NE(night.err.find("run 'second' is not in it"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("publish 4 --expected 3"), std::string::npos) << night.err;
+    const Json area = Json::parse(night.out)["areas"][0];
+    EXPECT_EQ(area["version"], 4) << time;
+    EXPECT_EQ(area["published"], false);
+  }
+  // As the line says.
+  RunForJson("shiftmap-inspect",
+             {"publish", "4", "--expected", "3", "--store", store_, "--area", "floor"});
+  EXPECT_EQ(PublishedRuns(), std::vector<std::string>{"third"});
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+TEST_F(AnewTest, AMapThatLacksAnEditIsNotPublishedByItself) {
+  RunForJson(
+      "shiftmap-inspect",
+      {"edit", "rename", "L01", "gate", "--reason", "named", "--store", store_, "--area", "floor"});
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention);
+  EXPECT_NE(night.err.find("edit 1 is not in it, to be made again"), std::string::npos)
+      << night.err;
+}
+
 TEST_F(NightlyTest, AHeldRunIsNamedEveryNight) {
   Bring(0, "good");
   ASSERT_EQ(Night().exit_code, 0);
