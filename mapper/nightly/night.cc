@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -220,6 +221,24 @@ Status FindLogs(const NightOptions& options, const Context& context, NightWork* 
   return OkStatus();
 }
 
+// Leaves out files of the same content as another one: they are one run, and judge once.
+AreaLogs WithoutCopies(AreaLogs logs) {
+  const auto kinds = {&logs.fresh, &logs.waiting, &logs.again, &logs.mapped};
+  std::map<std::string, int> files;
+  for (const std::vector<LogHead>* const kind : kinds) {
+    for (const LogHead& log : *kind) ++files[log.identity()];
+  }
+  std::set<std::string> seen;
+  for (std::vector<LogHead>* const kind : kinds) {
+    std::erase_if(*kind, [&](const LogHead& log) {
+      if (files[log.identity()] == 1) return false;
+      const StatusOr<std::string> hash = HashFile(log.path);  // A head need not have it.
+      return hash.ok() && !seen.insert(*hash).second;
+    });
+  }
+  return logs;
+}
+
 // Leaves out what a clock that was never set recorded: its visits would count as the oldest.
 AreaLogs WithoutUnsetClocks(AreaLogs logs, std::vector<std::string>* reasons) {
   for (std::vector<LogHead>* const kind : {&logs.fresh, &logs.waiting, &logs.again}) {
@@ -274,8 +293,9 @@ StatusOr<NightWork> FindWork(const NightOptions& options, Context& context) {
 
 StatusOr<AreaNight> RunArea(const NightOptions& options,
                             const std::string& area,
-                            const AreaLogs& all,
+                            const AreaLogs& files,
                             Context& context) {
+  const AreaLogs all = WithoutCopies(files);
   std::vector<std::string> unset;
   const AreaLogs logs = WithoutUnsetClocks(all, &unset);
   AreaNight night;

@@ -391,6 +391,34 @@ TEST_P(CutOffTest, ACopyIsNoOtherRun) {
   EXPECT_EQ(Night().exit_code, kNothingToDo);
 }
 
+TEST_P(CutOffTest, AFileUnderTwoNamesIsOneRun) {
+  const auto copy = [&](const std::string& from, const std::string& to) {
+    fs::copy_file(logs_ + "/" + from + ".mcap", logs_ + "/" + to + ".mcap");
+  };
+  Bring(0, "run", Name);
+  copy("run", "same");
+  CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, 0) << night.err;
+  EXPECT_EQ(Json::parse(night.out)["areas"][0]["runs_new"], 1);
+  copy("run", "later");
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+
+  Bring(1, "other");
+  copy("other", "another");
+  night = Night();
+  ASSERT_EQ(night.exit_code, 0) << night.err;
+  const Json area = Json::parse(night.out)["areas"][0];
+  EXPECT_EQ(area["runs_new"], 1);
+  std::vector<std::string> judges;
+  for (const Json& shift : area["judgement"]["shifts"]) {
+    if (shift["fold"].is_null()) judges.push_back(shift["run"]);
+  }
+  EXPECT_EQ(judges.size(), 2u) << area["judgement"]["shifts"];
+  // All files of what is mapped may go.
+  EXPECT_EQ(Json::parse(Night({"--min-age-s", "0", "--log-quota-mib", "0"}).out)["logs_deleted"],
+            5);
+}
+
 // A log whose first part is mapped is named until somebody takes that part back and builds with it.
 TEST_P(CutOffTest, TheRestIsNamed) {
   Bring(1, "other");
