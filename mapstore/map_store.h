@@ -127,8 +127,8 @@ class MapStore {
                  bool dry_run = false);
 
   /// Publishes an ancestor of the published version: its parent, or `to`. Nothing is deleted; what
-  /// shifts reported against later versions keeps counting where its modes exist. Returns the
-  /// version that is published now.
+  /// shifts reported against later versions keeps counting where its modes exist, until a build
+  /// goes on from the ancestor. Returns the version that is published now.
   /// Errors also: kInvalidArgument if `to` is no ancestor.
   StatusOr<VersionNumber> Rollback(const std::string& area,
                                    std::optional<VersionNumber> to = std::nullopt,

@@ -18,6 +18,7 @@
 #include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/memory_bound.h"
 
@@ -144,6 +145,44 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   SHIFTMAP_RETURN_IF_ERROR(FindFallenOut(options, &store, &prior));
   return prior;
+}
+
+// One line for each vehicle that was in two runs at one time, of a build or of one and the map.
+std::vector<std::string> AtTwoPlaces(const std::vector<MapperInput>& inputs,
+                                     const std::vector<LineRun>& known_runs) {
+  struct Stay {
+    const std::string& vehicle;
+    const std::string& run;
+    Stamp begin;
+    Stamp end;
+  };
+  std::vector<Stay> stays;
+  for (const MapperInput& input : inputs) {
+    if (input.run.odometry.empty()) continue;
+    stays.push_back({input.run.info.vehicle, input.name, BeginOf(input.run), EndOf(input.run)});
+  }
+  const std::size_t of_build = stays.size();
+  for (const auto& [run, version, committed] : known_runs) {
+    stays.push_back({run.vehicle, run.name, run.begin, run.end});
+  }
+  std::map<std::string, std::string> lines;
+  for (std::size_t i = 0; i < of_build; ++i) {
+    const Stay& a = stays[i];
+    for (std::size_t k = i + 1; k < stays.size() && !a.vehicle.empty(); ++k) {
+      const Stay& b = stays[k];
+      if (a.vehicle != b.vehicle || a.begin >= b.end || b.begin >= a.end) continue;
+      lines.try_emplace(a.vehicle,
+                        fmt::format("vehicle '{}' is in runs '{}' and '{}' at {} UTC: a clock is "
+                                    "wrong, or two vehicles have one name",
+                                    a.vehicle,
+                                    a.run,
+                                    b.run,
+                                    FormatUtc(std::max(a.begin, b.begin))));
+    }
+  }
+  std::vector<std::string> result;
+  for (auto& [vehicle, line] : lines) result.push_back(std::move(line));
+  return result;
 }
 
 // Leaves out logs that are excluded or held.
@@ -454,6 +493,43 @@ CommitOptions MakeCommitOptions(const AreaBuildOptions& options,
   return commit;
 }
 
+// UUIDs of reports of which rows are set aside because they are of another line of versions, but
+// for those about runs that the version's line mapped.
+StatusOr<std::set<std::string>> OfOtherLines(const std::string& area,
+                                             VersionNumber version,
+                                             MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto reports, store->Reports(area, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto mapped, store->RunIdentities(area, version));
+  std::set<std::string> of_others;
+  for (const ReportSummary& report : reports) {
+    if (mapped.contains(report.run_hash)) continue;
+    for (const SetAsideRows& rows : report.set_aside) {
+      if (rows.reason == SetAside::kOtherLine) of_others.insert(report.uuid);
+    }
+  }
+  return of_others;
+}
+
+// AreaBuild::reports_set_aside of a version that is published now. Only versions beside it can have
+// such reports.
+StatusOr<int> CountSetAside(const std::string& area,
+                            VersionNumber version,
+                            std::optional<VersionNumber> before,
+                            MapStore* store) {
+  if (!before) return 0;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  const std::optional<VersionNumber> parent = ParentOf(version, versions);
+  const bool beside =
+      parent != before || std::any_of(versions.begin(), versions.end(), [&](const auto& other) {
+        return other.parent == parent && other.version != version;
+      });
+  if (!beside) return 0;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto then, OfOtherLines(area, *before, store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto now, OfOtherLines(area, version, store));
+  return static_cast<int>(std::count_if(
+      now.begin(), now.end(), [&](const std::string& uuid) { return !then.contains(uuid); }));
+}
+
 }  // namespace
 
 StatusOr<std::optional<VersionNumber>> FindPriorVersion(const std::string& area,
@@ -492,6 +568,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
   AreaBuild build;
+  build.at_two_places = AtTwoPlaces(runs.inputs, prior.known_runs);
   build.not_given = NotGiven(std::move(prior.waiting), runs.inputs);
   for (const RunRecord& run : NotGiven(std::move(prior.fallen_out), runs.inputs)) {
     build.fallen_out.push_back(run.name);
@@ -531,9 +608,20 @@ Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaB
       OpenStore(
           options.store, MapStore::Access::kReadWriteCreate, context, options.clock_tolerance_s));
   if (result.runs.empty()) return store.NoteWaiting(options.area, build->commit_options.waiting);
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto before, store.PublishedVersion(options.area));
   SHIFTMAP_ASSIGN_OR_RETURN(
       build->commit,
       store.Commit(options.area, result.content, build->provenance, build->commit_options));
+  if (!build->commit_options.publish) return OkStatus();
+  const VersionNumber version = build->commit->version;
+  // The version is written, and whoever reads the ledger will see an error of it.
+  build->reports_set_aside = CountSetAside(options.area, version, before, &store).value_or(0);
+  if (build->reports_set_aside == 0) return OkStatus();
+  context.Warn(
+      fmt::format("version {} sets {} aside, of shifts on versions that it does not go on from: "
+                  "shiftmap-inspect reports",
+                  version.value(),
+                  CountText(build->reports_set_aside, "report")));
   return OkStatus();
 }
 
@@ -550,6 +638,7 @@ void WarnOfRuns(const AreaBuild& build, Context& context) {
     context.Attend(fmt::format(
         "run '{}' is no longer in the map: its version is no prior; build its log again", run));
   }
+  for (const std::string& line : build.at_two_places) context.Warn(line);
   for (const UnplacedRun& run : build.not_given) {
     context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
   }

@@ -69,12 +69,17 @@ struct AreaBuild {
   std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
   std::vector<std::string> fallen_out;              ///< Of versions that are no prior any more.
   std::vector<UnplacedRun> not_given;               ///< That wait, but not of this build.
+  std::vector<std::string> at_two_places;           ///< A line for each vehicle that was.
 
   // What CommitArea adds to the store with the map.
   Provenance provenance;
   CommitOptions commit_options;
 
   std::optional<CommitResult> commit;  ///< Nothing if every run waits, or before CommitArea.
+
+  /// Reports that counted for the version published before and do not for this one, because they
+  /// are of versions that it does not go on from, as after a rollback.
+  int reports_set_aside = 0;
 };
 
 /// Builds a map of an area from run logs, on the map that the store has of it, in memory. The
@@ -92,7 +97,7 @@ Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaB
 /// Precondition: a StopSignals lives.
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context);
 
-/// Says which runs are left out or wait, and why.
+/// Says which runs are left out or wait, and why, and what is odd about the others.
 void WarnOfRuns(const AreaBuild& build, Context& context);
 
 }  // namespace shiftmap

@@ -47,6 +47,8 @@ Status Build(const AreaBuildOptions& options, Context& context) {
   Json document =
       BuildJson(options.area, build.result, build.dropped, build.not_given, build.commit);
   document["selector"] = options.selector;
+  document["at_two_places"] = build.at_two_places;
+  document["reports_set_aside"] = build.reports_set_aside;
   document["wall_s"] =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   context.Report(document, BuildText(build.result, build.commit));

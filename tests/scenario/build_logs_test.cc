@@ -13,6 +13,7 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/run_log_messages.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/map/sha256.h"
 #include "proto/mcap/byte_writer.h"
 #include "proto/mcap/compression.h"
 #include "proto/mcap/crc32.h"
@@ -287,6 +288,39 @@ TEST_F(BuildLogs, AClockThatWasNeverSetIsNamed) {
     EXPECT_EQ(built.exit_code, 0) << built.err;
     EXPECT_EQ(built.err.find("clock was not set") != std::string::npos, year < 2000) << built.err;
   }
+}
+
+TEST_F(BuildLogs, AVehicleAtTwoPlacesAtOneTimeIsNamed) {
+  const auto log = [&](const std::string& name, const std::string& vehicle, Duration later) {
+    shiftmap::Run run = ReadShift(name == "a" ? 0 : 1);
+    run.info.vehicle = vehicle;
+    Shift(ReadShift(0).odometry.front().stamp - run.odometry.front().stamp + later, &run);
+    return Log(name + ".mcap", run);
+  };
+  // What a build says of vehicles at two places. The run may wait besides.
+  const auto expect = [&](const Arguments& logs, const std::string& line) {
+    Arguments words = {"--json"};
+    words.insert(words.end(), logs.begin(), logs.end());
+    const CommandResult built = RunCommand("shiftmap-mapper", Build(words));
+    ASSERT_FALSE(built.out.empty()) << built.err;
+    const Json lines = Json::parse(built.out)["at_two_places"];
+    EXPECT_EQ(lines, line.empty() ? Json::array() : Json::array({line}));
+    EXPECT_EQ(built.err.find("vehicle 'robot'") != std::string::npos, !line.empty()) << built.err;
+    EXPECT_NE(built.err.find(line), std::string::npos) << built.err;
+  };
+  const std::string a = log("a", "robot", seconds(0));
+  expect({"--dry-run", a, log("other", "truck", seconds(30))}, "");
+  expect({"--dry-run", a, log("later", "robot", seconds(61))}, "");
+  const std::string b = log("b", "robot", seconds(30));
+  const auto line = [](const std::string& first, const std::string& second) {
+    return "vehicle 'robot' is in runs '" + first + "' and '" + second +
+           "' at 2026-01-05 08:00:30 UTC: a clock is wrong, or two vehicles have one name";
+  };
+  const bool by_hash = *HashFile(a) < *HashFile(b);
+  expect({"--dry-run", a, b}, by_hash ? line("a", "b") : line("b", "a"));
+  expect({a}, "");
+  // With what the map has.
+  expect({b}, line("b", "a"));
 }
 
 TEST_F(BuildLogs, LogsWithoutAClockAreNoCopies) {

@@ -22,7 +22,7 @@ constexpr int kNotFound = 6;
 class ReturnTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    world_ = new World({"--shifts", "2", "--duration-s", "60", "--groups", "10", "--size-m", "20"});
+    world_ = new World({"--shifts", "3", "--duration-s", "60", "--groups", "10", "--size-m", "20"});
     RunForJson("shiftmap-mapper",
                {"build", "--store", world_->File("good.db"), "--area", "floor", world_->Log(0)});
     RunForJson("shiftmap-localizer",
@@ -288,6 +288,40 @@ TEST_F(ReturnTest, ARunIsReportedInTheNameOfItsVehicle) {
     counting += report["set_aside"].empty();
   }
   EXPECT_EQ(counting, 1);
+}
+
+// The report is of a version that the new one does not go on from.
+TEST_F(ReturnTest, TheFirstBuildAfterARollbackSaysWhatItSetsAside) {
+  const Arguments map = {"--store", store_, "--area", "floor"};
+  const auto with = [&](Arguments words) {
+    words.insert(words.end(), map.begin(), map.end());
+    return words;
+  };
+  const auto build = [&](int run) {
+    const CommandResult built =
+        RunCommand("shiftmap-mapper", with({"build", "--json", world_->Log(run)}));
+    EXPECT_EQ(built.exit_code, 0) << built.err;
+    const int set_aside = Json::parse(built.out)["reports_set_aside"];
+    EXPECT_EQ(CountLines(built.err), set_aside) << built.err;
+    if (set_aside > 0) {
+      EXPECT_NE(built.err.find("version 3 sets 1 report aside"), std::string::npos) << built.err;
+    }
+    return set_aside;
+  };
+  EXPECT_EQ(build(1), 0);
+  RunForJson("shiftmap-localizer", with({"run", "--return", world_->Log(2)}));
+  const auto rows_counting = [&] {
+    int rows = 0;
+    const Json reports = RunForJson("shiftmap-inspect", with({"reports"}))["reports"];
+    for (const Json& of : reports[0]["set_aside"]) rows += of["rows"].get<int>();
+    return reports[0]["evidence_rows"].get<int>() - rows;
+  };
+  RunForJson("shiftmap-inspect", with({"rollback"}));
+  EXPECT_GT(rows_counting(), 0) << "none counts any more";
+  EXPECT_EQ(build(1), 1);
+  EXPECT_EQ(rows_counting(), 0) << "some count";
+  // What the run's log says is in the map.
+  EXPECT_EQ(build(2), 0);
 }
 
 TEST_F(ReturnTest, ALogOfAnotherAreaIsNotReported) {
