@@ -50,7 +50,8 @@ void StateRates(const BuildEdits& edits, ChainOptions* options) {
 
 void HoldControlPoints(const BuildEdits& edits, MapperResult* result) {
   if (edits.control_points.empty() || result->runs.empty()) return;
-  const Se2 T_new_old = HoldControlPoints(edits.control_points, false, &result->content);
+  const Se2 T_new_old =
+      HoldControlPoints(edits.control_points, edits.control_points.size(), &result->content);
   for (MappedRun& run : result->runs) {
     run.T_map_start = T_new_old * run.T_map_start;
     MoveTrajectory(T_new_old, &run.trajectory);

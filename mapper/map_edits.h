@@ -36,8 +36,8 @@ void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs);
 /// Adds what is stated about rates to the options.
 void StateRates(const BuildEdits& edits, ChainOptions* options);
 
-/// Conditions a map that was built on the control points, which the prior map's covariance knows of
-/// already; its runs move with the frame.
+/// Moves a map that was built on the control points, which the prior map's covariance knows of, to
+/// where they say; its runs move with the frame.
 void HoldControlPoints(const BuildEdits& edits, MapperResult* result);
 
 }  // namespace shiftmap

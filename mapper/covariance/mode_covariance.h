@@ -13,9 +13,6 @@
 
 namespace shiftmap {
 
-/// Maps of up to as many modes have the joint covariance of all of them.
-inline constexpr int kMaxJointModes = 300;
-
 /// Modes whose joint covariance a larger map has: what a vehicle uses at a time are fewer.
 inline constexpr int kTileModes = 128;
 

@@ -2,6 +2,7 @@
 #include "mapstore/map/control_points.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -22,27 +23,38 @@ constexpr double kMaxRotationSd = 0.05;  // [rad]
 constexpr double kFalseRefusals = 1e-4;
 constexpr double kVarianceRatio = 1.5;
 
+// Whether the map's covariance tells every mode together with every other, so that it can know of
+// control points: a block that is not stored is zero then.
+bool IsJoint(const MapContent& content) { return content.covariance.size() <= kMaxJointModes; }
+
 // A control point and where the map has its mode.
 struct HeldMode {
   int index = 0;  // In the map's covariance.
   const ControlPoint* point = nullptr;
   Eigen::Vector2d p = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
-  double weight = 0.0;  // Of the first guess of the frame. [1/m²]
+  double weight = 0.0;  // 1 / sd² [1/m²]
+  bool known = false;   // To the map's covariance.
 };
 
+// @param known  So many points, the first, are known.
 std::vector<HeldMode> FindModes(const std::vector<ControlPoint>& points,
+                                std::size_t known,
                                 const MapContent& content) {
+  if (!IsJoint(content)) known = 0;
   std::vector<HeldMode> held;
-  for (const ControlPoint& point : points) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ControlPoint& point = points[i];
     int first = 0;
     for (const LandmarkGroup& group : content.groups) {
       const int state = group.signature == point.signature ? group.CarriedStateOf(point.mode) : -1;
       if (state > 0) {
-        const Mode& mode = group.modes[static_cast<std::size_t>(state) - 1];
-        const double variance = point.sd_m * point.sd_m + 0.5 * mode.cov_p_map_landmark.trace();
-        held.push_back(
-            {first + state - 1, &point, mode.p_map_landmark, point.p_map_landmark, 1.0 / variance});
+        held.push_back({first + state - 1,
+                        &point,
+                        group.modes[static_cast<std::size_t>(state) - 1].p_map_landmark,
+                        point.p_map_landmark,
+                        1.0 / (point.sd_m * point.sd_m),
+                        i < known});
       }
       first += static_cast<int>(group.modes.size());
     }
@@ -50,14 +62,14 @@ std::vector<HeldMode> FindModes(const std::vector<ControlPoint>& points,
   return held;
 }
 
-// Weighted least squares over rigid motions.
-struct FirstGuess {
+// Weighted least squares over rigid motions: the frame of modes that are where the map has them.
+struct Frame {
   Se2 T_new_old;
   bool turns = false;
 };
 
 // @param yaw_rad  If the points do not tell it.
-FirstGuess AlignRigidly(const std::vector<HeldMode>& held, double yaw_rad = 0.0) {
+Frame AlignRigidly(const std::vector<HeldMode>& held, double yaw_rad = 0.0) {
   double weight = 0.0;
   Eigen::Vector2d from = Eigen::Vector2d::Zero();
   Eigen::Vector2d to = Eigen::Vector2d::Zero();
@@ -78,12 +90,12 @@ FirstGuess AlignRigidly(const std::vector<HeldMode>& held, double yaw_rad = 0.0)
     cross += mode.weight * (a.x() * b.y() - a.y() * b.x());
     lever += mode.weight * a.squaredNorm();
   }
-  FirstGuess guess;
-  guess.turns = lever * kMaxRotationSd * kMaxRotationSd > 1.0;
-  const double yaw = guess.turns ? std::atan2(cross, dot) : yaw_rad;
+  Frame frame;
+  frame.turns = lever * kMaxRotationSd * kMaxRotationSd > 1.0;
+  const double yaw = frame.turns ? std::atan2(cross, dot) : yaw_rad;
   const Se2 rotation(0.0, 0.0, yaw);
-  guess.T_new_old = Se2(to - rotation * from, yaw);
-  return guess;
+  frame.T_new_old = Se2(to - rotation * from, yaw);
+  return frame;
 }
 
 // The points' residuals, their covariance, and what a small motion of the frame does to them.
@@ -124,7 +136,7 @@ struct Misfit {
 
 Misfit MisfitOf(std::vector<HeldMode> held, const JointCovariance& covariance) {
   if (held.size() < 2) return {};
-  const FirstGuess guess = AlignRigidly(held);
+  const Frame guess = AlignRigidly(held);
   const Se2 T_old_new = guess.T_new_old.Inverse();
   for (HeldMode& mode : held) mode.target = T_old_new * mode.target;
   const auto [M, G, r] = ResidualsOf(held, guess.turns, covariance);
@@ -165,35 +177,98 @@ std::vector<Mode*> ModesOf(MapContent* content) {
   return modes;
 }
 
-// P' = P - L Q Lᵀ with L = P Hᵀ, of every stored block.
-void Inform(const Eigen::MatrixXd& L, const Eigen::MatrixXd& Q, MapContent* content) {
-  const Eigen::MatrixXd LQ = L * Q;
-  const auto block = [&](int a, int b) -> Eigen::Matrix2d {
-    return LQ.middleRows<2>(Eigen::Index{2} * a) * L.middleRows<2>(Eigen::Index{2} * b).transpose();
-  };
-  const std::vector<Mode*> modes = ModesOf(content);
-  std::vector<Eigen::Matrix2d> diagonal;
-  for (int i = 0; i < content->covariance.size(); ++i) {
-    const Eigen::Matrix2d value = content->covariance.Block(i, i) - block(i, i);
-    diagonal.emplace_back(0.5 * (value + value.transpose()));
-    modes[static_cast<std::size_t>(i)]->cov_p_map_landmark = diagonal.back();
+// W = R⁻¹ - R⁻¹G (GᵀR⁻¹G)⁻¹ GᵀR⁻¹, the information of points about the modes' shape, R = diag(sd²);
+// zero for other points.
+// @param turns  The frame's rotation is free.
+Eigen::MatrixXd InformationOf(const std::vector<HeldMode>& held, bool known_only, bool turns) {
+  const auto rows = static_cast<Eigen::Index>(2 * held.size());
+  Eigen::VectorXd weights(rows);
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(rows, turns ? 3 : 2);
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    const Eigen::Vector2d offset = held[i].p - held.front().p;
+    weights.segment<2>(row).setConstant(known_only && !held[i].known ? 0.0 : held[i].weight);
+    G.block<2, 2>(row, 0).setIdentity();
+    if (turns) G.block<2, 1>(row, 2) << -offset.y(), offset.x();
   }
-  std::vector<JointCovariance::CrossBlock> cross = content->covariance.cross_blocks();
-  for (JointCovariance::CrossBlock& of : cross) of.value -= block(of.row, of.column);
-  content->covariance = JointCovariance(std::move(diagonal), std::move(cross));
+  Eigen::MatrixXd W = weights.asDiagonal();
+  if (weights.isZero(0.0)) return W;
+  const Eigen::MatrixXd WG = weights.asDiagonal() * G;
+  W -= WG * (G.transpose() * WG).ldlt().solve(WG.transpose());
+  return W;
 }
 
-// Whether every mode is told together with every other: what is stored of a larger map's covariance
-// would not stay one.
-bool IsDense(const JointCovariance& cov) {
-  const auto size = static_cast<std::size_t>(cov.size());
-  return cov.cross_blocks().size() == size * (size - 1) / 2;
+// P' = P - L Q Lᵀ.
+void Inform(const Eigen::MatrixXd& L, const Eigen::MatrixXd& Q, MapContent* content) {
+  const Eigen::MatrixXd P = content->covariance.Dense() - L * Q * L.transpose();
+  content->covariance = JointCovariance::FromDense(0.5 * (P + P.transpose()));
+  const std::vector<Mode*> modes = ModesOf(content);
+  for (int i = 0; i < content->covariance.size(); ++i) {
+    modes[static_cast<std::size_t>(i)]->cov_p_map_landmark = content->covariance.Block(i, i);
+  }
+}
+
+// Conditions the modes' shape on the points that the map does not know of, in the map's own frame.
+// What it knows of the others is taken from what all say together:
+//   D = W - W_known,  Q = (I + D S)⁻¹ D,  Δ = P Hᵀ (I + D S)⁻¹ (W r - W_known r_known)
+// @return T_new_old of the frame.
+Se2 ConditionShape(std::vector<HeldMode> held, MapContent* content) {
+  constexpr int kRounds = 5;  // The frame and the shape take turns, each where the other says.
+  std::vector<HeldMode> known = held;
+  std::erase_if(known, [](const HeldMode& mode) { return !mode.known; });
+  const auto rows = static_cast<Eigen::Index>(2 * held.size());
+  const int modes = content->covariance.size();
+  Eigen::MatrixXd L(Eigen::Index{2} * modes, rows);
+  Eigen::MatrixXd S(rows, rows);
+  Eigen::VectorXd before(rows);
+  Eigen::VectorXd r_known(rows);
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    for (int mode = 0; mode < modes; ++mode) {
+      L.block<2, 2>(Eigen::Index{2} * mode, row) = content->covariance.Block(mode, held[i].index);
+    }
+    before.segment<2>(row) = held[i].p;
+    r_known.segment<2>(row) = held[i].target - held[i].p;
+  }
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    S.middleRows<2>(static_cast<Eigen::Index>(2 * i)) =
+        L.middleRows<2>(Eigen::Index{2} * held[i].index);
+  }
+  Frame frame = AlignRigidly(held);
+  const Eigen::MatrixXd W = InformationOf(held, false, frame.turns);
+  const bool turned = !known.empty() && AlignRigidly(known).turns;
+  const Eigen::MatrixXd W_known = InformationOf(held, true, turned);
+  const Eigen::MatrixXd D = W - W_known;
+  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(Eigen::MatrixXd::Identity(rows, rows) + D * S);
+  Eigen::VectorXd u = Eigen::VectorXd::Zero(rows);
+  for (int round = 0; round < kRounds; ++round) {
+    const Se2 T_old_new = frame.T_new_old.Inverse();
+    Eigen::VectorXd r(rows);
+    for (std::size_t i = 0; i < held.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(2 * i);
+      r.segment<2>(row) = T_old_new * held[i].target - before.segment<2>(row);
+    }
+    u = lu.solve(W * r - W_known * r_known);
+    const Eigen::VectorXd moved = before + S * u;
+    for (std::size_t i = 0; i < held.size(); ++i) {
+      held[i].p = moved.segment<2>(static_cast<Eigen::Index>(2 * i));
+    }
+    frame = AlignRigidly(held);
+  }
+  const Eigen::VectorXd shape = L * u;
+  Eigen::Index row = 0;
+  for (Mode* const mode : ModesOf(content)) {
+    mode->p_map_landmark += shape.segment<2>(row);
+    row += 2;
+  }
+  if (IsJoint(*content)) Inform(L, lu.solve(D), content);
+  return frame.T_new_old;
 }
 
 }  // namespace
 
 Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapContent& content) {
-  const std::vector<HeldMode> held = FindModes(points, content);
+  const std::vector<HeldMode> held = FindModes(points, 0, content);
   const Misfit misfit = MisfitOf(held, content.covariance);
   if (misfit.dof < 1) return OkStatus();
   const double bound = kVarianceRatio * ChiSquareQuantile(1.0 - kFalseRefusals, misfit.dof);
@@ -210,39 +285,16 @@ Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapCont
                    : "or begin with points farther apart, which tell how the frame is turned");
 }
 
-Se2 HoldControlPoints(const std::vector<ControlPoint>& points, bool inform, MapContent* content) {
-  std::vector<HeldMode> held = FindModes(points, *content);
+Se2 HoldControlPoints(const std::vector<ControlPoint>& points,
+                      std::size_t known,
+                      MapContent* content) {
+  const std::vector<HeldMode> held = FindModes(points, known, *content);
   if (held.empty()) return {};
-  const FirstGuess guess = AlignRigidly(held);
-  MoveContent(guess.T_new_old, content);
-  if (held.size() < 2) return guess.T_new_old;
-
-  for (HeldMode& mode : held) mode.p = guess.T_new_old * mode.p;
-  const auto [M, G, r] = ResidualsOf(held, guess.turns, content->covariance);
-  const std::vector<Mode*> modes = ModesOf(content);
-  Eigen::MatrixXd L(static_cast<Eigen::Index>(2 * modes.size()), M.rows());
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    for (int mode = 0; mode < content->covariance.size(); ++mode) {
-      L.block<2, 2>(Eigen::Index{2} * mode, static_cast<Eigen::Index>(2 * i)) =
-          content->covariance.Block(mode, held[i].index);
-    }
-  }
-  const Eigen::LDLT<Eigen::MatrixXd> inverse(M);
-  const Eigen::MatrixXd MG = inverse.solve(G);
-  const Eigen::LDLT<Eigen::MatrixXd> frame(G.transpose() * MG);
-  const Eigen::MatrixXd Q = inverse.solve(Eigen::MatrixXd::Identity(M.rows(), M.rows())) -
-                            MG * frame.solve(MG.transpose());
-  const Eigen::VectorXd f = frame.solve(MG.transpose() * r);
-  const Eigen::VectorXd shape = L * (Q * r);
-  if (!f.allFinite() || !shape.allFinite()) return guess.T_new_old;
-
-  for (std::size_t i = 0; i < modes.size(); ++i) {
-    modes[i]->p_map_landmark += shape.segment<2>(static_cast<Eigen::Index>(2 * i));
-  }
-  if (inform && IsDense(content->covariance)) Inform(L, Q, content);
-  const Se2 rest(f.head<2>(), guess.turns ? f(2) : 0.0);
-  MoveContent(rest, content);
-  return rest * guess.T_new_old;
+  const bool all_known =
+      std::all_of(held.begin(), held.end(), [](const HeldMode& mode) { return mode.known; });
+  const Se2 T_new_old = all_known ? AlignRigidly(held).T_new_old : ConditionShape(held, content);
+  MoveContent(T_new_old, content);
+  return T_new_old;
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "mapstore/core/ids.h"
@@ -20,18 +21,23 @@ struct ControlPoint {
 };
 
 /// Conditions a map on control points, by generalized least squares. The map's frame is free: it
-/// moves to where the points say, and the modes' shape takes up what is left:
+/// moves to where the points say, and the modes' shape takes up what is left. With R = diag(sd²), H
+/// the points' modes and G the frame's directions at them
 ///
-///   M = H P Hᵀ + diag(sd²)          Gc = the frame's directions at the points
-///   frame  f = (GcᵀM⁻¹Gc)⁻¹ GcᵀM⁻¹ r
-///   shape  Δ = P Hᵀ Q r,  P' = P - P Hᵀ Q H P,  Q = M⁻¹ - M⁻¹Gc (GcᵀM⁻¹Gc)⁻¹ GcᵀM⁻¹
+///   W = R⁻¹ - R⁻¹G (GᵀR⁻¹G)⁻¹ GᵀR⁻¹,  P' = (P⁻¹ + Hᵀ (W - W_known) H)⁻¹
+///
+/// where W_known is that of the points which P knows of: points one at a time, in any order, give
+/// what all at once give, to the first order in the shape's change over the points' distances.
 ///
 /// Points tell the frame's rotation if they are two or more and know it to 0.05 rad, else its
 /// translation only. One point by itself only moves the frame. Points of modes that the map does
 /// not have are left out; one of a merged mode holds the mode that stands for it.
-/// @param inform  False: the map's covariance knows of the points already, and stays.
-/// @return T_new_old of the frame. Determinism: the order of `points` matters in rounding only.
-Se2 HoldControlPoints(const std::vector<ControlPoint>& points, bool inform, MapContent* content);
+/// @param known  So many of the points, the first, the map's covariance knows of. A map of more
+///               than kMaxJointModes modes knows of none: its covariance stays.
+/// @return T_new_old of the frame.
+Se2 HoldControlPoints(const std::vector<ControlPoint>& points,
+                      std::size_t known,
+                      MapContent* content);
 
 /// Whether control points fit each other and the map, as HoldControlPoints takes them: rᵀ Q r is
 /// chi-square, with the degrees of freedom that the frame leaves, if map and points are as good as

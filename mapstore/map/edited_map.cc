@@ -447,7 +447,10 @@ Status EditedMap::Apply(const MapEdit& edit, const std::optional<VehicleCalibrat
   SHIFTMAP_RETURN_IF_ERROR(ApplyTo(edit, kept));
   held_.push_back(edit);
   names_.Add(edit);
-  if (edit.kind == EditKind::kControl) HoldControlPoints(ControlPointsOf(held_), true, &content_);
+  if (edit.kind == EditKind::kControl) {
+    const std::vector<ControlPoint> points = ControlPointsOf(held_);
+    HoldControlPoints(points, points.size() - 1, &content_);
+  }
   return OkStatus();
 }
 

@@ -7,6 +7,9 @@
 
 namespace shiftmap {
 
+/// Maps of up to as many modes have the joint covariance of all of them; larger ones that of tiles.
+inline constexpr int kMaxJointModes = 300;
+
 /// The joint covariance of all mode positions of a map, stored as symmetric block-sparse 2 x 2
 /// blocks.
 ///

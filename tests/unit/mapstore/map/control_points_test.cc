@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
@@ -61,7 +62,7 @@ ControlPoint PointOn(const MapContent& content, int group, double dx, double dy,
 TEST(ControlPointsTest, OnePointMovesTheFrameAndNothingElse) {
   const MapContent before = FourLandmarks(1);
   MapContent content = before;
-  const Se2 moved = HoldControlPoints({PointOn(before, 2, 3.0, -4.0, 0.02)}, true, &content);
+  const Se2 moved = HoldControlPoints({PointOn(before, 2, 3.0, -4.0, 0.02)}, 0, &content);
   EXPECT_EQ(moved.yaw(), 0.0);
   EXPECT_THAT(moved.translation(), IsNearMatrix(Eigen::Vector2d(3.0, -4.0), 1e-12));
   for (int i = 0; i < 4; ++i) {
@@ -81,7 +82,7 @@ TEST(ControlPointsTest, PointsOfAMovedMapMoveItAsAWholeByAnyAngle) {
     points.back().p_map_landmark = T_new_old * points.back().p_map_landmark;
   }
   MapContent content = before;
-  const Se2 moved = HoldControlPoints(points, true, &content);
+  const Se2 moved = HoldControlPoints(points, 0, &content);
   EXPECT_NEAR(moved.yaw(), 2.5, 1e-9);
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_THAT(content.groups[i].modes[0].p_map_landmark,
@@ -90,49 +91,118 @@ TEST(ControlPointsTest, PointsOfAMovedMapMoveItAsAWholeByAnyAngle) {
   EXPECT_THAT(ValidateMapContent(content), IsOk());
 }
 
-// The oracle: the Gaussian of the map with a frame of which nothing is known, conditioned on the
+// The map that points which come one at a time give, and how its frame turned.
+struct Held {
+  MapContent content;
+  double yaw_rad = 0.0;
+
+  // In the directions of the map before.
+  Eigen::MatrixXd Covariance() const {
+    const Eigen::Matrix2d R = Se2(0.0, 0.0, yaw_rad).Rotation();
+    Eigen::MatrixXd dense = content.covariance.Dense();
+    for (Eigen::Index i = 0; i < dense.rows(); i += 2) {
+      for (Eigen::Index k = 0; k < dense.cols(); k += 2) {
+        dense.block<2, 2>(i, k) = R.transpose() * dense.block<2, 2>(i, k) * R;
+      }
+    }
+    return dense;
+  }
+};
+
+Held OneAtATime(const MapContent& before, const std::vector<ControlPoint>& points) {
+  Held held{before};
+  std::vector<ControlPoint> come;
+  for (const ControlPoint& point : points) {
+    come.push_back(point);
+    held.yaw_rad += HoldControlPoints(come, come.size() - 1, &held.content).yaw();
+  }
+  return held;
+}
+
+Held AllAtOnce(const MapContent& before, const std::vector<ControlPoint>& points) {
+  Held held{before};
+  held.yaw_rad = HoldControlPoints(points, 0, &held.content).yaw();
+  return held;
+}
+
+// The oracle: the Gaussian of the map and of a frame of which nothing is known, conditioned on the
 // points one after the other.
-TEST(ControlPointsTest, ShapeIsConditionedAsAGaussianWithAFreeFrame) {
+TEST(ControlPointsTest, EachPointCountsOnceInAnyOrder) {
   const MapContent before = FourLandmarks(3);
   const std::vector<ControlPoint> points = {PointOn(before, 0, 0.010, 0.004, 0.006),
                                             PointOn(before, 1, -0.008, 0.012, 0.010),
                                             PointOn(before, 3, 0.002, -0.016, 0.008)};
-  MapContent content = before;
-  HoldControlPoints(points, true, &content);
-
   constexpr double kFreeSd = 10.0;
-  Eigen::VectorXd mean = PositionsOf(before);
+  const Eigen::VectorXd positions = PositionsOf(before);
   Eigen::MatrixXd G(8, 3);
   for (int i = 0; i < 4; ++i) {
     G.block<2, 2>(2 * i, 0).setIdentity();
-    G.block<2, 1>(2 * i, 2) << -mean(2 * i + 1), mean(2 * i);
+    G.block<2, 1>(2 * i, 2) << -positions(2 * i + 1), positions(2 * i);
   }
-  Eigen::MatrixXd cov = before.covariance.Dense() + kFreeSd * kFreeSd * G * G.transpose();
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(11);
+  mean.head<8>() = positions;
+  Eigen::MatrixXd cov = kFreeSd * kFreeSd * Eigen::MatrixXd::Identity(11, 11);
+  cov.topLeftCorner<8, 8>() = before.covariance.Dense();
   const int of_point[] = {0, 1, 3};
   for (std::size_t k = 0; k < points.size(); ++k) {
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, 8);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, 11);
     H.block<2, 2>(0, 2 * of_point[k]).setIdentity();
+    H.rightCols<3>() = G.middleRows<2>(2 * of_point[k]);
     const Eigen::Matrix2d S =
         H * cov * H.transpose() + points[k].sd_m * points[k].sd_m * Eigen::Matrix2d::Identity();
     const Eigen::MatrixXd K = cov * H.transpose() * S.inverse();
     mean += K * (points[k].p_map_landmark - H * mean);
     cov -= K * H * cov;
   }
+  const Eigen::VectorXd expected = mean.head<8>() + G * mean.tail<3>();
+  const Eigen::MatrixXd shape = cov.topLeftCorner<8, 8>();
   // The frame turns by some milliradian, of which the oracle has the first order only.
-  EXPECT_THAT(PositionsOf(content), IsNearMatrix(mean, 2e-4));
-  EXPECT_THAT(ValidateMapContent(content), IsOk());
-  EXPECT_LT(content.covariance.Dense().trace(), before.covariance.Dense().trace());
+  const auto check = [&](const Held& held) {
+    EXPECT_THAT(PositionsOf(held.content), IsNearMatrix(expected, 2e-4));
+    EXPECT_THAT(held.Covariance(), IsNearMatrix(shape, 0.01 * shape.diagonal().minCoeff()));
+    EXPECT_THAT(ValidateMapContent(held.content), IsOk());
+  };
+  check(AllAtOnce(before, points));
+  std::vector<std::size_t> order = {0, 1, 2};
+  do {
+    check(OneAtATime(before, {points[order[0]], points[order[1]], points[order[2]]}));
+  } while (std::next_permutation(order.begin(), order.end()));
 }
 
-TEST(ControlPointsTest, AMapThatKnowsOfThePointsKeepsItsCovariance) {
+// The first two do not tell the frame's rotation, and bend the map instead, until a third one does.
+TEST(ControlPointsTest, PointsThatTellTheRotationTogetherOnlyAreAsIfTheyCameAtOnce) {
+  MapContent before = FourLandmarks(10);
+  before.groups[1].modes[0].p_map_landmark =
+      before.groups[0].modes[0].p_map_landmark + Eigen::Vector2d(0.5, 0.0);
+  std::vector<ControlPoint> points = {PointOn(before, 0, 0.00, 0.01, 0.03),
+                                      PointOn(before, 1, 0.01, 0.00, 0.03),
+                                      PointOn(before, 3, -0.01, 0.00, 0.03)};
+  const Se2 T_new_old(3.0, -2.0, 0.1);
+  for (ControlPoint& point : points) point.p_map_landmark = T_new_old * point.p_map_landmark;
+  ASSERT_EQ(OneAtATime(before, {points[0], points[1]}).yaw_rad, 0.0);
+  const Held once = AllAtOnce(before, points);
+  const Held each = OneAtATime(before, points);
+  EXPECT_NEAR(each.yaw_rad, 0.1, 0.01);
+  EXPECT_NEAR(each.yaw_rad, once.yaw_rad, 1e-4);
+  EXPECT_THAT(PositionsOf(each.content), IsNearMatrix(PositionsOf(once.content), 1e-3));
+  const Eigen::MatrixXd expected = once.Covariance();
+  EXPECT_THAT(each.Covariance(), IsNearMatrix(expected, 0.02 * expected.diagonal().minCoeff()));
+}
+
+TEST(ControlPointsTest, AMapThatKnowsOfThePointsIsMovedAsAWhole) {
   const MapContent before = FourLandmarks(4);
   const std::vector<ControlPoint> points = {PointOn(before, 0, 0.0, 0.0, 0.03),
                                             PointOn(before, 1, 0.02, 0.0, 0.05)};
   MapContent content = before;
-  const Se2 moved = HoldControlPoints(points, false, &content);
+  const Se2 moved = HoldControlPoints(points, points.size(), &content);
+  EXPECT_GT(moved.translation().norm(), 1e-3);
   const Eigen::Matrix2d R = moved.Rotation();
   EXPECT_THAT(content.covariance.Block(0, 3),
               IsNearMatrix(R * before.covariance.Block(0, 3) * R.transpose(), 1e-9));
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_THAT(content.groups[i].modes[0].p_map_landmark,
+                IsNearMatrix(moved * before.groups[i].modes[0].p_map_landmark, 1e-12));
+  }
 }
 
 TEST(ControlPointsTest, PointsTooCloseTogetherDoNotTurnTheMap) {
@@ -142,7 +212,7 @@ TEST(ControlPointsTest, PointsTooCloseTogetherDoNotTurnTheMap) {
   const std::vector<ControlPoint> points = {PointOn(before, 0, 0.0, 0.05, 0.1),
                                             PointOn(before, 1, 0.0, -0.05, 0.1)};
   MapContent content = before;
-  EXPECT_EQ(HoldControlPoints(points, true, &content).yaw(), 0.0);
+  EXPECT_EQ(HoldControlPoints(points, 0, &content).yaw(), 0.0);
 }
 
 TEST(ControlPointsTest, PointsOfUnknownModesSayNothing) {
@@ -150,7 +220,7 @@ TEST(ControlPointsTest, PointsOfUnknownModesSayNothing) {
   MapContent content = before;
   ControlPoint other = PointOn(before, 0, 1.0, 1.0, 0.1);
   other.mode = ModeNumber(7);
-  HoldControlPoints({other}, true, &content);
+  HoldControlPoints({other}, 0, &content);
   EXPECT_EQ(GeometryHash(content), GeometryHash(before));
 }
 
@@ -190,7 +260,7 @@ TEST(ControlPointsTest, AnHonestSurveyOfAnOverconfidentMapIsNotRefused) {
     for (const ControlPoint& point : points) {
       held.push_back(point);
       refused += CheckControlPoints(held, content).ok() ? 0 : 1;
-      HoldControlPoints(held, true, &content);
+      HoldControlPoints(held, held.size() - 1, &content);
     }
   }
   EXPECT_LE(refused, 2);

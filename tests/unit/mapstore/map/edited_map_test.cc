@@ -60,6 +60,29 @@ class EditedMapTest : public ::testing::Test {
   std::vector<std::string> names_;
 };
 
+// Each counts once: the map is that of all at once.
+TEST_F(EditedMapTest, ControlPointsComeOneAtATime) {
+  EditedMap map(content_, {});
+  std::vector<ControlPoint> points;
+  for (const std::size_t i : {0, 2, 3}) {
+    MapEdit edit = MakeEdit(EditKind::kControl, names_[i]);
+    edit.id = EditId(static_cast<std::int64_t>(i) + 1);
+    edit.mode = content_.groups[i].modes[0].number;
+    edit.p_map_landmark = content_.groups[i].modes[0].p_map_landmark +
+                          Eigen::Vector2d(0.02 * static_cast<double>(i), -0.01);
+    edit.sd_m = 0.02;
+    ASSERT_THAT(map.Apply(edit), IsOk());
+    points.push_back({edit.landmark, edit.mode, edit.p_map_landmark, edit.sd_m});
+  }
+  MapContent once = content_;
+  HoldControlPoints(points, 0, &once);
+  const Eigen::MatrixXd expected = once.covariance.Dense();
+  EXPECT_THAT(map.content().covariance.Dense(),
+              IsNearMatrix(expected, 0.01 * expected.diagonal().minCoeff()));
+  const auto difference = (expected - content_.covariance.Dense()).eval();
+  EXPECT_GT(difference.cwiseAbs().maxCoeff(), expected.diagonal().minCoeff());
+}
+
 TEST_F(EditedMapTest, ARenamedLandmarkGoesInOrderWithItsCorrelations) {
   EditedMap map(content_, {});
   ASSERT_THAT(map.Apply(MakeRename(names_[0], "zz", 1)), IsOk());

@@ -528,6 +528,20 @@ TEST_F(EditTest, VerifyFindsAnEditThatWasChanged) {
   EXPECT_THAT(verified->defects[0].problem, ::testing::HasSubstr("its edits give another content"));
 }
 
+// Its content is as the release that made it computed, by its hash.
+TEST_F(EditTest, VerifyLetsAControlPointBeComputedOtherwise) {
+  MapEdit control = Make(EditKind::kControl, 1);
+  control.mode = ModeNumber(1);
+  control.p_map_landmark = {50.0, 60.0};
+  control.sd_m = 0.02;
+  Edit(control);
+  {
+    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("UPDATE map_edit SET x_m = x_m + 1e-9"), IsOk());
+  }
+  ExpectClean();
+}
+
 TEST_F(EditTest, DerivedNumbersOfAnEditedVersionAreRecomputedBitByBit) {
   for (int i = 0; i < 8; ++i) {
     ASSERT_THAT(store_.Return(Report(first_, NameOf(static_cast<std::size_t>(i % 3)), 100.0 * i)),
