@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapstore/core/inert_text.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map/mode_split.h"
 
@@ -391,24 +392,80 @@ Status RestoreGroup(LandmarkGroup group, const Signature& name, MapContent* cont
   return OkStatus();
 }
 
-// Adds a mode that was merged.
-// @param before  The group before that.
+// Where a state of a group is from another one of it: two maps may know that better than where
+// either is.
+struct Offset {
+  Eigen::Vector2d p = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();
+};
+
+Offset OffsetOf(std::size_t g, std::size_t from, std::size_t to, const MapContent& content) {
+  int first = 0;
+  for (std::size_t i = 0; i < g; ++i) first += static_cast<int>(content.groups[i].modes.size());
+  const int a = first + static_cast<int>(from);
+  const int b = first + static_cast<int>(to);
+  const std::vector<Mode>& modes = content.groups[g].modes;
+  const Eigen::Matrix2d cross = content.covariance.Block(a, b);
+  return {
+      modes[to].p_map_landmark - modes[from].p_map_landmark,
+      content.covariance.Block(a, a) + content.covariance.Block(b, b) - cross - cross.transpose()};
+}
+
+// The mode that builds since a merge made at the place of the mode that went, or nothing.
+// @param was, g  The landmark before the merge, and now.
+std::optional<ModeNumber> FindMadeSince(const MapEdit& merge,
+                                        const MapContent& before,
+                                        std::size_t was,
+                                        const MapContent& content,
+                                        std::size_t g) {
+  // As builds tell modes apart.
+  constexpr double kFloorM = 0.07;
+  constexpr double kProbability = 0.99;
+  const LandmarkGroup& old = before.groups[was];
+  const LandmarkGroup& group = content.groups[g];
+  const int gone = old.StateOf(merge.mode);
+  const int old_into = old.StateOf(merge.into);
+  const int into = group.CarriedStateOf(merge.into);
+  if (gone < 1 || old_into < 1 || into < 1) return std::nullopt;
+  const auto index = [](int state) { return static_cast<std::size_t>(state) - 1; };
+  const Offset then = OffsetOf(was, index(old_into), index(gone), before);
+  for (std::size_t i = 0; i < group.modes.size(); ++i) {
+    if (group.modes[i].number < old.NextNumber() || i == index(into)) continue;
+    const Offset now = OffsetOf(g, index(into), i, content);
+    const Eigen::Matrix2d cov =
+        then.cov + now.cov + 2.0 * kFloorM * kFloorM * Eigen::Matrix2d::Identity();
+    if (SquaredMahalanobis(now.p - then.p, cov) <= ChiSquareQuantile(kProbability, 2)) {
+      return group.modes[i].number;
+    }
+  }
+  return std::nullopt;
+}
+
+// Adds a mode that was merged. Where builds made one at its place since, that one stands for it.
+// @param before, was  The map before the merge, and the landmark in it.
 Status RestoreMode(const MapEdit& merge,
-                   const LandmarkGroup& before,
+                   const MapContent& before,
+                   std::size_t was,
                    std::size_t g,
                    MapContent* content) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t mode, FindMode(before, merge.mode));
+  const LandmarkGroup& old = before.groups[was];
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t mode, FindMode(old, merge.mode));
   LandmarkGroup& group = content->groups[g];
+  const std::optional<ModeNumber> made = FindMadeSince(merge, before, was, *content, g);
   std::erase_if(group.merged,
                 [&](const MergedMode& merged) { return merged.number == merge.mode; });
   for (MergedMode& merged : group.merged) {
-    const bool was =
-        std::any_of(before.merged.begin(), before.merged.end(), [&](const MergedMode& other) {
+    const bool of_mode =
+        std::any_of(old.merged.begin(), old.merged.end(), [&](const MergedMode& other) {
           return other.number == merged.number && other.into == merge.mode;
         });
-    if (was) merged.into = merge.mode;
+    if (of_mode) merged.into = made.value_or(merge.mode);
   }
-  AddMode(g, before.modes[mode], content);
+  if (made) {
+    Retire(merge.mode, *made, &group);
+  } else {
+    AddMode(g, old.modes[mode], content);
+  }
   return OkStatus();
 }
 
@@ -533,9 +590,9 @@ Status EditedMap::Reverse(const MapEdit& edit, const EditedMap& before) {
     return last == name ? OkStatus() : Rename(*g, last, &content_);
   }
   if (edit.kind == EditKind::kMerge) {
-    const LandmarkGroup* const group = before.GroupOf(edit);
-    if (group == nullptr) return NotFound("no landmark '{}'", InertLine(edit.signature.text()));
-    return RestoreMode(edit, *group, *g, &content_);
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t was,
+                              FindGroup(before.names().Name(edit.landmark), before.content()));
+    return RestoreMode(edit, before.content(), was, *g, &content_);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t mode, FindMode(content_.groups[*g], edit.mode));
   RemoveMode(*g, mode, kAbsent, &content_);

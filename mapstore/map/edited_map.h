@@ -48,7 +48,8 @@ class EditedMap {
   bool IsReversible(const MapEdit& edit) const;
 
   /// Takes an edit out. What it took away comes back as it was before; how it correlates with what
-  /// was built since is not known, and counts as not at all.
+  /// was built since is not known, and counts as not at all. A merged mode at whose place builds
+  /// made another one since does not come back: the other one stands for it.
   /// @param before  The map that the edit was made on.
   /// Precondition: IsReversible.
   Status Reverse(const MapEdit& edit, const EditedMap& before);

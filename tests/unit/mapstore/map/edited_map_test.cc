@@ -197,6 +197,32 @@ TEST_F(EditedMapTest, ASplitModeIsTwoPlacesThatShareItsProbability) {
 }
 
 // Lumping two states of a chain in which they are alike is exact: the other states see one chain.
+// A build that saw the landmark where the merged mode was has made a mode there.
+TEST_F(EditedMapTest, AMergedModeDoesNotComeBackBesideOneThatWasMadeAtItsPlace) {
+  MapEdit merge = MakeEdit(EditKind::kMerge, names_[1]);
+  merge.id = EditId(1);
+  merge.mode = ModeNumber(1);
+  merge.into = ModeNumber(3);
+  EditedMap map(content_, {});
+  ASSERT_THAT(map.Apply(merge), IsOk());
+  const Eigen::Vector2d place = content_.groups[1].modes[0].p_map_landmark;
+  for (const double offset_m : {0.03, 300.0}) {
+    EditedMap build(map.content(), {});
+    MapEdit made = MakeEdit(EditKind::kNewMode, names_[1]);
+    made.mode = ModeNumber(4);
+    made.p_map_landmark = place + Eigen::Vector2d(offset_m, 0.0);
+    made.sd_m = 0.02;
+    ASSERT_THAT(build.Apply(made), IsOk());
+    EditedMap later(build.content(), map.held());
+    ASSERT_THAT(later.Reverse(merge, EditedMap(content_, {})), IsOk());
+    EXPECT_THAT(ValidateMapContent(later.content()), IsOk());
+    const LandmarkGroup& group = later.content().groups[1];
+    const bool same = offset_m < 1.0;
+    EXPECT_EQ(group.modes.size(), same ? 3U : 4U) << offset_m;
+    EXPECT_EQ(group.CarriedStateOf(ModeNumber(1)), same ? group.StateOf(ModeNumber(4)) : 1);
+  }
+}
+
 TEST_F(EditedMapTest, TheChainOfMergedModesKeepsTheRatesOfTheOthers) {
   Eigen::MatrixXd rates(4, 4);
   rates << 0, 1, 2, 1, 3, 0, 1, 2, 1, 5, 0, 5, 3, 2, 1, 0;  // 1 and 3 leave alike.
