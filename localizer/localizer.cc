@@ -52,10 +52,15 @@ std::string Describe(const Observation& observation, Stamp stamp) {
                      observation.cov_z ? ", or its covariance" : "");
 }
 
-// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon.
-bool IsUnlocalized(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
+// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon; or nobody knows
+// which landmarks are in its reach.
+bool IsUnlocalized(const OdometryBuffer::Motion& motion,
+                   const PoseWithCovariance& pose,
+                   const SensorCalibration& sensor) {
   const double limit = motion.silent_s > 0.0 ? kMaxYawSd : kNoYawSd;
-  return pose.cov_T_map_vehicle(2, 2) > limit * limit;
+  const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
+  return cov(2, 2) > limit * limit ||
+         cov(0, 0) + cov(1, 1) > sensor.max_range_m * sensor.max_range_m;
 }
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
@@ -281,7 +286,9 @@ void Localizer::Step(const WindowScan& step) {
 
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const bool unlocalized = was_nowhere || IsNowhere(pose) || IsUnlocalized(step.motion, pose);
+  const bool unlocalized =
+      was_nowhere || IsNowhere(pose) ||
+      IsUnlocalized(step.motion, pose, snapshot_.calibration().sensor);
   if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose(health_.failing_since());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/filter/known_map_filter.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -522,7 +523,13 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
   if (certain || shared) {
     SharedErrors::Observed seen = ObservedAt(corrected, prediction);
     seen.cov_noise /= weight;
-    if (!shared_errors_.Update(seen, snapshot.covariance())) shared_errors_ = SharedErrors(P_);
+    if (!shared) SharePlace(corrected, seen);
+    if (shared_errors_.Update(seen, snapshot.covariance())) {
+      places_.Put(corrected);
+      AdoptSharedErrors(prediction.measurement.kind, snapshot.covariance());
+      return;
+    }
+    shared_errors_ = SharedErrors(P_);
   }
   const Measurement& measurement = prediction.measurement;
   const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
@@ -542,6 +549,92 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
   corrected.cross_state -= prediction.cov_state_z * K.transpose();
   if (place.kind == measurement.kind) corrected.cross_bias -= cov_bias_z * K.transpose();
   places_.Put(corrected);
+}
+
+// By its regression on the errors of state and bias, which both filters have.
+void KnownMapFilter::SharePlace(const UnknownPlace& place, const SharedErrors::Observed& seen) {
+  constexpr int kBoth = kStates + 2;
+  Eigen::Matrix<double, kBoth, kBoth> cov_both;
+  cov_both << P_, BiasOf(seen.kind).cross, BiasOf(seen.kind).cross.transpose(), seen.cov_bias;
+  Eigen::Matrix<double, kBoth, 2> cross;
+  cross << place.cross_state, place.CrossBias(seen.kind);
+  const Eigen::Matrix<double, 2, kBoth> regression = cov_both.ldlt().solve(cross).transpose();
+  const Eigen::Matrix2d cov_rest = place.cov - regression * cross;
+  const bool sound = cov_rest.trace() >= 0.0 && cov_rest.determinant() >= 0.0;
+  shared_errors_.AddPlace(
+      seen, regression, sound ? Symmetrized(cov_rest) : Eigen::Matrix2d::Zero());
+}
+
+// What shared_errors_ do not estimate is known of by the state's error: as if that had been seen.
+void KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance) {
+  const Eigen::Matrix<double, kStates, 1> mean = shared_errors_.MeanOfState();
+  const StateMatrix cov = shared_errors_.CovarianceOfState();
+  const StateMatrix information = P_.inverse();
+  const StateMatrix kept = cov * information;
+  for (UnknownPlace& place : places_) {
+    const int index = SharedErrors::PlaceIndex(place.group);
+    if (shared_errors_.Has(index)) {
+      const SharedErrors::PointError error = shared_errors_.ErrorOf(index);
+      place.p_map_landmark = place.p_shared + error.mean;
+      place.cov = error.cov;
+      place.cross_state = error.cross_state;
+      place.kind = kind;
+      place.cross_bias = error.cross_bias;
+    } else {
+      const Eigen::Matrix<double, 2, kStates> regression =
+          place.cross_state.transpose() * information;
+      place.p_map_landmark += regression * mean;
+      place.cov += regression * (cov - P_) * regression.transpose();
+      place.cov = Symmetrized(place.cov);
+      place.cross_state = (kept * place.cross_state).eval();
+    }
+  }
+  ApplyGains();
+  for (ConsideredMode& mode : considered_) mode.gain = (kept * mode.gain).eval();
+  AdoptGains(covariance);
+  for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
+    bias->cross = (kept * bias->cross).eval();
+  }
+  SensorBias& seen = kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
+  if (const auto cross = shared_errors_.CrossOfBias(kind)) seen.cross = *cross;
+  P_ = cov;
+  const Eigen::Matrix3d A_pose = Move(mean, false).topLeftCorner<3, 3>();
+  for (ConsideredMode& mode : considered_) MovePose(A_pose, &mode.gain);
+  for (UnknownPlace& place : places_) MovePose(A_pose, &place.cross_state);
+  StartAnewUnlessSound();
+}
+
+// So that Σ gain · cov(mode, j) is the covariance of the state's error with that of each mode j in
+// use there.
+void KnownMapFilter::AdoptGains(const JointCovariance& covariance) {
+  constexpr int kMax = 2 * SharedErrors::kMaxModes;
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
+  using ByState = Eigen::Matrix<double, Eigen::Dynamic, kStates, 0, kMax, kStates>;
+  boost::container::static_vector<int, SharedErrors::kMaxModes> modes;
+  for (const int index : shared_errors_.in_use()) {
+    if (index >= 0) modes.push_back(index);
+  }
+  if (modes.empty()) return;
+  for (ConsideredMode& mode : considered_) {
+    if (std::find(modes.begin(), modes.end(), mode.index) != modes.end()) mode.gain.setZero();
+  }
+  const auto rows = static_cast<Eigen::Index>(2 * modes.size());
+  Square prior(rows, rows);
+  ByState cross(rows, kStates);
+  for (Eigen::Index i = 0; i < rows; i += 2) {
+    const int mode = modes[static_cast<std::size_t>(i / 2)];
+    cross.middleRows<2>(i) =
+        (shared_errors_.ErrorOf(mode).cross_state - CrossOf(mode, covariance)).transpose();
+    for (Eigen::Index j = 0; j < rows; j += 2) {
+      prior.block<2, 2>(i, j) = covariance.Block(mode, modes[static_cast<std::size_t>(j / 2)]);
+    }
+  }
+  const ByState gains = prior.ldlt().solve(cross);
+  for (Eigen::Index i = 0; i < rows; i += 2) {
+    const int mode = modes[static_cast<std::size_t>(i / 2)];
+    GainOf(mode) = gains.middleRows<2>(i).transpose();
+    if (considered_modes() > kMaxConsideredModes) MarginalizeWeakest(mode);
+  }
 }
 
 PoseWithCovariance KnownMapFilter::Pose() const {

@@ -21,7 +21,8 @@ struct ModeRef {
   int state = 1;
 };
 
-/// Extended Kalman filter for the pose of a vehicle on a map that is uncertain and not updated.
+/// Extended Kalman filter for the pose of a vehicle on a map that is uncertain and not updated. It
+/// estimates landmarks known to have moved (UpdatePlace()).
 ///
 /// State: T_map_vehicle with the perturbation T·Exp(ξ), and the deviation of this vehicle's
 /// (log scale_v, log scale_omega) from the fleet's calibration. Two things are *considered*
@@ -157,13 +158,13 @@ class KnownMapFilter {
                        const UnknownPlace& place,
                        const MapSnapshot& snapshot) const;
 
-  /// Corrects a place, and not the state, with an observation of it.
+  /// Corrects a place with an observation of it; and the state, if it is certain.
   /// @param prediction  Of this filter in its present state, for the same place.
   /// @param weight      As for Update().
-  /// @param certain     The landmark stands there. From then on LogLikelihood() counts what its
-  ///                    sightings have in common once, as for a mode. Without it each of them would
-  ///                    cost the odometry's noise since the first, and a pose that moved along with
-  ///                    the landmarks would seem likelier.
+  /// @param certain     The landmark stands there. From then on state, modes and place are
+  ///                    estimated together at each of its sightings, as by SharedErrors: the place
+  ///                    holds the pose where nothing else does, and LogLikelihood() counts once
+  ///                    what its sightings have in common.
   void UpdatePlace(const UnknownPlace& place,
                    const Prediction& prediction,
                    const MapSnapshot& snapshot,
@@ -220,6 +221,11 @@ class KnownMapFilter {
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
   void TransformGains(const StateMatrix& M);
+  // To shared_errors_, what is known of a place.
+  void SharePlace(const UnknownPlace& place, const SharedErrors::Observed& seen);
+  // Puts the state where shared_errors_ have it, and all else that is kept of errors with it.
+  void AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance);
+  void AdoptGains(const JointCovariance& covariance);
   void ApplyGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;
   SharedErrors::Observed ObservedAt(const UnknownPlace& place, const Prediction& prediction) const;

@@ -134,6 +134,37 @@ bool SharedErrors::Update(const Observed& observed, const JointCovariance& covar
   return true;
 }
 
+SharedErrors::StateMatrix SharedErrors::CovarianceOfState() const {
+  StateMatrix cov;
+  for (int j = 0; j < kStates; ++j) {
+    for (int i = 0; i < kStates; ++i) cov(i, j) = cov_(i, j);
+  }
+  return cov;
+}
+
+std::optional<SharedErrors::StateByPoint> SharedErrors::CrossOfBias(Observation::Kind kind) const {
+  if (!has_bias_ || kind_ != kind) return std::nullopt;
+  StateByPoint cross;
+  for (int j = 0; j < 2; ++j) {
+    for (int i = 0; i < kStates; ++i) cross(i, j) = cov_(i, kBias + j);
+  }
+  return cross;
+}
+
+SharedErrors::PointError SharedErrors::ErrorOf(int mode_index) const {
+  const int place = Row(mode_index);
+  PointError error;
+  error.mean = mean_.segment<2>(place);
+  for (int j = 0; j < 2; ++j) {
+    for (int i = 0; i < 2; ++i) {
+      error.cov(i, j) = cov_(place + std::max(i, j), place + std::min(i, j));
+      error.cross_bias(i, j) = cov_(place + j, kBias + i);
+    }
+    for (int i = 0; i < kStates; ++i) error.cross_state(i, j) = cov_(place + j, i);
+  }
+  return error;
+}
+
 void SharedErrors::Subtract(const Columns& K, const Columns& cross) {
   const double* const K_0 = K.col(0).data();
   const double* const K_1 = K.col(1).data();
@@ -266,6 +297,23 @@ void SharedErrors::Add(int mode_index, const ModeError& mode) {
   mode_indices_[static_cast<std::size_t>(modes_)] = mode_index;
   last_used_[static_cast<std::size_t>(modes_)] = ++uses_;
   ++modes_;
+}
+
+void SharedErrors::AddPlace(const Observed& observed,
+                            const Eigen::Matrix<double, 2, kStates + 2>& regression,
+                            const Eigen::Matrix2d& cov_rest) {
+  UseBiasOf(observed);
+  Forget(observed.mode_index);
+  if (modes_ == kMaxModes) RemoveOldest();
+  constexpr int kBoth = kStates + 2;
+  ModeError place{regression * mean_.head<kBoth>(), cov_rest, Columns::Zero()};
+  for (int row = 0; row < rows(); ++row) {
+    Eigen::Matrix<double, kBoth, 1> with_both;
+    for (int i = 0; i < kBoth; ++i) with_both(i) = cov_(row, i);
+    place.cross.row(row) = (regression * with_both).transpose();
+  }
+  place.cov += regression * place.cross.topRows<kBoth>();
+  Add(observed.mode_index, place);
 }
 
 void SharedErrors::RemoveOldest() {

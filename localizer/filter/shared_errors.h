@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
+#include <span>
 
 #include "localizer/filter/paired_lower_triangle.h"
 #include "mapstore/map/joint_covariance.h"
@@ -16,9 +18,9 @@ namespace shiftmap {
 /// innovations are not white: the product of their densities would count an error that all of them
 /// share once for each of them, and a landmark some decimetres off its place in the map would prove
 /// itself at another mode within seconds. Here those errors *are* estimated, together with the
-/// error of the filter's state, for the likelihood of what is seen and for nothing else. It is the
-/// Kalman filter of a = (state error, bias, error of each mode in use), linearized where the
-/// Schmidt filter is.
+/// error of the filter's state: for the likelihood of what is seen, and for the state where it is
+/// landmarks that moved. It is the Kalman filter of a = (state error, bias, error of each mode in
+/// use), linearized where the Schmidt filter is.
 ///
 /// Without heap allocations: at most kMaxModes modes, of which the one unused for longest goes.
 class SharedErrors {
@@ -57,6 +59,13 @@ class SharedErrors {
 
   /// Something of a mode or place has been taken in and counts.
   bool Has(int mode_index) const { return Row(mode_index) >= 0; }
+
+  /// Takes in a place that the filter has: its error is, but for a rest that nothing else shares,
+  /// the regression on the errors of state and bias.
+  /// @param observed  Of the place; only what does not change with the observation is used.
+  void AddPlace(const Observed& observed,
+                const Eigen::Matrix<double, 2, kStates + 2>& regression,
+                const Eigen::Matrix2d& cov_rest);
   void Forget(int mode_index);
 
   /// log p(ν | everything taken in before); not finite if numbers have lost their digits.
@@ -64,6 +73,29 @@ class SharedErrors {
 
   /// Takes an observation in; false if numbers have lost their digits: to be made anew.
   [[nodiscard]] bool Update(const Observed& observed, const JointCovariance& covariance);
+
+  using StateByPoint = Eigen::Matrix<double, kStates, 2>;
+
+  /// The filter's error given all that was taken in, linearized where the filter is.
+  StateVector MeanOfState() const { return mean_.head<kStates>(); }
+  StateMatrix CovarianceOfState() const;
+
+  /// Of the state's error with the bias of this kind; nothing if the last sightings had another.
+  std::optional<StateByPoint> CrossOfBias(Observation::Kind kind) const;
+
+  /// Modes and places that something was taken in of.
+  std::span<const int> in_use() const {
+    return {mode_indices_.data(), static_cast<std::size_t>(modes_)};
+  }
+
+  /// The error of a mode or place in use given all that was taken in.
+  struct PointError {
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();
+    StateByPoint cross_state = StateByPoint::Zero();       ///< Of the state's error with it.
+    Eigen::Matrix2d cross_bias = Eigen::Matrix2d::Zero();  ///< Of the bias with it.
+  };
+  PointError ErrorOf(int mode_index) const;
 
  private:
   // Of a. The row after the bias stays zero: each mode then begins with an even row.

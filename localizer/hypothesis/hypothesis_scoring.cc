@@ -66,15 +66,17 @@ struct HypothesisBank::SeenObservation {
   double log_false_alarm;  // β_FA
   double log_any;          // β_FA + β_NT: `absent` leaves both open.
   double new_share;        // β_NT / (β_FA + β_NT).
+
+  bool decided_absent = false;  // By the visit before this.
 };
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
   AllowForSlip();
-  const SeenObservation seen(observation,
-                             group,
-                             tree_.BeliefIndex(group),
-                             snapshot_.calibration().sensor,
-                             unknown_place_density_);
+  SeenObservation seen(observation,
+                       group,
+                       tree_.BeliefIndex(group),
+                       snapshot_.calibration().sensor,
+                       unknown_place_density_);
   ObservationOutcome outcome = Judge(seen);
   outcome.index = index;
   events_.outcomes.push_back(outcome);
@@ -94,6 +96,7 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
   visit->end = stamp_;
   visit->seen = true;
   ++visit->observations;
+  seen.decided_absent = visit->decided == 0;
   Observe(seen, ViewWeight(visit));
   tree_.Reduce();
 }
@@ -177,8 +180,9 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
   belief->place_probability = at_place;
   if (here) {
     const double doubt = 1.0 - at_place * std::exp(belief->LogProbability(0));
-    // A single moved landmark is no body: it never competes with another pose.
-    const bool certain = doubt < kCertain && MovedIn(*leaf).size() > 1;
+    // One that is not decided for, alone or from one view, may be a pose that is off or an outlier.
+    const bool body = MovedIn(*leaf).size() > 1 && IsSeenFromApart(*place);
+    const bool certain = doubt < kCertain && (seen.decided_absent || body);
     leaf->filter.UpdatePlace(*place, prediction, snapshot_, weight, certain);
     belief->log_missed[0] = 0.0;
     if (!IsUnknown(seen.group, leaf->filter.FindPlace(seen.group)->p_map_landmark))

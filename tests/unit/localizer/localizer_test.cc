@@ -398,6 +398,24 @@ TEST(Localizer, NothingIsClaimedOfAGap) {
   }
 }
 
+// By a pose so vague any landmark may be the one in view, and what is seen proves nothing.
+TEST(Localizer, AVehicleThatDoesNotKnowWhatIsInItsReachIsLost) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const double reach = content.calibration.sensor.max_range_m;
+  for (const double sd : {0.3 * reach, 3.0 * reach}) {
+    LocalizerOptions options = AtPose(Se2());
+    options.initial_pose->cov_T_map_vehicle.topLeftCorner<2, 2>() =
+        sd * sd * Eigen::Matrix2d::Identity();
+    Localizer localizer(Snapshot(content), options);
+    Scan nothing;
+    for (int i = 0; i < 3; ++i) {
+      nothing.stamp = Stamp() + FromSeconds(100.0 + 0.1 * i);
+      ASSERT_TRUE(localizer.Process(nothing).ok());
+    }
+    EXPECT_EQ(localizer.state() == LocalizerState::kLost, sd > reach) << sd;
+  }
+}
+
 // The landmarks stay in sight, and tell the heading.
 TEST(Localizer, AVehicleThatSeesItsHeadingIsNotLostWithoutOdometry) {
   const MapContent content = MakeTwoModeMap(30, 14.0, 21);

@@ -42,21 +42,28 @@ PoseWithCovariance Start(const Se2& T_map_vehicle) {
   return {T_map_vehicle, Eigen::Vector3d(0.01, 0.01, 0.0025).asDiagonal()};
 }
 
-// The same estimator, written as one dense Schmidt-Kalman filter over pose, scales, sensor bias and
-// the whole map, with a gain for the first five states only.
+// The same estimator, written as one dense Kalman filter over pose, scales, sensor bias, the whole
+// map and landmarks at unknown places. A Schmidt-Kalman filter has a gain for the first five only.
 class DenseFilter {
  public:
-  DenseFilter(const PoseWithCovariance& start, const MapSnapshot& snapshot)
-      : snapshot_(snapshot), T_(start.T_map_vehicle) {
+  DenseFilter(const PoseWithCovariance& start,
+              const MapSnapshot& snapshot,
+              int places = 0,
+              bool schmidt = true)
+      : snapshot_(snapshot), schmidt_(schmidt), T_(start.T_map_vehicle) {
     const Calibration& calibration = snapshot.calibration();
-    const Eigen::Index n = 7 + 2 * snapshot.covariance().size();
+    const Eigen::Index modes = snapshot.covariance().size();
+    const Eigen::Index n = 7 + 2 * modes + 2 * places;
+    error_ = Eigen::VectorXd::Zero(n);
     P_ = Eigen::MatrixXd::Zero(n, n);
     P_.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
     const double sd_scale = calibration.odometry.sd_log_scale;
     P_(3, 3) = P_(4, 4) = sd_scale * sd_scale;
     P_(5, 5) = std::pow(KnownMapFilter::kBiasShare * calibration.sensor.sd_range_m, 2);
     P_(6, 6) = std::pow(KnownMapFilter::kBiasShare * calibration.sensor.sd_bearing_rad, 2);
-    P_.bottomRightCorner(n - 7, n - 7) = snapshot.covariance().Dense();
+    bias_prior_ = P_.diagonal().segment<2>(5);
+    P_.block(7, 7, 2 * modes, 2 * modes) = snapshot.covariance().Dense();
+    for (Eigen::Index i = 7 + 2 * modes; i < n; ++i) P_(i, i) = 1e4;
   }
 
   void Predict(const MotionIncrement& increment, double elapsed_s) {
@@ -70,12 +77,36 @@ class DenseFilter {
     P_.topLeftCorner<3, 3>() += increment.cov;
     P_(3, 3) += 2.5e-7 * elapsed_s;
     P_(4, 4) += 2.5e-7 * elapsed_s;
+    if (schmidt_) return;
+    // Where it is estimated, the bias drifts.
+    const double keep = std::exp(-elapsed_s / 60.0);
+    error_.segment<2>(5) *= keep;
+    for (int i = 5; i < 7; ++i) {
+      P_.row(i) *= keep;
+      P_.col(i) *= keep;
+      P_(i, i) += (1.0 - keep * keep) * bias_prior_(i - 5);
+    }
   }
 
   void Update(const Observation& observation, ModeRef mode) {
-    const Eigen::Index n = P_.rows();
     const LandmarkGroup& group = snapshot_.groups()[static_cast<std::size_t>(mode.group)];
-    const Mode& landmark = group.modes[static_cast<std::size_t>(mode.state) - 1];
+    Update(observation,
+           snapshot_.ModeIndex(mode.group, mode.state),
+           group.modes[static_cast<std::size_t>(mode.state) - 1].p_map_landmark);
+  }
+
+  // `place` from 0 on; its error is that of a point near by.
+  void UpdatePlace(const Observation& observation, int place, const Eigen::Vector2d& point) {
+    Update(observation, snapshot_.covariance().size() + place, point);
+  }
+
+  const Se2& T_map_vehicle() const { return T_; }
+  Eigen::MatrixXd StateCovariance() const { return P_.topLeftCorner(5, 5); }
+
+ private:
+  void Update(const Observation& observation, int landmark, const Eigen::Vector2d& point) {
+    const Eigen::Index n = P_.rows();
+    const Eigen::Index row = 7 + Eigen::Index{2} * landmark;
     const Eigen::Matrix2d cov_z = ObservationNoise(observation, snapshot_.calibration().sensor);
     // z as a position: its errors turn and scale with the bearing and the range.
     const double range = std::sqrt(observation.z.x() * observation.z.x() + cov_z(0, 0));
@@ -84,18 +115,19 @@ class DenseFilter {
     Observation position = observation;
     position.kind = Observation::Kind::kCartesian;
     position.z = turn * Eigen::Vector2d(observation.z.x(), 0.0);
-    const Innovation innovation = Linearize(position, T_, landmark.p_map_landmark);
+    const Innovation innovation = Linearize(position, T_, point);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, n);
     H.leftCols<3>() = innovation.H_pose;
     H.block<2, 2>(0, 5) = dq_dz;
-    H.block<2, 2>(0, 7 + 2 * snapshot_.ModeIndex(mode.group, mode.state)) = innovation.H_landmark;
+    H.block<2, 2>(0, row) = innovation.H_landmark;
     const Eigen::Matrix2d R = dq_dz * cov_z * dq_dz.transpose();
     const Eigen::Matrix2d S = H * P_ * H.transpose() + R;
     Eigen::MatrixXd K = P_ * H.transpose() * S.inverse();
-    K.bottomRows(n - 5).setZero();
+    if (schmidt_) K.bottomRows(n - 5).setZero();
     const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(n, n) - K * H;
     P_ = I_KH * P_ * I_KH.transpose() + K * R * K.transpose();
-    const Eigen::VectorXd correction = K * innovation.nu;
+    const Eigen::VectorXd correction = K * (innovation.nu - H * error_);
+    error_.tail(n - 5) += correction.tail(n - 5);
     const Se2 step = Se2::Exp(correction.head<3>());
     T_ = T_ * step;
     scale_ += correction.segment<2>(3);
@@ -105,12 +137,11 @@ class DenseFilter {
     P_ = A * P_ * A.transpose();
   }
 
-  const Se2& T_map_vehicle() const { return T_; }
-  Eigen::MatrixXd StateCovariance() const { return P_.topLeftCorner(5, 5); }
-
- private:
   const MapSnapshot& snapshot_;
+  bool schmidt_;
   Se2 T_;
+  Eigen::Vector2d bias_prior_;
+  Eigen::VectorXd error_;  // Of bias, map and places; pose and scales are where theirs is zero.
   Eigen::Vector2d scale_ = Eigen::Vector2d::Zero();
   Eigen::MatrixXd P_;
 };
@@ -251,6 +282,71 @@ TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
     mean += (observation.z - mean) / (i + 1.0);
   }
   EXPECT_EQ(filter.FindPlace(2), nullptr);
+}
+
+// A vehicle sees its map for a while, and then nothing but landmarks that moved.
+TEST(KnownMapFilter, LandmarksKnownToHaveMovedCorrectThePoseAsIfMapAndPlacesWereEstimated) {
+  MapContent content = CorrelatedMap(0.03, 0.02);
+  content.calibration.odometry.noise_omega = 0.005;
+  content.calibration.odometry.sd_log_scale = 0.005;
+  content.calibration.sensor.sd_range_m = 0.02;
+  content.calibration.sensor.sd_bearing_rad = 0.005;
+  const MapSnapshot snapshot = Snapshot(content);
+  SimulationOptions options;
+  options.duration_s = 20.0;
+  const std::vector<int> states(content.groups.size(), 1);
+  std::vector<Eigen::Vector2d> places = PositionsOf(content, states);
+  const SimulatedRun known = Simulate(content, places, options);
+  for (Eigen::Vector2d& p : places) p += Eigen::Vector2d(1.0, -0.5);
+  const SimulatedRun moved = Simulate(content, places, options);
+  const PoseWithCovariance start{options.T_map_start,
+                                 Eigen::Vector3d(1e-4, 1e-4, 1e-5).asDiagonal()};
+  KnownMapFilter filter(start, content.calibration);
+  KnownMapFilter by_odometry = filter;
+  DenseFilter dense(start, snapshot, static_cast<int>(content.groups.size()), false);
+  OdometryBuffer odometry(content.calibration.odometry);
+  for (const OdometrySample& sample : known.run.odometry) odometry.Add(sample);
+  const auto apart = [&](const KnownMapFilter& other) {
+    return (dense.T_map_vehicle().translation() - other.T_map_vehicle().translation()).norm();
+  };
+  constexpr std::size_t kOnTheMap = 16;  // Scans.
+  int by_places = 0;
+  for (std::size_t i = 0; i < known.run.scans.size(); ++i) {
+    const bool on_the_map = i < kOnTheMap;
+    const Scan& scan = on_the_map ? known.run.scans[i] : moved.run.scans[i];
+    const OdometryBuffer::Motion motion = odometry.Take(scan.stamp);
+    for (KnownMapFilter* each : {&filter, &by_odometry}) {
+      each->Predict(motion.increment, motion.elapsed_s);
+    }
+    dense.Predict(motion.increment, motion.elapsed_s);
+    for (const Observation& observation : scan.observations) {
+      const int group = snapshot.GroupIndex(observation.signature);
+      const ModeRef mode{group, 1};
+      const Eigen::Matrix2d R = ObservationNoise(observation, content.calibration.sensor);
+      const KnownMapFilter::Measurement measurement = KnownMapFilter::Measure(observation, R);
+      if (on_the_map) {
+        for (KnownMapFilter* each : {&filter, &by_odometry}) {
+          each->Update(each->PredictObservation(observation, R, mode, snapshot), mode, snapshot);
+        }
+        dense.Update(observation, mode);
+      } else if (const UnknownPlace* const place = filter.FindPlace(group)) {
+        const auto prediction = filter.PredictPlace(*place, measurement);
+        const bool first = place->p_shared.isZero(0.0);
+        dense.UpdatePlace(observation, group, first ? place->p_map_landmark : place->p_shared);
+        filter.UpdatePlace(*place, prediction, snapshot, 1.0, true);
+        ++by_places;
+      } else {
+        filter.StartPlace(group, measurement, Eigen::Vector2d::Zero());
+      }
+    }
+    if (by_places > 0) {
+      EXPECT_LT(apart(filter), 0.003);
+    }
+  }
+  ASSERT_GT(by_places, 30);
+  EXPECT_GT(apart(by_odometry), 0.1);
+  const double sd = std::sqrt(dense.StateCovariance()(0, 0));
+  EXPECT_NEAR(std::sqrt(filter.covariance()(0, 0)), sd, 0.02 * sd);
 }
 
 // Mean NEES of the final pose over runs in which map, scales, bias and noise are drawn from what
