@@ -20,6 +20,8 @@ function(shiftmap_private_options target)
   target_compile_options(${target} PRIVATE -ffp-contract=off)
   if(SHIFTMAP_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${SHIFTMAP_SANITIZE} -fno-omit-frame-pointer)
+    # As in Ceres, which is not built with sanitizers: what one of us allocates the other may free.
+    target_compile_definitions(${target} PRIVATE EIGEN_MALLOC_ALREADY_ALIGNED=1)
     # A finding ends the test that made it.
     target_compile_options(${target} PRIVATE -fno-sanitize-recover=all)
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:Clang>:-fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/tools/cmake/sanitizer_ignorelist.txt>)
