@@ -7,6 +7,7 @@
 
 #include "mapstore/core/inert_text.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/frame_change.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map/mode_split.h"
 
@@ -570,6 +571,14 @@ bool EditedMap::IsReversible(const MapEdit& edit) const {
   return false;
 }
 
+// Control points may have moved the frame since.
+EditedMap EditedMap::InFrameOf(const EditedMap& later) const {
+  EditedMap moved = *this;
+  const auto T_new_old = CarryMap(content_, names_, later.content_, later.names_).moved;
+  if (T_new_old) MoveContent(*T_new_old, &moved.content_);
+  return moved;
+}
+
 Status EditedMap::Reverse(const MapEdit& edit, const EditedMap& before) {
   std::erase_if(held_, [&](const MapEdit& other) { return other.id == edit.id; });
   const Signature name = names_.Name(edit.landmark);
@@ -579,7 +588,8 @@ Status EditedMap::Reverse(const MapEdit& edit, const EditedMap& before) {
     return OkStatus();
   }
   if (edit.kind == EditKind::kRetire) {
-    const LandmarkGroup* const group = before.GroupOf(edit);
+    const EditedMap carried = before.InFrameOf(*this);
+    const LandmarkGroup* const group = carried.GroupOf(edit);
     if (group == nullptr) return NotFound("no landmark '{}'", InertLine(edit.signature.text()));
     return RestoreGroup(*group, names_.Name(edit.landmark), &content_);
   }
@@ -590,9 +600,10 @@ Status EditedMap::Reverse(const MapEdit& edit, const EditedMap& before) {
     return last == name ? OkStatus() : Rename(*g, last, &content_);
   }
   if (edit.kind == EditKind::kMerge) {
+    const EditedMap carried = before.InFrameOf(*this);
     SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t was,
-                              FindGroup(before.names().Name(edit.landmark), before.content()));
-    return RestoreMode(edit, before.content(), was, *g, &content_);
+                              FindGroup(carried.names().Name(edit.landmark), carried.content()));
+    return RestoreMode(edit, carried.content(), was, *g, &content_);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::size_t mode, FindMode(content_.groups[*g], edit.mode));
   RemoveMode(*g, mode, kAbsent, &content_);

@@ -47,16 +47,16 @@ class EditedMap {
   /// rates that runs were mapped with cannot.
   bool IsReversible(const MapEdit& edit) const;
 
-  /// Takes an edit out. What it took away comes back as it was before; how it correlates with what
-  /// was built since is not known, and counts as not at all. A merged mode at whose place builds
-  /// made another one since does not come back: the other one stands for it.
+  /// Takes an edit out. What it took away comes back as it was before, in the frame of now; how it
+  /// correlates with what was built since is not known, and counts as not at all. A merged mode at
+  /// whose place builds made another one since does not come back: the other one stands for it.
   /// @param before  The map that the edit was made on.
   /// Precondition: IsReversible.
   Status Reverse(const MapEdit& edit, const EditedMap& before);
 
  private:
   Status ApplyTo(const MapEdit& edit, const std::optional<VehicleCalibration>& kept);
-  Status ReverseIn(const MapEdit& edit, const EditedMap& before);
+  EditedMap InFrameOf(const EditedMap& later) const;
 
   MapContent content_;
   std::vector<MapEdit> held_;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "mapstore/map/frame_change.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
@@ -256,6 +257,31 @@ TEST_F(EditedMapTest, ARetiredLandmarkComesBackAsItWas) {
             content_.groups[2].modes[0].p_map_landmark);
   edit.signature = edit.landmark = Signature("nobody");
   EXPECT_THAT(map.Apply(edit), StatusIs(StatusCode::kNotFound, "no landmark 'nobody'"));
+}
+
+// As control points move it.
+TEST_F(EditedMapTest, WhatComesBackStandsInTheFrameOfNow) {
+  const Se2 T_new_old(300.0, -500.0, 0.4);
+  MapEdit retire = MakeEdit(EditKind::kRetire, names_[2]);
+  MapEdit merge = MakeEdit(EditKind::kMerge, names_[1]);
+  merge.mode = ModeNumber(1);
+  merge.into = ModeNumber(3);
+  for (MapEdit* edit : {&retire, &merge}) {
+    edit->id = EditId(1);
+    EditedMap map(content_, {});
+    ASSERT_THAT(map.Apply(*edit), IsOk());
+    MapContent moved = map.content();
+    MoveContent(T_new_old, &moved);
+    EditedMap later(moved, map.held());
+    ASSERT_THAT(later.Reverse(*edit, EditedMap(content_, {})), IsOk());
+    const std::size_t g = edit == &retire ? 2 : 1;
+    const Mode& before = content_.groups[g].modes[0];
+    const Mode& after = later.content().groups[g].modes[0];
+    EXPECT_LT((after.p_map_landmark - T_new_old * before.p_map_landmark).norm(), 1e-3);
+    const Eigen::Matrix2d R = T_new_old.Rotation();
+    EXPECT_LT((after.cov_p_map_landmark - R * before.cov_p_map_landmark * R.transpose()).norm(),
+              1e-3 * before.cov_p_map_landmark.norm());
+  }
 }
 
 // Of a chain that jumped once in the time of the evidence, and a statement of as much weight.
