@@ -2,6 +2,7 @@
 #include "localizer/filter/known_map_filter.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -82,6 +83,27 @@ KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, dou
 // False if it is not a number.
 bool WithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
 
+// By the leading minors of the pose's covariance: comparisons are false for what is not a number.
+bool IsSoundCovariance(const KnownMapFilter::StateMatrix& P) {
+  const double xx_yy = P(0, 0) * P(1, 1) - P(0, 1) * P(0, 1);
+  const double xy_yw = P(0, 1) * P(1, 2) - P(1, 1) * P(0, 2);
+  const double xx_yw = P(0, 0) * P(1, 2) - P(0, 1) * P(0, 2);
+  const double determinant = P(2, 2) * xx_yy - P(1, 2) * xx_yw + P(0, 2) * xy_yw;
+  constexpr double kMaxVariance = KnownMapFilter::kMaxPositionSd * KnownMapFilter::kMaxPositionSd;
+  constexpr double kMaxYawVariance = KnownMapFilter::kMaxYawSd * KnownMapFilter::kMaxYawSd;
+  return P(0, 0) > 0.0 && xx_yy > 0.0 && determinant > 0.0 && P(3, 3) > 0.0 && P(4, 4) > 0.0 &&
+         P(0, 0) + P(1, 1) < kMaxVariance && P(2, 2) < kMaxYawVariance &&
+         P(3, 3) + P(4, 4) < kMaxMagnitude;
+}
+
+// A covariance without the negative eigenvalues that rounding leaves.
+Eigen::Matrix2d NonNegative(const Eigen::Matrix2d& cov) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(cov);
+  const Eigen::Matrix2d& V = solver.eigenvectors();
+  return V * solver.eigenvalues().cwiseMax(0.0).asDiagonal() * V.transpose();
+}
+
 void SetNis(KnownMapFilter::Prediction* prediction) {
   prediction->nis = IsWellConditioned(prediction->S)
                         ? SquaredMahalanobis(prediction->nu, prediction->S)
@@ -105,20 +127,11 @@ KnownMapFilter::KnownMapFilter(const PoseWithCovariance& start, const Calibratio
   StartAnewUnlessSound();
 }
 
-// By the leading minors of the pose's covariance: comparisons are false for what is not a number.
 bool KnownMapFilter::IsSound() const {
   const Eigen::Vector2d& t = T_map_vehicle_.translation();
-  if (!WithinMagnitude(t.x()) || !WithinMagnitude(t.y()) || !std::isfinite(T_map_vehicle_.yaw()) ||
-      !WithinMagnitude(log_scale_.x()) || !WithinMagnitude(log_scale_.y())) {
-    return false;
-  }
-  const double xx_yy = P_(0, 0) * P_(1, 1) - P_(0, 1) * P_(0, 1);
-  const double xy_yw = P_(0, 1) * P_(1, 2) - P_(1, 1) * P_(0, 2);
-  const double xx_yw = P_(0, 0) * P_(1, 2) - P_(0, 1) * P_(0, 2);
-  const double determinant = P_(2, 2) * xx_yy - P_(1, 2) * xx_yw + P_(0, 2) * xy_yw;
-  return P_(0, 0) > 0.0 && xx_yy > 0.0 && determinant > 0.0 && P_(3, 3) > 0.0 && P_(4, 4) > 0.0 &&
-         P_(0, 0) + P_(1, 1) < kMaxPositionSd * kMaxPositionSd &&
-         P_(2, 2) < kMaxYawSd * kMaxYawSd && P_(3, 3) + P_(4, 4) < kMaxMagnitude;
+  return WithinMagnitude(t.x()) && WithinMagnitude(t.y()) && std::isfinite(T_map_vehicle_.yaw()) &&
+         WithinMagnitude(log_scale_.x()) && WithinMagnitude(log_scale_.y()) &&
+         IsSoundCovariance(P_);
 }
 
 void KnownMapFilter::StartAnewUnlessSound() {
@@ -364,8 +377,14 @@ SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
   observed.H_pose = prediction.point.H_pose;
   observed.H_bias = prediction.measurement.dq_dz;
   observed.H_mode = prediction.point.H_landmark;
-  observed.cov_bias = BiasOf(prediction.measurement.kind).cov;
+  const SensorBias& bias = BiasOf(observed.kind);
+  observed.cov_bias = bias.cov;
   observed.cov_noise = prediction.measurement.cov_noise;
+  if (!shared_errors_.HasBias(observed.kind) && !bias.cross.isZero(0.0)) {
+    const StateByPoint on_state = P_.ldlt().solve(bias.cross);
+    observed.bias_on_state = on_state.transpose();
+    observed.cov_bias_rest = NonNegative(bias.cov - on_state.transpose() * bias.cross);
+  }
   return observed;
 }
 
@@ -393,6 +412,9 @@ void KnownMapFilter::Update(const Prediction& prediction,
   const int mode_index = snapshot.ModeIndex(mode.group, mode.state);
   SharedErrors::Observed seen = ObservedBy(prediction, mode_index);
   seen.cov_noise /= weight;
+  const auto considered_mode = Find(mode_index);
+  const bool known = considered_mode != considered_.end() && considered_mode->index == mode_index;
+  if (known && !shared_errors_.Has(mode_index)) Share(mode_index, seen, snapshot.covariance());
   const bool taken = shared_errors_.Update(seen, snapshot.covariance());
   const StateByPoint K = prediction.cov_state_z * prediction.S.inverse();
   const Eigen::Matrix2d& H_m = prediction.point.H_landmark;
@@ -523,10 +545,9 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
   if (certain || shared) {
     SharedErrors::Observed seen = ObservedAt(corrected, prediction);
     seen.cov_noise /= weight;
-    if (!shared) SharePlace(corrected, seen);
-    if (shared_errors_.Update(seen, snapshot.covariance())) {
-      places_.Put(corrected);
-      AdoptSharedErrors(prediction.measurement.kind, snapshot.covariance());
+    places_.Put(corrected);
+    if (shared_errors_.Update(seen, snapshot.covariance()) &&
+        AdoptSharedErrors(seen.kind, snapshot.covariance())) {
       return;
     }
     shared_errors_ = SharedErrors(P_);
@@ -551,24 +572,48 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
   places_.Put(corrected);
 }
 
-// By its regression on the errors of state and bias, which both filters have.
-void KnownMapFilter::SharePlace(const UnknownPlace& place, const SharedErrors::Observed& seen) {
-  constexpr int kBoth = kStates + 2;
-  Eigen::Matrix<double, kBoth, kBoth> cov_both;
-  cov_both << P_, BiasOf(seen.kind).cross, BiasOf(seen.kind).cross.transpose(), seen.cov_bias;
-  Eigen::Matrix<double, kBoth, 2> cross;
-  cross << place.cross_state, place.CrossBias(seen.kind);
-  const Eigen::Matrix<double, 2, kBoth> regression = cov_both.ldlt().solve(cross).transpose();
-  const Eigen::Matrix2d cov_rest = place.cov - regression * cross;
-  const bool sound = cov_rest.trace() >= 0.0 && cov_rest.determinant() >= 0.0;
-  shared_errors_.AddPlace(
-      seen, regression, sound ? Symmetrized(cov_rest) : Eigen::Matrix2d::Zero());
+// By the regression on the errors of state, bias and the modes in use there.
+void KnownMapFilter::Share(int mode_index,
+                           const SharedErrors::Observed& seen,
+                           const JointCovariance& covariance) {
+  constexpr int kMax = SharedErrors::kMaxRows;
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMax, kMax>;
+  using ByPoint = Eigen::Matrix<double, Eigen::Dynamic, 2, 0, kMax, 2>;
+  shared_errors_.MakeRoom();
+  shared_errors_.UseBiasOf(seen);
+  const int rows = shared_errors_.rows();
+  // Rows of what is not known together, places among them, stay ones of their own.
+  Square cov = Square::Identity(rows, rows);
+  ByPoint cross = ByPoint::Zero(rows, 2);
+  constexpr int kBias = SharedErrors::kBiasRow;
+  cov.topLeftCorner<kStates, kStates>() = P_;
+  cov.block<2, 2>(kBias, kBias) = seen.cov_bias;
+  cov.block<kStates, 2>(0, kBias) = BiasOf(seen.kind).cross;
+  cross.topRows<kStates>() = CrossOf(mode_index, covariance);
+  for (const int index : shared_errors_.in_use()) {
+    if (index < 0) continue;
+    const int row = shared_errors_.Row(index);
+    cov.block<kStates, 2>(0, row) = CrossOf(index, covariance);
+    cross.middleRows<2>(row) = covariance.Block(index, mode_index);
+    for (const int other : shared_errors_.in_use()) {
+      if (other < 0) continue;
+      cov.block<2, 2>(row, shared_errors_.Row(other)) = covariance.Block(index, other);
+    }
+  }
+  cov.triangularView<Eigen::StrictlyLower>() = cov.transpose();
+  const ByPoint on = cov.ldlt().solve(cross);
+  SharedErrors::Regression regression;
+  regression.on = on.transpose();
+  regression.cov_rest =
+      NonNegative(covariance.Block(mode_index, mode_index) - on.transpose() * cross);
+  shared_errors_.Add(mode_index, regression);
 }
 
 // What shared_errors_ do not estimate is known of by the state's error: as if that had been seen.
-void KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance) {
+bool KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance) {
   const Eigen::Matrix<double, kStates, 1> mean = shared_errors_.MeanOfState();
   const StateMatrix cov = shared_errors_.CovarianceOfState();
+  if (!mean.allFinite() || !IsSoundCovariance(cov)) return false;
   const StateMatrix information = P_.inverse();
   const StateMatrix kept = cov * information;
   for (UnknownPlace& place : places_) {
@@ -602,6 +647,7 @@ void KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovari
   for (ConsideredMode& mode : considered_) MovePose(A_pose, &mode.gain);
   for (UnknownPlace& place : places_) MovePose(A_pose, &place.cross_state);
   StartAnewUnlessSound();
+  return true;
 }
 
 // So that Σ gain · cov(mode, j) is the covariance of the state's error with that of each mode j in

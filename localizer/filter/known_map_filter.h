@@ -221,10 +221,11 @@ class KnownMapFilter {
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
   void TransformGains(const StateMatrix& M);
-  // To shared_errors_, what is known of a place.
-  void SharePlace(const UnknownPlace& place, const SharedErrors::Observed& seen);
-  // Puts the state where shared_errors_ have it, and all else that is kept of errors with it.
-  void AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance);
+  // Takes to shared_errors_ what is known of a mode that went from there.
+  void Share(int mode_index, const SharedErrors::Observed& seen, const JointCovariance& covariance);
+  // Puts the state where shared_errors_ have it, and all else that is kept of errors with it. False
+  // if they have lost their digits.
+  bool AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance);
   void AdoptGains(const JointCovariance& covariance);
   void ApplyGains();
   SharedErrors::Observed ObservedBy(const Prediction& prediction, int mode_index) const;

@@ -110,7 +110,7 @@ bool SharedErrors::Update(const Observed& observed, const JointCovariance& covar
   UseBiasOf(observed);
   int place = Row(observed.mode_index);
   if (place < 0) {
-    if (modes_ == kMaxModes) RemoveOldest();
+    MakeRoom();
     place = rows();
     Add(observed.mode_index, ErrorOfNew(observed.mode_index, covariance));
   }
@@ -299,21 +299,21 @@ void SharedErrors::Add(int mode_index, const ModeError& mode) {
   ++modes_;
 }
 
-void SharedErrors::AddPlace(const Observed& observed,
-                            const Eigen::Matrix<double, 2, kStates + 2>& regression,
-                            const Eigen::Matrix2d& cov_rest) {
-  UseBiasOf(observed);
-  Forget(observed.mode_index);
-  if (modes_ == kMaxModes) RemoveOldest();
-  constexpr int kBoth = kStates + 2;
-  ModeError place{regression * mean_.head<kBoth>(), cov_rest, Columns::Zero()};
-  for (int row = 0; row < rows(); ++row) {
-    Eigen::Matrix<double, kBoth, 1> with_both;
-    for (int i = 0; i < kBoth; ++i) with_both(i) = cov_(row, i);
-    place.cross.row(row) = (regression * with_both).transpose();
+void SharedErrors::Add(int mode_index, const Regression& regression) {
+  const int end = rows();
+  ModeError point{regression.on * mean_.head(end), regression.cov_rest, Columns::Zero()};
+  for (int row = 0; row < end; ++row) {
+    for (int i = 0; i < end; ++i) {
+      const double cov = row >= i ? cov_(row, i) : cov_(i, row);
+      point.cross.row(row) += cov * regression.on.col(i).transpose();
+    }
   }
-  place.cov += regression * place.cross.topRows<kBoth>();
-  Add(observed.mode_index, place);
+  point.cov += regression.on * point.cross.topRows(end);
+  Add(mode_index, point);
+}
+
+void SharedErrors::MakeRoom() {
+  if (modes_ == kMaxModes) RemoveOldest();
 }
 
 void SharedErrors::RemoveOldest() {
@@ -347,15 +347,23 @@ void SharedErrors::Remove(std::size_t slot) {
 }
 
 void SharedErrors::UseBiasOf(const Observed& observed) {
-  if (has_bias_ && kind_ == observed.kind) return;
+  if (HasBias(observed.kind)) return;
   has_bias_ = true;
   kind_ = observed.kind;
   cov_bias_ = observed.cov_bias;
-  mean_.segment<2>(kBias).setZero();
-  for (int i = kBias; i < kBias + 2; ++i) {
-    for (int j = 0; j < kBias; ++j) cov_(i, j) = 0.0;
-    for (int j = kBias; j <= i; ++j) cov_(i, j) = cov_bias_(i - kBias, j - kBias);
-    for (int row = kFixed; row < rows(); ++row) cov_(row, i) = 0.0;
+  const Eigen::Matrix<double, 2, kStates>& on_state = observed.bias_on_state;
+  const Eigen::Matrix<double, 2, kStates> with_state = on_state * CovarianceOfState();
+  const Eigen::Matrix2d cov =
+      observed.cov_bias_rest.value_or(observed.cov_bias) + with_state * on_state.transpose();
+  mean_.segment<2>(kBias) = on_state * mean_.head<kStates>();
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < kStates; ++j) cov_(kBias + i, j) = with_state(i, j);
+    for (int j = 0; j <= i; ++j) cov_(kBias + i, kBias + j) = cov(i, j);
+    for (int row = kFixed; row < rows(); ++row) {
+      double with_row = 0.0;
+      for (int j = 0; j < kStates; ++j) with_row += on_state(i, j) * cov_(row, j);
+      cov_(row, kBias + i) = with_row;
+    }
   }
   cov_.MirrorFull();
 }

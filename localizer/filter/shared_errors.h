@@ -27,6 +27,7 @@ class SharedErrors {
  public:
   static constexpr int kStates = 5;
   static constexpr int kMaxModes = 12;
+  static constexpr int kMaxRows = kStates + 3 + 2 * kMaxModes;
   using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
   using StateVector = Eigen::Matrix<double, kStates, 1>;
 
@@ -55,18 +56,39 @@ class SharedErrors {
     Eigen::Matrix2d H_mode = Eigen::Matrix2d::Zero();
     Eigen::Matrix2d cov_bias = Eigen::Matrix2d::Zero();  ///< Prior of b.
     Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();
+
+    /// What is known of b, if it is not in use: its regression on the state's error, and the rest.
+    Eigen::Matrix<double, 2, kStates> bias_on_state = Eigen::Matrix<double, 2, kStates>::Zero();
+    std::optional<Eigen::Matrix2d> cov_bias_rest;  ///< By default cov_bias.
   };
 
   /// Something of a mode or place has been taken in and counts.
   bool Has(int mode_index) const { return Row(mode_index) >= 0; }
 
-  /// Takes in a place that the filter has: its error is, but for a rest that nothing else shares,
-  /// the regression on the errors of state and bias.
-  /// @param observed  Of the place; only what does not change with the observation is used.
-  void AddPlace(const Observed& observed,
-                const Eigen::Matrix<double, 2, kStates + 2>& regression,
-                const Eigen::Matrix2d& cov_rest);
   void Forget(int mode_index);
+
+  /// Whether the bias in use is of this kind of observation.
+  bool HasBias(Observation::Kind kind) const { return has_bias_ && kind_ == kind; }
+
+  /// What is known of a mode that was in use before: its error is the regression on a, by rows, and
+  /// a rest that nothing else shares.
+  struct Regression {
+    Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxRows> on;
+    Eigen::Matrix2d cov_rest = Eigen::Matrix2d::Zero();
+  };
+
+  /// Takes it in. Precondition: MakeRoom() was called before the regression was made.
+  void Add(int mode_index, const Regression& regression);
+  void MakeRoom();
+
+  /// Of the bias of `observed`, if another kind is in use or none.
+  void UseBiasOf(const Observed& observed);
+
+  /// Rows of a: those of the state begin with 0, of the bias with kBiasRow, of a mode or place in
+  /// use with Row(), -1 of others.
+  static constexpr int kBiasRow = kStates;
+  int Row(int mode_index) const;
+  int rows() const { return kFixed + 2 * modes_; }
 
   /// log p(ν | everything taken in before); not finite if numbers have lost their digits.
   double LogLikelihood(const Observed& observed, const JointCovariance& covariance) const;
@@ -101,7 +123,7 @@ class SharedErrors {
   // Of a. The row after the bias stays zero: each mode then begins with an even row.
   static constexpr int kBias = kStates;
   static constexpr int kFixed = kStates + 3;
-  static constexpr int kMax = kFixed + 2 * kMaxModes;
+  static constexpr int kMax = kMaxRows;
   using Vector = Eigen::Matrix<double, kMax, 1>;
   using Columns = Eigen::Matrix<double, kMax, 2>;
 
@@ -117,9 +139,6 @@ class SharedErrors {
     Columns cross;  // Of a with the innovation.
   };
 
-  int rows() const { return kFixed + 2 * modes_; }  // Of a that are in use.
-  int Row(int mode_index) const;                    // Its first in a, or -1.
-
   // Of `rows` rows of a, even and at least kFixed; what others would be is left open.
   ModeError ErrorOf(int mode_index, const JointCovariance& covariance, int rows) const;
   ModeError ErrorOfNew(int mode_index, const JointCovariance& covariance) const;
@@ -132,7 +151,6 @@ class SharedErrors {
   void Add(int mode_index, const ModeError& mode);
   void RemoveOldest();
   void Remove(std::size_t slot);
-  void UseBiasOf(const Observed& observed);
 
   int modes_ = 0;
   std::array<int, kMaxModes> mode_indices_{};

@@ -185,7 +185,8 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
     const bool certain = doubt < kCertain && (seen.decided_absent || body);
     leaf->filter.UpdatePlace(*place, prediction, snapshot_, weight, certain);
     belief->log_missed[0] = 0.0;
-    if (!IsUnknown(seen.group, leaf->filter.FindPlace(seen.group)->p_map_landmark))
+    const UnknownPlace* const corrected = leaf->filter.FindPlace(seen.group);
+    if (!corrected || !IsUnknown(seen.group, corrected->p_map_landmark))
       belief->place_probability = 0.0;
   }
   return total;

@@ -169,6 +169,53 @@ TEST_F(AllocationTest, SteadyStreamTakesNothing) {
   }
 }
 
+// More landmarks than SharedErrors hold, on a correlated map, and one of them has moved.
+TEST_F(AllocationTest, ALandmarkThatMovedTakesNothingFromTheHeap) {
+  constexpr int kGroups = SharedErrors::kMaxModes + 4;
+  MapContent content = MakeTwoModeMap(kGroups, 12.0, 3);
+  const Eigen::Index size = 2 * content.covariance.size();
+  const Eigen::MatrixXd of_all = Eigen::MatrixXd::Identity(size, size) * 0.01;
+  content.covariance =
+      JointCovariance::FromDense(of_all + Eigen::MatrixXd::Constant(size, size, 1e-4));
+  int index = 0;
+  for (LandmarkGroup& group : content.groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = content.covariance.Block(index, index);
+      ++index;
+    }
+  }
+  const MapSnapshot snapshot = Snapshot(content);
+  KnownMapFilter filter(*Options(0.0).initial_pose, content.calibration);
+  std::int64_t taken = 0;
+  int by_place = 0;
+  for (int i = 0; i < 40 * kGroups; ++i) {
+    const int group = i % kGroups;
+    const LandmarkGroup& landmark = content.groups[static_cast<std::size_t>(group)];
+    Observation seen;
+    seen.kind = Observation::Kind::kCartesian;
+    seen.z = landmark.modes[0].p_map_landmark;
+    if (group == 0) seen.z += Eigen::Vector2d(1.0, 1.0);
+    const KnownMapFilter::Measurement measurement =
+        KnownMapFilter::Measure(seen, 0.01 * Eigen::Matrix2d::Identity());
+    const std::int64_t before = allocations;
+    const UnknownPlace* const place = filter.FindPlace(0);
+    if (group > 0) {
+      const ModeRef mode{group, 1};
+      filter.Update(filter.PredictObservation(measurement, filter.PredictPoint(mode, snapshot)),
+                    mode,
+                    snapshot);
+    } else if (place == nullptr) {
+      filter.StartPlace(0, measurement, Eigen::Vector2d::Zero());
+    } else {
+      filter.UpdatePlace(*place, filter.PredictPlace(*place, measurement), snapshot, 1.0, true);
+      ++by_place;
+    }
+    taken += allocations - before;
+  }
+  EXPECT_EQ(taken, 0);
+  EXPECT_EQ(by_place, 39);
+}
+
 // Rounds through changing views: visits open and end, and only their records stay.
 TEST_F(AllocationTest, MemoryGrowsByTheRecordsAlone) {
   const MapContent content = MakeTwoModeMap(60, 20.0, 3);

@@ -24,8 +24,8 @@ JointCovariance CorrelatedCovariance(int modes, double sd_common, double sd_own)
   return JointCovariance::FromDense(dense);
 }
 
-MapContent CorrelatedMap(double sd_common, double sd_own) {
-  MapContent content = MakeTwoModeMap(8, 12.0, 5);
+MapContent CorrelatedMap(double sd_common, double sd_own, int groups = 8) {
+  MapContent content = MakeTwoModeMap(groups, 12.0, 5);
   const int modes = content.covariance.size();
   content.covariance = CorrelatedCovariance(modes, sd_common, sd_own);
   int index = 0;
@@ -406,6 +406,104 @@ TEST(KnownMapFilter, IsConsistentOnAnUncertainMap) {
   const double nees = MeanNees(kRuns, 1.0);
   EXPECT_GT(kRuns * nees, ChiSquareQuantile(0.025, 3 * kRuns)) << nees;
   EXPECT_LT(kRuns * nees, ChiSquareQuantile(0.975, 3 * kRuns)) << nees;
+}
+
+// NEES of a vehicle that stands before `modes` landmarks of the map and one that moved.
+// @param kinds  Of observations: 2 if every second landmark is seen as a position.
+double NeesBesideAMovedLandmark(int modes, int kinds, std::uint64_t seed) {
+  MapContent content = CorrelatedMap(0.1, 0.1, modes + 1);
+  content.calibration.sensor.sd_range_m = content.calibration.sensor.sd_position_m = 0.05;
+  content.calibration.sensor.sd_bearing_rad = 0.01;
+  const MapSnapshot snapshot = Snapshot(content);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](double sd) -> Eigen::Vector2d {
+    return sd * Eigen::Vector2d(normal(random), normal(random));
+  };
+  const Eigen::Vector2d shift = draw(0.1);
+  std::vector<Eigen::Vector2d> truth = PositionsOf(content, std::vector<int>(modes + 1, 1));
+  for (Eigen::Vector2d& p : truth) p += shift + draw(0.1);
+  truth.back() += Eigen::Vector2d(1.5, -1.0);
+  const Se2 T_map_vehicle =
+      Se2::Exp({0.1 * normal(random), 0.1 * normal(random), 0.05 * normal(random)});
+  const Eigen::Vector2d sd_z(0.05, 0.01);
+  const Eigen::Vector2d bias = KnownMapFilter::kBiasShare * draw(1.0).cwiseProduct(sd_z);
+  const Eigen::Vector2d position_bias = draw(KnownMapFilter::kBiasShare * 0.05);
+  KnownMapFilter filter(Start(Se2()), content.calibration);
+  for (int scan = 0; scan < 60; ++scan) {
+    MotionIncrement stands;
+    stands.cov = 1e-10 * Eigen::Matrix3d::Identity();
+    filter.Predict(stands, 0.1);
+    for (int group = 0; group <= modes; ++group) {
+      const Eigen::Vector2d q = T_map_vehicle.Inverse() * truth[static_cast<std::size_t>(group)];
+      Observation seen;
+      if (group % kinds == 1) {
+        seen.kind = Observation::Kind::kCartesian;
+        seen.z = q + position_bias + draw(0.05);
+      } else {
+        seen.kind = Observation::Kind::kRangeBearing;
+        seen.z = Eigen::Vector2d(q.norm(), std::atan2(q.y(), q.x())) + bias +
+                 draw(1.0).cwiseProduct(sd_z);
+      }
+      const Eigen::Matrix2d R = ObservationNoise(seen, content.calibration.sensor);
+      const ModeRef mode{group, 1};
+      const KnownMapFilter::Measurement measurement = KnownMapFilter::Measure(seen, R);
+      if (group < modes) {
+        filter.Update(filter.PredictObservation(seen, R, mode, snapshot), mode, snapshot);
+      } else if (const UnknownPlace* const place = filter.FindPlace(group)) {
+        const auto prediction = filter.PredictPlace(*place, measurement);
+        filter.UpdatePlace(*place, prediction, snapshot, 1.0, true);
+      } else {
+        filter.StartPlace(group, measurement, Eigen::Vector2d::Zero());
+      }
+    }
+  }
+  return SquaredMahalanobis(filter.T_map_vehicle(), T_map_vehicle, filter.Pose().cov_T_map_vehicle);
+}
+
+// More modes in view than SharedErrors hold, and two kinds of observations: what goes from there
+// comes back as what it is known to be, and does not count anew.
+TEST(KnownMapFilter, IsConsistentBesideALandmarkThatMoved) {
+  constexpr int kDraws = 100;
+  for (const auto& [modes, kinds] :
+       {std::pair{8, 1}, {SharedErrors::kMaxModes + 2, 1}, {20, 1}, {6, 2}}) {
+    double nees = 0.0;
+    for (std::uint64_t seed = 1; seed <= kDraws; ++seed) {
+      nees += NeesBesideAMovedLandmark(modes, kinds, seed) / kDraws;
+    }
+    EXPECT_GT(nees, 2.2) << modes << ' ' << kinds;  // χ²(3), less three deviations of its mean.
+    EXPECT_LT(nees, 4.5) << modes << ' ' << kinds;
+  }
+}
+
+// A sensor of a micrometre takes the last digits of what is known together.
+TEST(KnownMapFilter, StaysSoundWhereAPlaceTakesTheLastDigits) {
+  const MapContent content = CorrelatedMap(0.1, 0.05);
+  const MapSnapshot snapshot = Snapshot(content);
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> exponent(-12.0, -2.0);
+  for (int run = 0; run < 300; ++run) {
+    const double sd = std::pow(10.0, exponent(random) / 4.0);
+    const PoseWithCovariance start{
+        Se2(), Eigen::Vector3d(sd * sd, sd * sd, std::pow(10.0, exponent(random))).asDiagonal()};
+    KnownMapFilter filter(start, content.calibration);
+    const Eigen::Matrix2d R =
+        Eigen::Vector2d(std::pow(10.0, exponent(random)), std::pow(10.0, exponent(random)))
+            .asDiagonal();
+    Observation seen;
+    seen.kind = run % 2 == 0 ? Observation::Kind::kCartesian : Observation::Kind::kRangeBearing;
+    seen.z = Eigen::Vector2d(3.0, 0.5);
+    const KnownMapFilter::Measurement measurement = KnownMapFilter::Measure(seen, R);
+    filter.StartPlace(3, measurement, Eigen::Vector2d::Zero());
+    for (int i = 0; i < 30; ++i) {
+      const UnknownPlace* const place = filter.FindPlace(3);
+      if (place == nullptr) break;
+      filter.UpdatePlace(*place, filter.PredictPlace(*place, measurement), snapshot, 1.0, true);
+      const PoseWithCovariance pose = filter.Pose();
+      ASSERT_TRUE(IsSymmetricPositiveDefinite(pose.cov_T_map_vehicle)) << run << ' ' << i;
+      ASSERT_LT(pose.T_map_vehicle.translation().norm(), 1.0) << run << ' ' << i;
+    }
+  }
 }
 
 TEST(KnownMapFilter, WouldBeOverconfidentIfTheMapWereExact) {
