@@ -197,7 +197,6 @@ TEST_F(EditedMapTest, ASplitModeIsTwoPlacesThatShareItsProbability) {
   EXPECT_EQ(plain.content().groups[1].NextNumber(), ModeNumber(5));
 }
 
-// Lumping two states of a chain in which they are alike is exact: the other states see one chain.
 // A build that saw the landmark where the merged mode was has made a mode there.
 TEST_F(EditedMapTest, AMergedModeDoesNotComeBackBesideOneThatWasMadeAtItsPlace) {
   MapEdit merge = MakeEdit(EditKind::kMerge, names_[1]);
@@ -224,6 +223,7 @@ TEST_F(EditedMapTest, AMergedModeDoesNotComeBackBesideOneThatWasMadeAtItsPlace) 
   }
 }
 
+// Lumping two states of a chain in which they are alike is exact: the other states see one chain.
 TEST_F(EditedMapTest, TheChainOfMergedModesKeepsTheRatesOfTheOthers) {
   Eigen::MatrixXd rates(4, 4);
   rates << 0, 1, 2, 1, 3, 0, 1, 2, 1, 5, 0, 5, 3, 2, 1, 0;  // 1 and 3 leave alike.
