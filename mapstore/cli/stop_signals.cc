@@ -47,10 +47,10 @@ std::string StopSignals::Received() {
   }
 }
 
-Status StopSignals::Check(std::string_view what) {
+Status StopSignals::Check(std::string_view what, std::string_view left) {
   const std::string signal = Received();
   if (signal.empty()) return OkStatus();
-  return MakeStatus(StatusCode::kCancelled, "{} stopped by {}, nothing is written", what, signal);
+  return MakeStatus(StatusCode::kCancelled, "{} stopped by {}, {}", what, signal, left);
 }
 
 }  // namespace shiftmap

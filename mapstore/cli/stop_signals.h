@@ -22,8 +22,9 @@ class StopSignals {
   /// The name of the signal that came, or empty.
   static std::string Received();
 
-  /// kCancelled `WHAT stopped by SIGNAL, nothing is written` if one came.
-  static Status Check(std::string_view what);
+  /// kCancelled `WHAT stopped by SIGNAL, LEFT` if one came.
+  /// @param left  What is left behind.
+  static Status Check(std::string_view what, std::string_view left = "nothing is written");
 
  private:
   struct sigaction interrupt_;

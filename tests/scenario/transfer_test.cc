@@ -113,7 +113,9 @@ TEST_F(TransferTest, AStoppedFetchGoesOnLater) {
     ASSERT_TRUE(Soon([&] { return fs::exists(output + ".part"); })) << fetch.Errors();
     fetch.WaitUntilItCatches(signal);
     EXPECT_EQ(fetch.End(signal), kStopped);
-    EXPECT_NE(fetch.Errors().find("stopped by SIG"), std::string::npos);
+    EXPECT_NE(fetch.Errors().find(", the next one goes on from '" + output + ".part'\n"),
+              std::string::npos)
+        << fetch.Errors();
     EXPECT_EQ(CountLines(fetch.Errors()), 1) << fetch.Errors();
     EXPECT_FALSE(fs::exists(output));
   }

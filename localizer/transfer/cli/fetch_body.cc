@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stop_token>
+#include <system_error>
 #include <thread>
 
 #include "localizer/transfer/cli/transfer_bodies.h"
@@ -47,8 +49,13 @@ Status RunFetch(const FetchArguments& arguments, Context& context) {
   options.progress = [&progress](double done) { progress->Update("fetching", done); };
   const StatusOr<FetchResult> result = FetchSnapshot(&client, options);
   if (!result.ok()) {
+    const std::string part = arguments.output + ".part";
+    std::error_code unknown;
+    const bool begun = std::filesystem::exists(part, unknown);
     SHIFTMAP_RETURN_IF_ERROR(
-        StopSignals::Check(fmt::format("snapshot '{}': fetch", arguments.output)));
+        StopSignals::Check(fmt::format("snapshot '{}': fetch", arguments.output),
+                           begun ? fmt::format("the next one goes on from '{}'", part)
+                                 : std::string("nothing is written")));
     return result.status();
   }
   const SnapshotInfo& snapshot = result->snapshot;
