@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <optional>
 #include <set>
+#include <string>
 #include <vector>
 
+#include "mapstore/core/inert_text.h"
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/map/map_edit.h"
 #include "mapstore/store/edit_rows.h"
@@ -69,6 +74,37 @@ StatusOr<bool> IsComputed(Database& database,
   });
 }
 
+double LargestSd(const Mode& mode) {
+  const Eigen::Matrix2d& cov = mode.cov_p_map_landmark;
+  return std::sqrt(cov.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
+}
+
+// What of a map is not as its edits give it, but for what another release computes otherwise: the
+// landmarks, their modes, or a position by more than the map knows it. Nothing if all is.
+std::optional<std::string> FindDifference(const MapContent& map, const MapContent& from_edits) {
+  constexpr double kRounding = 1e-3;  // [m]
+  const auto number = [](const Mode& mode) { return mode.number; };
+  const auto same_modes = [&](const LandmarkGroup& a, const LandmarkGroup& b) {
+    return a.signature == b.signature && std::ranges::equal(a.modes, b.modes, {}, number, number);
+  };
+  if (!std::ranges::equal(map.groups, from_edits.groups, same_modes)) {
+    return "its edits give other landmarks or modes";
+  }
+  for (std::size_t g = 0; g < map.groups.size(); ++g) {
+    for (std::size_t i = 0; i < map.groups[g].modes.size(); ++i) {
+      const Mode& a = map.groups[g].modes[i];
+      const Mode& b = from_edits.groups[g].modes[i];
+      const double off = (a.p_map_landmark - b.p_map_landmark).norm();
+      if (off <= 3.0 * std::max(LargestSd(a), LargestSd(b)) + kRounding) continue;
+      return fmt::format("its edits put mode {} of '{}' {:.3f} m from where it is",
+                         a.number.value(),
+                         InertLine(map.groups[g].signature.text()),
+                         off);
+    }
+  }
+  return std::nullopt;
+}
+
 // Makes a version of edits again from the build that it rests on.
 Status VerifyEdited(Database& database,
                     std::int64_t area_id,
@@ -87,7 +123,13 @@ Status VerifyEdited(Database& database,
       version.states_probabilities() ? ContentHash(map->content()) : GeometryHash(map->content());
   if (hash == version.content_hash) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const bool computed, IsComputed(database, area_id, version, held));
-  if (!computed) defects->Add("version", key, "its edits give another content: " + hash);
+  if (!computed) {
+    defects->Add("version", key, "its edits give another content: " + hash);
+    return OkStatus();
+  }
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapContent stored, ReadContent(database, version, key));
+  const auto difference = FindDifference(stored, map->content());
+  if (difference) defects->Add("version", key, *difference);
   return OkStatus();
 }
 

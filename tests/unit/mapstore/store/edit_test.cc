@@ -115,6 +115,19 @@ class EditTest : public ::testing::Test {
         << verified->defects[0].row << ": " << verified->defects[0].problem;
   }
 
+  void ExpectDefect(const std::string& problem) {
+    const StatusOr<VerifyResult> verified = VerifyStore(path_);
+    ASSERT_THAT(verified, IsOk());
+    ASSERT_FALSE(verified->clean());
+    EXPECT_THAT(verified->defects[0].problem, ::testing::HasSubstr(problem));
+  }
+
+  // Writes past the store.
+  void Change(const std::string& sql) {
+    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute(sql), IsOk());
+  }
+
   TempDir dir_;
   const std::string path_ = dir_.File("a.db");
   MapStore store_ = OpenStore(path_);
@@ -518,28 +531,34 @@ TEST_F(EditTest, AResetCalibrationIsWhatWasKnownBefore) {
 
 TEST_F(EditTest, VerifyFindsAnEditThatWasChanged) {
   Edit(Rename(0, "gate"));
-  {
-    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
-    ASSERT_THAT(database->Execute("UPDATE map_edit SET new_name = 'door'"), IsOk());
-  }
-  const StatusOr<VerifyResult> verified = VerifyStore(path_);
-  ASSERT_THAT(verified, IsOk());
-  ASSERT_FALSE(verified->clean());
-  EXPECT_THAT(verified->defects[0].problem, ::testing::HasSubstr("its edits give another content"));
+  Change("UPDATE map_edit SET new_name = 'door'");
+  ExpectDefect("its edits give another content");
 }
 
-// Its content is as the release that made it computed, by its hash.
+// By another release, a little: its content is as the release that made it computed, by its hash.
 TEST_F(EditTest, VerifyLetsAControlPointBeComputedOtherwise) {
   MapEdit control = Make(EditKind::kControl, 1);
   control.mode = ModeNumber(1);
   control.p_map_landmark = {50.0, 60.0};
   control.sd_m = 0.02;
   Edit(control);
-  {
-    StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
-    ASSERT_THAT(database->Execute("UPDATE map_edit SET x_m = x_m + 1e-9"), IsOk());
-  }
+  Change("UPDATE map_edit SET x_m = x_m + 1e-9");
   ExpectClean();
+  Change("UPDATE map_edit SET x_m = x_m + 1.0");
+  ExpectDefect("its edits put mode 1 of ");
+}
+
+TEST_F(EditTest, VerifyFindsAnEditAfterAControlPointThatWasChanged) {
+  MapEdit control = Make(EditKind::kControl, 1);
+  control.mode = ModeNumber(1);
+  control.p_map_landmark = {50.0, 60.0};
+  control.sd_m = 0.02;
+  Edit(control);
+  Edit(Make(EditKind::kRetire, 0));
+  ExpectClean();
+  Change("UPDATE map_edit SET signature = '" + NameOf(2) + "', landmark = '" + NameOf(2) +
+         "' WHERE edit_id = 2");
+  ExpectDefect("its edits give other landmarks or modes");
 }
 
 TEST_F(EditTest, DerivedNumbersOfAnEditedVersionAreRecomputedBitByBit) {
