@@ -234,7 +234,8 @@ Se2 ConditionShape(std::vector<HeldMode> held, MapContent* content) {
     S.middleRows<2>(static_cast<Eigen::Index>(2 * i)) =
         L.middleRows<2>(Eigen::Index{2} * held[i].index);
   }
-  Frame frame = AlignRigidly(held);
+  const Frame rigid = AlignRigidly(held);
+  Frame frame = rigid;
   const Eigen::MatrixXd W = InformationOf(held, false, frame.turns);
   const bool turned = !known.empty() && AlignRigidly(known).turns;
   const Eigen::MatrixXd W_known = InformationOf(held, true, turned);
@@ -256,6 +257,7 @@ Se2 ConditionShape(std::vector<HeldMode> held, MapContent* content) {
     frame = AlignRigidly(held);
   }
   const Eigen::VectorXd shape = L * u;
+  if (!shape.allFinite()) return rigid.T_new_old;
   Eigen::Index row = 0;
   for (Mode* const mode : ModesOf(content)) {
     mode->p_map_landmark += shape.segment<2>(row);

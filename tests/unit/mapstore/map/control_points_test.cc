@@ -215,6 +215,26 @@ TEST(ControlPointsTest, PointsTooCloseTogetherDoNotTurnTheMap) {
   EXPECT_EQ(HoldControlPoints(points, 0, &content).yaw(), 0.0);
 }
 
+// Of a covariance beyond what numbers hold, the frame is all that points tell.
+TEST(ControlPointsTest, AShapeThatCannotBeComputedStays) {
+  MapContent before = FourLandmarks(11);
+  before.covariance = JointCovariance::FromDense(1e303 * before.covariance.Dense());
+  for (int i = 0; i < 4; ++i) {
+    before.groups[static_cast<std::size_t>(i)].modes[0].cov_p_map_landmark =
+        before.covariance.Block(i, i);
+  }
+  MapContent content = before;
+  std::vector<ControlPoint> points;
+  for (const int i : {0, 1, 3}) points.push_back(PointOn(before, i, 3.0, -4.0, 1e-6));
+  HoldControlPoints(points, 0, &content);
+  EXPECT_THAT(content.covariance.Dense() / 1e299,
+              IsNearMatrix(before.covariance.Dense() / 1e299, 1e-9));
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_THAT(PositionsOf(content).segment<2>(2 * i) - PositionsOf(before).segment<2>(2 * i),
+                IsNearMatrix(Eigen::Vector2d(3.0, -4.0), 1e-9));
+  }
+}
+
 TEST(ControlPointsTest, PointsOfUnknownModesSayNothing) {
   const MapContent before = FourLandmarks(6);
   MapContent content = before;
