@@ -59,7 +59,7 @@ class Area {
   Status NoteWaiting();
   Status Commit(bool publish, Candidate* candidate);
   Status Publish(Candidate* candidate);
-  Status Refuse(const Judgement& judgement, Candidate* candidate);
+  Status Refuse(const std::vector<std::string>& reasons, Candidate* candidate);
   StatusOr<bool> LeaveOut(const Candidate& candidate);
   StatusOr<std::vector<std::string>> FindLost(const Candidate& candidate) const;
   StatusOr<Step> Build();
@@ -322,14 +322,14 @@ Status Area::Publish(Candidate* candidate) {
 }
 
 // Kept, so that somebody can look at it and publish it all the same.
-Status Area::Refuse(const Judgement& judgement, Candidate* candidate) {
+Status Area::Refuse(const std::vector<std::string>& reasons, Candidate* candidate) {
   if (candidate->build) SHIFTMAP_RETURN_IF_ERROR(Commit(false, candidate));
   Take(*candidate);
-  const std::string reasons = fmt::format("{}", fmt::join(judgement.worse, "; "));
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
-  return store.AddNote(night_.area,
-                       NightNote::kRefused,
-                       fmt::format("{} {}", candidate->version.number->value(), reasons));
+  return store.AddNote(
+      night_.area,
+      NightNote::kRefused,
+      fmt::format("{} {}", candidate->version.number->value(), fmt::join(reasons, "; ")));
 }
 
 void Area::Take(const Candidate& candidate) {
@@ -354,7 +354,8 @@ StatusOr<Area::Step> Area::Build() {
   if (!candidate) return Step::kDone;
   SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
   if (less) return Step::kAgain;
-  if (options_.no_judge) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> lost, FindLost(*candidate));
+  if (options_.no_judge && lost.empty()) {
     SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
     return Step::kDone;
   }
@@ -366,11 +367,14 @@ StatusOr<Area::Step> Area::Build() {
       return Step::kDone;
     }
   }
+  if (options_.no_judge) {
+    SHIFTMAP_RETURN_IF_ERROR(Refuse(lost, &*candidate));
+    return Step::kDone;
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(Judgement judgement, JudgeCandidate(*candidate, given_));
   SHIFTMAP_ASSIGN_OR_RETURN(const bool held, HoldSuspects(judgement, &given_));
   if (held) return Step::kAgain;
   for (const std::string& doubt : judgement.doubts) Say(doubt);
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> lost, FindLost(*candidate));
   judgement.worse.insert(judgement.worse.end(), lost.begin(), lost.end());
   night_.judgement = judgement;
   if (judgement.worse.empty()) {
@@ -381,7 +385,7 @@ StatusOr<Area::Step> Area::Build() {
   if (judgement.before) {
     SHIFTMAP_ASSIGN_OR_RETURN(done, BuildWithoutWorst(judgement, given_));
   }
-  if (!done) SHIFTMAP_RETURN_IF_ERROR(Refuse(judgement, &*candidate));
+  if (!done) SHIFTMAP_RETURN_IF_ERROR(Refuse(judgement.worse, &*candidate));
   return Step::kDone;
 }
 

@@ -287,6 +287,31 @@ TEST_F(AnewTest, AMapThatLacksAnEditIsNotPublishedByItself) {
       << night.err;
 }
 
+// What a map lacks is no matter of judging.
+TEST_F(AnewTest, AMapThatLacksSomethingIsNotPublishedUnjudgedEither) {
+  RunForJson(
+      "shiftmap-inspect",
+      {"edit", "rename", "L01", "gate", "--reason", "named", "--store", store_, "--area", "floor"});
+  const std::vector<std::string> runs = PublishedRuns();
+  fs::remove(logs_ + "/second.mcap");
+  for (const char* const time : {"first", "again"}) {
+    const CommandResult night = Night({"--min-age-s", "0", "--no-judge"});
+    EXPECT_EQ(night.exit_code, kAttention) << time;
+    EXPECT_NE(night.err.find("run 'second' is not in it"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("edit 1 is not in it"), std::string::npos) << night.err;
+    const Json area = Json::parse(night.out)["areas"][0];
+    EXPECT_EQ(area["version"], 5) << time;
+    EXPECT_EQ(area["published"], false);
+  }
+  EXPECT_EQ(PublishedRuns(), runs);
+  // What comes back completes it.
+  Bring(1, "second");
+  RunForJson("shiftmap-inspect",
+             {"edit", "undo", "1", "--reason", "wrong", "--store", store_, "--area", "floor"});
+  EXPECT_EQ(Night({"--min-age-s", "0", "--no-judge"}).exit_code, 0);
+  EXPECT_EQ(PublishedRuns(), (std::vector<std::string>{"second", "third"}));
+}
+
 TEST_F(NightlyTest, AHeldRunIsNamedEveryNight) {
   Bring(0, "good");
   ASSERT_EQ(Night().exit_code, 0);
