@@ -308,7 +308,7 @@ std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
 }
 
 // What became of the runs, for whoever looks at the version later.
-Json OutcomeJson(const MapperResult& result) {
+Json OutcomeJson(const MapperResult& result, const std::vector<std::string>& at_two_places) {
   double chi2 = 0.0;
   std::int64_t observations = 0;
   std::int64_t outliers = 0;
@@ -323,10 +323,12 @@ Json OutcomeJson(const MapperResult& result) {
           {"modes_created", result.modes_created},
           {"modes_merged", result.modes_merged},
           {"left_out", LeftOutLines(result)},
-          {"waiting", WaitingLines(result)}};
+          {"waiting", WaitingLines(result)},
+          {"at_two_places", at_two_places}};
 }
 
-Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& result) {
+Provenance MakeProvenance(const AreaBuildOptions& options, const AreaBuild& build) {
+  const MapperResult& result = build.result;
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
   Json configuration = Json{{"revision", SoftwareRevision()},
@@ -341,7 +343,7 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const MapperResult& r
                             {"leave_rate_per_s", options.leave_rate_per_s},
                             {"learned_rates", !options.no_learned_rates},
                             {"vehicles", VehiclesJson(result.vehicles)},
-                            {"outcome", OutcomeJson(result)}};
+                            {"outcome", OutcomeJson(result, build.at_two_places)}};
   if (!options.night.empty()) configuration["night"] = options.night;
   if (options.engine == "tree") {
     configuration["tree"] = {{"field_of_view", options.field_of_view},
@@ -593,7 +595,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
   WarnOfDuplicates(build.result, context);
-  build.provenance = MakeProvenance(options, build.result);
+  build.provenance = MakeProvenance(options, build);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
   return build;
 }

@@ -252,6 +252,7 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
     Say(fmt::format("{}; to ignore it: shiftmap-inspect runs exclude {}", line, hash));
   }
   for (const std::string& line : candidate.outcome.waiting) Say(line);
+  for (const std::string& line : candidate.outcome.at_two_places) Say(line);
   night_.runs_waiting = std::max(night_.runs_waiting, candidate.outcome.waiting.size());
   if (candidate.build) {
     const std::vector<UnplacedRun>& wait = candidate.build->commit_options.waiting;

@@ -72,7 +72,8 @@ StatusOr<std::optional<Candidate>> CandidateBuilder::Make(const std::vector<LogH
     return std::optional<Candidate>();
   }
   if (built->result.runs.empty() || context_.dry_run()) {
-    for (const auto& lines : {LeftOutLines(built->result), WaitingLines(built->result)}) {
+    for (const auto& lines :
+         {LeftOutLines(built->result), WaitingLines(built->result), built->at_two_places}) {
       reasons->insert(reasons->end(), lines.begin(), lines.end());
     }
     const std::vector<UnplacedRun>& wait = built->commit_options.waiting;

@@ -42,6 +42,7 @@ BuildOutcome ReadOutcome(const std::string& configuration) {
   }
   outcome.left_out = Lines(said, "left_out");
   outcome.waiting = Lines(said, "waiting");
+  outcome.at_two_places = Lines(said, "at_two_places");
   return outcome;
 }
 

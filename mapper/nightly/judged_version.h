@@ -41,6 +41,7 @@ struct BuildOutcome {
   std::optional<double> cost;  ///< As Judgement::cost_after.
   std::vector<std::string> left_out;
   std::vector<std::string> waiting;
+  std::vector<std::string> at_two_places;  ///< AreaBuild::at_two_places.
 };
 BuildOutcome ReadOutcome(const std::string& configuration);
 

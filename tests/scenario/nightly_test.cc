@@ -155,6 +155,23 @@ TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
   EXPECT_EQ(Json::parse(night.out)["areas"][0]["runs_new"], 1);
 }
 
+TEST_F(NightlyTest, AVehicleAtTwoPlacesAtOneTimeIsNamed) {
+  const Stamp begin = ReadRunLog(world_.Log(0))->run.odometry.front().stamp;
+  for (const int run : {0, 1}) {
+    Bring(run, run == 0 ? "monday" : "other", [&](shiftmap::Run* log) {
+      log->info.vehicle = "robot";
+      const Duration by = begin + run * FromSeconds(30.0) - log->odometry.front().stamp;
+      for (OdometrySample& sample : log->odometry) sample.stamp += by;
+      for (Scan& scan : log->scans) scan.stamp += by;
+    });
+  }
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention);
+  EXPECT_NE(night.err.find("vehicle 'robot' is in runs '"), std::string::npos) << night.err;
+  const std::string reasons = Json::parse(night.out)["areas"][0]["reasons"].dump();
+  EXPECT_NE(reasons.find("a clock is wrong, or two vehicles have one name"), std::string::npos);
+}
+
 // Scans that had landmarks well in view where they stood, over the runs of a version's line.
 int ScansInView(const std::string& path, int version) {
   MapStore store = *MapStore::Open(path, MapStore::Access::kReadOnly);
