@@ -120,6 +120,7 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   });
   if (known) {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
+    SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   }
   if (options.prior == "none") return prior;
   if (options.prior == "published") {
@@ -142,7 +143,6 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
                             store.LoadVersion(options.area, *prior.version));
   prior.content = snapshot.content();
   SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.LineRuns(options.area, *prior.version));
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
   SHIFTMAP_RETURN_IF_ERROR(FindFallenOut(options, &store, &prior));
   return prior;
 }

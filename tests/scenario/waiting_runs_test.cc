@@ -60,6 +60,11 @@ TEST_F(WaitingRunsTest, AreRememberedUntilTheyAreTakenUp) {
   // A build of it alone has nothing else to do.
   EXPECT_EQ(Waiting({1}, kNothingToDo).size(), 1u);
 
+  // Nor does one that starts anew forget it.
+  const CommandResult anew = Build({2}, {"--prior", "none", "--dry-run"});
+  ASSERT_EQ(anew.exit_code, kDone) << anew.err;
+  EXPECT_EQ(Json::parse(anew.out)["waiting"][0]["run"], "run_001");
+
   const Json elsewhere = Waiting({2}, kDone);
   ASSERT_EQ(elsewhere.size(), 1u);
   EXPECT_EQ(elsewhere[0]["run"], "run_001");
