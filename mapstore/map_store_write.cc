@@ -294,9 +294,11 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   VersionRow at = published;
   do {
     if (!at.parent_version_id) {
-      return InvalidArgument("{}: has no ancestor{}",
-                             state_->VersionName(area, published.number),
-                             to ? fmt::format(" {}", to->value()) : "");
+      return InvalidArgument(
+          "{}: has no ancestor{}; shiftmap-inspect publish N --expected {} takes another version",
+          state_->VersionName(area, published.number),
+          to ? fmt::format(" {}", to->value()) : "",
+          published.number.value());
     }
     SHIFTMAP_ASSIGN_OR_RETURN(at, GetVersionById(database, *at.parent_version_id));
   } while (to && at.number > *to);

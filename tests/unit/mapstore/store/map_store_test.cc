@@ -347,7 +347,9 @@ TEST_F(MapStoreTest, PublishAndRollbackMoveThePointerByCompareAndSwap) {
   EXPECT_EQ(*store_.Rollback("level 1"), second);
   ASSERT_THAT(store_.Publish("level 1", third, second), IsOk());
   EXPECT_EQ(*store_.Rollback("level 1", first), first);
-  EXPECT_THAT(store_.Rollback("level 1"), StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
+  EXPECT_THAT(store_.Rollback("level 1"),
+              StatusIs(StatusCode::kInvalidArgument,
+                       "no ancestor; shiftmap-inspect publish N --expected 1 takes another"));
   EXPECT_THAT(store_.Rollback("level 1", second),
               StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
   std::vector<std::string> log;
