@@ -22,6 +22,7 @@
 #include "mapstore/core/folder.h"
 #include "mapstore/core/memory_bound.h"
 
+#include "mapstore/prior_version.h"
 namespace shiftmap {
 namespace {
 
@@ -42,19 +43,6 @@ struct PriorMap {
   std::vector<OlderRun> older_runs;        // The newest of that line.
   BuildEdits edits;
 };
-
-// The name of an edit that was taken back and that a version was built on, or nothing.
-StatusOr<std::string> UndoneEditOf(const std::string& area,
-                                   VersionNumber version,
-                                   MapStore* store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held, store->EditsOf(area, version));
-  for (const MapEdit& edit : held) {
-    const bool geometry = edit.kind == EditKind::kPosition || edit.kind == EditKind::kNewMode ||
-                          edit.kind == EditKind::kControl || edit.kind == EditKind::kSplit;
-    if (edit.undone && geometry) return fmt::format("edit {}", edit.id.value());
-  }
-  return std::string();
-}
 
 // Goes on from the edits that are in force. A prior that is named is taken as it is.
 Status TakeEditsIn(const AreaBuildOptions& options,
@@ -126,12 +114,17 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   if (options.prior == "published") {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
     if (!prior.published) return prior;
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.version,
-                              FindPriorVersion(options.area, *prior.published, &store, &context));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        prior.version,
+        FindPriorVersion(
+            options.area,
+            *prior.published,
+            [&](const std::string& line) { context.Warn(line + ": it is no prior"); },
+            &store));
     if (!prior.version && !options.starts_anew) {
       return FailedPrecondition(
-          "area '{}': every version of the line rests on what was taken out; --prior none with the "
-          "logs of all runs that count starts anew",
+          "area '{}': every stored version of the line rests on what was taken out; --prior none "
+          "with the logs of all runs that count starts anew",
           options.area);
     }
     if (!prior.version) return prior;
@@ -533,30 +526,6 @@ StatusOr<int> CountSetAside(const std::string& area,
 }
 
 }  // namespace
-
-StatusOr<std::optional<VersionNumber>> FindPriorVersion(const std::string& area,
-                                                        VersionNumber version,
-                                                        MapStore* store,
-                                                        const Context* context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  std::optional<VersionNumber> at = version;
-  for (; at; at = ParentOf(*at, versions)) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->ExcludedRunsOf(area, *at));
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string undone, UndoneEditOf(area, *at, store));
-    if (runs.empty() && undone.empty()) break;
-    if (context != nullptr) {
-      context->Warn(
-          runs.empty()
-              ? fmt::format("version {} rests on {}, which was taken back: it is no prior",
-                            at->value(),
-                            undone)
-              : fmt::format("version {} is made from run '{}', which is excluded: it is no prior",
-                            at->value(),
-                            runs.front()));
-    }
-  }
-  return at;
-}
 
 StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context) {
   const Stamp now = SystemNow();

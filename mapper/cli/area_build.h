@@ -46,22 +46,14 @@ struct AreaBuildOptions {
   double leave_rate_per_s = ModeOptions().leave_rate_per_s;
   std::vector<std::string> logs;
 
-  /// Whether a build starts anew where every version of the published one's line rests on what was
-  /// taken out, instead of failing: for whoever gives it the logs of all runs.
+  /// Whether a build starts anew where every stored version of the published one's line rests on
+  /// what was taken out, instead of failing: for whoever gives it the logs of all runs.
   bool starts_anew = false;
 
   /// What tells the build of a night apart, for one that goes on where another one was interrupted;
   /// empty of another build.
   std::string night;
 };
-
-/// The version that a build goes on from: the newest of a version and its ancestors that no
-/// excluded run went into, and no geometry that was taken back. Nothing if there is none.
-/// @param context  Gets a warning for each that is passed over; may be null.
-StatusOr<std::optional<VersionNumber>> FindPriorVersion(const std::string& area,
-                                                        VersionNumber version,
-                                                        MapStore* store,
-                                                        const Context* context);
 
 /// What became of it.
 struct AreaBuild {

@@ -9,12 +9,12 @@
 #include <set>
 #include <utility>
 
-#include "mapper/cli/area_build.h"
 #include "mapper/cli/run_copies.h"
 #include "mapper/nightly/rolled_back.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/map/sha256.h"
 
+#include "mapstore/prior_version.h"
 namespace shiftmap {
 namespace {
 

@@ -18,6 +18,7 @@
 #include "mapstore/core/folder.h"
 #include "mapstore/core/utf8.h"
 #include "mapstore/maintenance/backup.h"
+#include "mapstore/prior_version.h"
 
 namespace shiftmap {
 namespace {
@@ -155,7 +156,7 @@ Status MakeEditsVersion(const NightOptions& options,
   if (!published || context.dry_run()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store.Edits(area));
   if (edits.empty()) return OkStatus();
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto prior, FindPriorVersion(area, *published, &store, nullptr));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto prior, FindPriorVersion(area, *published, nullptr, &store));
   if (!prior) return OkStatus();
   return store.WithEditsInForce(area, *prior).status();
 }

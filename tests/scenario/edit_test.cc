@@ -296,6 +296,21 @@ TEST_F(EditScenarioTest, WhatABuildWasMadeWithIsLeftOutOfTheNext) {
   EXPECT_EQ(Groups(kEdited), Groups(kPlain));
 }
 
+TEST_F(EditScenarioTest, WithoutAStoredAncestorAnUndoSaysThatBuildsStartAnew) {
+  const std::string signature = Places(kEdited).begin()->first;
+  Edit({"control", signature, Point(Places(kEdited).at(signature)), "--mode", "1", "--sd", "0.02"});
+  Build(kEdited, {1});
+  RunForJson("shiftmap-inspect",
+             {"compact", "--keep-versions", "1", "--store", world_->File(kEdited)});
+  const CommandResult undone = RunCommand("shiftmap-inspect", EditOf({"undo", "1"}));
+  EXPECT_EQ(undone.exit_code, kAttention);
+  EXPECT_NE(undone.err.find("was built on edit 1: no stored ancestor is without it"),
+            std::string::npos)
+      << undone.err;
+  const CommandResult built = RunCommand("shiftmap-mapper", world_->BuildOf(kEdited, {2}));
+  EXPECT_NE(built.err.find("--prior none"), std::string::npos) << built.err;
+}
+
 TEST_F(EditScenarioTest, ARunThatFallsOutWithAnEditIsNamedUntilItIsGivenAgain) {
   const std::string signature = Places(kEdited).begin()->first;
   Place moved = Places(kEdited).at(signature);

@@ -27,6 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kBadInput = 3;
 constexpr int kNothingToDo = 5;
 constexpr int kAttention = 8;
 constexpr int kTemporary = 75;
@@ -224,25 +225,25 @@ TEST_F(NightlyTest, AnExcludedRunIsNotMapped) {
   EXPECT_EQ(Night().exit_code, 0);
 }
 
-// The first build's run is excluded, so that no version is left to go on from.
-class AnewTest : public NightlyTest {
+// Each of three nights maps a run.
+class ThreeNightsTest : public NightlyTest {
  protected:
-  AnewTest() {
+  ThreeNightsTest() {
     int run = 0;
     for (const char* const name : {"first", "second", "third"}) {
       Bring(run++, name);
       EXPECT_EQ(Night().exit_code, 0) << name;
     }
-    RunForJson("shiftmap-inspect",
-               {"runs",
-                "exclude",
-                *HashFile(logs_ + "/first.mcap"),
-                "--reason",
-                "slips",
-                "--store",
-                store_,
-                "--area",
-                "floor"});
+  }
+
+  CommandResult Inspect(Arguments words) const {
+    words.insert(words.end(), {"--store", store_, "--area", "floor"});
+    return RunCommand("shiftmap-inspect", words);
+  }
+
+  CommandResult Exclude(const std::string& name) const {
+    const std::string run = *HashFile(logs_ + "/" + name + ".mcap");
+    return Inspect({"runs", "exclude", run, "--reason", "slips"});
   }
 
   std::vector<std::string> PublishedRuns() const {
@@ -252,27 +253,69 @@ class AnewTest : public NightlyTest {
     for (const LineRun& of : runs) names.push_back(of.run.name);
     return names;
   }
+
+  // The night builds the map of these runs without a prior. The oracle is a store that never had
+  // the other one.
+  void ExpectAnew(const std::vector<std::string>& runs) const {
+    const Json planned = Json::parse(Night({"--min-age-s", "0", "--dry-run"}).out)["areas"][0];
+    EXPECT_EQ(planned["runs_again"], 2);
+    const CommandResult night = Night();
+    ASSERT_EQ(night.exit_code, 0) << night.err;
+    const Json area = Json::parse(night.out)["areas"][0];
+    EXPECT_EQ(area["version"], 4);
+    EXPECT_EQ(area["published"], true);
+    EXPECT_EQ(area["runs_new"], 0);
+    EXPECT_EQ(area["runs_again"], 2);
+    EXPECT_EQ(PublishedRuns(), runs);
+
+    const std::string others = world_.File("others");
+    fs::create_directory(others);
+    for (const std::string& run : runs) {
+      fs::copy_file(logs_ + "/" + run + ".mcap", others + "/" + run + ".mcap");
+    }
+    const Json clean = RunForJson(
+        "shiftmap-mapper",
+        {"nightly", "--store", world_.File("b.db"), "--logs", others, "--min-age-s", "0"});
+    EXPECT_EQ(area["content_hash"], clean["areas"][0]["content_hash"]);
+    EXPECT_EQ(Night().exit_code, kNothingToDo);
+  }
 };
 
-// The oracle is a store that never had the run.
-TEST_F(AnewTest, TheNightBuildsTheOthersWithoutAPrior) {
-  const CommandResult night = Night();
-  ASSERT_EQ(night.exit_code, 0) << night.err;
-  const Json area = Json::parse(night.out)["areas"][0];
-  EXPECT_EQ(area["version"], 4);
-  EXPECT_EQ(area["published"], true);
-  EXPECT_EQ(PublishedRuns(), (std::vector<std::string>{"second", "third"}));
-
-  const std::string others = world_.File("others");
-  fs::create_directory(others);
-  for (const std::string name : {"/second.mcap", "/third.mcap"}) {
-    fs::copy_file(logs_ + name, others + name);
+// The first build's run is excluded, so that no version is left to go on from.
+class AnewTest : public ThreeNightsTest {
+ protected:
+  AnewTest() {
+    const CommandResult excluded = Exclude("first");
+    EXPECT_NE(excluded.err.find("builds start anew"), std::string::npos) << excluded.err;
   }
-  const Json clean =
-      RunForJson("shiftmap-mapper",
-                 {"nightly", "--store", world_.File("b.db"), "--logs", others, "--min-age-s", "0"});
-  EXPECT_EQ(area["content_hash"], clean["areas"][0]["content_hash"]);
-  EXPECT_EQ(Night().exit_code, kNothingToDo);
+};
+
+TEST_F(AnewTest, TheNightBuildsTheOthersWithoutAPrior) { ExpectAnew({"second", "third"}); }
+
+// So does it where the store does not have the ancestor that is left.
+TEST_F(ThreeNightsTest, AncestorsThatWereCompactedAwayAreNoPrior) {
+  RunForJson("shiftmap-inspect", {"compact", "--keep-versions", "1", "--store", store_});
+  const CommandResult excluded = Exclude("third");
+  EXPECT_EQ(excluded.exit_code, 0);
+  EXPECT_NE(excluded.err.find("no stored ancestor is without it, builds start anew"),
+            std::string::npos)
+      << excluded.err;
+  const CommandResult built = RunCommand(
+      "shiftmap-mapper", {"build", "--store", store_, "--area", "floor", logs_ + "/second.mcap"});
+  EXPECT_EQ(built.exit_code, kBadInput);
+  EXPECT_NE(built.err.find("--prior none"), std::string::npos) << built.err;
+  ExpectAnew({"first", "second"});
+}
+
+// The line about a log says what brings its version back, of whichever was rolled back.
+TEST_F(ThreeNightsTest, OfVersionsThatWereRolledBackTheCommandIsSaid) {
+  ASSERT_EQ(Inspect({"rollback", "1"}).exit_code, 0);
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention);
+  EXPECT_NE(night.err.find("shiftmap-inspect publish 2, or build"), std::string::npos) << night.err;
+  EXPECT_NE(night.err.find("shiftmap-inspect publish 3 --expected 1, or build"), std::string::npos)
+      << night.err;
+  EXPECT_EQ(Inspect({"publish", "3", "--expected", "1"}).exit_code, 0);
 }
 
 // Its log was deleted: a person decides whether the map is worth the run.

@@ -255,9 +255,10 @@ Status Undo(const EditArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapEdit edit, FindEdit(arguments.store.area, id, &store));
   ReportResult(arguments, edit, result, context);
   if (result.rests_on) {
-    context.Attend(
-        fmt::format("the published version was built on edit {}: the next build goes on without it",
-                    id.value()));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const std::string next,
+        NextBuildText(arguments.store.area, "the next build goes on without it", &store));
+    context.Attend(fmt::format("the published version was built on edit {}: {}", id.value(), next));
   }
   return OkStatus();
 }

@@ -164,12 +164,13 @@ Status WarnOfPublished(const std::string& area, MapStore* store, const Context& 
   if (!published) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> runs,
                             store->ExcludedRunsOf(area, *published));
+  if (runs.empty()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::string next,
+      NextBuildText(area, "the next build goes on from the newest ancestor without it", store));
   for (const std::string& run : runs) {
-    context.Warn(
-        fmt::format("version {} is made from run '{}', which is excluded: the next build goes on "
-                    "from the newest ancestor without it",
-                    published->value(),
-                    run));
+    context.Warn(fmt::format(
+        "version {} is made from run '{}', which is excluded: {}", published->value(), run, next));
   }
   return OkStatus();
 }

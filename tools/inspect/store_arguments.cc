@@ -9,6 +9,7 @@
 #include "mapstore/core/nearest_name.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/frame_change.h"
+#include "mapstore/prior_version.h"
 
 namespace shiftmap {
 
@@ -149,5 +150,17 @@ StatusOr<EarlierMap> LoadEarlier(VersionNumber version, const MapSnapshot& to, M
 std::string ShortHash(const std::string& hash) { return hash.substr(0, 12); }
 
 std::string TimeText(Stamp stamp) { return stamp == Stamp() ? "-" : FormatUtc(stamp); }
+
+StatusOr<std::string> NextBuildText(const std::string& area,
+                                    const std::string& goes_on,
+                                    MapStore* store) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(area));
+  if (!published) return goes_on;
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto prior, FindPriorVersion(area, *published, nullptr, store));
+  if (prior) return goes_on;
+  return std::string(
+      "no stored ancestor is without it, builds start anew from the logs that are there (nightly, "
+      "or shiftmap-mapper build --prior none)");
+}
 
 }  // namespace shiftmap

@@ -88,4 +88,10 @@ std::string ShortHash(const std::string& hash);
 /// FormatUtc(); a dash for the epoch, which stands for never.
 std::string TimeText(Stamp stamp);
 
+/// What the next build does, for a line about what was taken out of the area's published version.
+/// @param goes_on  The text where a version is left to go on from.
+StatusOr<std::string> NextBuildText(const std::string& area,
+                                    const std::string& goes_on,
+                                    MapStore* store);
+
 }  // namespace shiftmap
