@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "mapper/cli/build_report.h"
+#include "mapper/cli/run_copies.h"
 #include "mapper/cli/run_loader.h"
 #include "mapper/map_edits.h"
 #include "mapper/selection/selector.h"
@@ -280,6 +281,12 @@ RunLoaderOptions LoaderOptions(const AreaBuildOptions& options,
                               OpenStore(options.store, MapStore::Access::kReadOnly, context));
     return store.Evidence(options.area, *prior.version);
   };
+  loader.missing_rest = [&](const LineRun& mapped,
+                            const Run& log) -> StatusOr<std::optional<std::string>> {
+    SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                              OpenStore(options.store, MapStore::Access::kReadOnly, context));
+    return MissingRest(options.area, mapped, log, &store);
+  };
   loader.max_memory_bytes = MaxMemory(options);
   loader.threads = options.threads;
   if (prior.content) loader.prior_modes = prior.content->covariance.size();
@@ -300,8 +307,21 @@ std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
   return thinned;
 }
 
+// Of each log as it is in its file, by its hash.
+std::map<std::string, std::int64_t> ObservationsOf(const LoadedRuns& runs) {
+  std::map<std::string, std::int64_t> observations;
+  for (const MapperInput& input : runs.inputs) {
+    const auto dropped = runs.dropped.find(input.sha256);
+    observations[input.sha256] = CountObservations(input.run) +
+                                 (dropped == runs.dropped.end() ? 0 : dropped->second.observations);
+  }
+  return observations;
+}
+
 // What became of the runs, for whoever looks at the version later.
-Json OutcomeJson(const MapperResult& result, const std::vector<std::string>& at_two_places) {
+Json OutcomeJson(const MapperResult& result,
+                 const std::vector<std::string>& at_two_places,
+                 const std::map<std::string, std::int64_t>& in_logs) {
   double chi2 = 0.0;
   std::int64_t observations = 0;
   std::int64_t outliers = 0;
@@ -317,10 +337,13 @@ Json OutcomeJson(const MapperResult& result, const std::vector<std::string>& at_
           {"modes_merged", result.modes_merged},
           {"left_out", LeftOutLines(result)},
           {"waiting", WaitingLines(result)},
-          {"at_two_places", at_two_places}};
+          {"at_two_places", at_two_places},
+          {"observations_of_logs", in_logs}};
 }
 
-Provenance MakeProvenance(const AreaBuildOptions& options, const AreaBuild& build) {
+Provenance MakeProvenance(const AreaBuildOptions& options,
+                          const AreaBuild& build,
+                          const std::map<std::string, std::int64_t>& in_logs) {
   const MapperResult& result = build.result;
   Provenance provenance;
   provenance.tool = "shiftmap-mapper " + SoftwareVersion();
@@ -336,7 +359,7 @@ Provenance MakeProvenance(const AreaBuildOptions& options, const AreaBuild& buil
                             {"leave_rate_per_s", options.leave_rate_per_s},
                             {"learned_rates", !options.no_learned_rates},
                             {"vehicles", VehiclesJson(result.vehicles)},
-                            {"outcome", OutcomeJson(result, build.at_two_places)}};
+                            {"outcome", OutcomeJson(result, build.at_two_places, in_logs)}};
   if (!options.night.empty()) configuration["night"] = options.night;
   if (options.engine == "tree") {
     configuration["tree"] = {{"field_of_view", options.field_of_view},
@@ -534,6 +557,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs,
                             LoadRuns(LoaderOptions(options, prior, now, context), context));
   SHIFTMAP_RETURN_IF_ERROR(LeaveOutExcluded(options.area, prior.exclusions, &runs));
+  const std::map<std::string, std::int64_t> in_logs = ObservationsOf(runs);
   FollowEdits(prior.edits, &runs.inputs);
   SHIFTMAP_RETURN_IF_ERROR(LoadMemory(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
@@ -564,7 +588,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
   WarnOfDuplicates(build.result, context);
-  build.provenance = MakeProvenance(options, build);
+  build.provenance = MakeProvenance(options, build, in_logs);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
   return build;
 }

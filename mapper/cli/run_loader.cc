@@ -53,7 +53,7 @@ class Loader {
   struct Rejection {
     std::string name;
     Status status;
-    bool longer;  // Than the copy that is in the map.
+    bool longer;  // Than the log of the run that is in the map.
   };
 
   const RunLoaderOptions& options_;
@@ -90,11 +90,11 @@ Status Loader::CheckName(const std::string& path, const std::string& name) {
 
 // The run of the map that a log is of, or null.
 StatusOr<const LineRun*> Loader::MappedRunOf(const RunLog& log) const {
-  const auto saw_visits = [&](const LineRun& like) -> StatusOr<bool> {
+  const auto is_log_of = [&](const LineRun& like) -> StatusOr<bool> {
     SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows, options_.known_visits());
-    return SawVisits(log.run, like.run.sha256, rows);
+    return IsLogOf(log.run, like.run, rows);
   };
-  return FindMappedRun(options_.known_runs, log.run.info, log.sha256, BeginOf(log.run), saw_visits);
+  return FindMappedRun(options_.known_runs, log.run.info, log.sha256, BeginOf(log.run), is_log_of);
 }
 
 // What a run says counts once.
@@ -105,7 +105,8 @@ StatusOr<bool> Loader::IsMapped(const std::string& path, const RunLog& log) {
     Reject(path, MakeStatus(StatusCode::kAlreadyExists, "already in the map"));
     return true;
   }
-  const std::optional<std::string> rest = MissingRest(*mapped, EndOf(log.run));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> rest,
+                            options_.missing_rest(*mapped, log.run));
   Reject(path,
          rest ? MakeStatus(StatusCode::kAlreadyExists, "{}: {}", LogName(path), *rest)
               : MakeStatus(StatusCode::kAlreadyExists,
@@ -114,22 +115,24 @@ StatusOr<bool> Loader::IsMapped(const std::string& path, const RunLog& log) {
   return true;
 }
 
-// Of copies of one run the one that was cut off last has the others in it. False: not this one.
+// Of logs of one run the one that tells most of it: of copies it has the others in it.
 bool Loader::KeepLongest(const std::string& path, const RunLog& log) {
   const auto copy = std::find_if(loaded_.begin(), loaded_.end(), [&](const auto& loaded) {
-    return AreCopies(loaded.second.input.run, log.run);
+    return AreOfOneRun(loaded.second.input.run, log.run);
   });
   if (copy == loaded_.end()) return true;
   const Run& other = copy->second.input.run;
-  const auto length = [](const Run& run) {
-    return std::make_tuple(EndOf(run), run.odometry.size());
-  };
-  const bool longer = length(other) < length(log.run);
-  const std::string kept = longer ? path : copy->second.path;
-  Reject(longer ? copy->second.path : path,
-         InvalidArgument("{}: a copy of the run, not longer than {}",
-                         LogName(longer ? copy->second.path : path),
-                         LogName(kept)));
+  const bool longer = HasFewer(other, log.run);
+  const Run& kept = longer ? log.run : other;
+  const Run& left = longer ? other : log.run;
+  const bool has_all = EndOf(left) <= EndOf(kept) && HasScansOf(kept, left);
+  const std::string& left_path = longer ? copy->second.path : path;
+  Reject(left_path,
+         InvalidArgument("{}: {} {}",
+                         LogName(left_path),
+                         has_all ? "a copy of the run, not longer than"
+                                 : "has other scans of the run, and not more observations than",
+                         LogName(longer ? path : copy->second.path)));
   if (longer) {
     choice_.Remove(copy->first);
     loaded_.erase(copy);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,10 @@ struct RunLoaderOptions {
   /// and UUID do not identify its run (FindMappedRun).
   std::function<StatusOr<std::vector<EvidenceRow>>()> known_visits;
 
+  /// As MissingRest. It is called for a log that another one of its run is in the map of.
+  std::function<StatusOr<std::optional<std::string>>(const LineRun& mapped, const Run& log)>
+      missing_rest;
+
   /// Bound on the build's memory, and what it grows with beside the logs. [bytes]
   std::int64_t max_memory_bytes = 0;
   std::int64_t prior_modes = 0;
@@ -51,10 +56,10 @@ struct LoadedRuns {
 };
 
 /// Reads the logs of a build. A log that is damaged, ends in the future, names another area, is a
-/// shorter copy of another one's run, is of a run that is in the map (FindMappedRun), or
-/// takes too much memory is left out by name, so that the others need not wait for it. Of logs that
-/// are too much together the largest are left out, whatever their order. Warns of logs that are cut
-/// off, hold implausible items, or were recorded without a clock.
+/// log of another one's run that tells less of it, is of a run that is in the map (FindMappedRun),
+/// or takes too much memory is left out by name, so that the others need not wait for it. Of logs
+/// that are too much together the largest are left out, whatever their order. Warns of logs that
+/// are cut off, hold implausible items, or were recorded without a clock.
 ///
 /// Memory: never more than `max_memory_bytes`, and one chunk of a log.
 /// Errors: those of the first log by name that is left out if none is left, kAlreadyExists if all

@@ -13,9 +13,9 @@
 #include "mapper/nightly/rolled_back.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/map/sha256.h"
-
 #include "mapstore/prior_version.h"
 namespace shiftmap {
+
 namespace {
 
 constexpr std::size_t kSha256Digits = 64;
@@ -81,19 +81,22 @@ StatusOr<const LineRun*> MappedRunOf(const std::string& area,
                                      const KnownRuns& known,
                                      const LogHead& log,
                                      MapStore* store) {
-  const auto saw_visits = [&](const LineRun& like) -> StatusOr<bool> {
+  const auto is_log_of = [&](const LineRun& like) -> StatusOr<bool> {
     const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
     if (!read.ok()) return false;  // The build says so.
     SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
                               store->Evidence(area, *known.prior));
-    return SawVisits(read->run, like.run.sha256, rows);
+    return IsLogOf(read->run, like.run, rows);
   };
-  return FindMappedRun(known.kept, log.info, log.sha256, log.begin, saw_visits);
+  return FindMappedRun(known.kept, log.info, log.sha256, log.begin, is_log_of);
 }
 
 // What the map lacks of a log that it has a run of, for a line about it; nothing if it lacks
 // nothing. A file that is as it was when its run was mapped need not be read.
-StatusOr<std::optional<std::string>> Rest(const LineRun& mapped, LogHead* log) {
+StatusOr<std::optional<std::string>> Rest(const std::string& area,
+                                          const LineRun& mapped,
+                                          LogHead* log,
+                                          MapStore* store) {
   const std::optional<Stamp> changed = ChangedAt(log->path);
   if (!log->info.uuid.empty() && changed && *changed < mapped.committed) {
     return std::optional<std::string>();
@@ -104,7 +107,8 @@ StatusOr<std::optional<std::string>> Rest(const LineRun& mapped, LogHead* log) {
   if (log->sha256 == mapped.run.sha256) return std::optional<std::string>();
   const StatusOr<RunLog> read = ReadRunLog(log->path, {.lidar_scans = false});
   if (!read.ok()) return std::optional<std::string>();
-  const std::optional<std::string> rest = MissingRest(mapped, EndOf(read->run));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> rest,
+                            MissingRest(area, mapped, read->run, store));
   if (!rest) return rest;
   return std::optional(
       fmt::format("'{}' is left out: {}; to leave it so, delete the log", log->path, *rest));
@@ -127,7 +131,7 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
     if (Remove(known, log.identity(), log, &sorted)) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, MappedRunOf(area, known, log, store));
     if (mapped != nullptr) {
-      SHIFTMAP_ASSIGN_OR_RETURN(std::optional<std::string> rest, Rest(*mapped, &log));
+      SHIFTMAP_ASSIGN_OR_RETURN(std::optional<std::string> rest, Rest(area, *mapped, &log, store));
       if (rest) {
         sorted.held.push_back(*std::move(rest));
       } else {

@@ -42,7 +42,7 @@ class NightlyTest : public ::testing::Test {
   void Bring(
       int run,
       const std::string& name,
-      const std::function<void(shiftmap::Run*)>& change = [](shiftmap::Run*) {}) {
+      const std::function<void(shiftmap::Run*)>& change = [](shiftmap::Run*) {}) const {
     shiftmap::Run log = ReadRunLog(world_.Log(run))->run;
     log.info.area = "floor";
     change(&log);
@@ -449,6 +449,44 @@ class CutOffTest : public NightlyTest, public ::testing::WithParamInterface<cons
     std::erase_if(run->scans,
                   [&](const Scan& scan) { return scan.stamp > run->odometry.back().stamp; });
   }
+  static void Sparse(shiftmap::Run* run) {
+    Name(run);
+    run->scans.resize(run->scans.size() / 3);
+  }
+
+  // A log that a part is mapped of is named until somebody takes that part back and builds with it.
+  void ExpectRestIsNamed(void (*part)(shiftmap::Run*), const std::string& what) const {
+    Bring(1, "other");
+    ASSERT_EQ(Night().exit_code, 0);
+    Bring(0, "run", part);
+    ASSERT_EQ(Night().exit_code, 0);
+    EXPECT_EQ(Night().exit_code, kNothingToDo);
+    Bring(0, "run", Name);
+    for (const char* const time : {"first", "second"}) {
+      const CommandResult night = Night();
+      EXPECT_EQ(night.exit_code, kAttention) << time;
+      EXPECT_NE(night.err.find("version 2 was built from " + what), std::string::npos)
+          << time << night.err;
+      EXPECT_EQ(night.err.find("clock"), std::string::npos) << time << night.err;
+    }
+    const Arguments store = {"--store", store_, "--area", "floor"};
+    const auto with = [&](const std::string& command, const Arguments& more = {}) {
+      Arguments words = {command};
+      words.insert(words.end(), store.begin(), store.end());
+      words.insert(words.end(), more.begin(), more.end());
+      return words;
+    };
+    ExpectError("shiftmap-mapper",
+                with("build", {logs_ + "/run.mcap"}),
+                kNothingToDo,
+                "run.mcap': version 2 was built from " + what);
+    RunForJson("shiftmap-inspect", with("rollback"));
+    RunForJson("shiftmap-mapper", with("build", {logs_ + "/run.mcap"}));
+    const Json runs = RunForJson("shiftmap-inspect", with("runs"))["runs"];
+    ASSERT_EQ(runs.size(), 1u);
+    EXPECT_NEAR(runs[0]["end_s"].get<double>() - runs[0]["begin_s"].get<double>(), 60.0, 1.0);
+    EXPECT_EQ(Night().exit_code, kNothingToDo);
+  }
 };
 
 INSTANTIATE_TEST_SUITE_P(Uuids,
@@ -504,38 +542,52 @@ TEST_P(CutOffTest, AFileUnderTwoNamesIsOneRun) {
             5);
 }
 
-// A log whose first part is mapped is named until somebody takes that part back and builds with it.
-TEST_P(CutOffTest, TheRestIsNamed) {
-  Bring(1, "other");
-  ASSERT_EQ(Night().exit_code, 0);
-  Bring(0, "run", Cut);
-  ASSERT_EQ(Night().exit_code, 0);
-  EXPECT_EQ(Night().exit_code, kNothingToDo);
-  Bring(0, "run", Name);
-  for (const char* const time : {"first", "second"}) {
-    const CommandResult night = Night();
-    EXPECT_EQ(night.exit_code, kAttention) << time;
-    EXPECT_NE(night.err.find("version 2 was built from a shorter copy"), std::string::npos)
-        << time << night.err;
-    EXPECT_EQ(night.err.find("clock"), std::string::npos) << time << night.err;
-  }
-  const Arguments store = {"--store", store_, "--area", "floor"};
-  const auto with = [&](const std::string& command, const Arguments& more = {}) {
-    Arguments words = {command};
-    words.insert(words.end(), store.begin(), store.end());
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
+// As an export of some of the sightings, with all odometry.
+TEST_P(CutOffTest, OfLogsOfOneRunTheOneWithMoreSightingsIsMapped) {
+  const auto keep = [](std::size_t from, std::size_t step) {
+    return [=](shiftmap::Run* run) {
+      Name(run);
+      std::vector<Scan> kept;
+      for (std::size_t i = from; i < run->scans.size(); i += step) kept.push_back(run->scans[i]);
+      run->scans = kept;
+    };
   };
-  ExpectError("shiftmap-mapper",
-              with("build", {logs_ + "/run.mcap"}),
-              kNothingToDo,
-              "run.mcap': version 2 was built from a shorter copy");
-  RunForJson("shiftmap-inspect", with("rollback"));
-  RunForJson("shiftmap-mapper", with("build", {logs_ + "/run.mcap"}));
-  const Json runs = RunForJson("shiftmap-inspect", with("runs"))["runs"];
-  ASSERT_EQ(runs.size(), 1u);
-  EXPECT_NEAR(runs[0]["end_s"].get<double>() - runs[0]["begin_s"].get<double>(), 60.0, 1.0);
+  Bring(0, "a_none", [](shiftmap::Run* run) {
+    Name(run);
+    run->scans.clear();
+  });
+  Bring(0, "b_part", Sparse);
+  Bring(0, "c_even", keep(0, 2));
+  Bring(0, "d_odd", keep(1, 4));
+  Bring(0, "whole", Name);
+  for (const std::string whole : {"c_even", "whole"}) {
+    const std::string store = world_.File(whole + ".db");
+    Arguments words = {"build", "--store", store, "--area", "floor"};
+    for (const char* const name : {"a_none", "b_part", "c_even", "d_odd"}) {
+      words.push_back(logs_ + "/" + name + ".mcap");
+    }
+    if (whole == "whole") words.push_back(logs_ + "/whole.mcap");
+    const CommandResult built = RunCommand("shiftmap-mapper", words);
+    ASSERT_EQ(built.exit_code, 0) << built.err;
+    EXPECT_NE(built.err.find("a_none.mcap': a copy of the run, not longer than"), std::string::npos)
+        << built.err;
+    EXPECT_NE(built.err.find("d_odd.mcap': has other scans of the run"), std::string::npos)
+        << built.err;
+    MapStore opened = *MapStore::Open(store, MapStore::Access::kReadOnly);
+    const std::vector<LineRun> runs = *opened.LineRuns("floor", VersionNumber(1));
+    ASSERT_EQ(runs.size(), 1u);
+    EXPECT_EQ(runs[0].run.name, whole);
+  }
+  CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention) << night.err;
+  EXPECT_EQ(Json::parse(night.out)["areas"][0]["runs_new"], 1);
   EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
+TEST_P(CutOffTest, TheRestIsNamed) { ExpectRestIsNamed(Cut, "a shorter copy"); }
+
+TEST_P(CutOffTest, MoreSightingsAreNamed) {
+  ExpectRestIsNamed(Sparse, "another log of it, which has");
 }
 
 }  // namespace
