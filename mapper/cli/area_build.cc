@@ -22,8 +22,8 @@
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/memory_bound.h"
-
 #include "mapstore/prior_version.h"
+
 namespace shiftmap {
 namespace {
 

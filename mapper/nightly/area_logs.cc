@@ -11,11 +11,12 @@
 
 #include "mapper/cli/run_copies.h"
 #include "mapper/nightly/rolled_back.h"
+#include "mapper/nightly/since_published.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/prior_version.h"
-namespace shiftmap {
 
+namespace shiftmap {
 namespace {
 
 constexpr std::size_t kSha256Digits = 64;
@@ -52,7 +53,7 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
     SHIFTMAP_ASSIGN_OR_RETURN(const auto identities, store->RunIdentities(area, version));
     for (const std::string& run : identities) known.rolled_back.emplace(run, version);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(known.prior, FindPriorVersion(area, **published, store, nullptr));
+  SHIFTMAP_ASSIGN_OR_RETURN(known.prior, FindPriorVersion(area, **published, nullptr, store));
   if (!known.prior) return known;
   SHIFTMAP_ASSIGN_OR_RETURN(known.kept, store->LineRuns(area, *known.prior));
   return known;
@@ -146,12 +147,15 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
     const bool again = known.mapped.contains(log.identity());
     const auto back = known.rolled_back.find(log.identity());
     if (!again && back != known.rolled_back.end()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const std::string publish,
+                                PublishCommand(area, back->second, store));
       sorted.held.push_back(
-          fmt::format("'{0}' was mapped by version {1}, which somebody rolled back; to decide: "
-                      "shiftmap-inspect runs exclude {2}, publish {1}, or build with it by hand",
+          fmt::format("'{}' was mapped by version {}, which somebody rolled back; to decide: "
+                      "shiftmap-inspect runs exclude {}, {}, or build with it by hand",
                       log.path,
                       back->second.value(),
-                      log.identity()));
+                      log.identity(),
+                      publish));
       continue;
     }
     std::vector<LogHead>& kind = again                                ? sorted.again

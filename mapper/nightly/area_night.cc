@@ -334,6 +334,14 @@ Status Area::Refuse(const std::vector<std::string>& reasons, Candidate* candidat
 }
 
 void Area::Take(const Candidate& candidate) {
+  const std::vector<RunRecord>& runs = candidate.version.provenance.runs;
+  night_.runs_again =
+      static_cast<std::size_t>(std::count_if(runs.begin(), runs.end(), [&](const RunRecord& run) {
+        return std::any_of(logs_.again.begin(), logs_.again.end(), [&](const LogHead& log) {
+          return log.IsOf(run);
+        });
+      }));
+  night_.runs_new = runs.size() - night_.runs_again;
   night_.version = candidate.version.number;
   night_.content_hash = candidate.version.map.content_hash();
   if (night_.judgement) night_.judgement->after = night_.version;
@@ -404,21 +412,6 @@ StatusOr<AreaNight> Area::Run() {
     SHIFTMAP_RETURN_IF_ERROR(CompactRefused(night_.area, options_.build.store, context_));
   }
   return night_;
-}
-
-// The command that publishes a version although it was refused. It expects the parent to be
-// published, unless it is told otherwise.
-StatusOr<std::string> PublishCommand(const std::string& area,
-                                     VersionNumber version,
-                                     MapStore* store) {
-  std::string command = fmt::format("shiftmap-inspect publish {}", version.value());
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (const VersionSummary& of : versions) {
-    if (of.version != version || !published || of.parent == published) continue;
-    command += fmt::format(" --expected {}", published->value());
-  }
-  return command;
 }
 
 }  // namespace

@@ -20,9 +20,10 @@ inline constexpr int kAlarmRefusals = 3;
 /// What a night did to an area.
 struct AreaNight {
   std::string area;
-  std::size_t runs_new = 0;              ///< Logs that no build had seen.
-  std::size_t held_out = 0;              ///< Of these, kept from the build to judge it.
-  std::size_t runs_waiting = 0;          ///< Of the build: their place in the map is ambiguous.
+  std::size_t runs_new = 0;      ///< Of the version, that the published one has not; or new logs.
+  std::size_t runs_again = 0;    ///< Of the version, that the published one has; or such logs.
+  std::size_t held_out = 0;      ///< New logs kept from the build to judge it.
+  std::size_t runs_waiting = 0;  ///< Of the build: their place in the map is ambiguous.
   std::optional<VersionNumber> version;  ///< That was made, or goes on waiting to be published.
   std::string content_hash;
   bool published = false;

@@ -7,6 +7,7 @@
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
+#include "mapstore/store_types.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -24,6 +25,12 @@ struct LogHead {
   std::string sha256;  ///< Empty if the run has a UUID.
 
   const std::string& identity() const { return info.uuid.empty() ? sha256 : info.uuid; }
+
+  /// Whether a run was mapped from this log or another copy of it.
+  bool IsOf(const RunRecord& run) const {
+    return identity() == run.identity() || identity() == run.sha256 ||
+           (!sha256.empty() && sha256 == run.sha256);
+  }
 };
 
 /// Reads a run log's head; one whose run has no UUID is hashed.

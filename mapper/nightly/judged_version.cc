@@ -48,8 +48,7 @@ BuildOutcome ReadOutcome(const std::string& configuration) {
 
 bool JudgedVersion::Has(const LogHead& log) const {
   return std::any_of(provenance.runs.begin(), provenance.runs.end(), [&](const RunRecord& run) {
-    return log.identity() == run.identity() || log.identity() == run.sha256 ||
-           (!log.sha256.empty() && log.sha256 == run.sha256);
+    return log.IsOf(run);
   });
 }
 

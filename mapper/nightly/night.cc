@@ -307,7 +307,10 @@ StatusOr<AreaNight> RunArea(const NightOptions& options,
   } else {
     SHIFTMAP_ASSIGN_OR_RETURN(night, RunAreaNight(options, area, logs, context));
   }
-  night.runs_new = all.fresh.size();
+  if (!night.version) {
+    night.runs_new = all.fresh.size();
+    night.runs_again = all.again.size();
+  }
   night.reasons.insert(night.reasons.end(), unset.begin(), unset.end());
   night.reasons.insert(night.reasons.end(), logs.held.begin(), logs.held.end());
   SHIFTMAP_RETURN_IF_ERROR(NameDistrusted(options, context, &night));

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
@@ -95,6 +96,7 @@ Json JudgementJson(const Judgement& judgement) {
 Json AreaNightJson(const AreaNight& night) {
   return {{"area", night.area},
           {"runs_new", night.runs_new},
+          {"runs_again", night.runs_again},
           {"version", night.version ? Json(night.version->value()) : Json(nullptr)},
           {"published", night.published},
           {"reasons", night.reasons},
@@ -120,15 +122,21 @@ std::string NightText(const NightResult& result) {
   for (const AreaNight& night : result.areas) {
     const std::string area = InertLine(night.area);
     if (night.version) {
-      text += fmt::format("{}: version {} from {} new runs is {}published\n",
-                          area,
-                          night.version->value(),
-                          night.runs_new,
-                          night.published ? "" : "not ");
+      text += fmt::format(
+          "{}: version {} from {}{} is {}published\n",
+          area,
+          night.version->value(),
+          CountText(night.runs_new, "new run"),
+          night.runs_again == 0 ? "" : fmt::format(" and {} mapped again", night.runs_again),
+          night.published ? "" : "not ");
+    } else if (night.runs_new + night.runs_again == 0) {
+      text += fmt::format("{}: nothing new\n", area);
     } else {
-      text += night.runs_new == 0
-                  ? fmt::format("{}: nothing new\n", area)
-                  : fmt::format("{}: {} new runs, no version\n", area, night.runs_new);
+      text += fmt::format(
+          "{}: {}{}, no version\n",
+          area,
+          CountText(night.runs_new, "new run"),
+          night.runs_again == 0 ? "" : fmt::format(" and {} to map again", night.runs_again));
     }
   }
   if (result.logs_deleted > 0) text += fmt::format("{} logs deleted\n", result.logs_deleted);

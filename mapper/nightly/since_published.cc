@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/since_published.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <filesystem>
 #include <system_error>
@@ -49,6 +51,20 @@ StatusOr<SincePublished> ReadSincePublished(const std::string& area,
   StatusOr<SincePublished> since = ReadSincePublished(area, &opened);
   if (since.status().code() == StatusCode::kNotFound) return SincePublished();
   return since;
+}
+
+StatusOr<std::string> PublishCommand(const std::string& area,
+                                     VersionNumber version,
+                                     MapStore* store) {
+  std::string command = fmt::format("shiftmap-inspect publish {}", version.value());
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
+  for (const VersionSummary& of : versions) {
+    // It expects the parent to be published, unless it is told otherwise.
+    if (of.version != version || !published || of.parent == published) continue;
+    command += fmt::format(" --expected {}", published->value());
+  }
+  return command;
 }
 
 }  // namespace shiftmap

@@ -28,6 +28,12 @@ StatusOr<SincePublished> ReadSincePublished(const std::string& area,
                                             const std::string& store,
                                             const Context& context);
 
+/// The command that publishes a version that is not, as one was refused or rolled back.
+/// Errors: those of the store.
+StatusOr<std::string> PublishCommand(const std::string& area,
+                                     VersionNumber version,
+                                     MapStore* store);
+
 /// The version that a "publish", "rollback" or "refuse" is about.
 VersionNumber VersionOf(const AuditEntry& entry);
 
