@@ -17,7 +17,9 @@ BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
     const Signature name = names.Name(edit.landmark);
     if (edit.kind == EditKind::kRate) edits.relearned.insert(name);
     if (edit.kind == EditKind::kRate && edit.undone) edits.undone_rates.push_back(edit.id);
-    if (edit.undone && edit.kind != EditKind::kRename) continue;
+    // What names and numbers mean does not change before the map does.
+    const bool names_modes = edit.kind == EditKind::kRename || edit.kind == EditKind::kMerge;
+    if (edit.undone && !names_modes) continue;
     in_force.push_back(edit);
     if (edit.kind == EditKind::kRetire) edits.retired.insert(name);
     if (edit.kind == EditKind::kRate) {
@@ -50,8 +52,9 @@ void StateRates(const BuildEdits& edits, ChainOptions* options) {
 
 void HoldControlPoints(const BuildEdits& edits, MapperResult* result) {
   if (edits.control_points.empty() || result->runs.empty()) return;
-  const Se2 T_new_old =
-      HoldControlPoints(edits.control_points, edits.control_points.size(), &result->content);
+  const std::vector<ControlPoint> points =
+      FittingControlPoints(edits.control_points, result->content);
+  const Se2 T_new_old = HoldControlPoints(points, points.size(), &result->content);
   for (MappedRun& run : result->runs) {
     run.T_map_start = T_new_old * run.T_map_start;
     MoveTrajectory(T_new_old, &run.trajectory);

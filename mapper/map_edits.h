@@ -37,7 +37,8 @@ void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs);
 void StateRates(const BuildEdits& edits, ChainOptions* options);
 
 /// Moves a map that was built on the control points, which the prior map's covariance knows of, to
-/// where they say; its runs move with the frame.
+/// where they say, those that contradict it left out (FittingControlPoints); its runs move with the
+/// frame.
 void HoldControlPoints(const BuildEdits& edits, MapperResult* result);
 
 }  // namespace shiftmap

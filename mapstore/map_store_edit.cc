@@ -11,7 +11,6 @@
 
 #include "mapstore/core/inert_text.h"
 #include "mapstore/geometry/covariance.h"
-#include "mapstore/map/control_points.h"
 #include "mapstore/map/frame_change.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
@@ -101,13 +100,6 @@ Status CheckNewName(Database& database,
   return OkStatus();
 }
 
-// A build that applies the points again is not to fail by them: they are checked when they come.
-Status CheckPoints(const EditedMap& map, const MapEdit& control) {
-  std::vector<MapEdit> held = map.held();
-  held.push_back(control);
-  return CheckControlPoints(ControlPointsOf(held), map.content());
-}
-
 // How a surveyed position moves its mode; nothing if the map does not have it.
 std::optional<EditResult::Move> MoveOf(const EditedMap& map, const MapEdit& position) {
   const LandmarkGroup* const group = map.GroupOf(position);
@@ -195,8 +187,9 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
     SHIFTMAP_ASSIGN_OR_RETURN(edit.kept,
                               FindKept(database, published.version_id, edit.vehicle, edit.since));
   }
+  const Status fitted = map.CheckPoints();
   if (edit.kind == EditKind::kControl) {
-    if (const Status fit = CheckPoints(map, edit); !fit.ok()) return refuse(fit);
+    if (const Status fit = map.CheckPointsWith(edit); !fit.ok()) return refuse(fit);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const auto kept, ReadKept(database, area_id, edit));
   if (!dry_run) {
@@ -204,8 +197,18 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
   }
   EditResult result;
   if (edit.kind == EditKind::kPosition) result.move = MoveOf(map, edit);
+  for (const MapEdit& other : map.held()) {
+    if (edit.kind == EditKind::kMerge && other.kind == EditKind::kControl &&
+        other.landmark == edit.landmark && other.mode == edit.mode) {
+      result.released.push_back(other.id);
+    }
+  }
   if (const Status applied = map.Apply(edit, kept); !applied.ok()) return refuse(applied);
   if (const Status valid = ValidateMapContent(map.content()); !valid.ok()) return refuse(valid);
+  const bool moves_points = edit.kind == EditKind::kPosition || edit.kind == EditKind::kMerge;
+  if (moves_points && fitted.ok()) {
+    if (const Status fit = map.CheckPoints(); !fit.ok()) return refuse(fit);
+  }
   result.edit = edit.id;
   if (dry_run) return result;
   SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,

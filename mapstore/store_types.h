@@ -149,6 +149,9 @@ struct EditResult {
     double sds = 0.0;  ///< In standard deviations of the difference.
   };
   std::optional<Move> move;
+
+  /// Of a merge: control points of the mode that goes, which hold nothing from now on.
+  std::vector<EditId> released;
 };
 
 struct AreaSummary {

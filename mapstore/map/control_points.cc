@@ -146,6 +146,12 @@ Misfit MisfitOf(std::vector<HeldMode> held, const JointCovariance& covariance) {
   return {r.dot(inverse.solve(r - G * f)), static_cast<int>(G.rows() - G.cols()), guess.turns};
 }
 
+double BoundOf(const Misfit& misfit) {
+  return kVarianceRatio * ChiSquareQuantile(1.0 - kFalseRefusals, misfit.dof);
+}
+
+bool Fits(const Misfit& misfit) { return misfit.dof < 1 || misfit.chi_square <= BoundOf(misfit); }
+
 // The point without which the others fit best; of equal ones the last, which came last.
 std::size_t FindWorst(const std::vector<HeldMode>& held, const JointCovariance& covariance) {
   std::size_t worst = 0;
@@ -272,9 +278,7 @@ Se2 ConditionShape(std::vector<HeldMode> held, MapContent* content) {
 Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapContent& content) {
   const std::vector<HeldMode> held = FindModes(points, 0, content);
   const Misfit misfit = MisfitOf(held, content.covariance);
-  if (misfit.dof < 1) return OkStatus();
-  const double bound = kVarianceRatio * ChiSquareQuantile(1.0 - kFalseRefusals, misfit.dof);
-  if (!(misfit.chi_square > bound)) return OkStatus();
+  if (Fits(misfit)) return OkStatus();
   const std::size_t worst = FindWorst(held, content.covariance);
   return InvalidArgument(
       "control point '{}': {:.3f} m from where the map and the other control points put it (chi "
@@ -282,9 +286,26 @@ Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapCont
       InertLine(held[worst].point->signature.text()),
       DistanceFromOthers(held, worst),
       misfit.chi_square,
-      bound,
+      BoundOf(misfit),
       misfit.turns ? "undo its edit, or state a larger sd"
                    : "or begin with points farther apart, which tell how the frame is turned");
+}
+
+std::vector<ControlPoint> FittingControlPoints(const std::vector<ControlPoint>& points,
+                                               const MapContent& content) {
+  const auto fit = [&](const std::vector<ControlPoint>& some) {
+    return Fits(MisfitOf(FindModes(some, 0, content), content.covariance));
+  };
+  if (fit(points)) return points;
+  std::vector<ControlPoint> fitting;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::vector<ControlPoint> others = points;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    if (!fit(others)) continue;
+    if (!fitting.empty()) return {};
+    fitting = std::move(others);
+  }
+  return fitting;
 }
 
 Se2 HoldControlPoints(const std::vector<ControlPoint>& points,

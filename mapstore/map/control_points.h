@@ -31,7 +31,7 @@ struct ControlPoint {
 ///
 /// Points tell the frame's rotation if they are two or more and know it to 0.05 rad, else its
 /// translation only. One point by itself only moves the frame. Points of modes that the map does
-/// not have are left out; one of a merged mode holds the mode that stands for it.
+/// not have are left out; one of a mode that a build merged holds the mode that stands for it.
 /// @param known  So many of the points, the first, the map's covariance knows of. A map of more
 ///               than kMaxJointModes modes knows of none: its covariance stays.
 /// @return T_new_old of the frame.
@@ -44,5 +44,10 @@ Se2 HoldControlPoints(const std::vector<ControlPoint>& points,
 /// they say. The bound leaves room for a map of 1.5 times the variance that it states.
 /// Errors: kInvalidArgument, which names the point without which the others fit best.
 Status CheckControlPoints(const std::vector<ControlPoint>& points, const MapContent& content);
+
+/// The points that a map can be held on: all that fit, or all but the one that contradicts, where
+/// the others fit without that one alone. None where nobody knows which one is wrong.
+std::vector<ControlPoint> FittingControlPoints(const std::vector<ControlPoint>& points,
+                                               const MapContent& content);
 
 }  // namespace shiftmap

@@ -476,7 +476,11 @@ std::vector<ControlPoint> ControlPointsOf(const std::vector<MapEdit>& held) {
   const LandmarkNames names(held);
   std::vector<ControlPoint> points;
   for (const MapEdit& edit : held) {
-    if (edit.kind != EditKind::kControl) continue;
+    const bool merged = std::any_of(held.begin(), held.end(), [&](const MapEdit& other) {
+      return other.kind == EditKind::kMerge && other.landmark == edit.landmark &&
+             other.mode == edit.mode;
+    });
+    if (edit.kind != EditKind::kControl || merged) continue;
     points.push_back({names.Name(edit.landmark), edit.mode, edit.p_map_landmark, edit.sd_m});
   }
   return points;
@@ -510,6 +514,12 @@ Status EditedMap::Apply(const MapEdit& edit, const std::optional<VehicleCalibrat
     HoldControlPoints(points, points.size() - 1, &content_);
   }
   return OkStatus();
+}
+
+Status EditedMap::CheckPointsWith(const MapEdit& control) const {
+  std::vector<MapEdit> held = held_;
+  held.push_back(control);
+  return CheckControlPoints(ControlPointsOf(held), content_);
 }
 
 Status EditedMap::ApplyTo(const MapEdit& edit, const std::optional<VehicleCalibration>& kept) {

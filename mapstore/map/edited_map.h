@@ -14,6 +14,8 @@
 namespace shiftmap {
 
 /// The control points among edits that hold, by the names that landmarks have under all of them.
+/// One whose mode another of these edits merged is none: the position is not that of the mode which
+/// took it over.
 std::vector<ControlPoint> ControlPointsOf(const std::vector<MapEdit>& held);
 
 /// A map while edits are made in it and taken out of it.
@@ -38,6 +40,11 @@ class EditedMap {
   /// it cannot be done, as a rename to a name that is taken.
   /// @param kept  Of kCalibration: what holds instead; nothing: the fleet's calibration.
   Status Apply(const MapEdit& edit, const std::optional<VehicleCalibration>& kept = std::nullopt);
+
+  /// Whether the control points fit the map, and with one that is to come.
+  /// Errors: as CheckControlPoints.
+  Status CheckPoints() const { return CheckControlPoints(ControlPointsOf(held_), content_); }
+  Status CheckPointsWith(const MapEdit& control) const;
 
   /// Keeps the number of a mode that an edit had added and that is taken back: no other gets it. To
   /// be at a new mode is to be at no known position, to be at a mode's second place is to be at it.

@@ -73,7 +73,9 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   for (const MapEdit& edit : edits) {
     if (!wanted.contains(edit.id) || Holds(of_base, edit.id)) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const auto kept, ReadKept(database, area_id, edit));
-    const Status applied = map.Apply(edit, kept);
+    const bool control = edit.kind == EditKind::kControl;
+    const Status fits = control ? map.CheckPointsWith(edit) : OkStatus();
+    const Status applied = fits.ok() ? map.Apply(edit, kept) : fits;
     if (applied.ok() || lenient) continue;
     return Annotate(applied, "edit {}", edit.id.value());
   }

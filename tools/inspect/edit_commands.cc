@@ -200,6 +200,8 @@ void ReportResult(const EditArguments& arguments,
   document["content_hash"] = result.version ? Json(result.version->content_hash) : Json(nullptr);
   document["rests_on"] = result.rests_on;
   document["moved_m"] = result.move ? Json(result.move->distance_m) : Json(nullptr);
+  document["released"] = Json::array();
+  for (const EditId id : result.released) document["released"].push_back(id.value());
   const bool undo = arguments.action == kUndo;
   std::string text = edit.id == EditId() ? "edit" : fmt::format("edit {}", edit.id.value());
   text += fmt::format(": {}{}\n", EditText(edit), undo ? ", taken back" : "");
@@ -240,6 +242,12 @@ Status Make(const EditArguments& arguments, Context& context) {
                     InertLine(edit.signature.text()),
                     result.move->distance_m,
                     result.move->sds));
+  }
+  for (const EditId id : result.released) {
+    context.Attend(fmt::format("control point {} no longer holds: its mode {} of '{}' is merged",
+                               id.value(),
+                               edit.mode.value(),
+                               InertLine(edit.signature.text())));
   }
   return OkStatus();
 }

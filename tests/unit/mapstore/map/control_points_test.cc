@@ -302,6 +302,19 @@ TEST(ControlPointsTest, APointThatContradictsTheOthersIsNamedWhicheverItIs) {
   }
 }
 
+TEST(ControlPointsTest, AMapIsHeldWithoutThePointThatAloneContradicts) {
+  std::mt19937_64 random(TestSeed(8));
+  const MapContent content = FourLandmarks(8);
+  std::vector<ControlPoint> points = Survey(content, {500.0, 500.0, 0.4}, 1.0, 0.01, random);
+  EXPECT_EQ(FittingControlPoints(points, content).size(), 4U);
+  points[1].p_map_landmark.x() += 3.0;
+  const std::vector<ControlPoint> fitting = FittingControlPoints(points, content);
+  ASSERT_EQ(fitting.size(), 3U);
+  EXPECT_EQ(fitting[1].signature, points[2].signature);
+  // Which of two is wrong, nobody knows.
+  EXPECT_TRUE(FittingControlPoints({points[0], points[1]}, content).empty());
+}
+
 // Of two points nobody knows which is wrong: the one that came last is the one to look at first.
 TEST(ControlPointsTest, TwoPointsAtAnotherDistanceThanInTheMapAreRefused) {
   const MapContent content = FourLandmarks(9);

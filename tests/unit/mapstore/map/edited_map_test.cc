@@ -197,6 +197,30 @@ TEST_F(EditedMapTest, ASplitModeIsTwoPlacesThatShareItsProbability) {
   EXPECT_EQ(plain.content().groups[1].NextNumber(), ModeNumber(5));
 }
 
+// The survey is of the place that went, 5 m from the mode that took it over.
+TEST_F(EditedMapTest, AControlPointOfAMergedModeHoldsNothing) {
+  MapEdit control = MakeEdit(EditKind::kControl, names_[1]);
+  control.id = EditId(1);
+  control.mode = ModeNumber(1);
+  control.p_map_landmark = content_.groups[1].modes[0].p_map_landmark;
+  control.sd_m = 0.02;
+  EditedMap map(content_, {});
+  ASSERT_THAT(map.Apply(control), IsOk());
+  EXPECT_EQ(ControlPointsOf(map.held()).size(), 1U);
+  MapEdit merge = MakeEdit(EditKind::kMerge, names_[1]);
+  merge.id = EditId(2);
+  merge.mode = ModeNumber(1);
+  merge.into = ModeNumber(3);
+  ASSERT_THAT(map.Apply(merge), IsOk());
+  MapContent held = map.content();
+  const std::vector<ControlPoint> points = ControlPointsOf(map.held());
+  EXPECT_EQ(HoldControlPoints(points, points.size(), &held).translation().norm(), 0.0);
+  EXPECT_EQ(GeometryHash(held), GeometryHash(map.content()));
+  // Another mode's point holds on.
+  control.mode = ModeNumber(2);
+  EXPECT_EQ(ControlPointsOf({control, merge}).size(), 1U);
+}
+
 // A build that saw the landmark where the merged mode was has made a mode there.
 TEST_F(EditedMapTest, AMergedModeDoesNotComeBackBesideOneThatWasMadeAtItsPlace) {
   MapEdit merge = MakeEdit(EditKind::kMerge, names_[1]);

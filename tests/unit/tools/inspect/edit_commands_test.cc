@@ -177,6 +177,46 @@ TEST_F(EditCommands, AMergedModeIsPartOfTheOther) {
   EXPECT_EQ(merged.json()["version"], 3);
 }
 
+TEST_F(EditCommands, AControlPointThatAMergeReleasesIsNamed) {
+  ASSERT_EQ(Edit({"position", names_[0], "1,1", "--new", "--sd", "0.1"}).code, 0);
+  const Json list = Run({"list", "--json"}).json();
+  const std::string added = std::to_string(list["edits"][0]["mode"].get<int>());
+  ASSERT_EQ(Edit({"control", names_[0], "1,1", "--mode", added, "--sd", "0.02"}).code, 0);
+  const Outcome merged = Edit({"merge", names_[0], added, "1", "--json"});
+  EXPECT_EQ(merged.code, 8);
+  EXPECT_EQ(merged.json()["released"], Json::array({2}));
+  EXPECT_THAT(merged.err,
+              HasSubstr("control point 2 no longer holds: its mode " + added + " of '" + names_[0] +
+                        "' is merged"));
+}
+
+// The position came first: the control points were surveyed on a map that had it.
+TEST_F(EditCommands, WhatMakesControlPointsContradictTheMapIsRefused) {
+  const std::vector<LandmarkGroup> groups =
+      MapStore::Open(store_, MapStore::Access::kReadOnly)->LoadAt("hall")->groups();
+  const auto at = [&](std::size_t i, double by_m) {
+    const Mode& mode = groups[i].modes[0];
+    return fmt::format("{},{}", mode.p_map_landmark.x(), mode.p_map_landmark.y() + by_m);
+  };
+  const auto number = [&](std::size_t i) {
+    return std::to_string(groups[i].modes[0].number.value());
+  };
+  ASSERT_EQ(Edit({"position", names_[0], number(0), at(0, 30.0), "--sd", "0.02"}).code, 8);
+  for (const std::size_t i : {0u, 1u, 2u, 3u}) {
+    const Outcome made = Edit(
+        {"control", names_[i], at(i, i == 0 ? 30.0 : 0.0), "--sd", "0.02", "--mode", number(i)});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  const std::string before = *HashFile(store_);
+  const Outcome moved = Edit({"position", names_[0], number(0), at(0, 60.0), "--sd", "0.02"});
+  EXPECT_EQ(moved.code, 3);
+  EXPECT_THAT(moved.err, HasSubstr("control point '" + names_[0] + "': "));
+  const Outcome undone = Edit({"undo", "1"});
+  EXPECT_NE(undone.code, 0);
+  EXPECT_THAT(undone.err, HasSubstr("edit 1: another one needs it: edit "));
+  EXPECT_EQ(*HashFile(store_), before);
+}
+
 TEST_F(EditCommands, ASplitModeIsTwoModes) {
   const Outcome split = Edit({"split", names_[0], "1", "1,2", "-3,4", "--sd", "0.1", "--json"});
   ASSERT_EQ(split.code, 0) << split.err;
