@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "mapper/cli/build_report.h"
+#include "mapper/cli/objections.h"
 #include "mapper/cli/run_copies.h"
 #include "mapper/cli/run_loader.h"
 #include "mapper/map_edits.h"
@@ -548,6 +549,20 @@ StatusOr<int> CountSetAside(const std::string& area,
       now.begin(), now.end(), [&](const std::string& uuid) { return !then.contains(uuid); }));
 }
 
+// A dry run does not make the prior that has the edits in force.
+Status AddObjections(const AreaBuildOptions& options, const Context& context, AreaBuild* build) {
+  const std::optional<VersionNumber>& parent = build->commit_options.parent;
+  std::error_code error;
+  const bool exists = std::filesystem::exists(options.store, error);
+  if (!exists || build->result.runs.empty() || (parent && context.dry_run())) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
+                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      build->objections,
+      FindObjections(options.area, parent, build->provenance.runs, build->result.content, &store));
+  return OkStatus();
+}
+
 }  // namespace
 
 StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context) {
@@ -590,6 +605,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   WarnOfDuplicates(build.result, context);
   build.provenance = MakeProvenance(options, build, in_logs);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
+  SHIFTMAP_RETURN_IF_ERROR(AddObjections(options, context, &build));
   return build;
 }
 
@@ -633,6 +649,7 @@ void WarnOfRuns(const AreaBuild& build, Context& context) {
     context.Attend(fmt::format(
         "run '{}' is no longer in the map: its version is no prior; build its log again", run));
   }
+  for (const std::string& line : build.objections) context.Attend(line);
   for (const std::string& line : build.at_two_places) context.Warn(line);
   for (const UnplacedRun& run : build.not_given) {
     context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));

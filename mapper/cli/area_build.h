@@ -63,6 +63,8 @@ struct AreaBuild {
   std::vector<UnplacedRun> not_given;               ///< That wait, but not of this build.
   std::vector<std::string> at_two_places;           ///< A line for each vehicle that was.
 
+  std::vector<std::string> objections;  ///< FindObjections; of a dry run with a prior none.
+
   // What CommitArea adds to the store with the map.
   Provenance provenance;
   CommitOptions commit_options;

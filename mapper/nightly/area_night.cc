@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "mapper/cli/area_build.h"
+#include "mapper/cli/objections.h"
 #include "mapper/nightly/candidate.h"
 #include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/since_published.h"
@@ -49,6 +50,7 @@ class Area {
   Status HoldOut();
   StatusOr<Judgement> JudgeCandidate(const Candidate& candidate,
                                      const std::vector<LogHead>& given) const;
+  StatusOr<std::vector<std::string>> Objections(const Candidate& candidate) const;
   Status Hold(const LogHead& log, const std::string& reason);
   StatusOr<bool> HoldSuspects(const Judgement& judgement, std::vector<LogHead>* given);
   StatusOr<bool> BuildWithout(const std::function<bool(const LogHead&)>& blames,
@@ -61,7 +63,6 @@ class Area {
   Status Publish(Candidate* candidate);
   Status Refuse(const std::vector<std::string>& reasons, Candidate* candidate);
   StatusOr<bool> LeaveOut(const Candidate& candidate);
-  StatusOr<std::vector<std::string>> FindLost(const Candidate& candidate) const;
   StatusOr<Step> Build();
   void Say(const std::string& line);
   void Take(const Candidate& candidate);
@@ -113,14 +114,28 @@ StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
     SHIFTMAP_ASSIGN_OR_RETURN(store, Open(MapStore::Access::kReadOnly));
     SHIFTMAP_ASSIGN_OR_RETURN(logs.refused, ReadRefused(night_.area, &*store));
   }
-  return Judge(
-      night_.area,
-      candidate.version,
-      logs,
-      options_.judge,
-      [this](const std::vector<LogHead>& some) { return candidates_.BuildFold(some); },
-      store ? &*store : nullptr,
-      CheckStopped);
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Judgement judgement,
+      Judge(
+          night_.area,
+          candidate.version,
+          logs,
+          options_.judge,
+          [this](const std::vector<LogHead>& some) { return candidates_.BuildFold(some); },
+          store ? &*store : nullptr,
+          CheckStopped));
+  // It is not for shifts to judge whether the map is worth these.
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> objections, Objections(candidate));
+  judgement.worse.insert(judgement.worse.end(), objections.begin(), objections.end());
+  return judgement;
+}
+
+StatusOr<std::vector<std::string>> Area::Objections(const Candidate& candidate) const {
+  if (!HasStore(options_)) return std::vector<std::string>();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  const JudgedVersion& version = candidate.version;
+  return FindObjections(
+      night_.area, version.parent, version.provenance.runs, version.map.content(), &store);
 }
 
 // A run that somebody took in again by hand is not held any more.
@@ -261,35 +276,6 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   return !out.empty();
 }
 
-// What the published version has and a map that is built anew lacks, for want of a prior. Whether
-// it is worth that is not for shifts to judge.
-StatusOr<std::vector<std::string>> Area::FindLost(const Candidate& candidate) const {
-  std::vector<std::string> lost;
-  if (candidate.version.parent || !HasStore(options_)) return lost;
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
-  if (!published) return lost;
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto exclusions, store.Exclusions(night_.area));
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store.LineRuns(night_.area, *published));
-  const std::vector<RunRecord>& built = candidate.version.provenance.runs;
-  for (const auto& [run, version, committed] : runs) {
-    const bool there = std::any_of(built.begin(), built.end(), [&](const RunRecord& of) {
-      return of.sha256 == run.sha256 || of.identity() == run.identity();
-    });
-    if (there || FindExclusion(exclusions, run.identity(), run.vehicle, run.begin) != nullptr) {
-      continue;
-    }
-    lost.push_back(
-        fmt::format("run '{}' is not in it, its log is not there or left out", run.name));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto edits, store.EditsOf(night_.area, *published));
-  for (const MapEdit& edit : edits) {
-    if (edit.undone) continue;
-    lost.push_back(fmt::format("edit {} is not in it, to be made again", edit.id.value()));
-  }
-  return lost;
-}
-
 // The only place where a version of the night is written.
 // Errors: kAborted if another version was published since the build began.
 Status Area::Commit(bool publish, Candidate* candidate) {
@@ -363,10 +349,13 @@ StatusOr<Area::Step> Area::Build() {
   if (!candidate) return Step::kDone;
   SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
   if (less) return Step::kAgain;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> lost, FindLost(*candidate));
-  if (options_.no_judge && lost.empty()) {
-    SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
-    return Step::kDone;
+  std::vector<std::string> objections;
+  if (options_.no_judge) {
+    SHIFTMAP_ASSIGN_OR_RETURN(objections, Objections(*candidate));
+    if (objections.empty()) {
+      SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));
+      return Step::kDone;
+    }
   }
   if (candidate->version.number) {
     SHIFTMAP_ASSIGN_OR_RETURN(const SincePublished since,
@@ -377,14 +366,13 @@ StatusOr<Area::Step> Area::Build() {
     }
   }
   if (options_.no_judge) {
-    SHIFTMAP_RETURN_IF_ERROR(Refuse(lost, &*candidate));
+    SHIFTMAP_RETURN_IF_ERROR(Refuse(objections, &*candidate));
     return Step::kDone;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Judgement judgement, JudgeCandidate(*candidate, given_));
   SHIFTMAP_ASSIGN_OR_RETURN(const bool held, HoldSuspects(judgement, &given_));
   if (held) return Step::kAgain;
   for (const std::string& doubt : judgement.doubts) Say(doubt);
-  judgement.worse.insert(judgement.worse.end(), lost.begin(), lost.end());
   night_.judgement = judgement;
   if (judgement.worse.empty()) {
     SHIFTMAP_RETURN_IF_ERROR(Publish(&*candidate));

@@ -7,15 +7,18 @@
 
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "mapstore/sqlite/database.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/well_formed.h"
 #include "tests/scenario/world.h"
+#include "tests/support/status_matchers.h"
 
 namespace shiftmap::testing {
 namespace {
@@ -345,6 +348,63 @@ TEST_F(EditScenarioTest, AStatedRateWeighsInEveryFitUntilItIsTakenBack) {
   const Json verified =
       RunForJson("shiftmap-inspect", {"verify", "--store", world_->File(kEdited)});
   EXPECT_EQ(verified["defects"], 0);
+}
+
+// The place that went is 4 m from the mode that took it over.
+TEST_F(EditScenarioTest, AControlPointOfAMergedModeDoesNotMoveTheNextBuild) {
+  const std::map<std::string, Place> before = Places(kEdited);
+  const auto& [signature, place] = *before.begin();
+  const Place other = {place.x_m + 4.0, place.y_m};
+  const Json added = Edit({"position", signature, Point(other), "--new", "--sd", "0.02"});
+  const std::string mode = std::to_string(added["edit"]["mode"].get<int>());
+  Edit({"control", signature, Point(other), "--mode", mode, "--sd", "0.02"});
+  const CommandResult merged =
+      RunCommand("shiftmap-inspect", EditOf({"merge", signature, mode, "1"}));
+  EXPECT_EQ(merged.exit_code, kAttention) << merged.err;
+  Build(kEdited, {1});
+  for (const auto& [name, now] : Places(kEdited)) {
+    if (!before.contains(name)) continue;
+    EXPECT_LT(Distance(now, before.at(name)), 0.3) << name;
+  }
+}
+
+// As a store has them whose control points were not checked against what came later.
+TEST_F(EditScenarioTest, ABuildThatContradictsAControlPointIsHeldOnTheOthersAndSaysSo) {
+  const std::map<std::string, Place> before = Places(kEdited);
+  std::vector<std::string> surveyed;
+  for (const auto& [signature, place] : before) surveyed.push_back(signature);
+  for (const std::size_t i : {0U, 4U, 8U, 12U}) {
+    Edit({"control", surveyed.at(i), Point(before.at(surveyed[i])), "--mode", "1", "--sd", "0.02"});
+  }
+  {
+    StatusOr<Database> database =
+        Database::Open(world_->File(kEdited), {Database::Mode::kReadWrite});
+    ASSERT_THAT(database->Execute("UPDATE map_edit SET x_m = x_m + 3.0 WHERE edit_id = 2"), IsOk());
+  }
+  const CommandResult build = RunCommand("shiftmap-mapper", world_->BuildOf(kEdited, {1}));
+  EXPECT_EQ(build.exit_code, kAttention);
+  EXPECT_NE(build.err.find("control point '" + surveyed[4] + "': "), std::string::npos)
+      << build.err;
+  for (const auto& [name, now] : Places(kEdited)) {
+    if (!before.contains(name)) continue;
+    EXPECT_LT(Distance(now, before.at(name)), 0.3) << name;
+  }
+}
+
+TEST_F(EditScenarioTest, ABuildWithoutAPriorNamesTheEditsAndRunsThatItLacks) {
+  const std::string signature = Places(kEdited).begin()->first;
+  Edit({"retire", signature});
+  Edit({"rename", std::next(Places(kEdited).begin())->first, "gate"});
+  Edit({"undo", "2"});
+  Arguments anew = world_->BuildOf(kEdited, {1});
+  anew.insert(anew.end(), {"--prior", "none"});
+  const CommandResult build = RunCommand("shiftmap-mapper", anew);
+  EXPECT_EQ(build.exit_code, kAttention);
+  EXPECT_NE(build.err.find("edit 1 (retire '" + signature + "') is not in the new map"),
+            std::string::npos)
+      << build.err;
+  EXPECT_NE(build.err.find("run 'run_000' is not in the new map"), std::string::npos) << build.err;
+  EXPECT_EQ(CountLines(build.err), 2) << build.err;
 }
 
 }  // namespace

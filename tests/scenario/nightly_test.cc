@@ -324,7 +324,7 @@ TEST_F(AnewTest, AMapThatLacksAnotherRunIsNotPublishedByItself) {
   for (const char* const time : {"first", "again"}) {
     const CommandResult night = Night();
     EXPECT_EQ(night.exit_code, kAttention) << time;
-    EXPECT_NE(night.err.find("run 'second' is not in it"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("run 'second' is not in the new map"), std::string::npos) << night.err;
     EXPECT_NE(night.err.find("publish 4 --expected 3"), std::string::npos) << night.err;
     const Json area = Json::parse(night.out)["areas"][0];
     EXPECT_EQ(area["version"], 4) << time;
@@ -343,7 +343,7 @@ TEST_F(AnewTest, AMapThatLacksAnEditIsNotPublishedByItself) {
       {"edit", "rename", "L01", "gate", "--reason", "named", "--store", store_, "--area", "floor"});
   const CommandResult night = Night();
   EXPECT_EQ(night.exit_code, kAttention);
-  EXPECT_NE(night.err.find("edit 1 is not in it, to be made again"), std::string::npos)
+  EXPECT_NE(night.err.find("edit 1 (rename 'L01') is not in the new map, to be made again"), std::string::npos)
       << night.err;
 }
 
