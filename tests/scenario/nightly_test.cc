@@ -343,7 +343,8 @@ TEST_F(AnewTest, AMapThatLacksAnEditIsNotPublishedByItself) {
       {"edit", "rename", "L01", "gate", "--reason", "named", "--store", store_, "--area", "floor"});
   const CommandResult night = Night();
   EXPECT_EQ(night.exit_code, kAttention);
-  EXPECT_NE(night.err.find("edit 1 (rename 'L01') is not in the new map, to be made again"), std::string::npos)
+  EXPECT_NE(night.err.find("edit 1 (rename 'L01') is not in the new map, to be made again"),
+            std::string::npos)
       << night.err;
 }
 
