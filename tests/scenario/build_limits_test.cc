@@ -141,7 +141,7 @@ TEST_F(BuildLimits, TheEstimateOfMemoryHolds) {
 
 TEST_F(BuildLimits, ARunOfAnotherAreaIsNamedAndLeftOut) {
   const World other(
-      {"--seed", "99", "--shifts", "1", "--duration-s", "60", "--groups", "10", "--size-m", "20"});
+      {"--seed", "99", "--shifts", "1", "--duration-s", "61", "--groups", "10", "--size-m", "20"});
   const std::string stranger = folder_.File("stranger.mcap");
   std::filesystem::copy_file(other.Log(0), stranger);
   const CommandResult built =

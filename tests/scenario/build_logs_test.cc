@@ -29,6 +29,7 @@ using std::chrono::hours;
 using std::chrono::seconds;
 
 constexpr int kBadInput = 3;
+constexpr int kAttention = 8;
 constexpr int kNothingToDo = 5;
 constexpr auto kYear = hours(24 * 365);
 constexpr std::size_t kMib = std::size_t{1} << 20;
@@ -229,7 +230,7 @@ TEST_F(BuildLogs, ALogFromTheFuture) {
   EXPECT_EQ(RunCommand("shiftmap-mapper",
                        Build({"--prior", "none", "--clock-tolerance-s", "100000", ahead}))
                 .exit_code,
-            0);
+            kAttention);  // It lacks the runs of the published map.
 }
 
 // A receiver that rolls over, or a clock that loses its battery.
@@ -273,7 +274,7 @@ TEST_F(BuildLogs, ACopyThatWasCutOffCountsOnce) {
   EXPECT_EQ(Json::parse(built.out)["runs"].size(), 1u);
   ExpectError("shiftmap-mapper", Build({part}), kNothingToDo, "already in the map");
 
-  RunForJson("shiftmap-mapper", Build({"--prior", "none", part}));
+  EXPECT_EQ(RunCommand("shiftmap-mapper", Build({"--prior", "none", part})).exit_code, kAttention);
   ExpectError("shiftmap-mapper", Build({whole}), kNothingToDo, "built from a shorter copy of it");
 }
 

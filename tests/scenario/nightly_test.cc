@@ -358,8 +358,9 @@ TEST_F(AnewTest, AMapThatLacksSomethingIsNotPublishedUnjudgedEither) {
   for (const char* const time : {"first", "again"}) {
     const CommandResult night = Night({"--min-age-s", "0", "--no-judge"});
     EXPECT_EQ(night.exit_code, kAttention) << time;
-    EXPECT_NE(night.err.find("run 'second' is not in it"), std::string::npos) << night.err;
-    EXPECT_NE(night.err.find("edit 1 is not in it"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("run 'second' is not in the new map"), std::string::npos) << night.err;
+    EXPECT_NE(night.err.find("edit 1 (rename 'L01') is not in the new map"), std::string::npos)
+        << night.err;
     const Json area = Json::parse(night.out)["areas"][0];
     EXPECT_EQ(area["version"], 5) << time;
     EXPECT_EQ(area["published"], false);
