@@ -19,7 +19,8 @@ StatusOr<std::vector<std::string>> FindLostRuns(const std::string& area,
   std::vector<std::string> lost;
   SHIFTMAP_ASSIGN_OR_RETURN(const auto exclusions, store->Exclusions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->LineRuns(area, published));
-  for (const auto& [run, version, committed] : runs) {
+  for (const LineRun& of_line : runs) {
+    const RunRecord& run = of_line.run;
     const bool there = std::any_of(built.begin(), built.end(), [&](const RunRecord& of) {
       return of.sha256 == run.sha256 || of.identity() == run.identity();
     });
