@@ -286,9 +286,8 @@ void Localizer::Step(const WindowScan& step) {
 
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const bool unlocalized =
-      was_nowhere || IsNowhere(pose) ||
-      IsUnlocalized(step.motion, pose, snapshot_.calibration().sensor);
+  const bool unlocalized = was_nowhere || IsNowhere(pose) ||
+                           IsUnlocalized(step.motion, pose, snapshot_.calibration().sensor);
   if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose(health_.failing_since());
