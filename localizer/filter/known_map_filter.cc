@@ -83,7 +83,7 @@ KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, dou
 // False if it is not a number.
 bool WithinMagnitude(double value) { return std::abs(value) <= kMaxMagnitude; }
 
-// By the leading minors of the pose's covariance: comparisons are false for what is not a number.
+// The leading minors of the pose's covariance are positive. A comparison with NaN is false.
 bool IsSoundCovariance(const KnownMapFilter::StateMatrix& P) {
   const double xx_yy = P(0, 0) * P(1, 1) - P(0, 1) * P(0, 1);
   const double xy_yw = P(0, 1) * P(1, 2) - P(1, 1) * P(0, 2);
@@ -582,7 +582,7 @@ void KnownMapFilter::Share(int mode_index,
   shared_errors_.MakeRoom();
   shared_errors_.UseBiasOf(seen);
   const int rows = shared_errors_.rows();
-  // Rows of what is not known together, places among them, stay ones of their own.
+  // A place keeps the rows of the identity: its covariance with the modes is unknown.
   Square cov = Square::Identity(rows, rows);
   ByPoint cross = ByPoint::Zero(rows, 2);
   constexpr int kBias = SharedErrors::kBiasRow;
@@ -609,7 +609,7 @@ void KnownMapFilter::Share(int mode_index,
   shared_errors_.Add(mode_index, regression);
 }
 
-// What shared_errors_ do not estimate is known of by the state's error: as if that had been seen.
+// Other places, gains and the other bias are corrected by their regression on the state's error.
 bool KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance) {
   const Eigen::Matrix<double, kStates, 1> mean = shared_errors_.MeanOfState();
   const StateMatrix cov = shared_errors_.CovarianceOfState();
@@ -641,7 +641,7 @@ bool KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovari
     bias->cross = (kept * bias->cross).eval();
   }
   SensorBias& seen = kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
-  if (const auto cross = shared_errors_.CrossOfBias(kind)) seen.cross = *cross;
+  seen.cross = shared_errors_.CrossOfBias();
   P_ = cov;
   const Eigen::Matrix3d A_pose = Move(mean, false).topLeftCorner<3, 3>();
   for (ConsideredMode& mode : considered_) MovePose(A_pose, &mode.gain);

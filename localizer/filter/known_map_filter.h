@@ -221,10 +221,10 @@ class KnownMapFilter {
   StateByPoint CrossOf(int mode_index, const JointCovariance& covariance) const;
   StateByPoint& GainOf(int mode_index);
   void TransformGains(const StateMatrix& M);
-  // Takes to shared_errors_ what is known of a mode that went from there.
+  // Adds a mode that shared_errors_ removed before, with its regression on what they hold.
   void Share(int mode_index, const SharedErrors::Observed& seen, const JointCovariance& covariance);
-  // Puts the state where shared_errors_ have it, and all else that is kept of errors with it. False
-  // if they have lost their digits.
+  // Replaces state, gains, biases and places by the estimate of shared_errors_. False if these have
+  // lost their digits.
   bool AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance);
   void AdoptGains(const JointCovariance& covariance);
   void ApplyGains();

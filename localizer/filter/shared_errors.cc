@@ -142,8 +142,7 @@ SharedErrors::StateMatrix SharedErrors::CovarianceOfState() const {
   return cov;
 }
 
-std::optional<SharedErrors::StateByPoint> SharedErrors::CrossOfBias(Observation::Kind kind) const {
-  if (!has_bias_ || kind_ != kind) return std::nullopt;
+SharedErrors::StateByPoint SharedErrors::CrossOfBias() const {
   StateByPoint cross;
   for (int j = 0; j < 2; ++j) {
     for (int i = 0; i < kStates; ++i) cross(i, j) = cov_(i, kBias + j);
@@ -220,7 +219,7 @@ SharedErrors::ModeError SharedErrors::ErrorOfNew(int mode_index,
   ModeError mode{Eigen::Vector2d::Zero(), prior, Columns::Zero()};
   if (mode_index < 0 || covariance.cross_blocks().empty()) return mode;
   // Of the modes in use with the new one, and its regression on them.
-  using Used = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxModes, kMax>;
+  using Used = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxModes, kMaxRows>;
   const Eigen::Index used = Eigen::Index{2} * modes_;
   Eigen::Matrix<double, Eigen::Dynamic, 2, 0, 2 * kMaxModes, 2> with_new(used, 2);
   for (int i = 0; i < modes_; ++i) {

@@ -18,7 +18,7 @@ namespace shiftmap {
 /// innovations are not white: the product of their densities would count an error that all of them
 /// share once for each of them, and a landmark some decimetres off its place in the map would prove
 /// itself at another mode within seconds. Here those errors *are* estimated, together with the
-/// error of the filter's state: for the likelihood of what is seen, and for the state where it is
+/// error of the filter's state. The likelihood of observations uses them, and the pose does beside
 /// landmarks that moved. It is the Kalman filter of a = (state error, bias, error of each mode in
 /// use), linearized where the Schmidt filter is.
 ///
@@ -102,8 +102,8 @@ class SharedErrors {
   StateVector MeanOfState() const { return mean_.head<kStates>(); }
   StateMatrix CovarianceOfState() const;
 
-  /// Of the state's error with the bias of this kind; nothing if the last sightings had another.
-  std::optional<StateByPoint> CrossOfBias(Observation::Kind kind) const;
+  /// Of the state's error with the bias in use.
+  StateByPoint CrossOfBias() const;
 
   /// Modes and places that something was taken in of.
   std::span<const int> in_use() const {
@@ -123,9 +123,8 @@ class SharedErrors {
   // Of a. The row after the bias stays zero: each mode then begins with an even row.
   static constexpr int kBias = kStates;
   static constexpr int kFixed = kStates + 3;
-  static constexpr int kMax = kMaxRows;
-  using Vector = Eigen::Matrix<double, kMax, 1>;
-  using Columns = Eigen::Matrix<double, kMax, 2>;
+  using Vector = Eigen::Matrix<double, kMaxRows, 1>;
+  using Columns = Eigen::Matrix<double, kMaxRows, 2>;
 
   // The error of a mode given all that was seen.
   struct ModeError {
@@ -160,7 +159,7 @@ class SharedErrors {
   Observation::Kind kind_ = Observation::Kind::kRangeBearing;
   Eigen::Matrix2d cov_bias_ = Eigen::Matrix2d::Zero();
   Vector mean_ = Vector::Zero();
-  PairedLowerTriangle<kMax, kFixed> cov_;
+  PairedLowerTriangle<kMaxRows, kFixed> cov_;
 };
 
 }  // namespace shiftmap

@@ -175,15 +175,8 @@ TEST_F(AllocationTest, ALandmarkThatMovedTakesNothingFromTheHeap) {
   MapContent content = MakeTwoModeMap(kGroups, 12.0, 3);
   const Eigen::Index size = 2 * content.covariance.size();
   const Eigen::MatrixXd of_all = Eigen::MatrixXd::Identity(size, size) * 0.01;
-  content.covariance =
-      JointCovariance::FromDense(of_all + Eigen::MatrixXd::Constant(size, size, 1e-4));
-  int index = 0;
-  for (LandmarkGroup& group : content.groups) {
-    for (Mode& mode : group.modes) {
-      mode.cov_p_map_landmark = content.covariance.Block(index, index);
-      ++index;
-    }
-  }
+  SetCovariance(JointCovariance::FromDense(of_all + Eigen::MatrixXd::Constant(size, size, 1e-4)),
+                &content);
   const MapSnapshot snapshot = Snapshot(content);
   KnownMapFilter filter(*Options(0.0).initial_pose, content.calibration);
   std::int64_t taken = 0;

@@ -43,6 +43,17 @@ MapContent MakeTwoModeMap(int groups, double size_m, std::uint64_t seed) {
   return content;
 }
 
+void SetCovariance(const JointCovariance& covariance, MapContent* content) {
+  content->covariance = covariance;
+  int index = 0;
+  for (LandmarkGroup& group : content->groups) {
+    for (Mode& mode : group.modes) {
+      mode.cov_p_map_landmark = covariance.Block(index, index);
+      ++index;
+    }
+  }
+}
+
 MapSnapshot Snapshot(MapContent content) {
   return MapSnapshot("area", VersionNumber(1), "hash", std::move(content));
 }

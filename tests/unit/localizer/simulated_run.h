@@ -17,6 +17,9 @@ namespace shiftmap {
 /// (0.02, 0.9, 0.08): the first mode is the favourite.
 MapContent MakeTwoModeMap(int groups, double size_m, std::uint64_t seed);
 
+/// Gives all modes of a map a joint covariance.
+void SetCovariance(const JointCovariance& covariance, MapContent* content);
+
 MapSnapshot Snapshot(MapContent content);
 
 struct SimulationOptions {

@@ -26,15 +26,7 @@ JointCovariance CorrelatedCovariance(int modes, double sd_common, double sd_own)
 
 MapContent CorrelatedMap(double sd_common, double sd_own, int groups = 8) {
   MapContent content = MakeTwoModeMap(groups, 12.0, 5);
-  const int modes = content.covariance.size();
-  content.covariance = CorrelatedCovariance(modes, sd_common, sd_own);
-  int index = 0;
-  for (LandmarkGroup& group : content.groups) {
-    for (Mode& mode : group.modes) {
-      mode.cov_p_map_landmark = content.covariance.Block(index, index);
-      ++index;
-    }
-  }
+  SetCovariance(CorrelatedCovariance(content.covariance.size(), sd_common, sd_own), &content);
   return content;
 }
 
@@ -357,15 +349,8 @@ double MeanNees(int runs, double assumed_map_share) {
     const MapContent content = CorrelatedMap(0.10, 0.03);
     MapContent assumed = content;
     const int modes = content.covariance.size();
-    assumed.covariance =
-        CorrelatedCovariance(modes, 0.10 * assumed_map_share, 0.03 * assumed_map_share);
-    int index = 0;
-    for (LandmarkGroup& group : assumed.groups) {
-      for (Mode& mode : group.modes) {
-        mode.cov_p_map_landmark = assumed.covariance.Block(index, index);
-        ++index;
-      }
-    }
+    SetCovariance(CorrelatedCovariance(modes, 0.10 * assumed_map_share, 0.03 * assumed_map_share),
+                  &assumed);
     const MapSnapshot snapshot = Snapshot(assumed);
 
     std::mt19937_64 random(1000 + static_cast<std::uint64_t>(seed));

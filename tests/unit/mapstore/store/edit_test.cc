@@ -54,6 +54,14 @@ class EditTest : public ::testing::Test {
     return edit;
   }
 
+  MapEdit Control() const {
+    MapEdit edit = Make(EditKind::kControl, 1);
+    edit.mode = ModeNumber(1);
+    edit.p_map_landmark = {50.0, 60.0};
+    edit.sd_m = 0.02;
+    return edit;
+  }
+
   MapEdit Rename(std::size_t group, const std::string& name) const {
     MapEdit edit = Make(EditKind::kRename, group);
     edit.new_name = Signature(name);
@@ -448,11 +456,7 @@ TEST_F(EditTest, EditsAreInTheAuditLogWithTheirReasons) {
 TEST_F(EditTest, ASnapshotHoldsEditsAndFollowsNames) {
   ASSERT_THAT(store_.Return(Report(first_, NameOf(0), 100.0)), IsOk());
   Edit(Rename(0, "gate"));
-  MapEdit control = Make(EditKind::kControl, 1);
-  control.mode = ModeNumber(1);
-  control.p_map_landmark = {50.0, 60.0};
-  control.sd_m = 0.02;
-  Edit(control);
+  Edit(Control());
   Build();
   const std::string path = dir_.File("snapshot.db");
   ASSERT_THAT(store_.ExportSnapshot("floor", path), IsOk());
@@ -537,11 +541,7 @@ TEST_F(EditTest, VerifyFindsAnEditThatWasChanged) {
 
 // By another release, a little: its content is as the release that made it computed, by its hash.
 TEST_F(EditTest, VerifyLetsAControlPointBeComputedOtherwise) {
-  MapEdit control = Make(EditKind::kControl, 1);
-  control.mode = ModeNumber(1);
-  control.p_map_landmark = {50.0, 60.0};
-  control.sd_m = 0.02;
-  Edit(control);
+  Edit(Control());
   Change("UPDATE map_edit SET x_m = x_m + 1e-9");
   ExpectClean();
   Change("UPDATE map_edit SET x_m = x_m + 1.0");
@@ -549,11 +549,7 @@ TEST_F(EditTest, VerifyLetsAControlPointBeComputedOtherwise) {
 }
 
 TEST_F(EditTest, VerifyFindsAnEditAfterAControlPointThatWasChanged) {
-  MapEdit control = Make(EditKind::kControl, 1);
-  control.mode = ModeNumber(1);
-  control.p_map_landmark = {50.0, 60.0};
-  control.sd_m = 0.02;
-  Edit(control);
+  Edit(Control());
   Edit(Make(EditKind::kRetire, 0));
   ExpectClean();
   Change("UPDATE map_edit SET signature = '" + NameOf(2) + "', landmark = '" + NameOf(2) +
