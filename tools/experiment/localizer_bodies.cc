@@ -115,7 +115,7 @@ StatusOr<DisplacedTally> LocalizeDisplaced(const DisplacedRun& run,
   DisplacedTally tally;
   tally.runs = 1;
   const auto drive = [&](const RunEvent& event) -> Status {
-    if (StampOf(event) < begin || StampOf(event) > end) return OkStatus();
+    if (StampOf(event) > end) return OkStatus();
     SHIFTMAP_RETURN_IF_ERROR(localizer.Process(event));
     for (const PoseEstimate& estimate : localizer.new_estimates()) {
       if (estimate.stamp < settled) continue;
