@@ -58,6 +58,7 @@ EXPERIMENTS = {
     "run-maps": ("error of runs mapped alone against their covariance", "shiftmap-experiment run-maps --data DATA/utias --output OUT"),
     "run-maps-340s": ("the same, recorded runs in parts of 340 s", "shiftmap-experiment run-maps --data DATA/utias --stretch-s 340 --worlds 0 --output OUT"),
     "scale": ("time, memory and error of builds over the size of a site", "shiftmap-experiment scale --max-key-frames 100000 --output OUT"),
+    "scale-million": ("a site of a million key frames: an hour, 10 GiB", "shiftmap-experiment scale --min-key-frames 1000000 --max-key-frames 1000000 --output OUT"),
     "scale-misread": ("a site with 0.3 misread signatures a scan", "shiftmap-experiment scale --min-key-frames 10000 --misread 0.3 --output OUT"),
     "scale-odometry": ("a site with five times the noise of odometry", "shiftmap-experiment scale --min-key-frames 10000 --odometry-noise 5 --output OUT"),
     "selectors": ("time of a selection by each selector", "shiftmap_selector_bench " + BENCH.format("selector_bench")),
