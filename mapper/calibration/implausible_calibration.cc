@@ -3,10 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <vector>
 
+#include "mapper/frontend/frame_motions.h"
 #include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
@@ -31,7 +34,9 @@ bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale
 // it does not explain becomes noise.
 double LogOddsOfReversedTurns(const BuildRun& run) {
   double log_odds = 0.0;
+  const std::vector<std::size_t> broken = BrokenMotions(run.motions);
   for (std::size_t i = 0; i < run.motions.between_frames.size(); ++i) {
+    if (std::binary_search(broken.begin(), broken.end(), i)) continue;
     const double odometry = run.motions.between_frames[i].T_begin_end.yaw();
     const double turned = run.poses[i + 1].yaw() - run.poses[i].yaw();
     const double seconds = ToSeconds(run.data->frames[i + 1].stamp - run.data->frames[i].stamp);

@@ -4,6 +4,12 @@
 #include <cmath>
 
 namespace shiftmap {
+namespace {
+
+// Variance per squared noise of odometry of a motion that tells nothing. [s]
+constexpr double kNothing = 1e12;
+
+}  // namespace
 
 Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const OdometryCalibration& to) {
   return {std::log(to.scale_v / from.scale_v),
@@ -21,13 +27,30 @@ FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& 
   return motions;
 }
 
+void BreakMotion(std::size_t i, FrameMotions* motions) {
+  IntegratedMotion& motion = motions->between_frames[i];
+  motion.J_calibration.setZero();
+  motion.slip_s = kNothing;
+  motion.cov_per_yaw_noise = Eigen::Vector3d(0.0, 0.0, kNothing).asDiagonal();
+}
+
+std::vector<std::size_t> BrokenMotions(const FrameMotions& motions) {
+  std::vector<std::size_t> broken;
+  for (std::size_t i = 0; i < motions.between_frames.size(); ++i) {
+    if (motions.between_frames[i].slip_s == kNothing) broken.push_back(i);
+  }
+  return broken;
+}
+
 void UpdateMotions(const MappingRun& run,
                    const OdometryCalibration& calibration,
                    FrameMotions* motions) {
   const bool near = CorrectionBetween(motions->calibration, calibration).cwiseAbs().maxCoeff() <
                     kLinearCorrection;
   if (motions->between_frames.size() + 1 == run.frames.size() && near) return;
+  const std::vector<std::size_t> broken = BrokenMotions(*motions);
   *motions = IntegrateMotions(run, calibration);
+  for (const std::size_t i : broken) BreakMotion(i, motions);
 }
 
 MotionIncrement MotionFrom(const FrameMotions& motions,

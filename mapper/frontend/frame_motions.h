@@ -30,7 +30,13 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
 
 FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration);
 
-/// The same, unless `motions` are near enough to `calibration` already.
+/// Makes the motion from frame i to the next tell nothing: the vehicle was moved otherwise.
+void BreakMotion(std::size_t i, FrameMotions* motions);
+
+/// The motions that are broken, ascending.
+std::vector<std::size_t> BrokenMotions(const FrameMotions& motions);
+
+/// The same, with what is broken, unless `motions` are near enough to `calibration` already.
 void UpdateMotions(const MappingRun& run,
                    const OdometryCalibration& calibration,
                    FrameMotions* motions);

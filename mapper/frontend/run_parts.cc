@@ -28,21 +28,20 @@ std::vector<OdometrySample> OdometryBetween(const std::vector<OdometrySample>& o
   return {first, last};
 }
 
-// Where parts begin, the first at 0. Each has a key frame.
-std::vector<int> PartStarts(const MappingRun& run, double part_s) {
-  const Stamp begin = run.frames.front().stamp;
-  const double duration = DurationOf(run);
+// Adds where parts of key frames [first, last) begin. Each has a key frame.
+void AddPartStarts(
+    const MappingRun& run, double part_s, int first, int last, std::vector<int>* starts) {
+  const auto stamp = [&](int i) { return run.frames[static_cast<std::size_t>(i)].stamp; };
+  const double duration = ToSeconds(stamp(last - 1) - stamp(first));
   const double parts = std::max(1.0, std::round(duration / part_s));
-  std::vector<int> starts;
   double part = -1.0;
-  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+  for (int i = first; i < last; ++i) {
     const double at =
-        std::floor(parts * ToSeconds(run.frames[i].stamp - begin) / std::max(duration, 1e-9));
+        std::floor(parts * ToSeconds(stamp(i) - stamp(first)) / std::max(duration, 1e-9));
     if (std::min(at, parts - 1.0) == part) continue;
     part = std::min(at, parts - 1.0);
-    starts.push_back(static_cast<int>(i));
+    starts->push_back(i);
   }
-  return starts;
 }
 
 }  // namespace
@@ -92,8 +91,15 @@ MappingRun PartOf(const MappingRun& run, int first, int last) {
   return part;
 }
 
-RunParts::RunParts(const MappingRun& run, double part_s) {
-  const std::vector<int> starts = PartStarts(run, part_s);
+RunParts::RunParts(const MappingRun& run, double part_s, const std::vector<std::size_t>& broken) {
+  std::vector<int> starts;
+  int first = 0;
+  for (const std::size_t motion : broken) {
+    const int next = static_cast<int>(motion) + 1;
+    AddPartStarts(run, part_s, first, next, &starts);
+    first = next;
+  }
+  AddPartStarts(run, part_s, first, static_cast<int>(run.frames.size()), &starts);
   for (std::size_t k = 0; k < starts.size(); ++k) {
     const bool last = k + 1 == starts.size();
     parts_.push_back(

@@ -19,8 +19,8 @@ MappingRun PartOf(const MappingRun& run, int first, int last);
 /// Parts of a run that are placed by themselves, and its poses by those.
 class RunParts {
  public:
-  /// Parts that each take about `part_s` [s].
-  RunParts(const MappingRun& run, double part_s);
+  /// Parts that each take about `part_s` [s], none of them across a motion of BrokenMotions().
+  RunParts(const MappingRun& run, double part_s, const std::vector<std::size_t>& broken = {});
 
   std::size_t size() const { return parts_.size(); }
   const MappingRun& At(std::size_t part) const { return parts_[part]; }

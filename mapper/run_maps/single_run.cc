@@ -17,6 +17,7 @@
 #include "mapper/graph/sensor_bias.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/registration/place_run_maps.h"
+#include "mapper/run_maps/broken_motion.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/sightings.h"
 
@@ -120,7 +121,11 @@ bool IsInconsistent(const BuildState& build) {
   return ModesBesideFirst(build) >= std::max<double>(kInconsistent, kInconsistentShare * groups);
 }
 
-double CostOf(const BuildState& build) { return build.cost + kModeCost * ModesBesideFirst(build); }
+// A break is as improbable as that the landmarks moved that it needs.
+double CostOf(const BuildState& build) {
+  const auto breaks = static_cast<double>(BrokenMotions(build.runs.front().motions).size());
+  return build.cost + kModeCost * (ModesBesideFirst(build) + kLeastMoved * breaks);
+}
 
 // Heading that odometry may lose in a part. [rad]
 constexpr double kPartHeadingSd = 0.5;
@@ -173,7 +178,7 @@ BuildState MapByParts(const MapperOptions& options,
                       const StepCallback& on_step,
                       double part_s,
                       BuildRun run) {
-  RunParts parts(*run.data, part_s);
+  RunParts parts(*run.data, part_s, BrokenMotions(run.motions));
   std::vector<RunMap> run_maps;
   for (std::size_t k = 0; k < parts.size(); ++k) {
     BuildState part = MapPart(options, build, run, parts.At(k), on_step);
@@ -227,8 +232,17 @@ BuildState MapSingleRun(const MappingRun& run,
   };
   BuildState first = map(by_parts);
   if (!IsInconsistent(first) || (on_step && !on_step(first))) return first;
-  BuildState second = map(!by_parts);
-  return CostOf(second) < CostOf(first) ? std::move(second) : std::move(first);
+  BuildState best = map(!by_parts);
+  if (CostOf(first) <= CostOf(best)) best = std::move(first);
+  while (IsInconsistent(best) && !(on_step && !on_step(best))) {
+    const std::optional<std::size_t> broken = FindBrokenMotion(best);
+    if (!broken) break;
+    BreakMotion(*broken, &build.motions);
+    BuildState broken_up = map(true);
+    if (CostOf(broken_up) >= CostOf(best)) break;
+    best = std::move(broken_up);
+  }
+  return best;
 }
 
 }  // namespace shiftmap

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -36,6 +37,19 @@ TEST(FrameMotions, AreIntegratedAgainWhereTheCalibrationIsElsewhere) {
   UpdateMotions(run, Scaled(0.0, 0.011, 0.0), &motions);
   EXPECT_EQ(motions.calibration.scale_omega, std::exp(0.011));
   EXPECT_EQ(motions.between_frames.size() + 1, run.frames.size());
+}
+
+TEST(FrameMotions, BrokenOnesTellNothingAndStayBroken) {
+  const MappingRun run = SomeRun();
+  FrameMotions motions = IntegrateMotions(run, {});
+  EXPECT_TRUE(BrokenMotions(motions).empty());
+  BreakMotion(7, &motions);
+  UpdateMotions(run, Scaled(0.1, 0.0, 0.0), &motions);
+  ASSERT_EQ(motions.calibration.scale_v, std::exp(0.1));
+  EXPECT_EQ(BrokenMotions(motions), std::vector<std::size_t>{7});
+  const Eigen::Vector3d variances = MotionFrom(motions, 7, {}).cov.diagonal();
+  EXPECT_GT(variances.head<2>().minCoeff(), 1e6);  // A kilometre.
+  EXPECT_GT(variances.z(), 1e2);                   // Any heading.
 }
 
 TEST(FrameMotions, AreLinearNearby) {

@@ -84,6 +84,14 @@ TEST_F(RunPartsTest, TakeAboutTheTimeTheyAreTold) {
   EXPECT_EQ(RunParts(run_, 2.0 * DurationOf(run_)).size(), 1u);
 }
 
+TEST_F(RunPartsTest, GoAcrossNoBrokenMotion) {
+  const std::size_t broken = run_.frames.size() / 3;
+  const RunParts parts(run_, 2.0 * DurationOf(run_), {broken});
+  ASSERT_EQ(parts.size(), 2u);
+  EXPECT_EQ(parts.At(0).frames.size(), broken + 1);
+  EXPECT_EQ(parts.At(1).frames.front().stamp, run_.frames[broken + 1].stamp);
+}
+
 // Where odometry is right, one part that is placed tells where all of the run is.
 TEST_F(RunPartsTest, PosesGoOnByOdometry) {
   const FrameMotions motions = IntegrateMotions(run_, {});

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <vector>
 
@@ -83,6 +85,72 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
               1.0)
         << seed;
     for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+  }
+}
+
+// The run without what it logged in [begin, end): the vehicle stands where it was at the end, by
+// its log at once.
+SimulatedRun CarriedMeanwhile(SimulatedRun run, Stamp begin, Stamp end) {
+  const auto cut = [&](auto* items) {
+    std::erase_if(*items,
+                  [&](const auto& item) { return begin <= item.stamp && item.stamp < end; });
+    for (auto& item : *items) {
+      if (item.stamp >= end) item.stamp -= end - begin;
+    }
+  };
+  cut(&run.run.odometry);
+  cut(&run.run.scans);
+  cut(&run.truth);
+  return run;
+}
+
+// Where the way is short, noise of odometry may explain it as well.
+TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
+  int broken = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const SimulatedWorld world = testing::StaticWorld(seed);
+    const Stamp begin = world.runs[0].truth.front().stamp;
+    const SimulatedRun carried = CarriedMeanwhile(
+        world.runs[0], begin + std::chrono::seconds(80), begin + std::chrono::seconds(120));
+    const MappingRun run = testing::Arrange(world, carried.run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(carried, run)), 1.0)
+        << seed;
+    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    for (const std::size_t motion : BrokenMotions(build.runs[0].motions)) {
+      EXPECT_LT(ToSeconds(run.frames[motion].stamp - begin), 82.0) << seed;
+      EXPECT_GT(ToSeconds(run.frames[motion + 1].stamp - begin), 78.0) << seed;
+      ++broken;
+    }
+  }
+  EXPECT_GE(broken, 4);
+}
+
+// Half of the landmarks move by the same way in the middle of a run, as on a rack, and the rest
+// stays.
+TEST(MapSingleRun, LandmarksThatMoveTogetherMoveAndNotTheVehicle) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const SimulatedWorld world = testing::StaticWorld(seed);
+    SimulatedRun moved = world.runs[0];
+    for (Scan& scan : moved.run.scans) {
+      if (ToSeconds(scan.stamp - moved.truth.front().stamp) < 100.0) continue;
+      const auto pose = std::find_if(moved.truth.begin(), moved.truth.end(), [&](const auto& at) {
+        return at.stamp == scan.stamp;
+      });
+      for (Observation& observation : scan.observations) {
+        if (observation.signature.text() > world.groups[5].signature.text()) continue;
+        const Se2& T_map_vehicle = pose->T_map_vehicle;
+        const Eigen::Vector2d p =
+            T_map_vehicle.Inverse() *
+            (T_map_vehicle * observation.PositionInVehicle() + Eigen::Vector2d(2.0, 1.0));
+        observation.z = {p.norm(), std::atan2(p.y(), p.x())};
+      }
+    }
+    const MappingRun run = testing::Arrange(world, moved.run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    EXPECT_TRUE(BrokenMotions(build.runs[0].motions).empty()) << seed;
+    EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(moved, run)), 0.1)
+        << seed;
   }
 }
 
