@@ -63,7 +63,8 @@ std::string NightTitle(Stamp begin) {
   return title + "Z";
 }
 
-// Says what the night did; nothing to do is no report.
+// Says what the night did; nothing to do is no report. It is done, with its page or without: to try
+// again would find nothing new.
 Status Finish(const NightOptions& options,
               Stamp begin,
               const Json& document,
@@ -78,8 +79,9 @@ Status Finish(const NightOptions& options,
                         document["logs_deleted"].get<int>() > 0 ||
                         context->done_code() != ExitCode::kDone;
   if (options.report && anything && !context->dry_run()) {
-    SHIFTMAP_RETURN_IF_ERROR(
-        WriteNightReport(document, NightTitle(begin), options.build.store, *options.report));
+    const Status written =
+        WriteNightReport(document, NightTitle(begin), options.build.store, *options.report);
+    if (!written.ok()) context->Attend(Message(written) + ": the night is done, without its page");
   }
   context->Report(document, text);
   if (anything || context->dry_run()) return OkStatus();

@@ -65,6 +65,15 @@ class NightlyTest : public ::testing::Test {
   std::string store_;
 };
 
+TEST_F(NightlyTest, SaysWhatItDidWhereItsPageCannotBeWritten) {
+  Bring(0, "monday");
+  const CommandResult night = Night({"--min-age-s", "0", "--report", "/proc"});
+  EXPECT_EQ(night.exit_code, kAttention) << night.err;
+  EXPECT_EQ(Json::parse(night.out)["areas"][0]["published"], true);
+  EXPECT_NE(night.err.find("/proc/"), std::string::npos) << night.err;
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
+}
+
 TEST_F(NightlyTest, EachNightMapsWhatIsNew) {
   Bring(0, "monday");
   fs::create_directory(logs_ + "/truck");
