@@ -37,6 +37,7 @@ MappedRun MakeMappedRun(const BuildState& build, std::size_t index) {
   mapped.observations = static_cast<int>(run.data->sightings.size());
   mapped.duplicate_observations = run.data->duplicate_observations;
   mapped.near_observations = run.data->near_observations;
+  mapped.anonymous_observations = run.data->anonymous_observations;
   mapped.odometry = run.odometry;
   mapped.sensor_bias = run.sensor_bias;
   for (std::size_t f = 0; f < run.poses.size(); ++f) {

@@ -30,6 +30,7 @@ struct MappedRun {
   int outliers = 0;                ///< Of those, not explained by the mode of their visit.
   int duplicate_observations = 0;  ///< One signature at two places in one scan: left out.
   int near_observations = 0;       ///< Too near to tell a bearing: left out.
+  int anonymous_observations = 0;  ///< Without a signature, also not associated: left out.
   double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
   Se2 T_map_start;    ///< Pose at the first odometry sample.
   OdometryCalibration odometry;

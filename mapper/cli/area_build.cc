@@ -468,8 +468,13 @@ std::vector<SomeRun> NotGiven(std::vector<SomeRun> runs, const std::vector<Mappe
   return runs;
 }
 
-void WarnOfDuplicates(const MapperResult& result, const Context& context) {
+void WarnOfObservations(const MapperResult& result, const Context& context) {
   for (const MappedRun& run : result.runs) {
+    if (run.anonymous_observations > 0) {
+      context.Inform(fmt::format("run '{}': {} observations without a signature are left out",
+                                 run.name,
+                                 run.anonymous_observations));
+    }
     if (run.duplicate_observations == 0) continue;
     context.Warn(fmt::format(
         "run '{}': {} observations of a signature at two places in one scan are left out",
@@ -602,7 +607,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   build.dropped = std::move(runs.dropped);
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
-  WarnOfDuplicates(build.result, context);
+  WarnOfObservations(build.result, context);
   build.provenance = MakeProvenance(options, build, in_logs);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
   SHIFTMAP_RETURN_IF_ERROR(AddObjections(options, context, &build));

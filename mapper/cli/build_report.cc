@@ -19,6 +19,7 @@ Json RunJson(const MappedRun& run, const ImplausibleItems& dropped) {
           {"outliers", run.outliers},
           {"duplicate_observations", run.duplicate_observations},
           {"near_observations", run.near_observations},
+          {"anonymous_observations", run.anonymous_observations},
           {"implausible_observations", dropped.observations},
           {"implausible_odometry", dropped.odometry},
           {"chi2", run.chi2},
@@ -261,10 +262,13 @@ std::string BuildText(const MapperResult& result, const std::optional<CommitResu
           : std::string("nothing written\n");
   std::size_t modes = 0;
   for (const LandmarkGroup& group : result.content.groups) modes += group.modes.size();
-  text += fmt::format("{} landmarks, {} modes, {} of them new\n",
-                      result.content.groups.size(),
-                      modes,
-                      result.modes_created);
+  const std::size_t anonymous = result.content.anonymous_landmarks.size();
+  text +=
+      fmt::format("{} landmarks, {} modes{}, {} of them new\n",
+                  result.content.groups.size(),
+                  modes,
+                  anonymous > 0 ? fmt::format(" and {} places without a signature", anonymous) : "",
+                  result.modes_created);
   for (const MappedRun& run : result.runs) {
     text += fmt::format("run {}: {} poses, {} observations, {} outliers\n",
                         InertLine(run.name),

@@ -333,6 +333,49 @@ TEST_F(BuildLogs, LogsWithoutAClockAreNoCopies) {
   }
 }
 
+TEST_F(BuildLogs, ObservationsWithoutASignatureAreCounted) {
+  shiftmap::Run run = ReadShift(0);
+  std::set<Signature> all;
+  for (const Scan& scan : run.scans) {
+    for (const Observation& seen : scan.observations) all.insert(seen.signature);
+  }
+  const Signature middle = *std::next(all.begin(), static_cast<std::ptrdiff_t>(all.size() / 2));
+  int anonymous = 0;
+  for (Scan& scan : run.scans) {
+    for (Observation& seen : scan.observations) {
+      if (seen.signature <= middle) continue;
+      seen.signature = Signature();
+      ++anonymous;
+    }
+  }
+  ASSERT_GT(anonymous, 100);
+  const std::string log = Log("anonymous.mcap", run);
+  const Arguments build = {"build", "--area", "floor", log, "--store"};
+  const auto with = [&](const Arguments& more) {
+    Arguments words = build;
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCommand("shiftmap-mapper", words);
+  };
+  const CommandResult ignored = with({folder_.File("ignored.db"), "--json"});
+  EXPECT_EQ(ignored.exit_code, 0);
+  EXPECT_NE(ignored.err.find(fmt::format("{} observations without a signature", anonymous)),
+            std::string::npos)
+      << ignored.err;
+  EXPECT_EQ(Json::parse(ignored.out)["runs"][0]["anonymous_observations"], anonymous);
+  // The numbers agree with each other: as many are new as there are.
+  const CommandResult text = with({folder_.File("text.db"), "--anonymous", "associate"});
+  const Json same =
+      Json::parse(with({folder_.File("json.db"), "--anonymous", "associate", "--json"}).out);
+  const int places = same["anonymous_landmarks"];
+  ASSERT_GT(places, 0);
+  EXPECT_NE(text.out.find(fmt::format("{} modes and {} places without a signature, {} of them new",
+                                      same["modes"].get<int>(),
+                                      places,
+                                      same["modes"].get<int>() + places)),
+            std::string::npos)
+      << text.out;
+}
+
 // What a driver writes for `no reading` is as if it were not there.
 TEST_F(BuildLogs, ItemsBeyondTheLimitsAreDroppedAndCounted) {
   const Json good = RunForJson("shiftmap-mapper", Build({"--dry-run", world_->Log(0)}));
