@@ -155,7 +155,7 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
     const BuildRun& run = build.runs.front();
-    std::string reason = ImplausibleCalibration(run);
+    std::string reason = ImplausibleCalibration(build);
     if (reason.empty() && ModesOf(run).empty()) reason = kOutliersReason;
     if (!reason.empty()) rejected->push_back({run.data->name, reason});
     return !reason.empty();

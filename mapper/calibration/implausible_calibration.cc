@@ -24,6 +24,9 @@ constexpr double kMaxScale = 2.0;
 // Recorded robots lose 0.02 to 0.04. [rad/√s]
 constexpr double kMaxHeadingNoise = 0.12;
 
+// What detects landmarks tells their direction at least this well. [rad]
+constexpr double kMaxBearingNoise = 0.5;
+
 // Log odds from which on odometry counts turns the other way.
 constexpr double kSurelyReversed = 10.0;
 
@@ -51,7 +54,8 @@ double LogOddsOfReversedTurns(const BuildRun& run) {
 
 }  // namespace
 
-std::string ImplausibleCalibration(const BuildRun& run) {
+std::string ImplausibleCalibration(const BuildState& build) {
+  const BuildRun& run = build.runs.front();
   const double offset = std::remainder(run.sensor_bias[kBearingOffset], 2.0 * std::numbers::pi);
   if (!(std::abs(offset) < kMaxBearingOffset)) {
     return fmt::format(
@@ -75,6 +79,10 @@ std::string ImplausibleCalibration(const BuildRun& run) {
   if (!(run.odometry.noise_omega < kMaxHeadingNoise)) {
     return fmt::format("it fits only if odometry loses the heading by {:.0f} degrees in a second",
                        run.odometry.noise_omega * 180.0 / std::numbers::pi);
+  }
+  if (!(build.sensor.sd_bearing_rad < kMaxBearingNoise)) {
+    return fmt::format("it fits only with bearings that are wrong by {:.0f} degrees: another unit",
+                       build.sensor.sd_bearing_rad * 180.0 / std::numbers::pi);
   }
   return "";
 }

@@ -229,6 +229,13 @@ TEST(OddRuns, OfTurnsTheWrongWayAreLeftOut) {
                                 "'day-0': it fits only if it turns the other way"));
 }
 
+TEST(OddRuns, OfBearingsInDegreesAreLeftOut) {
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  EXPECT_THAT(
+      BuildMap({Laps(0, 1.0, kDegrees)}, std::nullopt, {}),
+      testing::StatusIs(StatusCode::kInvalidArgument, "'day-0': it fits only with bearings"));
+}
+
 TEST(OddRuns, OfNothingButOutliersAreLeftOut) {
   const StatusOr<MapperResult> result =
       BuildMap({Laps(0, 1.0, 1.0), Laps(1, 100.0, 1.0), Laps(2, 100.0, 1.0)}, std::nullopt, {});
