@@ -94,19 +94,20 @@ TEST(OwnLogs, AMistakeIsToldWithItsNameAndExitCodeEight) {
     for (Observation& seen : scan.observations) seen.z.y() = -seen.z.y();
   }
   // The log's names are anybody's.
-  run.info.vehicle = "\x1b[2J<script>";
+  run.info.vehicle = "\x1b[2J<script>\nnothing is wrong";
   const std::string log = Shift().File("mirrored.mcap");
   ASSERT_TRUE(WriteRunLog(run, log).ok());
   const CommandResult text = RunCommand("shiftmap-convert", {"check", log});
   EXPECT_EQ(text.exit_code, 8);
   EXPECT_THAT(text.out, HasSubstr("warning: bearing_sign"));
   EXPECT_THAT(text.out, Not(HasSubstr("\x1b")));
+  EXPECT_THAT(text.out, Not(HasSubstr("\nnothing is wrong")));
   EXPECT_THAT(text.err, HasSubstr("warnings: 1"));
   const CommandResult json = RunCommand("shiftmap-convert", {"check", "--json", log});
   EXPECT_EQ(json.exit_code, 8);
   const Json document = Json::parse(json.out);
   EXPECT_EQ(document["findings"][0]["code"], "bearing_sign");
-  EXPECT_EQ(document["vehicle"], "\x1b[2J<script>");
+  EXPECT_EQ(document["vehicle"], run.info.vehicle);
 }
 
 TEST(OwnLogs, ALogThatMakesNoMapHasExitCodeThreeAndIsStillDescribed) {

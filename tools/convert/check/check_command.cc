@@ -8,6 +8,7 @@
 #include "mapstore/cli/input_options.h"
 #include "mapstore/codec/run_log.h"
 #include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "tools/convert/check/log_check.h"
 
 namespace shiftmap {
@@ -116,8 +117,8 @@ std::string TextOf(const std::string& path, const LogCheck& check, const Checked
   const ScanCheck& scans = check.scans();
   std::string text = fmt::format("{}: vehicle '{}', area '{}', {:.1f} s\n",
                                  path,
-                                 checked.info.vehicle,
-                                 checked.info.area,
+                                 InertLine(checked.info.vehicle),
+                                 InertLine(checked.info.area),
                                  SecondsOf(check));
   text += fmt::format("odometry      {}\n", RateText(check.odometry_times()));
   text += fmt::format(
