@@ -153,6 +153,24 @@ Status Feed(const std::string& path, double rate, live::Client* client) {
   }
 }
 
+// Says which items the service did not take in between two of its states.
+void AttendToRefused(const live::ServiceState& before,
+                     const live::ServiceState& after,
+                     Context* context) {
+  for (const char* reason : {"no_shift", "late", "future", "invalid", "bad_request"}) {
+    const auto count = [&](const live::ServiceState& state) {
+      const auto entry = std::find_if(
+          state.dropped.begin(), state.dropped.end(), [&](const DroppedCount& dropped) {
+            return dropped.reason == reason;
+          });
+      return entry == state.dropped.end() ? 0 : entry->count;
+    };
+    const std::int64_t refused = count(after) - count(before);
+    if (refused > 0)
+      context->Attend(fmt::format("{} items were not taken in: {}", refused, reason));
+  }
+}
+
 // Events as they come, or with --json all of them at the end.
 Status Follow(const CtlOptions& options, live::Client* client, Context* context) {
   const live::Subscribe all{.poses = true, .states = true, .decisions = true};
@@ -214,7 +232,10 @@ Status Act(const CtlOptions& options,
 
 Status Say(const CtlOptions& options, live::Client* client, Context* context) {
   if (options.verb == "subscribe") return Follow(options, client, context);
+  std::optional<live::ServiceState> before;
   if (options.verb == "feed") {
+    SHIFTMAP_ASSIGN_OR_RETURN(const live::Reply reply, client->Call(live::GetState()));
+    before = reply.state;
     SHIFTMAP_RETURN_IF_ERROR(Feed(*options.argument, options.rate, client));
   }
   const live::Command command = CommandOf(options);
@@ -229,6 +250,7 @@ Status Say(const CtlOptions& options, live::Client* client, Context* context) {
     return OkStatus();
   }
   if (!reply.state) return Internal("service replied without its state");
+  if (before) AttendToRefused(*before, *reply.state, context);
   context->Report(ServiceJson(*reply.state), ServiceText(*reply.state));
   return OkStatus();
 }

@@ -2,6 +2,7 @@
 //
 // The localizer as a service: a whole simulated shift over the socket, crashes, signals, and
 // clients that do not behave. The oracle is `run` on the file.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -38,6 +39,24 @@ TEST_F(LiveTest, ServedShiftIsAsGoodAsTheFile) {
   EXPECT_EQ(ReadShiftReport(report)->uuid, stopped["report_uuid"]);
   EXPECT_EQ(service->End(SIGTERM), kDone);
   EXPECT_FALSE(std::filesystem::exists(socket_));
+}
+
+TEST_F(LiveTest, WhoFeedsIsToldWhatIsNotTakenIn) {
+  constexpr int kAttention = 8;
+  const auto service = Served();
+  const auto ctl = [&](Arguments words) {
+    words.insert(words.begin(), {"ctl", "--socket", socket_});
+    return RunCommand("shiftmap-localizer", words);
+  };
+  const CommandResult unstarted = ctl({"feed", world_->Log(2)});
+  EXPECT_EQ(unstarted.exit_code, kAttention);
+  EXPECT_NE(unstarted.err.find(fmt::format("{} items were not taken in: no_shift", items_->size())),
+            std::string::npos)
+      << unstarted.err;
+  ASSERT_EQ(ctl({"start"}).exit_code, kDone);
+  const CommandResult fed = ctl({"feed", world_->Log(2)});
+  EXPECT_EQ(fed.exit_code, kDone) << fed.err;
+  EXPECT_EQ(fed.err, "");
 }
 
 TEST_F(LiveTest, PipeGivesTheSameReportAsTheFile) {
