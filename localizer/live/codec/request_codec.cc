@@ -163,9 +163,11 @@ std::string EncodeRequest(const Request& request) {
 }
 
 StatusOr<Request> DecodeRequest(std::string_view bytes, std::uint64_t* id) {
-  *id = 0;
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::Request>(bytes));
-  *id = message.id();
+  const google::protobuf::LogSilencer silencer;
+  proto::Request message;
+  const Status parsed = ParseProto(bytes, &message);
+  *id = message.id();  // It comes first and is known where the rest is not.
+  SHIFTMAP_RETURN_IF_ERROR(parsed);
   SHIFTMAP_ASSIGN_OR_RETURN(Command command, CommandFromProto(message));
   return Request{message.id(), std::move(command)};
 }

@@ -97,6 +97,11 @@ TEST(FramingTest, BadValuesAreRefusedWithTheirId) {
   far.pose = {Se2(1e300, 0.0, 0.0), Eigen::Matrix3d::Identity()};
   EXPECT_THAT(DecodeRequest(EncodeRequest({11, far}), &id),
               StatusIs(StatusCode::kInvalidArgument, "1e+300"));
+  // What is no UTF-8 is no message; who asked waits for an answer.
+  id = 0;
+  EXPECT_THAT(DecodeRequest(EncodeRequest({12, Start{"\xff", std::nullopt}}), &id),
+              StatusIs(StatusCode::kInvalidArgument, "not a shiftmap.proto.Request message"));
+  EXPECT_EQ(id, 12u);
 }
 
 TEST(FramingTest, LidarScansSurviveTheWireAndTheJournal) {
