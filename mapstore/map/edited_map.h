@@ -54,10 +54,16 @@ class EditedMap {
   /// rates that runs were mapped with cannot.
   bool IsReversible(const MapEdit& edit) const;
 
+  /// Whether an edit takes something away, which only the map before it still has.
+  static bool TakesAway(const MapEdit& edit) {
+    return edit.kind == EditKind::kRetire || edit.kind == EditKind::kMerge ||
+           edit.kind == EditKind::kCalibration;
+  }
+
   /// Takes an edit out. What it took away comes back as it was before, in the frame of now; how it
   /// correlates with what was built since is not known, and counts as not at all. A merged mode at
   /// whose place builds made another one since does not come back: the other one stands for it.
-  /// @param before  The map that the edit was made on.
+  /// @param before  The map that the edit was made on; any map unless it TakesAway().
   /// Precondition: IsReversible.
   Status Reverse(const MapEdit& edit, const EditedMap& before);
 

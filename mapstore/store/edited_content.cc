@@ -46,6 +46,14 @@ StatusOr<EditedMap> MapBefore(Database& database, std::int64_t area_id, const Ma
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
                             GetVersionById(database, *version.parent_version_id));
+  if (!parent.content_stored) {
+    return FailedPrecondition(
+        "{}: edit {} cannot be taken out: version {}, which has what it took away, was compacted "
+        "away",
+        database.name(),
+        edit.id.value(),
+        parent.number.value());
+  }
   return ReadMap(database, area_id, parent);
 }
 
@@ -66,7 +74,9 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
   const std::vector<MapEdit> newest_first(of_base.rbegin(), of_base.rend());
   for (const MapEdit& edit : newest_first) {
     if (wanted.contains(edit.id) || !map.IsReversible(edit)) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const EditedMap before, MapBefore(database, area_id, edit));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        const EditedMap before,
+        EditedMap::TakesAway(edit) ? MapBefore(database, area_id, edit) : StatusOr<EditedMap>(map));
     SHIFTMAP_RETURN_IF_ERROR(map.Reverse(edit, before));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));

@@ -314,6 +314,25 @@ TEST_F(EditScenarioTest, WithoutAStoredAncestorAnUndoSaysThatBuildsStartAnew) {
   EXPECT_NE(built.err.find("--prior none"), std::string::npos) << built.err;
 }
 
+// A name is taken back by itself; what a merge took away is in the map before it alone.
+TEST_F(EditScenarioTest, CompactionLeavesNamesToBeTakenBack) {
+  Edit({"rename", "L03", "gate"});
+  Build(kEdited, {1});
+  const Json before = Group(kEdited, "gate");
+  ASSERT_FALSE(before.is_null());
+  RunForJson("shiftmap-inspect",
+             {"compact", "--keep-versions", "1", "--store", world_->File(kEdited)});
+  Edit({"undo", "1"});
+  EXPECT_TRUE(Group(kEdited, "gate").is_null());
+  EXPECT_EQ(Group(kEdited, "L03")["modes"], before["modes"]);
+
+  Edit({"retire", "L04"});
+  Build(kEdited, {2});
+  RunForJson("shiftmap-inspect",
+             {"compact", "--keep-versions", "1", "--store", world_->File(kEdited)});
+  ExpectError("shiftmap-inspect", EditOf({"undo", "2"}), 3, "edit 2 cannot be taken out");
+}
+
 TEST_F(EditScenarioTest, ARunThatFallsOutWithAnEditIsNamedUntilItIsGivenAgain) {
   const std::string signature = Places(kEdited).begin()->first;
   Place moved = Places(kEdited).at(signature);
