@@ -202,6 +202,9 @@ Command& Command::Output() {
   return Check([output, parser = state_->parser]() -> std::string {
     if (output->count() == 0) return "";
     const std::string path = output->results().back();
+    if (path == "-") {  // Standard input elsewhere; a file of this name is in nobody's mind.
+      return fmt::format("{} '-': expected the name of a file", output->get_name());
+    }
     for (const CLI::Option* other : parser->get_options()) {
       if (other == output) continue;
       for (const std::string& value : other->results()) {

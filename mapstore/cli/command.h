@@ -62,7 +62,8 @@ class Command {
   /// the place of the other one in the site file or the environment.
   Command& Excludes(const std::string& other);
 
-  /// The command writes a file with this name. No other option may name the same file.
+  /// The command writes a file with this name, which is not `-`. No other option may name the same
+  /// file.
   Command& Output();
 
   /// A check of the options as a whole, once they are read: the message of a usage error, or

@@ -132,7 +132,6 @@ std::string CheckExport(const ExportArguments& arguments) {
   if (arguments.snapshot && (arguments.store.version || arguments.store.at_s)) {
     return "--snapshot is of the published version as it is now, without --version and --at";
   }
-  if (arguments.output == "-") return "--output '-': expected the name of a file";
   if (arguments.run && !arguments.tum) return "--run is for --tum";
   if (arguments.replay && !arguments.html) return "--replay is for --html";
   return "";

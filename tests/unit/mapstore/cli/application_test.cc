@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <fstream>
 #include <limits>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -280,6 +281,22 @@ TEST(Application, ExceptionsBecomeInternalErrors) {
   Program memory;
   memory.body = [](Context&) -> Status { throw std::bad_alloc(); };
   EXPECT_EQ(memory.Run({"measure", "a"}).code, 70);
+}
+
+TEST(Application, AnOutputIsAFileOfItsOwn) {
+  std::string output;
+  Program program;
+  program.application.AddCommand("copy", "Copy a file", [](Context&) { return OkStatus(); })
+      .Option("FILE", &program.file, "A file")
+      .Option("--output", &output, "A file to write")
+      .Output();
+  EXPECT_EQ(program.Run({"copy", "-", "--output", "a"}).code, 0);
+  ExpectUsageError(program.Run({"copy", "a", "--output", "-"}),
+                   "--output '-': expected the name of a file");
+  const testing::TempDir folder;
+  const std::string path = folder.File("a");
+  std::ofstream(path) << "a";
+  ExpectUsageError(program.Run({"copy", path, "--output", path}), "is the file of FILE");
 }
 
 TEST(Application, AFullStandardOutputIsAnError) {
