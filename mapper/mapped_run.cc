@@ -54,6 +54,9 @@ MappedRun MakeMappedRun(const BuildState& build, std::size_t index) {
         SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor));
   }
   mapped.T_map_start = StartPose(run);
+  for (const std::size_t motion : BrokenMotions(run.motions)) {
+    mapped.moved.push_back(run.data->frames[motion].stamp);
+  }
   return mapped;
 }
 

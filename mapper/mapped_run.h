@@ -41,6 +41,9 @@ struct MappedRun {
   std::vector<VisitEvidence> evidence;
 
   std::vector<ModeVisibility> visibility;  ///< From where it saw the map's modes.
+
+  /// After which key frames the vehicle was moved and its odometry did not see it.
+  std::vector<Stamp> moved;
 };
 
 /// T_map_vehicle at the first sample of odometry: back along it from the pose at a scan.

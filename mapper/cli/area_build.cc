@@ -468,8 +468,15 @@ std::vector<SomeRun> NotGiven(std::vector<SomeRun> runs, const std::vector<Mappe
   return runs;
 }
 
-void WarnOfObservations(const MapperResult& result, const Context& context) {
+void WarnOfOdd(const MapperResult& result, const Context& context) {
   for (const MappedRun& run : result.runs) {
+    for (const Stamp stamp : run.moved) {
+      context.Warn(
+          fmt::format("run '{}': after {} UTC the vehicle was moved and its odometry did not "
+                      "see it: it was carried or towed, or the recorder paused",
+                      run.name,
+                      FormatUtc(stamp)));
+    }
     if (run.anonymous_observations > 0) {
       context.Inform(fmt::format("run '{}': {} observations without a signature are left out",
                                  run.name,
@@ -607,7 +614,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   build.dropped = std::move(runs.dropped);
   std::vector<RejectedRun>& rejected = build.result.rejected;
   rejected.insert(rejected.end(), runs.rejected.begin(), runs.rejected.end());
-  WarnOfObservations(build.result, context);
+  WarnOfOdd(build.result, context);
   build.provenance = MakeProvenance(options, build, in_logs);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
   SHIFTMAP_RETURN_IF_ERROR(AddObjections(options, context, &build));

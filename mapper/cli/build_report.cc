@@ -13,6 +13,8 @@ namespace shiftmap {
 namespace {
 
 Json RunJson(const MappedRun& run, const ImplausibleItems& dropped) {
+  Json moved = Json::array();
+  for (const Stamp stamp : run.moved) moved.push_back(ToSecondsSinceEpoch(stamp));
   return {{"run", run.name},
           {"poses", run.poses},
           {"observations", run.observations},
@@ -23,6 +25,7 @@ Json RunJson(const MappedRun& run, const ImplausibleItems& dropped) {
           {"implausible_observations", dropped.observations},
           {"implausible_odometry", dropped.odometry},
           {"chi2", run.chi2},
+          {"moved_s", moved},
           {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
           {"odometry",
            {{"scale_v", run.odometry.scale_v},

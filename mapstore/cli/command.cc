@@ -59,7 +59,7 @@ std::string RefuseOtherThanTime(const std::string& text) {
 
 // Whether two names are of one file, which need not exist.
 bool IsSameFile(const std::string& a, const std::string& b) {
-  if (a == "-" || b.empty()) return false;
+  if (b.empty()) return false;
   std::error_code error;
   if (std::filesystem::equivalent(a, b, error)) return true;
   const std::filesystem::path canonical = std::filesystem::weakly_canonical(a, error);

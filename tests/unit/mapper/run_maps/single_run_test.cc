@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <vector>
 
+#include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -124,6 +126,23 @@ TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
     }
   }
   EXPECT_GE(broken, 4);
+}
+
+TEST(MapSingleRun, ABuildSaysThatTheVehicleWasCarried) {
+  const SimulatedWorld world = testing::StaticWorld(1);
+  const Stamp begin = world.runs[0].truth.front().stamp;
+  std::vector<MapperInput> inputs = testing::Inputs(world);
+  const StatusOr<MapperResult> whole = BuildMap(inputs, std::nullopt, {});
+  ASSERT_THAT(whole, testing::IsOk());
+  EXPECT_TRUE(whole->runs[0].moved.empty());
+  inputs[0].run =
+      CarriedMeanwhile(
+          world.runs[0], begin + std::chrono::seconds(80), begin + std::chrono::seconds(120))
+          .run;
+  const StatusOr<MapperResult> carried = BuildMap(inputs, std::nullopt, {});
+  ASSERT_THAT(carried, testing::IsOk());
+  ASSERT_EQ(carried->runs[0].moved.size(), 1u);
+  EXPECT_NEAR(ToSeconds(carried->runs[0].moved[0] - begin), 80.0, 5.0);
 }
 
 // Half of the landmarks move by the same way in the middle of a run, as on a rack, and the rest
