@@ -16,18 +16,18 @@ constexpr double kAtMode = 1.0;
 constexpr int kLeastMovedPerStaying = 4;
 
 // Of a landmark, and where it was.
-struct LastSeen {
+struct SeenAt {
   int frame = 0;
   int mode = kUnassigned;
 };
 
 // Per motion how many landmarks are seen before and after it.
-struct Landmarks {
+struct LandmarkCounts {
   std::vector<int> moved;
   std::vector<int> staying;
 };
 
-int NearestMode(const std::vector<BuildMode>& modes, const Eigen::Vector2d& position) {
+int ModeNear(const std::vector<BuildMode>& modes, const Eigen::Vector2d& position) {
   int nearest = kUnassigned;
   double least = kAtMode;
   for (std::size_t m = 0; m < modes.size(); ++m) {
@@ -39,17 +39,17 @@ int NearestMode(const std::vector<BuildMode>& modes, const Eigen::Vector2d& posi
   return nearest;
 }
 
-Landmarks CountLandmarks(const BuildState& build) {
+LandmarkCounts CountLandmarks(const BuildState& build) {
   const BuildRun& run = build.runs.front();
   // Changes of the counts from motion to motion first.
   std::vector<int> moved(run.data->frames.size());
   std::vector<int> staying(run.data->frames.size());
-  std::vector<LastSeen> last(build.modes.size());
+  std::vector<SeenAt> last(build.modes.size());
   for (const MappingVisit& visit : run.data->visits) {
     const auto group = static_cast<std::size_t>(visit.group);
     const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
     for (std::size_t i = 0; i < positions.size(); ++i) {
-      const int mode = NearestMode(build.modes[group], positions[i]);
+      const int mode = ModeNear(build.modes[group], positions[i]);
       if (mode == kUnassigned) continue;
       const int frame = run.data->sightings[static_cast<std::size_t>(visit.sightings[i])].frame;
       if (last[group].mode != kUnassigned) {
@@ -70,7 +70,7 @@ Landmarks CountLandmarks(const BuildState& build) {
 
 std::optional<std::size_t> FindBrokenMotion(const BuildState& build) {
   const std::vector<KeyFrame>& frames = build.runs.front().data->frames;
-  const Landmarks landmarks = CountLandmarks(build);
+  const LandmarkCounts landmarks = CountLandmarks(build);
   std::optional<std::size_t> best;
   const auto excess = [&](std::size_t i) { return landmarks.moved[i] - landmarks.staying[i]; };
   const auto seconds = [&](std::size_t i) { return frames[i + 1].stamp - frames[i].stamp; };
