@@ -8,6 +8,7 @@
 #include "localizer/cli/return_to_store.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map_store.h"
 
@@ -23,6 +24,11 @@ Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
 }
 
 }  // namespace
+
+void WarnOfUnsetClock(const std::string& what, const ShiftReport& report, const Context& context) {
+  const Status set = CheckClockWasSet(what, report.begin);
+  if (!set.ok()) context.Warn(Message(set) + ": its visits count as older than all others");
+}
 
 Status ReturnToStore(const ReturnArguments& options, Context& context) {
   // All are read before the first is returned: a bad file changes nothing.
@@ -41,6 +47,7 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
   for (std::size_t i = 0; i < reports.size(); ++i) {
     SHIFTMAP_RETURN_IF_ERROR(
         Annotate(store.CheckClock(reports[i]), "shift report '{}'", options.reports[i]));
+    WarnOfUnsetClock(fmt::format("shift report '{}'", options.reports[i]), reports[i], context);
   }
   Json results = Json::array();
   std::string text;

@@ -14,6 +14,7 @@
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/initial_pose.h"
+#include "localizer/cli/return_to_store.h"
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
 #include "localizer/localizer.h"
@@ -294,6 +295,7 @@ Status WriteResults(const RunOptions& options,
             *options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
     // What the store refuses is better known before a file is written.
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
+    WarnOfUnsetClock(fmt::format("run log '{}'", options.run), report, context);
   }
   if (options.trajectory) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTum(shift->trajectory(), *options.trajectory));

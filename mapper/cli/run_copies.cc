@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <tuple>
 
-#include "mapper/cli/run_loader.h"
 #include "mapstore/core/clock.h"
 
 namespace shiftmap {

@@ -170,13 +170,8 @@ Status Loader::Load(const std::string& path) {
     Reject(path, usable);
     return OkStatus();
   }
-  if (BeginOf(log->run) < kFirstPlausibleStamp) {
-    context_.Warn(
-        fmt::format("{}: begins at {} UTC, as if the vehicle's clock was not set: its "
-                    "visits count as older than all others",
-                    LogName(path),
-                    FormatUtc(BeginOf(log->run))));
-  }
+  const Status set = CheckClockWasSet(LogName(path), BeginOf(log->run));
+  if (!set.ok()) context_.Warn(Message(set) + ": its visits count as older than all others");
   const std::string name = std::filesystem::path(path).stem().string();
   SHIFTMAP_RETURN_IF_ERROR(CheckName(path, name));
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -17,11 +16,6 @@
 #include "proto/core/status.h"
 
 namespace shiftmap {
-
-/// No vehicle recorded before. A clock that is behind this was never set: it counts from 1970, or
-/// with a receiver of GPS from 1980 or 1999.
-inline constexpr Stamp kFirstPlausibleStamp =
-    std::chrono::sys_days(std::chrono::year(2000) / 1 / 1);
 
 struct RunLoaderOptions {
   std::string area;                 ///< For messages.

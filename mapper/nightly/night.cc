@@ -11,12 +11,12 @@
 #include <set>
 #include <utility>
 
-#include "mapper/cli/run_loader.h"
 #include "mapper/nightly/log_area.h"
 #include "mapper/nightly/log_limits.h"
 #include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/lock_file.h"
 #include "mapstore/map/sha256.h"
@@ -65,6 +65,7 @@ Status ReturnReports(const NightOptions& options, const Context& context, NightW
   for (const std::string& path : paths) {
     const StatusOr<ShiftReport> report = ReadShiftReport(path);
     Status status = report.status();
+    if (status.ok()) status = CheckClockWasSet("shift report " + report->uuid, report->begin);
     if (status.ok()) {
       const StatusOr<ReturnResult> result = store.Return(*report);
       status = result.status();

@@ -32,4 +32,10 @@ Status CheckNotInFuture(std::string_view what, Stamp end, Stamp now, double tole
       tolerance_s);
 }
 
+Status CheckClockWasSet(std::string_view what, Stamp begin) {
+  if (begin >= kFirstPlausibleStamp) return OkStatus();
+  return InvalidArgument(
+      "{}: begins at {} UTC, as if the vehicle's clock was not set", what, FormatUtc(begin));
+}
+
 }  // namespace shiftmap

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/server/codec/map_service_codec.h"
@@ -223,6 +224,7 @@ grpc::Status MapService::SubmitReport(grpc::ServerContext* context,
     const auto submit = [&]() -> StatusOr<ReturnResult> {
       SHIFTMAP_ASSIGN_OR_RETURN(ShiftReport report, FromProto(*request));
       SHIFTMAP_RETURN_IF_ERROR(CheckVehicle(caller, "report", report.vehicle));
+      SHIFTMAP_RETURN_IF_ERROR(CheckClockWasSet("shift report " + report.uuid, report.begin));
       return parts_.writer->Return(std::move(report), caller.name);
     };
     const StatusOr<ReturnResult> result = submit();

@@ -165,6 +165,38 @@ TEST_F(NightlyTest, WhatCannotBeUsedIsNamedAndKeepsNoneOfTheOthers) {
   EXPECT_EQ(Json::parse(night.out)["areas"][0]["runs_new"], 1);
 }
 
+TEST_F(NightlyTest, LogAndReportOfAClockThatWasNotSetAreNamedAndStay) {
+  Bring(0, "good");
+  ASSERT_EQ(Night().exit_code, 0);
+  Bring(1, "unset", [](shiftmap::Run* run) {
+    const Duration by = Stamp() - run->odometry.front().stamp;
+    for (OdometrySample& sample : run->odometry) sample.stamp += by;
+    for (Scan& scan : run->scans) scan.stamp += by;
+  });
+  const std::string report = logs_ + "/unset.report";
+  RunForJson(
+      "shiftmap-localizer",
+      {"run", "--store", store_, "--area", "floor", "--report", report, logs_ + "/unset.mcap"});
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention);
+  for (const char* const name : {"/unset.mcap", "/unset.report"}) {
+    EXPECT_NE(night.err.find(logs_ + name + "' is left out"), std::string::npos) << night.err;
+    EXPECT_TRUE(fs::exists(logs_ + name));
+  }
+  EXPECT_EQ(Json::parse(night.out)["reports"]["new"], 0);
+  RunForJson("shiftmap-inspect",
+             {"runs",
+              "exclude",
+              *HashFile(report),
+              "--store",
+              store_,
+              "--area",
+              "floor",
+              "--reason",
+              "no clock"});
+  EXPECT_EQ(Night().err.find("unset.report"), std::string::npos);
+}
+
 TEST_F(NightlyTest, AVehicleAtTwoPlacesAtOneTimeIsNamed) {
   const Stamp begin = ReadRunLog(world_.Log(0))->run.odometry.front().stamp;
   for (const int run : {0, 1}) {

@@ -66,6 +66,20 @@ class ReturnTest : public ::testing::Test {
     return *report;
   }
 
+  // The same shift at another time.
+  static void ShiftBy(Duration by, ShiftReport* report) {
+    for (Stamp* const stamp : {&report->begin, &report->end}) *stamp += by;
+    for (VisitEvidence& visit : report->evidence) {
+      visit.begin += by;
+      visit.end += by;
+    }
+    for (Decision& decision : report->decisions) decision.stamp += by;
+    for (UnmappedSighting& sighting : report->sightings) {
+      sighting.first += by;
+      sighting.last += by;
+    }
+  }
+
   // `bad_` is not taken, and the store stays as it is.
   void ExpectRefused(int exit_code, const std::string& why) const {
     const std::string before = ReadFile(store_);
@@ -139,12 +153,7 @@ TEST_F(ReturnTest, ReturnedByTheRunAndAgainByFile) {
 
 TEST_F(ReturnTest, FromTheFutureIsRefusedAndNothingIsWritten) {
   ShiftReport report = Good();
-  const Duration ahead = SystemNow() - report.end + std::chrono::hours(24);
-  report.end += ahead;
-  for (VisitEvidence& visit : report.evidence) {
-    visit.begin += ahead;
-    visit.end += ahead;
-  }
+  ShiftBy(SystemNow() - report.end + std::chrono::hours(24), &report);
   ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
   ExpectRefused(kBadInput, "shift report '" + bad_ + "'");
   ExpectRefused(kBadInput, "expected at most 600");
@@ -182,6 +191,34 @@ TEST_F(ReturnTest, ARunOfALogFromTheFutureWritesNothing) {
   EXPECT_TRUE(ReadFile(store_) == before);
   EXPECT_FALSE(std::filesystem::exists(bad_));
   EXPECT_FALSE(std::filesystem::exists(folder_.File("x.tum")));
+}
+
+// As a build does with its log: what a person hands in is named and counts.
+TEST_F(ReturnTest, OfAClockThatWasNotSetIsNamedAndCounts) {
+  ShiftReport report = Good();
+  ShiftBy(Stamp() - report.begin, &report);
+  ASSERT_TRUE(WriteShiftReport(report, bad_).ok());
+  const CommandResult returned = RunCommand("shiftmap-localizer", Return({bad_}));
+  EXPECT_EQ(returned.exit_code, 0) << returned.err;
+  EXPECT_EQ(CountLines(returned.err), 1) << returned.err;
+  EXPECT_NE(returned.err.find("'" + bad_ + "': begins at 1970-01-01 00:00:00 UTC"),
+            std::string::npos)
+      << returned.err;
+  EXPECT_EQ(RunCommand("shiftmap-localizer", Return({bad_})).exit_code, kNothingToDo);
+
+  StatusOr<RunLog> log = ReadRunLog(world_->Log(1));
+  ASSERT_TRUE(log.ok());
+  const Duration by = Stamp() - log->run.odometry.front().stamp;
+  for (OdometrySample& sample : log->run.odometry) sample.stamp += by;
+  for (Scan& scan : log->run.scans) scan.stamp += by;
+  const std::string unset = folder_.File("unset.mcap");
+  ASSERT_TRUE(WriteRunLog(log->run, unset).ok());
+  const CommandResult run =
+      RunCommand("shiftmap-localizer",
+                 {"run", "--store", store_, "--area", "floor", "--return", "--json", unset});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(CountLines(run.err), 1) << run.err;
+  EXPECT_NE(run.err.find("'" + unset + "': begins at 1970-01-01"), std::string::npos) << run.err;
 }
 
 // A run knows what was known when its log began: returned reports about it do not change it.

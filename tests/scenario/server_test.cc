@@ -177,6 +177,17 @@ TEST_F(ServerTest, AReportCountsOnceAndStandsInTheAuditUnderTheNameOfItsVehicle)
   EXPECT_EQ(store->AuditLog()->back().subject, request.report().uuid() + " by " + Vehicle());
 }
 
+TEST_F(ServerTest, AReportOfAClockThatWasNotSetIsRefusedAndLogged) {
+  ServerProcess server(PlainText());
+  proto::SubmitReportRequest request = AnotherReport();
+  request.mutable_report()->set_begin_ns(0);
+  const grpc::Status refused = Submit(*PlainClient(server), request);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(refused.error_message(), HasSubstr("begins at 1970-01-01 00:00:00 UTC"));
+  EXPECT_TRUE(server.Logs("begins at 1970-01-01 00:00:00 UTC")) << server.Log();
+  EXPECT_EQ(StoredReports(store_).count(request.report().uuid()), 0u);
+}
+
 TEST_F(ServerTest, WhoMayNotIsRefusedAndLogged) {
   const std::string ca = certificates_->File("ca");
   const std::string foreign = dir_.File("foreign");

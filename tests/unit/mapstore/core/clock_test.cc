@@ -30,5 +30,12 @@ TEST(CheckNotInFuture, TakesTheLargestStampsThereAre) {
   EXPECT_TRUE(CheckNotInFuture("log", Stamp::min(), Stamp::max(), 600.0).ok());
 }
 
+TEST(CheckClockWasSet, RefusesWhatBeginsBeforeTheYear2000) {
+  EXPECT_TRUE(CheckClockWasSet("log", StampFromSeconds(946684800.0)).ok());
+  const Status status = CheckClockWasSet("log", StampFromSeconds(946684799.0));
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(Message(status), HasSubstr("log: begins at 1999-12-31 23:59:59 UTC"));
+}
+
 }  // namespace
 }  // namespace shiftmap
