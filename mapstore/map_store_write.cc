@@ -125,7 +125,7 @@ StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
   SHIFTMAP_RETURN_IF_ERROR(
       InsertOlderEvidence(database, area_id, version.version_id, provenance.older));
   for (const RunRecord& run : provenance.runs) {
-    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id, run));
+    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, area_id, version.version_id, run));
   }
   SHIFTMAP_RETURN_IF_ERROR(
       InsertAudit(database, area_id, AuditAction::kCommit, std::to_string(version.number.value())));

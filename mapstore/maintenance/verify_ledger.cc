@@ -59,7 +59,8 @@ Status VerifyReports(Database& database, DefectList* defects) {
       "SELECT uuid, 'is not about a run of the version' FROM mapped_report m "
       "JOIN shift_report r USING (report_id) WHERE NOT EXISTS (SELECT 1 FROM run "
       "JOIN version_run vr USING (run_id) WHERE "
-      "(run.identity = r.identity OR sha256 = r.run_hash) AND vr.version_id = m.version_id)",
+      "(run.identity = r.identity OR sha256 = r.run_hash OR "
+      "(run.vehicle = r.vehicle AND run.begin_ns = r.begin_ns)) AND vr.version_id = m.version_id)",
       defects);
 }
 

@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/store/blob.h"
 
@@ -101,6 +102,10 @@ std::string IdentityOf(const ShiftReport& report) {
   return report.run_hash.empty() ? LowerCaseUuid(report.uuid) : report.run_hash;
 }
 
+std::optional<std::int64_t> NanosecondsOf(const std::optional<Stamp>& stamp) {
+  return stamp ? std::optional(ToNanoseconds(*stamp)) : std::nullopt;
+}
+
 void Widen(std::optional<Stamp> first_visit, std::optional<Stamp>* from) {
   if (first_visit) *from = std::min(from->value_or(*first_visit), *first_visit);
 }
@@ -111,16 +116,30 @@ void Widen(std::optional<Stamp> first_visit, std::optional<Stamp>* from) {
 StatusOr<bool> OrderAmongSameRun(Database& database,
                                  std::int64_t area_id,
                                  const VersionRow& version,
-                                 const std::string& uuid,
-                                 const std::string& identity,
-                                 const std::string& vehicle,
+                                 const ShiftReport& report,
                                  InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement others,
       database.Prepare("SELECT report_id, first_visit_ns, number, uuid "
                        "FROM shift_report r JOIN version v USING (version_id) "
-                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3"));
-  others.Bind(identity, area_id, vehicle);
+                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3 UNION "
+                       "SELECT report_id, first_visit_ns, number, uuid "
+                       "FROM shift_report r JOIN version v USING (version_id) WHERE report_id IN "
+                       "(SELECT report_id FROM visit_evidence WHERE area_id = ?2 AND begin_ns "
+                       "BETWEEN ?4 AND ?5) "
+                       "AND vehicle = ?3 AND begin_ns = ?4 AND ?4 >= ?6 AND ?7 <= end_ns "
+                       "AND ?9 <> '' AND run_hash <> '' AND (?8 OR identity = run_hash)"));
+  const std::string uuid = LowerCaseUuid(report.uuid);
+  const std::string identity = IdentityOf(report);
+  others.Bind(identity,
+              area_id,
+              report.vehicle,
+              ToNanoseconds(report.begin),
+              ToNanoseconds(report.end),
+              ToNanoseconds(kFirstPlausibleStamp),
+              NanosecondsOf(inserted->changed_from),
+              report.run_uuid.empty() ? 1 : 0,
+              report.run_hash);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement update,
       database.Prepare("UPDATE shift_report SET superseded = 1 WHERE report_id = ?1"));
@@ -160,11 +179,9 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   InsertedReport inserted;
   inserted.changed_from = first_visit;
   const std::string identity = IdentityOf(report);
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      const bool superseded,
-      OrderAmongSameRun(database, area_id, version, uuid, identity, report.vehicle, &inserted));
-  std::optional<std::int64_t> first_visit_ns;
-  if (first_visit) first_visit_ns = ToNanoseconds(*first_visit);
+  const std::optional<std::int64_t> first_visit_ns = NanosecondsOf(first_visit);
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool superseded,
+                            OrderAmongSameRun(database, area_id, version, report, &inserted));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare("INSERT INTO shift_report (uuid, version_id, vehicle, run_hash, software, "
@@ -185,10 +202,25 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   inserted.report_id = database.LastInsertRowId();
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement mapped,
-      database.Prepare("INSERT INTO mapped_report (report_id, version_id) "
-                       "SELECT DISTINCT ?1, version_id FROM run JOIN version_run USING (run_id) "
-                       "WHERE identity = ?2 OR (sha256 = ?3 AND ?3 <> '')"));
-  mapped.Bind(inserted.report_id, identity, report.run_hash);
+      database.Prepare(
+          "INSERT INTO mapped_report (report_id, version_id) "
+          "SELECT ?1, version_id FROM run JOIN version_run USING (run_id) "
+          "WHERE identity = ?2 OR (sha256 = ?3 AND ?3 <> '') UNION "
+          "SELECT ?1, version_id FROM run JOIN version_run USING (run_id) "
+          "WHERE (run_id, version_id) IN (SELECT run_id, version_id FROM mapped_evidence "
+          "WHERE area_id = ?4 AND begin_ns BETWEEN ?5 AND ?6) "
+          "AND vehicle = ?7 AND begin_ns = ?5 AND ?5 >= ?8 AND ?9 <= end_ns "
+          "AND ?3 <> '' AND (?10 OR identity = sha256)"));
+  mapped.Bind(inserted.report_id,
+              identity,
+              report.run_hash,
+              area_id,
+              ToNanoseconds(report.begin),
+              ToNanoseconds(report.end),
+              report.vehicle,
+              ToNanoseconds(kFirstPlausibleStamp),
+              first_visit_ns,
+              report.run_uuid.empty() ? 1 : 0);
   SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
   SHIFTMAP_RETURN_IF_ERROR(
       InsertEvidence(database, area_id, inserted.report_id, version.version_id, report));
@@ -197,13 +229,32 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   return inserted;
 }
 
-Status InsertMappedReports(Database& database, std::int64_t version_id, const RunRecord& run) {
+Status InsertMappedReports(Database& database,
+                           std::int64_t area_id,
+                           std::int64_t version_id,
+                           const RunRecord& run) {
+  std::optional<Stamp> first_visit;
+  for (const VisitEvidence& evidence : run.evidence) Widen(evidence.begin, &first_visit);
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO mapped_report (report_id, version_id) SELECT report_id, ?1 "
-                       "FROM shift_report WHERE identity = ?2 OR (run_hash = ?3 AND ?3 <> '') "
-                       "ON CONFLICT DO NOTHING"));
-  row.Bind(version_id, run.identity(), run.sha256);
+      database.Prepare(
+          "INSERT INTO mapped_report (report_id, version_id) SELECT report_id, ?1 "
+          "FROM shift_report WHERE identity = ?2 OR (run_hash = ?3 AND ?3 <> '') UNION "
+          "SELECT report_id, ?1 FROM shift_report WHERE report_id IN "
+          "(SELECT report_id FROM visit_evidence WHERE area_id = ?4 AND begin_ns BETWEEN ?5 AND "
+          "?6) "
+          "AND vehicle = ?7 AND begin_ns = ?5 AND ?5 >= ?8 AND ?9 <= end_ns "
+          "AND run_hash <> '' AND (?10 OR identity = run_hash) ON CONFLICT DO NOTHING"));
+  row.Bind(version_id,
+           run.identity(),
+           run.sha256,
+           area_id,
+           ToNanoseconds(run.begin),
+           ToNanoseconds(run.end),
+           run.vehicle,
+           ToNanoseconds(kFirstPlausibleStamp),
+           NanosecondsOf(first_visit),
+           run.uuid.empty() ? 1 : 0);
   return row.Execute();
 }
 

@@ -13,6 +13,10 @@
 
 namespace shiftmap {
 
+/// A report is about a run that has its identity or log. A report about a log, by a clock that was
+/// set, is also about a run of its vehicle that begins at the same time, if one of the two logs has
+/// no UUID and each a visit before the other ends: one is a copy of the other that was cut off.
+
 /// True if a report with this UUID is in the ledger, whatever the case of its letters.
 StatusOr<bool> HasReport(Database& database, const std::string& uuid);
 
@@ -34,7 +38,10 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       Stamp received);
 
 /// Notes which reports are about a run that a version was built from.
-Status InsertMappedReports(Database& database, std::int64_t version_id, const RunRecord& run);
+Status InsertMappedReports(Database& database,
+                           std::int64_t area_id,
+                           std::int64_t version_id,
+                           const RunRecord& run);
 
 /// The reports in the ledger so far.
 StatusOr<LedgerPosition> ReadLedgerPosition(Database& database);

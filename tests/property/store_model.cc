@@ -71,7 +71,9 @@ bool StoreModel::IsSuperseded(std::size_t report, std::size_t version) const {
   const ShiftReport& mine = reports_[report];
   return !mine.run_hash.empty() &&
          std::any_of(reports_.begin(), reports_.end(), [&](const ShiftReport& other) {
-           return other.run_hash == mine.run_hash && other.vehicle == mine.vehicle &&
+           const bool copy = !other.run_hash.empty() && other.begin == mine.begin &&
+                             !other.evidence.empty() && !mine.evidence.empty();
+           return (copy || other.run_hash == mine.run_hash) && other.vehicle == mine.vehicle &&
                   IsOfLine(IndexOf(other.version), version) &&
                   std::tie(other.version, other.uuid) < std::tie(mine.version, mine.uuid);
          });
@@ -106,7 +108,9 @@ bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::siz
     if (!IsInLine(built, version)) continue;
     if (known && IsInLine(built, *statement)) continue;
     for (const RunRecord& run : versions_[built].runs) {
-      if (run.sha256 == reports_[report].run_hash) return false;
+      const bool copy = !mine.run_hash.empty() && run.vehicle == mine.vehicle &&
+                        run.begin == mine.begin && !run.evidence.empty() && !mine.evidence.empty();
+      if (copy || run.sha256 == mine.run_hash) return false;
     }
   }
   const std::size_t reported = IndexOf(reports_[report].version);

@@ -134,7 +134,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   }
 
   RunRecord RandomRun(const std::string& hash, const MapContent& content, bool states) {
-    RunRecord run{"run", hash, "truck", begin_, begin_ + std::chrono::hours(72), {}, {}};
+    RunRecord run{"run", hash, "truck", BeginOfLog(hash), begin_ + std::chrono::hours(72), {}, {}};
     Stamp begin = RandomStamp();
     for (int i = states ? 0 : Below(6); i > 0; --i) {
       begin += std::chrono::seconds(1 + Below(2000));
@@ -158,6 +158,12 @@ class StoreHistory : public ::testing::TestWithParam<int> {
   }
 
   std::string RunHash() { return std::string(64, static_cast<char>('a' + Below(6))); }
+
+  // 'a...' and 'b...' are copies, of which one was cut off, and so on; others are of their own run.
+  Stamp BeginOfLog(const std::string& hash) const {
+    const char digit = hash.front();
+    return begin_ + Duration(digit == '0' ? 3 + std::stoll(hash, nullptr, 16) : (digit - 'a') / 2);
+  }
 
   void Return() {
     if (model_.versions().empty()) return;
@@ -186,7 +192,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     report.version = NumberOf(version);
     report.content_hash = hashes_[version];
     if (Chance(0.4)) report.run_hash = RunHash();
-    report.begin = begin_;
+    report.begin = report.run_hash.empty() ? begin_ : BeginOfLog(report.run_hash);
     report.end = begin_ + std::chrono::hours(72);
     Stamp begin = RandomStamp();
     for (int i = Below(6); i > 0; --i) {

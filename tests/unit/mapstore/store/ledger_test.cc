@@ -325,6 +325,78 @@ TEST_F(LedgerTest, OfTwoReportsAboutOneRunOneCountsWhicheverCameFirst) {
   EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
 }
 
+// Without a UUID a copy of a log that was cut off is known by its vehicle and its begin.
+TEST_F(LedgerTest, OfReportsAboutCopiesOfALogOneCountsWhicheverCameFirst) {
+  ShiftReport cut = EmptyReport(version_, "a", 1);
+  ShiftReport whole = EmptyReport(version_, "a", 2);
+  whole.begin = cut.begin;
+  cut.end = At(1000.0);
+  cut.run_hash = std::string(64, 'b');
+  whole.run_hash = std::string(64, 'c');
+  cut.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  whole.evidence = cut.evidence;
+  whole.evidence.push_back(TwoStateEvidence(At(1100.0), At(1200.0), 0.0, 2.0));
+  const double expected = Updated(Relaxed(0.7, 800.0), 3.0);
+  EXPECT_THAT(MustReturn(whole).set_aside, IsEmpty());
+  EXPECT_THAT(MustReturn(cut).set_aside, IsEmpty());
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), expected, 1e-12);
+
+  MapStore other = OpenStore(dir_.File("other.db"));
+  ASSERT_THAT(other.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+  ASSERT_THAT(other.Return(cut), IsOk());
+  EXPECT_THAT(other.Return(whole)->set_aside, ElementsAre(IsAside(SetAside::kSameRun, 2)));
+  EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
+
+  // Not those of two runs: of another vehicle, of two UUIDs, live, or of a clock that was not set.
+  const auto expect_two = [&](const auto& change) {
+    ShiftReport another = whole;
+    another.uuid.back() = '3';
+    ShiftReport first = cut;
+    change(&first, &another);
+    const TempDir dir;
+    MapStore fresh = OpenStore(dir.File("fresh.db"));
+    ASSERT_THAT(fresh.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+    ASSERT_THAT(fresh.Return(first), IsOk());
+    EXPECT_THAT(fresh.Return(another)->set_aside, IsEmpty());
+  };
+  expect_two([](ShiftReport*, ShiftReport* b) { b->vehicle = "truck 2"; });
+  expect_two([](ShiftReport*, ShiftReport* b) { b->begin += Duration(1); });
+  expect_two([](ShiftReport* a, ShiftReport* b) {
+    a->run_uuid = "00000000-0000-4000-8000-00000000000a";
+    b->run_uuid = "00000000-0000-4000-8000-00000000000b";
+  });
+  expect_two([](ShiftReport*, ShiftReport* b) { b->run_hash.clear(); });
+  expect_two([](ShiftReport* a, ShiftReport* b) { a->begin = b->begin = Stamp(); });
+}
+
+TEST_F(LedgerTest, AReportAboutACopyOfAMappedLogDoesNotCount) {
+  ShiftReport cut = EmptyReport(version_, "a", 1);
+  cut.run_hash = std::string(64, 'b');
+  cut.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  RunRecord run{"run", std::string(64, 'c'), cut.vehicle, cut.begin, At(1000.0), {}};
+  run.evidence = {TwoStateEvidence(At(810.0), At(890.0), 0.0, 2.0)};
+  Provenance provenance;
+  provenance.runs = {run};
+  CommitOptions options;
+  options.parent = version_.version;
+  options.states_probabilities = false;
+  const auto map = [&](MapStore& store) {
+    ASSERT_THAT(store.Commit("a", TwoStateContent(kRate, 0.7, At(1000.0)), provenance, options),
+                IsOk());
+  };
+  map(store_);
+  EXPECT_THAT(MustReturn(cut).set_aside, ElementsAre(IsAside(SetAside::kRunInMap, 1)));
+
+  MapStore other = OpenStore(dir_.File("other.db"));
+  ASSERT_THAT(other.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
+  ASSERT_THAT(other.Return(cut), IsOk());
+  map(other);
+  EXPECT_THAT((*other.Reports("a"))[0].set_aside, ElementsAre(IsAside(SetAside::kRunInMap, 1)));
+  const StatusOr<VerifyResult> verified = VerifyStore(dir_.File("other.db"));
+  ASSERT_THAT(verified, IsOk());
+  EXPECT_THAT(verified->defects, IsEmpty());
+}
+
 // A version is rolled back and the next one is of another line: a log that was localized on the
 // first counts by what is reported against the second. Whichever comes first, each version counts
 // the first one that is of its line.

@@ -37,7 +37,7 @@ ShiftReport EmptyReport(const CommitResult& version, const std::string& area, in
   report.version = version.version;
   report.content_hash = version.content_hash;
   report.software = "test";
-  report.begin = At(-1e6);
+  report.begin = At(-1e6 + 1e-3 * number);
   report.end = At(1e6);
   return report;
 }

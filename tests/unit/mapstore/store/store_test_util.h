@@ -14,7 +14,8 @@ MapStore OpenStore(const std::string& path);
 /// A map of one group 'A' with one mode, leave rate λ, and P(mode 1) = `probability` at `stamp`.
 MapContent TwoStateContent(double leave_rate_per_s, double probability, Stamp stamp);
 
-/// A report on a version, without evidence; the uuid ends in `number`.
+/// A report on a version, without evidence; the uuid ends in `number`, and
+/// reports of different numbers begin at different times.
 ShiftReport EmptyReport(const CommitResult& version, const std::string& area, int number);
 
 /// A visit of 'A' with log-likelihood `absent` and `mode`.
