@@ -83,7 +83,7 @@ struct MapEdit {
   Signature landmark;                    ///< The name before all renames that held then.
   double evidence_s = 0.0;               ///< Of kRate: from the first visit to the last, then. [s]
   std::optional<VersionNumber> version;  ///< Made with it first; nothing if it changed none yet.
-  std::optional<EditUndo> undone;        ///< Nothing while it is in force.
+  std::optional<EditUndo> undone;        ///< Nothing unless it was taken back.
   std::optional<VersionNumber> kept = {};  ///< Of kCalibration: whose values hold instead.
 };
 

@@ -2,6 +2,7 @@
 #include <pwd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mapstore/cli/aligned_table.h"
@@ -159,16 +161,31 @@ std::optional<MapEdit> ReadEdit(const EditArguments& arguments) {
   return fits ? std::optional(std::move(edit)) : std::nullopt;
 }
 
+// What an edit is for the published map, e.g. after a rollback.
+const char* StateOf(const MapEdit& edit, bool is_in_map) {
+  if (edit.undone) return is_in_map ? "taken back, still in the published map" : "taken back";
+  return is_in_map ? "in force" : "not in the published map";
+}
+
 Status List(const StoreArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store.Edits(arguments.area));
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(arguments.area));
+  std::vector<MapEdit> held;
+  if (published) {
+    SHIFTMAP_ASSIGN_OR_RETURN(held, store.EditsOf(arguments.area, *published));
+  }
   Json list = Json::array();
   AlignedTable table({"id", "state", "edit", "reason", "author", "made", "version", "taken_back"});
   table.KeepWide(2, 48);
   for (const MapEdit& edit : edits) {
-    list.push_back(EditJson(edit));
+    const bool is_in_map =
+        std::any_of(held.begin(), held.end(), [&](const MapEdit& of) { return of.id == edit.id; });
+    Json entry = EditJson(edit);
+    entry["in_published_map"] = is_in_map;
+    list.push_back(std::move(entry));
     table.AddRow({std::to_string(edit.id.value()),
-                  edit.undone ? "taken back" : "in force",
+                  StateOf(edit, is_in_map),
                   EditText(edit),
                   edit.reason,
                   edit.author,

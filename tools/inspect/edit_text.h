@@ -9,7 +9,7 @@
 namespace shiftmap {
 
 /// An edit as a document: id, kind, author, reason, made_s, the version made with it first, and
-/// what its kind says; `undone` is null while it is in force.
+/// what its kind says; `undone` is null unless it was taken back.
 Json EditJson(const MapEdit& edit);
 
 /// What an edit says, as part of a line: "position of 'L07' mode 2 at (1.000, 2.000) m, sd 0.020

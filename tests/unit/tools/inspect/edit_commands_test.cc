@@ -22,6 +22,7 @@ namespace shiftmap::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 struct Outcome {
   int code;
@@ -99,6 +100,31 @@ TEST_F(EditCommands, EveryKindIsMadeListedAndTakenBack) {
     EXPECT_EQ(undone.json()["edit"]["undone"]["author"], "ann");
   }
   EXPECT_THAT(Run({"list"}).out, HasSubstr("taken back "));
+}
+
+TEST_F(EditCommands, TheListSaysWhatIsInThePublishedMap) {
+  const auto state = [&](bool in_map, const std::string& text) {
+    EXPECT_EQ(Run({"list", "--json"}).json()["edits"][0]["in_published_map"], in_map);
+    EXPECT_THAT(Run({"list"}).out, HasSubstr(text));
+  };
+  ASSERT_EQ(Edit({"control", names_[1], "10,20", "--sd", "0.05", "--mode", "1"}).code, 0);
+  state(true, "in force");
+  ASSERT_EQ(Command("rollback", {}).code, 0);
+  state(false, "not in the published map");
+  EXPECT_THAT(Run({"list"}).out, Not(HasSubstr("in force")));
+  ASSERT_EQ(Command("publish", {"2"}).code, 0);
+  state(true, "in force");
+  {
+    MapStore store = *MapStore::Open(store_, MapStore::Access::kReadWrite);
+    const MapSnapshot map = *store.LoadVersion("hall", VersionNumber(2));
+    CommitOptions options;
+    options.parent = VersionNumber(2);
+    ASSERT_THAT(store.Commit("hall", map.content(), {"test", "", 0, {}}, options), IsOk());
+  }
+  ASSERT_EQ(Edit({"undo", "1"}).code, 8);
+  state(true, "taken back, still in the published map");
+  ASSERT_EQ(Command("rollback", {"1"}).code, 0);
+  state(false, "taken back  ");
 }
 
 TEST_F(EditCommands, ACalibrationIsForgottenSinceATimeInAnyForm) {
