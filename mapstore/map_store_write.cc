@@ -109,6 +109,18 @@ Status InsertWaiting(Database& database,
   return OkStatus();
 }
 
+AuditAction ActionOf(NightNote note) {
+  switch (note) {
+    case NightNote::kRefused:
+      return AuditAction::kRefuse;
+    case NightNote::kLocated:
+      return AuditAction::kLocate;
+    case NightNote::kLeftOut:
+      return AuditAction::kLeave;
+  }
+  return AuditAction::kRefuse;
+}
+
 }  // namespace
 
 StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
@@ -249,10 +261,8 @@ Status MapStore::AddNote(const std::optional<std::string>& area,
     SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(state_->database, *area));
     area_id = area_row.area_id;
   }
-  const AuditAction action =
-      note == NightNote::kRefused ? AuditAction::kRefuse : AuditAction::kLocate;
   SHIFTMAP_RETURN_IF_ERROR(
-      InsertAudit(state_->database, area_id, action, subject, state_->clock()));
+      InsertAudit(state_->database, area_id, ActionOf(note), subject, state_->clock()));
   return transaction.Commit();
 }
 

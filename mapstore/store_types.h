@@ -254,6 +254,7 @@ struct ReportSummary {
 enum class NightNote {
   kRefused,  ///< AuditAction::kRefuse.
   kLocated,  ///< AuditAction::kLocate.
+  kLeftOut,  ///< AuditAction::kLeave.
 };
 
 /// What a write did, and what its subject is.
@@ -273,6 +274,7 @@ enum class AuditAction {
   kUndo,      ///< An edit was taken back; its words.
   kCompact,   ///< What became of it.
   kMigrate,   ///< The two schemas.
+  kLeave,     ///< A nightly job leaves runs out; a hash of why, and their identities.
 };
 
 /// The word that stands for it in the store, e.g. "publish".

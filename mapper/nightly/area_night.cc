@@ -9,11 +9,13 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "mapper/cli/area_build.h"
 #include "mapper/cli/objections.h"
 #include "mapper/nightly/candidate.h"
+#include "mapper/nightly/left_out.h"
 #include "mapper/nightly/refused_versions.h"
 #include "mapper/nightly/since_published.h"
 #include "mapstore/cli/stop_signals.h"
@@ -29,6 +31,11 @@ constexpr int kMaxBuilds = 6;
 Status CheckStopped() {
   if (StopSignals::Received().empty()) return OkStatus();
   return MakeStatus(StatusCode::kCancelled, "night stopped by {}", StopSignals::Received());
+}
+
+bool Has(const std::vector<LogHead>& logs, const LogHead& log) {
+  return std::any_of(
+      logs.begin(), logs.end(), [&](const LogHead& of) { return of.path == log.path; });
 }
 
 class Area {
@@ -48,6 +55,7 @@ class Area {
     return OpenStore(options_.build.store, access, context_, options_.build.clock_tolerance_s);
   }
   Status HoldOut();
+  Status SkipLeftOut();
   StatusOr<Judgement> JudgeCandidate(const Candidate& candidate,
                                      const std::vector<LogHead>& given) const;
   StatusOr<std::vector<std::string>> Objections(const Candidate& candidate) const;
@@ -59,6 +67,7 @@ class Area {
   StatusOr<bool> BuildWithoutWorst(const Judgement& judgement, const std::vector<LogHead>& given);
   Status WriteHolds();
   Status NoteWaiting();
+  Status NoteLeftOut();
   Status Commit(bool publish, Candidate* candidate);
   Status Publish(Candidate* candidate);
   Status Refuse(const std::vector<std::string>& reasons, Candidate* candidate);
@@ -73,8 +82,11 @@ class Area {
   const CandidateBuilder candidates_;
   std::vector<LogHead> held_out_;
   std::vector<LogHead> given_;
-  std::vector<UnplacedRun> waiting_;  // Of builds that were made anew without them.
-  std::vector<Exclusion> holds_;      // Of an area that the store does not have yet.
+  std::vector<LogHead> asked_;          // As given at first, but for those that were held.
+  std::set<std::string> left_out_;      // Of them, by identity,
+  std::set<std::string> left_earlier_;  // and in an earlier night.
+  std::vector<UnplacedRun> waiting_;    // Of builds that were made anew without them.
+  std::vector<Exclusion> holds_;        // Of an area that the store does not have yet.
   AreaNight night_;
 };
 
@@ -102,6 +114,32 @@ Status Area::HoldOut() {
   night_.held_out = held_out_.size();
   for (const std::vector<LogHead>* const kind : {&logs_.waiting, &logs_.again}) {
     given_.insert(given_.end(), kind->begin(), kind->end());
+  }
+  asked_ = given_;
+  return SkipLeftOut();
+}
+
+// Without new logs a build would leave out again what one before has left out.
+Status Area::SkipLeftOut() {
+  if (!logs_.fresh.empty() || !HasStore(options_)) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  SHIFTMAP_ASSIGN_OR_RETURN(left_earlier_, ReadLeftOut(options_, night_.area, asked_, &store));
+  left_out_ = left_earlier_;
+  std::erase_if(given_, [&](const LogHead& log) { return left_earlier_.contains(log.identity()); });
+  // What waits alone is not built either.
+  if (given_.size() < asked_.size() &&
+      std::none_of(
+          given_.begin(), given_.end(), [&](const LogHead& log) { return Has(logs_.again, log); }))
+    given_.clear();
+  for (const LogHead& log : asked_) {
+    if (Has(given_, log)) continue;
+    Say(Has(logs_.waiting, log)
+            ? fmt::format("'{}' waits", log.path)
+            : fmt::format("'{}' is left out as in an earlier night, since nothing has changed: "
+                          "shiftmap-mapper build tries it, shiftmap-inspect runs exclude {} ends "
+                          "this line",
+                          log.path,
+                          log.identity()));
   }
   return OkStatus();
 }
@@ -145,6 +183,7 @@ Status Area::Hold(const LogHead& log, const std::string& reason) {
   hold.reason = "nightly: " + reason;
   hold.held = true;
   holds_.push_back(std::move(hold));
+  std::erase_if(asked_, [&](const LogHead& of) { return of.path == log.path; });
   SHIFTMAP_RETURN_IF_ERROR(WriteHolds());
   night_.reasons.push_back(fmt::format(
       "'{}' is left out of the map and held: {}; to decide: shiftmap-inspect runs include {}, or "
@@ -201,8 +240,9 @@ StatusOr<bool> Area::BuildWithout(const std::function<bool(const LogHead&)>& bla
     return true;
   });
   if (without.empty() || blamed.empty()) return false;
+  bool for_good = false;
   SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> candidate,
-                            candidates_.Make(without, &night_.reasons, &waiting_));
+                            candidates_.Make(without, &night_.reasons, &waiting_, &for_good));
   if (!candidate) return false;
   SHIFTMAP_ASSIGN_OR_RETURN(Judgement again, JudgeCandidate(*candidate, without));
   if (!again.worse.empty() || !again.suspects.empty()) return false;
@@ -252,6 +292,7 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   std::erase_if(given_, [&](const LogHead& log) {
     if (candidate.version.Has(log)) return false;
     out.push_back(log);
+    left_out_.insert(log.identity());
     return true;
   });
   for (const std::string& line : candidate.outcome.left_out) {
@@ -342,11 +383,25 @@ Status Area::NoteWaiting() {
   return noted.code() == StatusCode::kNotFound ? OkStatus() : noted;
 }
 
+// Once something is published, what a build goes on from is another.
+Status Area::NoteLeftOut() {
+  const bool nothing = !logs_.fresh.empty() || night_.published || left_out_ == left_earlier_;
+  if (nothing || !HasStore(options_) || context_.dry_run()) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadWrite));
+  return ::shiftmap::NoteLeftOut(options_, night_.area, asked_, left_out_, &store);
+}
+
 // Builds what is given once, and judges it.
 StatusOr<Area::Step> Area::Build() {
+  bool for_good = false;
   SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> candidate,
-                            candidates_.Make(given_, &night_.reasons, &waiting_));
-  if (!candidate) return Step::kDone;
+                            candidates_.Make(given_, &night_.reasons, &waiting_, &for_good));
+  if (!candidate) {
+    for (const LogHead& log : given_) {
+      if (for_good) left_out_.insert(log.identity());
+    }
+    return Step::kDone;
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
   if (less) return Step::kAgain;
   std::vector<std::string> objections;
@@ -396,6 +451,7 @@ StatusOr<AreaNight> Area::Run() {
     if (*step == Step::kDone) break;
   }
   SHIFTMAP_RETURN_IF_ERROR(NoteWaiting());
+  SHIFTMAP_RETURN_IF_ERROR(NoteLeftOut());
   if (HasStore(options_) && !context_.dry_run()) {
     SHIFTMAP_RETURN_IF_ERROR(CompactRefused(night_.area, options_.build.store, context_));
   }

@@ -6,6 +6,7 @@
 
 #include "mapper/cli/build_report.h"
 #include "mapper/nightly/since_published.h"
+#include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/cli/version.h"
 #include "mapstore/map/sha256.h"
@@ -61,12 +62,14 @@ StatusOr<JudgedVersion> CandidateBuilder::JudgedOf(const AreaBuild& build) const
 
 StatusOr<std::optional<Candidate>> CandidateBuilder::Make(const std::vector<LogHead>& logs,
                                                           std::vector<std::string>* reasons,
-                                                          std::vector<UnplacedRun>* waiting) const {
+                                                          std::vector<UnplacedRun>* waiting,
+                                                          bool* for_good) const {
   const AreaBuildOptions options = BuildOptions(logs);
   SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Candidate> found, Find(options.night));
   if (found) return found;
   StatusOr<AreaBuild> built = MakeAreaBuild(options, context_);
   if (built.status().code() == StatusCode::kCancelled) return built.status();
+  *for_good = built.ok() || ExitCodeFor(built.status()) == ExitCode::kBadInput;
   if (!built.ok()) {
     reasons->push_back(Message(built.status()));
     return std::optional<Candidate>();

@@ -38,9 +38,11 @@ class CandidateBuilder {
   /// build.
   /// @param reasons  Gets why there is no map, where nothing is returned.
   /// @param waiting  Gets the runs that wait then.
+  /// @param for_good  Whether the same logs will give no map another time either.
   StatusOr<std::optional<Candidate>> Make(const std::vector<LogHead>& logs,
                                           std::vector<std::string>* reasons,
-                                          std::vector<UnplacedRun>* waiting) const;
+                                          std::vector<UnplacedRun>* waiting,
+                                          bool* for_good) const;
 
   /// A FoldBuilder.
   StatusOr<std::optional<JudgedVersion>> BuildFold(const std::vector<LogHead>& logs) const;

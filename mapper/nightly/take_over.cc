@@ -156,6 +156,7 @@ Status TakeEntry(const std::string& area,
     return to->NoteWaiting(area, {{name, hash, {}}});
   }
   if (entry.Is(AuditAction::kRefuse)) return to->AddNote(area, NightNote::kRefused, entry.subject);
+  if (entry.Is(AuditAction::kLeave)) return to->AddNote(area, NightNote::kLeftOut, entry.subject);
   if (entry.Is(AuditAction::kHold)) {
     const auto [run, reason] = Split(entry.subject.substr(std::string("run ").size()), ": ");
     Exclusion hold;

@@ -41,6 +41,8 @@ const char* ToString(AuditAction action) {
       return "compact";
     case AuditAction::kMigrate:
       return "migrate";
+    case AuditAction::kLeave:
+      return "leave";
   }
   return "";
 }

@@ -333,6 +333,32 @@ class AnewTest : public ThreeNightsTest {
 
 TEST_F(AnewTest, TheNightBuildsTheOthersWithoutAPrior) { ExpectAnew({"second", "third"}); }
 
+// What the published map has and no build takes: the next build would leave it out again.
+TEST_F(AnewTest, WhatABuildLeftOutIsNotBuiltAgainUntilSomethingChanges) {
+  const Arguments little = {"--min-age-s", "0", "--max-memory-mib", "1"};
+  const auto audit = [&] { return Inspect({"audit"}).out; };
+  const CommandResult first = Night(little);
+  EXPECT_EQ(first.exit_code, kAttention);
+  EXPECT_NE(first.err.find("MiB"), std::string::npos) << first.err;
+  const std::string noted = audit();
+  EXPECT_NE(noted.find("leave"), std::string::npos) << noted;
+  const CommandResult again = Night(little);
+  EXPECT_EQ(again.exit_code, kAttention);
+  EXPECT_EQ(again.err.find("MiB"), std::string::npos) << again.err;
+  for (const char* const name : {"second", "third"}) {
+    EXPECT_NE(again.err.find(logs_ + "/" + name + ".mcap' is left out as in an earlier night"),
+              std::string::npos)
+        << again.err;
+  }
+  EXPECT_EQ(audit(), noted);
+  // A decision is a change.
+  const std::string third = *HashFile(logs_ + "/third.mcap");
+  EXPECT_EQ(Inspect({"runs", "hold", third, "--reason", "?"}).exit_code, 0);
+  EXPECT_NE(Night(little).err.find("MiB"), std::string::npos);
+  EXPECT_EQ(Inspect({"runs", "include", third}).exit_code, 0);
+  ExpectAnew({"second", "third"});
+}
+
 // So does it where the store does not have the ancestor that is left.
 TEST_F(ThreeNightsTest, AncestorsThatWereCompactedAwayAreNoPrior) {
   RunForJson("shiftmap-inspect", {"compact", "--keep-versions", "1", "--store", store_});
