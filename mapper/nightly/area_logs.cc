@@ -13,6 +13,8 @@
 #include "mapper/nightly/rolled_back.h"
 #include "mapper/nightly/since_published.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/core/clock.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/prior_version.h"
 
@@ -26,7 +28,7 @@ struct KnownRuns {
   std::set<std::string> mapped;
   std::optional<VersionNumber> prior;  // What a build goes on from.
   std::vector<LineRun> kept;           // In it.
-  std::set<std::string> waiting;       // Hashes.
+  std::vector<UnplacedRun> waiting;
 
   // What versions mapped that somebody rolled back, and the version.
   std::map<std::string, VersionNumber> rolled_back;
@@ -42,8 +44,7 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
   if (exclusions.status().code() == StatusCode::kNotFound) return known;
   if (!exclusions.ok()) return exclusions.status();
   known.exclusions = *exclusions;
-  SHIFTMAP_ASSIGN_OR_RETURN(const auto runs, store->WaitingRuns(area));
-  for (const UnplacedRun& run : runs) known.waiting.insert(run.sha256);
+  SHIFTMAP_ASSIGN_OR_RETURN(known.waiting, store->WaitingRuns(area));
   if (!*published) return known;
   SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, **published));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
@@ -115,6 +116,20 @@ StatusOr<std::optional<std::string>> Rest(const std::string& area,
       fmt::format("'{}' is left out: {}; to leave it so, delete the log", log->path, *rest));
 }
 
+// Somebody has to decide about a run that waits and is not given, unless it is excluded.
+void NameNotGiven(const KnownRuns& known, const std::set<std::string>& given, AreaLogs* sorted) {
+  for (const UnplacedRun& run : known.waiting) {
+    const Exclusion* const exclusion = FindExclusion(known.exclusions, run.sha256, "", Stamp());
+    if (given.contains(run.sha256) || (exclusion != nullptr && !exclusion->held)) continue;
+    sorted->held.push_back(
+        fmt::format("run '{}' waits since {} UTC, and its log is not there; without it: "
+                    "shiftmap-inspect runs exclude {}",
+                    InertLine(run.name),
+                    FormatUtc(run.since),
+                    run.sha256));
+  }
+}
+
 }  // namespace
 
 StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, MapStore* store) {
@@ -128,8 +143,15 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
                                    known.exclusions.end(),
                                    [](const auto& of) { return of.run.size() == kSha256Digits; });
   AreaLogs sorted;
+  std::set<std::string> waiting;
+  for (const UnplacedRun& run : known.waiting) waiting.insert(run.sha256);
+  std::set<std::string> given;
   for (LogHead& log : logs) {
-    if (Remove(known, log.identity(), log, &sorted)) continue;
+    if (Remove(known, log.identity(), log, &sorted)) {
+      // Its hash is for the runs that wait.
+      if (!waiting.empty()) given.insert(HashFile(log.path).value_or(log.sha256));
+      continue;
+    }
     SHIFTMAP_ASSIGN_OR_RETURN(const LineRun* const mapped, MappedRunOf(area, known, log, store));
     if (mapped != nullptr) {
       SHIFTMAP_ASSIGN_OR_RETURN(std::optional<std::string> rest, Rest(area, *mapped, &log, store));
@@ -143,6 +165,7 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
     if (by_hash && log.sha256.empty()) {
       SHIFTMAP_ASSIGN_OR_RETURN(log.sha256, HashFile(log.path));
     }
+    given.insert(log.sha256);
     if (by_hash && Remove(known, log.sha256, log, &sorted)) continue;
     const bool again = known.mapped.contains(log.identity());
     const auto back = known.rolled_back.find(log.identity());
@@ -158,11 +181,12 @@ StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, 
                       publish));
       continue;
     }
-    std::vector<LogHead>& kind = again                                ? sorted.again
-                                 : known.waiting.contains(log.sha256) ? sorted.waiting
-                                                                      : sorted.fresh;
+    std::vector<LogHead>& kind = again                          ? sorted.again
+                                 : waiting.contains(log.sha256) ? sorted.waiting
+                                                                : sorted.fresh;
     kind.push_back(std::move(log));
   }
+  NameNotGiven(known, given, &sorted);
   return sorted;
 }
 

@@ -17,10 +17,11 @@ struct AreaLogs {
   std::vector<LogHead> again;     ///< In the map, but not in what a build goes on from.
   std::vector<LogHead> mapped;    ///< In what a build goes on from.
   std::vector<LogHead> excluded;  ///< Somebody took them out.
-  std::vector<std::string> held;  ///< Lines about logs that somebody has to decide about.
+  std::vector<std::string> held;  ///< Lines about runs that somebody has to decide about.
 };
 
-/// Tells an area's logs apart by the identity of their runs.
+/// Tells an area's logs apart by the identity of their runs, and names runs that wait for a build
+/// and of which no log is there.
 /// @param store  Null: there is none, and all are fresh.
 /// Errors: those of the store; as HashFile.
 StatusOr<AreaLogs> SortLogs(const std::string& area, std::vector<LogHead> logs, MapStore* store);

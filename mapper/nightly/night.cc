@@ -219,6 +219,15 @@ Status FindLogs(const NightOptions& options, const Context& context, NightWork* 
   for (const auto& [area, logs] : sorter.logs()) {
     SHIFTMAP_ASSIGN_OR_RETURN(work->areas[area], SortLogs(area, logs, store));
   }
+  if (store == nullptr) return OkStatus();
+  // Of areas without a log.
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store->Areas());
+  for (const AreaSummary& area : areas) {
+    const bool other = options.area && area.area != *options.area;
+    if (other || work->areas.contains(area.area)) continue;
+    SHIFTMAP_ASSIGN_OR_RETURN(AreaLogs sorted, SortLogs(area.area, {}, store));
+    if (!sorted.held.empty()) work->areas[area.area] = std::move(sorted);
+  }
   return OkStatus();
 }
 

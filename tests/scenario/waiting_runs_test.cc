@@ -6,11 +6,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "mapstore/map/sha256.h"
 #include "mapstore/run/trajectory.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
@@ -136,6 +138,51 @@ TEST_F(WaitingRunsTest, ASurveyOfThreeMovedLandmarksDecides) {
   }
   ASSERT_EQ(surveyed, 3);
   EXPECT_EQ(Waiting({1}, kDone).size(), 0u);
+}
+
+// A log that was deleted, or lies elsewhere: the run does not come by itself.
+TEST_F(WaitingRunsTest, ANightNamesThoseWhoseLogIsNotThere) {
+  const std::string logs = world_.File("logs");
+  std::filesystem::create_directory(logs);
+  for (const int run : {0, 1}) {
+    std::filesystem::copy_file(world_.Log(run), fmt::format("{}/{}.mcap", logs, run));
+  }
+  const auto night = [&] {
+    return RunCommand("shiftmap-mapper",
+                      {"nightly",
+                       "--store",
+                       world_.File("maps.db"),
+                       "--logs",
+                       logs,
+                       "--area",
+                       "floor",
+                       "--min-age-s",
+                       "0"});
+  };
+  night();
+  EXPECT_NE(night().err.find("1.mcap' waits"), std::string::npos);
+  const std::string missing = "run '1' waits since";
+  EXPECT_EQ(night().err.find(missing), std::string::npos);
+  const std::string hash = *HashFile(logs + "/1.mcap");
+  std::filesystem::remove(logs + "/1.mcap");
+  CommandResult named = night();
+  EXPECT_EQ(named.exit_code, kAttention);
+  EXPECT_NE(named.err.find(missing), std::string::npos) << named.err;
+  EXPECT_NE(named.err.find("runs exclude " + hash), std::string::npos) << named.err;
+  std::filesystem::remove(logs + "/0.mcap");
+  named = night();
+  EXPECT_NE(named.err.find(missing), std::string::npos) << named.err;
+  RunForJson("shiftmap-inspect",
+             {"runs",
+              "exclude",
+              hash,
+              "--store",
+              world_.File("maps.db"),
+              "--area",
+              "floor",
+              "--reason",
+              "gone"});
+  EXPECT_EQ(night().exit_code, kNothingToDo);
 }
 
 TEST_F(WaitingRunsTest, NothingIsRememberedOfADryRun) {
