@@ -60,27 +60,41 @@ void SilenceLibraries() {
   gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
+// What may be wrong with the client's own certificate.
+struct CertificateDates {
+  std::string note;  // Empty: nothing.
+  bool over = false;
+};
+
 // A server that refuses a certificate says no more than that the connection broke.
-std::string DatesNote(const ServerOptions& options, const X509* certificate) {
+CertificateDates DatesOf(const ServerOptions& options, const X509* certificate) {
   const std::optional<CertificateTimes> times = TimesOf(certificate);
   const Stamp now = SystemNow();
-  if (!times || (times->begin <= now && now <= times->end)) return "";
-  return fmt::format("; client certificate '{}' holds from {} to {}, and it is {}",
-                     options.tls_cert,
-                     FormatUtc(times->begin),
-                     FormatUtc(times->end),
-                     FormatUtc(now));
+  if (!times || (times->begin <= now && now <= times->end)) return {};
+  return {fmt::format("; client certificate '{}' holds from {} to {}, and it is {}",
+                      options.tls_cert,
+                      FormatUtc(times->begin),
+                      FormatUtc(times->end),
+                      FormatUtc(now)),
+          now > times->end};
 }
 
-// @param note  Gets what may be wrong with the certificate.
+// Whether a connection that failed will fail until somebody renews or replaces a certificate. A
+// clock that is behind may be set yet.
+bool IsForGood(const CertificateDates& own, const std::string& error) {
+  return own.over ||
+         (own.note.empty() && error.find("certificate verify failed") != std::string::npos);
+}
+
+// @param dates  Gets those of the client's certificate.
 StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(const ServerOptions& options,
-                                                                std::string* note) {
+                                                                CertificateDates* dates) {
   if (options.development_plain_text) return grpc::InsecureChannelCredentials();
   grpc::SslCredentialsOptions tls;
   SHIFTMAP_ASSIGN_OR_RETURN(tls.pem_root_certs, ReadCertificates("authority", options.tls_ca));
   SHIFTMAP_ASSIGN_OR_RETURN(TlsIdentity identity,
                             ReadTlsIdentity("client", options.tls_cert, options.tls_key));
-  *note = DatesNote(options, identity.certificate.get());
+  *dates = DatesOf(options, identity.certificate.get());
   tls.pem_cert_chain = std::move(identity.certificates);
   tls.pem_private_key = std::move(identity.key);
   return grpc::SslCredentials(tls);
@@ -108,12 +122,13 @@ struct MapClient::State {
   Status About(const grpc::Status& status) const {
     if (status.ok()) return OkStatus();
     const StatusCode code = CodeOf(status, stop.stop_requested());
+    const bool broke = code == StatusCode::kUnavailable;
     return MakeStatus(
-        code,
+        broke && IsForGood(dates, status.error_message()) ? StatusCode::kUnauthenticated : code,
         "server '{}': {}{}",
         options.address,
         status.error_message().empty() ? "the connection broke" : status.error_message(),
-        code == StatusCode::kUnavailable ? note : "");
+        broke ? dates.note : "");
   }
 
   Status About(const Status& status) const {
@@ -121,7 +136,7 @@ struct MapClient::State {
   }
 
   ServerOptions options;
-  std::string note;
+  CertificateDates dates;
   std::stop_token stop;
   std::unique_ptr<proto::MapServer::Stub> stub;
 };
@@ -129,7 +144,7 @@ struct MapClient::State {
 StatusOr<MapClient> MapClient::Create(const ServerOptions& options, std::stop_token stop) {
   auto state = std::make_unique<State>();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
-                            Credentials(options, &state->note));
+                            Credentials(options, &state->dates));
   SilenceLibraries();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);

@@ -146,9 +146,21 @@ TEST_F(TransferTest, WhatIsWrongWithACertificateIsSaid) {
   ExpectError("shiftmap-localizer", with_key(ca + "/another.key"), kBadInput, "does not belong");
   ExpectError("shiftmap-localizer", with_key(ca + "/ca.pem"), kBadInput, "private key in PEM");
   MakeCertificate({"client", ca, "vehicle", "over"}, "ENDS=20200101000000Z");
-  Arguments over = As("over", fetch);
-  over.back() = "0";  // --give-up-s
-  ExpectError("shiftmap-localizer", over, kTemporary, "to 2020-01-01");
+  const std::string report = world_->File("shift.report");
+  for (const Arguments& words :
+       {fetch, Arguments{"return", report}, Arguments{"upload", LogPath()}}) {
+    const CommandResult refused = RunCommand("shiftmap-localizer", As("over", words));
+    EXPECT_EQ(refused.exit_code, kBadInput) << refused.err;
+    EXPECT_EQ(CountLines(refused.err), 1) << refused.err;
+    EXPECT_NE(refused.err.find("to 2020-01-01"), std::string::npos) << refused.err;
+  }
+
+  // And of the server's.
+  const std::string other = dir_.File("other");
+  MakeCertificate({"init", other});
+  Arguments stranger = As(Vehicle(), fetch);
+  *(std::find(stranger.begin(), stranger.end(), "--tls-ca") + 1) = other + "/ca.pem";
+  ExpectError("shiftmap-localizer", stranger, kBadInput, "certificate verify failed");
 }
 
 TEST_F(TransferTest, WithoutAServerItIsTemporaryAndABadFileIsNotSent) {
