@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "localizer/cli/return_to_store.h"
+#include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/clock.h"
@@ -31,6 +32,7 @@ void WarnOfUnsetClock(const std::string& what, const ShiftReport& report, const 
 }
 
 Status ReturnToStore(const ReturnArguments& options, Context& context) {
+  const StopSignals signals;
   // All are read before the first is returned: a bad file changes nothing.
   std::vector<ShiftReport> reports;
   for (const std::string& path : options.reports) {
@@ -52,7 +54,12 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
   Json results = Json::array();
   std::string text;
   bool all_known = true;
+  Status stopped;
   for (std::size_t i = 0; i < reports.size() && !context.dry_run(); ++i) {
+    stopped = StopSignals::Check(
+        fmt::format("map store '{}': return", options.store),
+        fmt::format("{} of {} files are done, the same command goes on", i, reports.size()));
+    if (!stopped.ok()) break;
     SHIFTMAP_ASSIGN_OR_RETURN(const ReturnResult result, store.Return(reports[i]));
     all_known = all_known && result.duplicate;
     results.push_back({{"report", options.reports[i]},
@@ -69,6 +76,7 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
     }
   }
   context.Report({{"reports", results}}, text);
+  SHIFTMAP_RETURN_IF_ERROR(stopped);
   if (all_known && !context.dry_run()) {
     return MakeStatus(
         StatusCode::kAlreadyExists, "map store '{}': every report is known already", options.store);

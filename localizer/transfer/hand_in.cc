@@ -91,7 +91,7 @@ Status HandIn::SendReport(const OutboxItem& item, MapClient* client) {
 Status HandIn::SendLog(const OutboxItem& item, MapClient* client) {
   if (!log_ || log_name_ != item.name) {
     log_.reset();
-    SHIFTMAP_ASSIGN_OR_RETURN(log_, LogUpload::Open(outbox_.PathOf(item.name)));
+    SHIFTMAP_ASSIGN_OR_RETURN(log_, LogUpload::Open(outbox_.PathOf(item.name), client->stop()));
     log_name_ = item.name;
   }
   const std::int64_t before = log_->stored_bytes();

@@ -23,7 +23,7 @@ Status About(const std::string& path, const Status& status) {
 
 }  // namespace
 
-StatusOr<LogUpload> LogUpload::Open(const std::string& path) {
+StatusOr<LogUpload> LogUpload::Open(const std::string& path, const std::stop_token& stop) {
   StatusOr<std::ifstream> file = OpenInputFile(path);
   if (!file.ok()) return About(path, file.status());
   LogUpload upload(path, *std::move(file));
@@ -31,6 +31,7 @@ StatusOr<LogUpload> LogUpload::Open(const std::string& path) {
   std::string bytes(kMessageBytes, '\0');
   while (upload.file_.read(bytes.data(), static_cast<std::streamsize>(bytes.size())) ||
          upload.file_.gcount() > 0) {
+    if (stop.stop_requested()) return MakeStatus(StatusCode::kCancelled, "stopped");
     const auto count = static_cast<std::size_t>(upload.file_.gcount());
     hash.Update(std::string_view(bytes.data(), count));
     upload.size_bytes_ += static_cast<std::int64_t>(count);
@@ -81,7 +82,7 @@ StatusOr<bool> LogUpload::SendPiece(MapClient* client, RateLimit* limit, std::in
 StatusOr<UploadResult> UploadLog(MapClient* client,
                                  const std::string& path,
                                  const UploadOptions& options) {
-  SHIFTMAP_ASSIGN_OR_RETURN(LogUpload upload, LogUpload::Open(path));
+  SHIFTMAP_ASSIGN_OR_RETURN(LogUpload upload, LogUpload::Open(path, client->stop()));
   RateLimit limit(options.max_bytes_per_s);
   Backoff backoff(options.backoff, RandomSeed());
   for (;;) {

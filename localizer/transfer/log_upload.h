@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <fstream>
 #include <functional>
+#include <stop_token>
 #include <string>
 #include <utility>
 
@@ -20,8 +21,8 @@ namespace shiftmap::transfer {
 /// cannot be read. Those about the file start with `run log 'PATH': `.
 class LogUpload {
  public:
-  /// Reads the file once, for its hash.
-  static StatusOr<LogUpload> Open(const std::string& path);
+  /// Reads the file once, for its hash. Errors also: kCancelled if a stop is requested meanwhile.
+  static StatusOr<LogUpload> Open(const std::string& path, const std::stop_token& stop = {});
 
   /// Sends the next piece, from where the server says that it has arrived. True once the server has
   /// the whole file.

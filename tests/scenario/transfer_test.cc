@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -17,6 +18,7 @@
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
+#include "mapstore/sqlite/database.h"
 #include "tests/scenario/server_fixture.h"
 #include "tests/support/status_matchers.h"
 
@@ -121,6 +123,60 @@ TEST_F(TransferTest, AStoppedFetchGoesOnLater) {
   }
   EXPECT_EQ(RunForJson("shiftmap-localizer", words)["changed"], true);
   EXPECT_FALSE(fs::exists(output + ".part"));
+}
+
+TEST_F(TransferTest, AStoppedUploadGoesOnLater) {
+  const Arguments words = As(Vehicle(), {"upload", LogPath()});
+  Arguments slow = words;
+  slow.insert(slow.end(), {"--max-kib-per-s", "1"});
+  for (const int signal : {SIGINT, SIGTERM}) {
+    BackgroundCommand upload("shiftmap-localizer", slow);
+    upload.WaitUntilItCatches(signal);
+    EXPECT_EQ(upload.End(signal), kStopped);
+    EXPECT_NE(upload.Errors().find(", 0 of 1 files are done, the same command goes on\n"),
+              std::string::npos)
+        << upload.Errors();
+    EXPECT_EQ(CountLines(upload.Errors()), 1) << upload.Errors();
+  }
+  RunForJson("shiftmap-localizer", words);
+  EXPECT_EQ(Code(words), kNothingToDo);
+}
+
+TEST_F(TransferTest, AStoppedReturnSaysWhatIsDone) {
+  const std::string report = world_->File("shift.report");
+  const std::string second = dir_.File("second.report");
+  ShiftReport another = *ReadShiftReport(report);
+  another.uuid.back() = another.uuid.back() == '0' ? '1' : '0';
+  ASSERT_THAT(WriteShiftReport(another, second), IsOk());
+  const auto expect_stopped = [](BackgroundCommand& returned, int signal) {
+    EXPECT_EQ(returned.End(signal), kStopped);
+    EXPECT_NE(returned.Errors().find(" of 2 files are done, the same command goes on\n"),
+              std::string::npos)
+        << returned.Errors();
+    EXPECT_EQ(CountLines(returned.Errors()), 1) << returned.Errors();
+  };
+  {
+    // Nobody listens there.
+    Arguments words = As(Vehicle(), {"return", report, second});
+    *(std::find(words.begin(), words.end(), "--server") + 1) = "127.0.0.1:1";
+    words.back() = "1000";  // --give-up-s
+    BackgroundCommand returned("shiftmap-localizer", words);
+    returned.WaitUntilItCatches(SIGTERM);
+    expect_stopped(returned, SIGTERM);
+  }
+  const std::string copy = dir_.File("copy.db");
+  fs::copy_file(world_->File("maps.db"), copy);
+  const Arguments words = {"return", "--store", copy, report, second};
+  StatusOr<Database> writer = Database::Open(copy, {.mode = Database::Mode::kReadWrite});
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->Execute("BEGIN IMMEDIATE"), IsOk());
+  BackgroundCommand returned("shiftmap-localizer", words);
+  returned.WaitUntilItCatches(SIGTERM);
+  kill(returned.pid(), SIGTERM);
+  ASSERT_THAT(writer->Execute("ROLLBACK"), IsOk());
+  expect_stopped(returned, 0);
+  RunForJson("shiftmap-localizer", words);
+  EXPECT_EQ(Code(words), kNothingToDo);
 }
 
 TEST_F(TransferTest, AnotherVehiclesReportAndLogAreRefusedForGood) {

@@ -4,21 +4,14 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <stop_token>
 #include <system_error>
-#include <thread>
 
+#include "localizer/transfer/cli/signal_stop.h"
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/snapshot_fetch.h"
-#include "mapstore/cli/stop_signals.h"
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap::transfer {
-namespace {
-
-constexpr double kLookEveryS = 0.05;
-
-}  // namespace
 
 ServerOptions ServerOptionsOf(const ServerArguments& arguments) {
   return {.address = arguments.server,
@@ -36,15 +29,9 @@ Status RunFetch(const FetchArguments& arguments, Context& context) {
   options.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
   options.dry_run = context.dry_run();
   SHIFTMAP_ASSIGN_OR_RETURN(options.keys, SnapshotKeys::Read(arguments.snapshot_keys));
-  const StopSignals signals;
-  std::stop_source stop;
-  const std::jthread watch([&stop](const std::stop_token& done) {
-    while (StopSignals::Received().empty() && SleepFor(kLookEveryS, done)) {
-    }
-    stop.request_stop();
-  });
+  const SignalStop stop;
   SHIFTMAP_ASSIGN_OR_RETURN(MapClient client,
-                            MapClient::Create(ServerOptionsOf(arguments.server), stop.get_token()));
+                            MapClient::Create(ServerOptionsOf(arguments.server), stop.token()));
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   options.progress = [&progress](double done) { progress->Update("fetching", done); };
   const StatusOr<FetchResult> result = FetchSnapshot(&client, options);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "localizer/transfer/backoff.h"
+#include "localizer/transfer/cli/signal_stop.h"
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/log_upload.h"
 #include "localizer/transfer/map_client.h"
@@ -39,6 +40,16 @@ class Outcomes {
   }
 
   void Known() { ++known_; }
+
+  // Whether a signal came. What is handed in stays so, and what is not goes on from where it was.
+  bool Stopped(const char* command, const std::string& server, std::size_t files) {
+    const Status stopped = StopSignals::Check(
+        fmt::format("server '{}': {}", server, command),
+        fmt::format("{} of {} files are done, the same command goes on", list_.size(), files));
+    if (stopped.ok()) return false;
+    failure_ = stopped;
+    return true;
+  }
 
   Status Report(const char* key, const std::string& server, std::size_t files, Context* context) {
     const std::size_t done = list_.size();
@@ -88,20 +99,25 @@ std::string ReturnText(const std::string& path, const SubmitResult& result) {
 }  // namespace
 
 Status RunReturn(const ReturnArguments& arguments, Context& context) {
+  const SignalStop stop;
   // All are read before the first is returned: a bad file changes nothing.
   std::vector<ShiftReport> reports;
   for (const std::string& path : arguments.reports) {
     SHIFTMAP_ASSIGN_OR_RETURN(ShiftReport report, ReadShiftReport(path));
     reports.push_back(std::move(report));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client, MapClient::Create(ServerOptionsOf(arguments.server)));
+  const std::string& server = arguments.server.server;
+  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client,
+                            MapClient::Create(ServerOptionsOf(arguments.server), stop.token()));
   Outcomes outcomes;
   for (std::size_t i = 0; i < reports.size() && !context.dry_run(); ++i) {
+    if (outcomes.Stopped("return", server, reports.size())) break;
     const std::string& path = arguments.reports[i];
     Json entry{{"report", path}, {"uuid", reports[i].uuid}};
     const StatusOr<SubmitResult> result =
         Submit(&client, EncodeShiftReport(reports[i]), arguments.server.give_up_s);
     if (!result.ok()) {
+      if (outcomes.Stopped("return", server, reports.size())) break;
       const Status status = Annotate(result.status(), "shift report '{}'", path);
       if (outcomes.Failed(std::move(entry), path, status)) break;
       continue;
@@ -112,21 +128,25 @@ Status RunReturn(const ReturnArguments& arguments, Context& context) {
     entry["set_aside"] = SetAsideJson(*result);
     outcomes.Add(std::move(entry), ReturnText(path, *result));
   }
-  return outcomes.Report("reports", arguments.server.server, arguments.reports.size(), &context);
+  return outcomes.Report("reports", server, arguments.reports.size(), &context);
 }
 
 Status RunUpload(const UploadArguments& arguments, Context& context) {
+  const SignalStop stop;
+  const std::string& server = arguments.server.server;
   for (const std::string& path : arguments.logs) {
     const StatusOr<std::ifstream> file = OpenInputFile(path);
     SHIFTMAP_RETURN_IF_ERROR(Annotate(file.status(), "run log '{}'", path));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client, MapClient::Create(ServerOptionsOf(arguments.server)));
+  SHIFTMAP_ASSIGN_OR_RETURN(MapClient client,
+                            MapClient::Create(ServerOptionsOf(arguments.server), stop.token()));
   UploadOptions options;
   options.backoff.give_up_s = arguments.server.give_up_s;
   options.max_bytes_per_s = 1024.0 * arguments.server.max_kib_per_s;
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   Outcomes outcomes;
   for (std::size_t i = 0; i < arguments.logs.size() && !context.dry_run(); ++i) {
+    if (outcomes.Stopped("upload", server, arguments.logs.size())) break;
     const std::string& path = arguments.logs[i];
     options.progress = [&](double done) {
       const auto before = static_cast<double>(i);
@@ -134,6 +154,7 @@ Status RunUpload(const UploadArguments& arguments, Context& context) {
     };
     const StatusOr<UploadResult> result = UploadLog(&client, path, options);
     if (!result.ok()) {
+      if (outcomes.Stopped("upload", server, arguments.logs.size())) break;
       if (outcomes.Failed({{"log", path}}, path, result.status())) break;
       continue;
     }
@@ -149,7 +170,7 @@ Status RunUpload(const UploadArguments& arguments, Context& context) {
                              result->known_already ? std::string("known already")
                                                    : fmt::format("{} bytes", result->size_bytes)));
   }
-  return outcomes.Report("logs", arguments.server.server, arguments.logs.size(), &context);
+  return outcomes.Report("logs", server, arguments.logs.size(), &context);
 }
 
 }  // namespace shiftmap::transfer
