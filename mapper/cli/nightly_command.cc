@@ -161,14 +161,15 @@ Status RunCollect(const NightlyArguments& arguments, Context& context) {
       work.left.push_back(fmt::format("area '{}': {}", area.area, area.problem));
     }
   }
-  int deleted = 0;
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(deleted, KeepLogLimits(options, context, &work));
-  }
+  std::vector<std::string> deleted;
+  std::vector<std::string> to_delete;
+  SHIFTMAP_ASSIGN_OR_RETURN((context.dry_run() ? to_delete : deleted),
+                            KeepLogLimits(options, context, &work));
   const Json document = {{"areas", areas},
                          {"reports", {{"new", plan.reports_new}, {"known", plan.reports_known}}},
                          {"left", work.left},
-                         {"logs_deleted", deleted}};
+                         {"logs_deleted", deleted.size()},
+                         {"logs_to_delete", to_delete}};
   return Finish(options,
                 begin,
                 document,

@@ -69,11 +69,13 @@ Status Delete(const std::string& path) {
 
 }  // namespace
 
-StatusOr<int> KeepLogLimits(const NightOptions& options, const Context& context, NightWork* work) {
+StatusOr<std::vector<std::string>> KeepLogLimits(const NightOptions& options,
+                                                 const Context& context,
+                                                 NightWork* work) {
   std::error_code error;
   if ((!options.log_quota_mib && !options.log_max_age_days) ||
       !std::filesystem::exists(options.build.store, error)) {
-    return 0;
+    return std::vector<std::string>();
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths, FindFiles(options.logs, ".mcap"));
   std::vector<LogFile> all;
@@ -91,11 +93,14 @@ StatusOr<int> KeepLogLimits(const NightOptions& options, const Context& context,
   for (const bool by_age : {true, false}) {
     for (const LogFile& file : done) {
       if (deleted.contains(file.path) || (by_age ? !is_old(file) : bytes <= quota)) continue;
-      SHIFTMAP_RETURN_IF_ERROR(Delete(file.path));
+      if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(Delete(file.path));
       deleted.insert(file.path);
       bytes -= file.bytes;
     }
   }
+  std::vector<std::string> paths_deleted(deleted.begin(), deleted.end());
+  // What the night would map may go then, too.
+  if (context.dry_run()) return paths_deleted;
   const auto kept = std::count_if(all.begin(), all.end(), [&](const LogFile& file) {
     return is_old(file) && !deleted.contains(file.path);
   });
@@ -112,7 +117,7 @@ StatusOr<int> KeepLogLimits(const NightOptions& options, const Context& context,
                     bytes / kMib,
                     *options.log_quota_mib));
   }
-  return static_cast<int>(deleted.size());
+  return paths_deleted;
 }
 
 }  // namespace shiftmap

@@ -334,9 +334,8 @@ StatusOr<NightResult> RunNight(const NightOptions& options, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(AreaNight night, RunArea(options, area, logs, context));
     result.areas.push_back(std::move(night));
   }
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(result.logs_deleted, KeepLogLimits(options, context, &result.work));
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN((context.dry_run() ? result.logs_to_delete : result.logs_deleted),
+                            KeepLogLimits(options, context, &result.work));
   return result;
 }
 

@@ -27,7 +27,8 @@ struct NightWork {
 struct NightResult {
   NightWork work;
   std::vector<AreaNight> areas;
-  int logs_deleted = 0;
+  std::vector<std::string> logs_deleted;    ///< Paths.
+  std::vector<std::string> logs_to_delete;  ///< The same of a dry run, as KeepLogLimits has it.
   int versions() const;
 };
 

@@ -114,7 +114,8 @@ Json NightJson(const NightResult& result) {
   return {{"areas", areas},
           {"reports", {{"new", result.work.reports_new}, {"known", result.work.reports_known}}},
           {"left", result.work.left},
-          {"logs_deleted", result.logs_deleted}};
+          {"logs_deleted", result.logs_deleted.size()},
+          {"logs_to_delete", result.logs_to_delete}};
 }
 
 std::string NightText(const NightResult& result) {
@@ -139,7 +140,12 @@ std::string NightText(const NightResult& result) {
           night.runs_again == 0 ? "" : fmt::format(" and {} to map again", night.runs_again));
     }
   }
-  if (result.logs_deleted > 0) text += fmt::format("{} logs deleted\n", result.logs_deleted);
+  if (!result.logs_deleted.empty()) {
+    text += fmt::format("{} deleted\n", CountText(result.logs_deleted.size(), "log"));
+  }
+  for (const std::string& path : result.logs_to_delete) {
+    text += fmt::format("'{}' would be deleted\n", InertLine(path));
+  }
   return text;
 }
 

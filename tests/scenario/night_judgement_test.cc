@@ -242,6 +242,15 @@ TEST_F(NightJudgementTest, LimitsDeleteMappedLogsOnly) {
   FirstNight("site");
   Bring("site", 3, "day1_3");
   Bring("site", 4, "unmapped", NeverSet());
+  // The night would map the fourth, too.
+  const CommandResult planned = Night("site", {"--log-quota-mib", "0", "--dry-run"});
+  const Json to_delete = Json::parse(planned.out)["logs_to_delete"];
+  ASSERT_EQ(to_delete.size(), 3u) << planned.out;
+  EXPECT_EQ(to_delete[0], Logs("site") + "/day0_0.mcap");
+  EXPECT_EQ(Json::parse(planned.out)["logs_deleted"], 0);
+  EXPECT_EQ(planned.err.find("what is left"), std::string::npos) << planned.err;
+  EXPECT_TRUE(fs::exists(Logs("site") + "/day0_0.mcap"));
+
   const CommandResult night = Night("site", {"--log-quota-mib", "0"});
   EXPECT_EQ(night.exit_code, kAttention);
   EXPECT_EQ(Json::parse(night.out)["logs_deleted"], 4);
