@@ -168,8 +168,10 @@ StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
   return judgement;
 }
 
+// A build has asked already. What is decided since makes another version the published one, so that
+// it is built anew.
 StatusOr<std::vector<std::string>> Area::Objections(const Candidate& candidate) const {
-  if (!HasStore(options_)) return std::vector<std::string>();
+  if (candidate.build) return candidate.build->objections;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
   const JudgedVersion& version = candidate.version;
   return FindObjections(
