@@ -3,7 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/container/small_vector.hpp>
 #include <utility>
+
+#include "mapper/parallel.h"
 
 namespace shiftmap {
 namespace {
@@ -171,11 +174,34 @@ void MultifrontalShape::AssignTerms(const std::vector<SystemTerm>& terms) {
 }
 
 void MultifrontalShape::CountProducts() {
+  std::vector<double> of_subtree;  // Per front, of a factorization.
   for (const FrontShape& front : fronts_) {
     const double own = front.own;
     const double below = static_cast<double>(front.rows.size()) - own;
-    factor_products_ += own * (own * own / 6.0 + own * below / 2.0 + below * below / 2.0);
+    const double products = own * (own * own / 6.0 + own * below / 2.0 + below * below / 2.0);
+    factor_products_ += products;
     solve_products_ += own * (own + 2.0 * below);
+    of_subtree.push_back(products);
+    for (const int child : front.children) of_subtree.back() += of_subtree[At(child)];
+  }
+  Divide(of_subtree);
+}
+
+// The largest subtrees that take no more than a small share of all.
+void MultifrontalShape::Divide(const std::vector<double>& products) {
+  constexpr double kShare = 1.0 / 32.0;
+  std::vector<int> subtree(fronts_.size(), -1);  // Of each front.
+  for (std::size_t f = fronts_.size(); f-- > 0;) {
+    const int parent = fronts_[f].parent;
+    if (parent >= 0 && subtree[At(parent)] >= 0) {
+      subtree[f] = subtree[At(parent)];
+    } else if (products[f] <= kShare * factor_products_) {
+      subtree[f] = static_cast<int>(subtrees_.size());
+      subtrees_.emplace_back();
+    }
+  }
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    (subtree[f] < 0 ? above_subtrees_ : subtrees_[At(subtree[f])]).push_back(f);
   }
 }
 
@@ -190,36 +216,47 @@ std::vector<std::size_t> MultifrontalShape::FrontsAbove(const std::vector<int>& 
   return fronts;
 }
 
-// Factors the fronts one after the other.
+// Factors fronts, children before parents: subtrees of the elimination tree side by side, then the
+// fronts above them, of which each is divided.
 class MultifrontalFactor::Factorization {
  public:
-  Factorization(const std::vector<SystemTerm>& terms, MultifrontalFactor* factor)
+  Factorization(const std::vector<SystemTerm>& terms, int threads, MultifrontalFactor* factor)
       : shape_(*factor->shape_),
         terms_(terms),
+        threads_(threads),
         L_(factor->L_),
-        updates_(shape_.fronts().size()),
-        local_(shape_.unknowns().size()) {
+        updates_(shape_.fronts().size()) {
     L_.resize(shape_.fronts().size());
   }
 
   // False if a front is not positive definite.
   bool Run() {
-    for (std::size_t front = 0; front < L_.size(); ++front) {
-      if (!Eliminate(front, Assemble(front))) return false;
-    }
-    return true;
+    const std::vector<std::vector<std::size_t>>& subtrees = shape_.subtrees();
+    std::vector<char> definite(subtrees.size());
+    ForEachIndex(
+        subtrees.size(), threads_, [&](std::size_t i) { definite[i] = Factorize(subtrees[i], 1); });
+    return std::all_of(definite.begin(), definite.end(), [](char each) { return each; }) &&
+           Factorize(shape_.above_subtrees(), threads_);
   }
 
  private:
+  bool Factorize(const std::vector<std::size_t>& fronts, int threads) {
+    std::vector<int> local(shape_.unknowns().size());
+    return std::all_of(fronts.begin(), fronts.end(), [&](std::size_t front) {
+      return Eliminate(front, Assemble(front, &local), threads);
+    });
+  }
+
   // The sum of a front's terms and of its children's update matrices.
-  Eigen::MatrixXd Assemble(std::size_t at) {
+  // @param local  Scratch: per position its row in the front.
+  Eigen::MatrixXd Assemble(std::size_t at, std::vector<int>* local) {
     const MultifrontalShape::FrontShape& front = shape_.fronts()[at];
     const Eigen::Index size = std::ssize(front.rows);
     Eigen::MatrixXd F = Eigen::MatrixXd::Zero(size, size);
     for (Eigen::Index i = 0; i < size; ++i) {
-      local_[At(front.rows[static_cast<std::size_t>(i)])] = static_cast<int>(i);
+      (*local)[At(front.rows[static_cast<std::size_t>(i)])] = static_cast<int>(i);
     }
-    for (const int term : front.terms) AddTerm(terms_[At(term)], &F);
+    for (const int term : front.terms) AddTerm(terms_[At(term)], *local, &F);
     for (const int child : front.children) {
       const std::vector<int>& to = shape_.fronts()[At(child)].row_in_parent;
       Eigen::MatrixXd U;
@@ -231,49 +268,77 @@ class MultifrontalFactor::Factorization {
     return F;
   }
 
-  void AddTerm(const SystemTerm& term, Eigen::MatrixXd* F) {
-    row_.clear();
+  void AddTerm(const SystemTerm& term, const std::vector<int>& local, Eigen::MatrixXd* F) const {
+    boost::container::small_vector<int, 64> row;
     for (const int unknown : term.index) {
-      row_.push_back(unknown < 0 ? -1 : local_[At(shape_.PositionOf(unknown))]);
+      row.push_back(unknown < 0 ? -1 : local[At(shape_.PositionOf(unknown))]);
     }
-    for (std::size_t j = 0; j < row_.size(); ++j) {
-      if (row_[j] < 0) continue;
-      for (std::size_t i = j; i < row_.size(); ++i) {
-        if (row_[i] < 0) continue;
-        (*F)(std::max(row_[i], row_[j]), std::min(row_[i], row_[j])) += term.H(Index(i), Index(j));
+    for (std::size_t j = 0; j < row.size(); ++j) {
+      if (row[j] < 0) continue;
+      for (std::size_t i = j; i < row.size(); ++i) {
+        if (row[i] < 0) continue;
+        (*F)(std::max(row[i], row[j]), std::min(row[i], row[j])) += term.H(Index(i), Index(j));
       }
     }
   }
 
-  bool Eliminate(std::size_t at, Eigen::MatrixXd F) {
+  bool Eliminate(std::size_t at, Eigen::MatrixXd F, int threads) {
     const Eigen::Index own = shape_.fronts()[at].own;
     const Eigen::Index below = F.rows() - own;
-    Eigen::Ref<Eigen::MatrixXd> F_JJ = F.topLeftCorner(own, own);
-    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(F_JJ);
-    if (llt.info() != Eigen::Success) return false;
-    if (below > 0) {
-      auto F_SJ = F.bottomLeftCorner(below, own);
-      llt.matrixL().transpose().solveInPlace<Eigen::OnTheRight>(F_SJ);
-      Eigen::MatrixXd& U = updates_[at];
-      U = F.bottomRightCorner(below, below);
-      U.selfadjointView<Eigen::Lower>().rankUpdate(F_SJ, -1.0);
+    for (Eigen::Index k = 0; k < own; k += kPanel) {
+      if (!EliminatePanel(k, std::min(kPanel, own - k), threads, &F)) return false;
     }
+    if (below > 0) updates_[at] = F.bottomRightCorner(below, below);
     L_[at] = F.leftCols(own);
     return true;
   }
 
+  // Eliminates `width` unknowns from `first` on: their columns become the factor's, those after
+  // them the update.
+  static bool EliminatePanel(Eigen::Index first,
+                             Eigen::Index width,
+                             int threads,
+                             Eigen::MatrixXd* F) {
+    Eigen::Ref<Eigen::MatrixXd> F_JJ = F->block(first, first, width, width);
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(F_JJ);
+    if (llt.info() != Eigen::Success) return false;
+    const Eigen::Index next = first + width;
+    const Eigen::Index below = F->rows() - next;
+    const auto blocks = static_cast<std::size_t>((below + kPanel - 1) / kPanel);
+    const auto begin = [&](std::size_t block) { return next + Index(block) * kPanel; };
+    const auto size = [&](std::size_t block) { return std::min(kPanel, F->rows() - begin(block)); };
+    ForEachIndex(blocks, threads, [&](std::size_t i) {
+      auto L_i = F->block(begin(i), first, size(i), width);
+      llt.matrixL().transpose().solveInPlace<Eigen::OnTheRight>(L_i);
+    });
+    ForEachIndex(blocks, threads, [&](std::size_t j) {
+      const auto L_j = F->block(begin(j), first, size(j), width);
+      F->block(begin(j), begin(j), size(j), size(j))
+          .selfadjointView<Eigen::Lower>()
+          .rankUpdate(L_j, -1.0);
+      const Eigen::Index after = F->rows() - begin(j) - size(j);
+      F->block(begin(j) + size(j), begin(j), after, size(j)).noalias() -=
+          F->block(begin(j) + size(j), first, after, width) * L_j.transpose();
+    });
+    return true;
+  }
+
+  // Unknowns that are eliminated from the rest of a front at once.
+  static constexpr Eigen::Index kPanel = 192;
+
   const MultifrontalShape& shape_;
   const std::vector<SystemTerm>& terms_;
+  const int threads_;
   std::vector<Eigen::MatrixXd>& L_;
   std::vector<Eigen::MatrixXd> updates_;  // Of fronts whose parent is to come.
-  std::vector<int> local_;                // Per position its row in the front at hand.
-  std::vector<int> row_;                  // Scratch: rows of a term.
 };
 
 std::shared_ptr<const MultifrontalFactor> MultifrontalFactor::Of(
-    std::shared_ptr<const MultifrontalShape> shape, const std::vector<SystemTerm>& terms) {
+    std::shared_ptr<const MultifrontalShape> shape,
+    const std::vector<SystemTerm>& terms,
+    int threads) {
   const std::shared_ptr<MultifrontalFactor> factor(new MultifrontalFactor(std::move(shape)));
-  if (!Factorization(terms, factor.get()).Run()) return nullptr;
+  if (!Factorization(terms, threads, factor.get()).Run()) return nullptr;
   return factor;
 }
 

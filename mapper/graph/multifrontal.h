@@ -46,6 +46,11 @@ class MultifrontalShape {
 
   int PositionOf(int unknown) const { return position_[static_cast<std::size_t>(unknown)]; }
 
+  /// Fronts of subtrees of the elimination tree, which can be factored side by side, and those
+  /// above them; ascending.
+  const std::vector<std::vector<std::size_t>>& subtrees() const { return subtrees_; }
+  const std::vector<std::size_t>& above_subtrees() const { return above_subtrees_; }
+
   /// The fronts of some unknowns and all above them, ascending.
   std::vector<std::size_t> FrontsAbove(const std::vector<int>& unknowns) const;
 
@@ -57,11 +62,14 @@ class MultifrontalShape {
   void LinkToParents();
   void AssignTerms(const std::vector<SystemTerm>& terms);
   void CountProducts();
+  void Divide(const std::vector<double>& products);
 
   std::vector<int> position_;           // Per unknown in the order of elimination.
   std::vector<int> unknowns_;           // Per position.
   std::vector<int> front_of_position_;  // The front that eliminates it.
   std::vector<FrontShape> fronts_;
+  std::vector<std::vector<std::size_t>> subtrees_;
+  std::vector<std::size_t> above_subtrees_;
   double factor_products_ = 0.0;
   double solve_products_ = 0.0;
 };
@@ -70,13 +78,15 @@ class MultifrontalShape {
 /// update matrix of a front, what its elimination leaves over its other unknowns, is one more term
 /// of its parent's front.
 ///
-/// One thread; same input, same bits.
+/// Same input, same bits, on any number of threads.
 class MultifrontalFactor final : public CholeskyFactor {
  public:
   /// Factors Σ terms; null if it is not positive definite.
   /// @param terms  Of the shape.
   static std::shared_ptr<const MultifrontalFactor> Of(
-      std::shared_ptr<const MultifrontalShape> shape, const std::vector<SystemTerm>& terms);
+      std::shared_ptr<const MultifrontalShape> shape,
+      const std::vector<SystemTerm>& terms,
+      int threads);
 
   int size() const override { return static_cast<int>(shape_->unknowns().size()); }
   Eigen::MatrixXd Solve(const Eigen::MatrixXd& b) const override;

@@ -25,7 +25,8 @@ constexpr double kGrace = 1.0 / 3.0;
 
 }  // namespace
 
-ReducedSystem::ReducedSystem(int size) : b_(Eigen::VectorXd::Zero(size)) {
+ReducedSystem::ReducedSystem(int size, int threads)
+    : threads_(threads), b_(Eigen::VectorXd::Zero(size)) {
   if (dense()) H_.setZero(size, size);
 }
 
@@ -78,7 +79,7 @@ std::shared_ptr<const CholeskyFactor> ReducedSystem::Factorize() {
   }
   if (!shape_) shape_ = std::make_shared<MultifrontalShape>(size(), terms_);
   factor_.reset();
-  factor_ = MultifrontalFactor::Of(shape_, terms_);
+  factor_ = MultifrontalFactor::Of(shape_, terms_, threads_);
   for (SystemTerm& term : terms_) term.H.resize(0, 0);
   return factor_;
 }

@@ -16,7 +16,8 @@ namespace shiftmap {
 /// Cholesky: dense while small, multifrontal with a fill-reducing order beyond.
 class ReducedSystem {
  public:
-  explicit ReducedSystem(int size);
+  /// @param threads  Of a factorization; results do not depend on it.
+  ReducedSystem(int size, int threads);
 
   int size() const { return static_cast<int>(b_.size()); }
 
@@ -44,6 +45,7 @@ class ReducedSystem {
   void ForgetShape();
   std::optional<Eigen::VectorXd> ConjugateGradients() const;
 
+  const int threads_;
   Eigen::VectorXd b_;
   Eigen::MatrixXd H_;              // If dense.
   std::vector<SystemTerm> terms_;  // If not; those from added_ on are of before Clear().

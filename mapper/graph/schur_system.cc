@@ -16,7 +16,7 @@ SchurSystem::SchurSystem(const Graph& graph,
   if (reduced && reduced->size() == segments_.size()) {
     reduced_ = std::move(reduced);
   } else {
-    reduced_ = std::make_unique<ReducedSystem>(segments_.size());
+    reduced_ = std::make_unique<ReducedSystem>(segments_.size(), graph.threads);
   }
 }
 

@@ -65,9 +65,9 @@ System RandomSystem(int nodes, int terms, bool local, std::mt19937_64& random) {
   return system;
 }
 
-std::shared_ptr<const MultifrontalFactor> FactorOf(const System& system) {
-  return MultifrontalFactor::Of(std::make_shared<MultifrontalShape>(system.size, system.terms),
-                                system.terms);
+std::shared_ptr<const MultifrontalFactor> FactorOf(const System& system, int threads = 1) {
+  return MultifrontalFactor::Of(
+      std::make_shared<MultifrontalShape>(system.size, system.terms), system.terms, threads);
 }
 
 TEST(Multifrontal, SolvesLikeADenseMatrix) {
@@ -81,6 +81,25 @@ TEST(Multifrontal, SolvesLikeADenseMatrix) {
     EXPECT_LT((factor->Solve(unit) - inverse).norm(), 1e-9 * inverse.norm());
     const Eigen::MatrixXd root = factor->SolveUpper(unit);
     EXPECT_LT((root * root.transpose() - inverse).norm(), 1e-9 * inverse.norm());
+  }
+}
+
+// Fronts of several panels, and more than one subtree.
+TEST(Multifrontal, SolvesTheSameOnAnyNumberOfThreads) {
+  std::mt19937_64 random(testing::TestSeed(75));
+  for (const bool local : {true, false}) {
+    const System system = RandomSystem(400, local ? 200 : 400, local, random);
+    const MultifrontalShape shape(system.size, system.terms);
+    std::size_t largest = 0;
+    for (const auto& front : shape.fronts()) largest = std::max(largest, front.rows.size());
+    EXPECT_GT(local ? shape.subtrees().size() : largest, local ? 1U : 400U);
+    const auto factor = FactorOf(system);
+    const auto threaded = FactorOf(system, 3);
+    ASSERT_TRUE(factor && threaded);
+    const Eigen::MatrixXd b = Eigen::MatrixXd::Random(system.size, 2);
+    const Eigen::MatrixXd x = factor->Solve(b);
+    EXPECT_LT((system.dense * x - b).norm(), 1e-9 * b.norm());
+    EXPECT_EQ(threaded->Solve(b), x);
   }
 }
 

@@ -22,7 +22,7 @@ Eigen::MatrixXd RandomInformation(Eigen::Index size, std::mt19937_64& random) {
 TEST(ReducedSystem, SolvesLikeADenseMatrix) {
   for (const int size : {9, 42, 600}) {
     std::mt19937_64 random(17);
-    ReducedSystem reduced(size);
+    ReducedSystem reduced(size, 1);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(size, size);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
     for (int first = 0; first + 6 <= size; first += 3) {
@@ -64,7 +64,7 @@ void AddRing(int size, const std::vector<double>& factors, ReducedSystem* reduce
 // Another system than that of the factor: near it, far from it, and of another shape.
 TEST(ReducedSystem, SolvesSimilarSystemsOnAnOldFactor) {
   constexpr int kSize = 600;
-  ReducedSystem reduced(kSize);
+  ReducedSystem reduced(kSize, 1);
   AddRing(kSize, {1.0}, &reduced);
   ASSERT_TRUE(reduced.Solve());
   for (const std::vector<double>& factors :
@@ -72,7 +72,7 @@ TEST(ReducedSystem, SolvesSimilarSystemsOnAnOldFactor) {
     AddRing(kSize, factors, &reduced);
     const std::optional<Eigen::VectorXd> similar = reduced.Solve();
     ASSERT_TRUE(similar);
-    ReducedSystem exact(kSize);
+    ReducedSystem exact(kSize, 1);
     AddRing(kSize, factors, &exact);
     const Eigen::VectorXd expected = exact.Solve().value();
     EXPECT_LT((*similar - expected).norm(), 1e-5 * expected.norm());
@@ -82,10 +82,10 @@ TEST(ReducedSystem, SolvesSimilarSystemsOnAnOldFactor) {
 }
 
 TEST(ReducedSystem, LeavesOutFixedRowsAndSaysWhatIsNotDetermined) {
-  ReducedSystem reduced(2);
+  ReducedSystem reduced(2, 1);
   reduced.Add({-1, 1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
   EXPECT_FALSE(reduced.Factorize());
-  ReducedSystem whole(2);
+  ReducedSystem whole(2, 1);
   whole.Add({0, -1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
   whole.Add({-1, 1}, Eigen::Matrix2d{{5.0, 1.0}, {1.0, 2.0}}, Eigen::Vector2d(3.0, 4.0));
   const std::optional<Eigen::VectorXd> x = whole.Solve();
