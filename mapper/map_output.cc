@@ -60,7 +60,7 @@ Stamp LastSeen(const BuildState& build,
 
 // What a visit of this build says of a group of the map.
 struct BuildVisit {
-  int run = 0;  // Index in BuildState::runs.
+  RunIndex run;
   VisitEvidence evidence;
 };
 
@@ -110,13 +110,14 @@ std::vector<BuildVisit> EvidenceOf(const BuildState& build,
   return evidence;
 }
 
-// The visibility of the build's modes in earlier runs, flat order. That of a merged mode belongs to
-// the mode that stands for it.
-std::vector<Visibility> KnownVisibility(const BuildState& build,
-                                        const std::vector<Signature>& signatures,
-                                        const FlatModes& flat,
-                                        const std::vector<ModeVisibility>& visibility) {
-  std::vector<Visibility> known(static_cast<std::size_t>(flat.count));
+// The visibility of the build's modes in earlier runs. That of a merged mode belongs to the mode
+// that stands for it.
+IndexedVector<ModeIndex, Visibility> KnownVisibility(
+    const BuildState& build,
+    const std::vector<Signature>& signatures,
+    const FlatModes& flat,
+    const std::vector<ModeVisibility>& visibility) {
+  IndexedVector<ModeIndex, Visibility> known(flat.count());
   for (const ModeVisibility& of_mode : visibility) {
     const auto signature =
         std::lower_bound(signatures.begin(), signatures.end(), of_mode.signature);
@@ -128,16 +129,15 @@ std::vector<Visibility> KnownVisibility(const BuildState& build,
     const ModeNumber number = group->NumberOf(state);
     for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
       if (build.modes[g][k].number != number) continue;
-      const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
-      known[static_cast<std::size_t>(index)] += of_mode.scans;
+      known[flat.first[g] + static_cast<int>(k)] += of_mode.scans;
     }
   }
   return known;
 }
 
 // How well each run saw the modes of the map.
-std::vector<std::vector<ModeVisibility>> VisibilityByRun(
-    const std::vector<std::vector<SeenMode>>& seen_by_run,
+IndexedVector<RunIndex, std::vector<ModeVisibility>> VisibilityByRun(
+    const IndexedVector<RunIndex, std::vector<SeenMode>>& seen_by_run,
     const std::vector<GroupSource>& sources,
     const std::vector<LandmarkGroup>& groups) {
   std::map<BuildModeRef, std::pair<std::size_t, ModeNumber>> numbers;  // Group of the map, mode.
@@ -148,8 +148,8 @@ std::vector<std::vector<ModeVisibility>> VisibilityByRun(
       numbers[mode] = {i, groups[i].modes[k].number};
     }
   }
-  std::vector<std::vector<ModeVisibility>> by_run(seen_by_run.size());
-  for (std::size_t run = 0; run < seen_by_run.size(); ++run) {
+  IndexedVector<RunIndex, std::vector<ModeVisibility>> by_run(seen_by_run.size());
+  for (const RunIndex run : seen_by_run.indices()) {
     for (const SeenMode& seen : seen_by_run[run]) {
       const auto number = numbers.find(seen.mode);
       if (number == numbers.end()) continue;
@@ -191,10 +191,11 @@ LandmarkGroup MakeGroup(const BuildState& build,
 // The modes of the map that the prior map does not have.
 // @param sources     Of the groups.
 // @param visibility  By run of the build.
-std::vector<NewMode> NewModes(const BuildState& build,
-                              const std::vector<GroupSource>& sources,
-                              const std::vector<LandmarkGroup>& groups,
-                              const std::vector<std::vector<ModeVisibility>>& visibility) {
+std::vector<NewMode> NewModes(
+    const BuildState& build,
+    const std::vector<GroupSource>& sources,
+    const std::vector<LandmarkGroup>& groups,
+    const IndexedVector<RunIndex, std::vector<ModeVisibility>>& visibility) {
   std::map<std::pair<Signature, ModeNumber>, Visibility> scans;
   for (const std::vector<ModeVisibility>& of_run : visibility) {
     for (const ModeVisibility& of_mode : of_run) {
@@ -220,7 +221,7 @@ std::vector<NewMode> NewModes(const BuildState& build,
 std::vector<EvidenceRow> RowsOf(const BuildState& build, const GroupSource& source) {
   std::vector<EvidenceRow> rows;
   for (const BuildVisit& visit : source.evidence) {
-    const MappingRun& run = *build.runs[static_cast<std::size_t>(visit.run)].data;
+    const MappingRun& run = *build.runs[visit.run].data;
     rows.push_back({run.sha256, visit.evidence, run.info.vehicle});
   }
   return rows;
@@ -292,23 +293,22 @@ Stamp NewStamp(const BuildState& build,
 }
 
 // Joint and marginal covariances of the map's modes.
-// @param place  Of every mode of the build, flat, its index in the map, or kNoPlace.
+// @param place  Of every mode of the build its index in the map, or kNoPlace.
 // @param modes  Of the map.
 void SetCovariance(const JointCovariance& cov,
-                   const std::vector<int>& place,
+                   const IndexedVector<ModeIndex, int>& place,
                    int modes,
                    MapContent* content) {
   std::vector<Eigen::Matrix2d> diagonal(static_cast<std::size_t>(modes));
-  for (std::size_t i = 0; i < place.size(); ++i) {
-    const auto flat = static_cast<int>(i);
+  for (const ModeIndex i : place.indices()) {
     if (place[i] != kNoPlace) {
-      diagonal[static_cast<std::size_t>(place[i])] = cov.Block(flat, flat);
+      diagonal[static_cast<std::size_t>(place[i])] = cov.Block(i.value(), i.value());
     }
   }
   std::vector<JointCovariance::CrossBlock> cross;
   for (JointCovariance::CrossBlock block : cov.cross_blocks()) {
-    block.row = place[static_cast<std::size_t>(block.row)];
-    block.column = place[static_cast<std::size_t>(block.column)];
+    block.row = place[ModeIndex(block.row)];
+    block.column = place[ModeIndex(block.column)];
     if (block.row == kNoPlace || block.column == kNoPlace) continue;
     if (block.row > block.column) {
       std::swap(block.row, block.column);
@@ -330,16 +330,16 @@ void AddTracks(const BuildState& build,
                const JointCovariance& cov,
                const MapperOptions& options,
                std::vector<Mode>* landmarks) {
-  std::vector<std::vector<Mode>> found(build.runs.size());
+  IndexedVector<RunIndex, std::vector<Mode>> found(build.runs.size());
   for (std::size_t g = 0; g < build.modes.size(); ++g) {
     if (!IsTrackSignature(signatures[g]) || visits[g].empty()) continue;
     for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
-      const int index = flat.Index(static_cast<int>(g), static_cast<int>(k));
+      const int index = flat.first[g].value() + static_cast<int>(k);
       Mode mode;
       mode.p_map_landmark = build.modes[g][k].p_map_landmark;
       mode.cov_p_map_landmark = cov.Block(index, index);
       mode.last_seen = LastSeen(build, visits[g], static_cast<int>(k), Stamp());
-      found[static_cast<std::size_t>(visits[g].front().run)].push_back(mode);
+      found[visits[g].front().run].push_back(mode);
     }
   }
   const AnonymousMergeOptions merge{options.association.compatibility.gate_probability,
@@ -398,7 +398,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
                        options.missed,
                        KnownVisibility(build, signatures, flat, options.visibility));
   std::vector<GroupSource> sources;
-  std::vector<int> place(static_cast<std::size_t>(flat.count), kNoPlace);
+  IndexedVector<ModeIndex, int> place(flat.count(), kNoPlace);
   int modes = 0;
   for (std::size_t g = 0; g < build.modes.size(); ++g) {
     if (build.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
@@ -407,8 +407,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
     sources.back().evidence =
         EvidenceOf(build, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
     for (const std::size_t k : sources.back().order) {
-      place[static_cast<std::size_t>(flat.Index(static_cast<int>(g), static_cast<int>(k)))] =
-          modes++;
+      place[flat.first[g] + static_cast<int>(k)] = modes++;
     }
   }
   output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
@@ -429,7 +428,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
   output.evidence.resize(build.runs.size());
   for (GroupSource& source : sources) {
     for (BuildVisit& visit : source.evidence) {
-      output.evidence[static_cast<std::size_t>(visit.run)].push_back(std::move(visit.evidence));
+      output.evidence[visit.run].push_back(std::move(visit.evidence));
     }
   }
   SetCovariance(mode_covariance, place, modes, &content);

@@ -23,12 +23,13 @@ struct MapOutput {
 
   /// What the visits of each run say of the groups, visits without sightings included: rows for the
   /// ledger.
-  std::vector<std::vector<VisitEvidence>> evidence;
+  IndexedVector<RunIndex, std::vector<VisitEvidence>> evidence;
 
   /// The same of older runs, about modes that are new.
   std::vector<OlderEvidence> older;
 
-  std::vector<std::vector<ModeVisibility>> visibility;  ///< From where each run saw the modes.
+  /// From where each run saw the modes.
+  IndexedVector<RunIndex, std::vector<ModeVisibility>> visibility;
 };
 
 /// The chains that the ledger of the options and a build's own rows speak for, one per group.
@@ -43,7 +44,7 @@ void SetMarginals(MapContent* content);
 /// The map that a solved build is: numbered modes, joint covariance, chains, probabilities at the
 /// end of the newest run, or at MapperOptions::now if that is earlier.
 /// @param signatures  Of the build's groups.
-/// @param mode_covariance  Flat order of the build. [m²]
+/// @param mode_covariance  In the order of FlatModes. [m²]
 /// Errors: kInvalidArgument, as LearnGroupChains.
 StatusOr<MapOutput> MakeMapContent(const BuildState& build,
                                    const std::vector<Signature>& signatures,

@@ -24,7 +24,7 @@ Se2 StartPose(const BuildRun& run) {
       run.data->odometry, run.odometry, run.data->frames.front().stamp, run.poses.front());
 }
 
-MappedRun MakeMappedRun(const BuildState& build, std::size_t index) {
+MappedRun MakeMappedRun(const BuildState& build, RunIndex index) {
   const BuildRun& run = build.runs[index];
   MappedRun mapped;
   mapped.name = run.data->name;

@@ -57,6 +57,6 @@ Se2 PoseAtBegin(std::span<const OdometrySample> odometry,
 Se2 StartPose(const BuildRun& run);
 
 /// What became of run `index` of a solved build, but for its evidence and visibility.
-MappedRun MakeMappedRun(const BuildState& build, std::size_t index);
+MappedRun MakeMappedRun(const BuildState& build, RunIndex index);
 
 }  // namespace shiftmap

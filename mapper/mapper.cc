@@ -229,7 +229,7 @@ bool AllWait(const BuildState& build) { return build.runs.empty() && !build.wait
 // Takes out modes of too few sightings, and runs that nothing holds then.
 Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
   if (DropUnsupportedModes(options.modes, build) == 0) return OkStatus();
-  if (FlatModes(*build).count == 0) {
+  if (FlatModes(*build).count() == 0) {
     return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                            options.modes.min_sightings);
   }
@@ -339,7 +339,7 @@ StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options
 // the runs that brought most are left out until the others fit.
 Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build) {
   for (;;) {
-    size->modes = FlatModes(*build).count;
+    size->modes = FlatModes(*build).end.value();
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
     if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
     RemoveUnconstrainedRuns(build);
@@ -439,7 +439,7 @@ Status Conclude(const std::vector<Signature>& signatures,
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);
   SHIFTMAP_RETURN_IF_ERROR(ValidateMapContent(result->content));
-  for (std::size_t i = 0; i < build->runs.size(); ++i) {
+  for (const RunIndex i : build->runs.indices()) {
     result->runs.push_back(MakeMappedRun(*build, i));
     result->runs.back().evidence = std::move(output.evidence[i]);
     result->runs.back().visibility = std::move(output.visibility[i]);

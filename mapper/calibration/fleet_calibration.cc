@@ -150,13 +150,13 @@ OdometryCalibration FleetOdometry(const std::vector<BuildRun>& runs,
 }
 
 VehicleNoise NoiseOverSeconds(const BuildState& build,
-                              const std::vector<std::size_t>& runs,
+                              const std::vector<RunIndex>& runs,
                               const SensorBias& bias,
                               double mean_squared_bearing,
                               double sd_range_scale) {
   MotionSquares motion;
   SensorSquares sensor;
-  for (const std::size_t r : runs) {
+  for (const RunIndex r : runs) {
     const BuildRun& run = build.runs[r];
     AddMotionSquares(run, &motion);
     AddSensorSquares(build, run, bias, mean_squared_bearing, &sensor);

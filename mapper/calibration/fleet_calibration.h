@@ -35,7 +35,7 @@ struct VehicleNoise {
 /// @param runs                  Indices.
 /// @param mean_squared_bearing  b̄² of the vehicle. [rad²]
 VehicleNoise NoiseOverSeconds(const BuildState& build,
-                              const std::vector<std::size_t>& runs,
+                              const std::vector<RunIndex>& runs,
                               const SensorBias& bias,
                               double mean_squared_bearing,
                               double sd_range_scale);

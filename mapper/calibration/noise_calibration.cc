@@ -45,20 +45,20 @@ class VarianceComponents {
   }
 
   // One step of all. Returns the largest factor, 1 or more.
-  double Step(const std::vector<ResidualStatistics>& statistics) {
+  double Step(const RunStatistics& statistics) {
     double largest = 1.0;
     const auto apply = [&](double factor, double least, double* sd) {
       *sd = std::max(least, *sd * factor);
       largest = std::max({largest, factor, 1.0 / factor});
     };
     ResidualStatistics all;
-    for (const std::vector<std::size_t>& runs : vehicles_) {
+    for (const std::vector<RunIndex>& runs : vehicles_) {
       ResidualStatistics sum;
-      for (const std::size_t run : runs) sum += statistics[run];
+      for (const RunIndex run : runs) sum += statistics[run];
       all += sum;
       const double v = Factor(sum, ResidualStatistics::kTranslation);
       const double omega = Factor(sum, ResidualStatistics::kYaw);
-      for (const std::size_t run : runs) {
+      for (const RunIndex run : runs) {
         apply(v, kMinOdometry, &problem_->runs[run].odometry.noise_v);
         apply(omega, kMinOdometry, &problem_->runs[run].odometry.noise_omega);
       }
@@ -72,7 +72,7 @@ class VarianceComponents {
 
  private:
   BuildState* problem_;
-  std::vector<std::vector<std::size_t>> vehicles_;  // Runs of each.
+  std::vector<std::vector<RunIndex>> vehicles_;  // Runs of each.
 };
 
 // Draws for the redundancy of residuals: many residuals share few.
@@ -107,7 +107,7 @@ void ChangeByMedian(const Odometries& odometries, const Change& change) {
 void PoolNoiseByVehicle(BuildState* build) {
   for (const auto& [name, runs] : RunsByVehicle(*build)) {
     Odometries odometries;
-    for (const std::size_t run : runs) odometries.push_back(&build->runs[run].odometry);
+    for (const RunIndex run : runs) odometries.push_back(&build->runs[run].odometry);
     ChangeByMedian(odometries, [](double /*own*/, double median) { return median; });
   }
 }

@@ -66,8 +66,8 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
                        const Graph& graph,
                        const GraphPosterior& posterior,
                        const BuildState& build,
-                       const std::map<std::string, std::vector<std::size_t>>& vehicles) {
-  const auto runs = static_cast<Eigen::Index>(kRunCalibration * build.runs.size());
+                       const std::map<std::string, std::vector<RunIndex>>& vehicles) {
+  const Eigen::Index runs = kRunCalibration * build.runs.end_index();
   const auto size = static_cast<Eigen::Index>(kRunCalibration * vehicles.size());
   Systematic result;
   result.prior_mean = ParametersOf(fleet, SensorBias::Zero());
@@ -79,8 +79,8 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
   Eigen::VectorXd prior_pull = Eigen::VectorXd::Zero(size);
   Eigen::Index column = 0;
   for (const auto& [name, of_vehicle] : vehicles) {
-    for (const std::size_t r : of_vehicle) {
-      const auto row = static_cast<Eigen::Index>(kRunCalibration * r);
+    for (const RunIndex r : of_vehicle) {
+      const Eigen::Index row = kRunCalibration * r;
       estimate.segment<kRunCalibration>(row) =
           ParametersOf(build.runs[r].odometry, build.runs[r].sensor_bias);
       E.block<kRunCalibration, kRunCalibration>(row, column).setIdentity();
@@ -101,12 +101,12 @@ Systematic CombineRuns(const OdometryCalibration& fleet,
 
 // Noise of a vehicle's runs: their residuals together, each under its own run's noise.
 VehicleNoise ScatterOf(const BuildState& build,
-                       const std::vector<std::size_t>& runs,
-                       const std::vector<ResidualStatistics>& statistics) {
+                       const std::vector<RunIndex>& runs,
+                       const RunStatistics& statistics) {
   using Kind = ResidualStatistics;
   ResidualStatistics sum;
   const SensorCalibration& sensor = build.sensor;
-  for (const std::size_t r : runs) {
+  for (const RunIndex r : runs) {
     const OdometryCalibration& odometry = build.runs[r].odometry;
     Eigen::Array<double, Kind::kKinds, 1> sd;
     sd << odometry.noise_v, odometry.noise_omega, sensor.sd_range_m, sensor.sd_bearing_rad,
@@ -131,9 +131,9 @@ Estimate EstimateOf(const SystematicErrors& errors, Eigen::Index i) {
 
 ShareEstimate DetectionOf(const BuildState& build,
                           const ModeGrid& grid,
-                          const std::vector<std::size_t>& runs) {
+                          const std::vector<RunIndex>& runs) {
   DetectionCount count;
-  for (const std::size_t r : runs) {
+  for (const RunIndex r : runs) {
     CountDetections(build, build.sensor, grid, build.runs[r], &count);
   }
   if (count.expected == 0.0) return {};
@@ -144,14 +144,14 @@ ShareEstimate DetectionOf(const BuildState& build,
 VehicleCalibration CalibrationFrom(const BuildState& build,
                                    const ModeGrid& grid,
                                    const std::string& name,
-                                   const std::vector<std::size_t>& runs,
+                                   const std::vector<RunIndex>& runs,
                                    const SystematicErrors& errors,
                                    const VehicleNoise& scatter,
                                    double sd_range_scale) {
   VehicleCalibration vehicle;
   vehicle.vehicle = name;
   vehicle.runs = static_cast<std::int64_t>(runs.size());
-  for (const std::size_t r : runs) {
+  for (const RunIndex r : runs) {
     const MappingRun& run = *build.runs[r].data;
     vehicle.stamp = std::max(vehicle.stamp, run.end);
     vehicle.mean_squared_bearing_rad2 +=
@@ -183,7 +183,7 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
   const auto by_vehicle = RunsByVehicle(build);
   const Systematic systematic =
       CombineRuns(options.calibration.odometry, graph, posterior, build, by_vehicle);
-  const std::vector<ResidualStatistics> statistics =
+  const RunStatistics statistics =
       ComputeRunStatistics(graph, posterior, kStatisticsSamples, options.seed);
   const ModeGrid grid = GridOf(build, build.sensor.max_range_m);
   std::vector<VehicleEstimate> vehicles;

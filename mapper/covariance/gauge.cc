@@ -39,10 +39,10 @@ Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
 }
 
 Eigen::Matrix2d ReferBlock(const STransformation& change,
-                           int a,
-                           int b,
+                           ModeIndex a,
+                           ModeIndex b,
                            const Eigen::Matrix2d& cov_a_b) {
-  const Eigen::Matrix2d block = change.Refer(a, b, cov_a_b);
+  const Eigen::Matrix2d block = change.Refer(a.value(), b.value(), cov_a_b);
   if (a != b) return block;
   return Symmetrized(block) + kFloorSd * kFloorSd * Eigen::Matrix2d::Identity();
 }
@@ -74,13 +74,13 @@ Eigen::MatrixXd FreeGauge(const std::vector<Eigen::Vector2d>& positions,
   return result;
 }
 
-GraphPrior MakeLocatedPrior(const std::vector<int>& modes,
+GraphPrior MakeLocatedPrior(const std::vector<ModeIndex>& modes,
                             const std::vector<Eigen::Vector2d>& positions,
                             const Eigen::MatrixXd& cov) {
   return {modes, Stacked(positions), Whitening(cov)};
 }
 
-std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
+std::vector<GraphPrior> HoldModes(const std::vector<ModeIndex>& modes,
                                   const std::vector<Eigen::Vector2d>& positions,
                                   double sd_m) {
   std::vector<GraphPrior> priors;
@@ -91,7 +91,7 @@ std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
   return priors;
 }
 
-GraphPrior MakeGraphPrior(const std::vector<int>& modes,
+GraphPrior MakeGraphPrior(const std::vector<ModeIndex>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov) {
   const Eigen::MatrixXd G = GaugeDirections(positions);

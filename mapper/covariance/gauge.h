@@ -23,8 +23,8 @@ Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
 /// Block (a, b) of ReferToPositions(), from that block of P. [m²]
 /// @param change  Of GaugeDirections() of the positions.
 Eigen::Matrix2d ReferBlock(const STransformation& change,
-                           int a,
-                           int b,
+                           ModeIndex a,
+                           ModeIndex b,
                            const Eigen::Matrix2d& cov_a_b);
 
 /// Adds what no run tells: the scale of the map, which the sensors' own scale sets. All positions
@@ -42,19 +42,19 @@ Eigen::MatrixXd FreeGauge(const std::vector<Eigen::Vector2d>& positions,
 
 /// The prior of a map version as a graph takes it: information P⁻¹ outside the gauge directions,
 /// and the gauge held where it is.
-/// @param modes  Flat indices of the positions in the graph that will use it.
-GraphPrior MakeGraphPrior(const std::vector<int>& modes,
+/// @param modes  Of the graph that will use it, at the positions.
+GraphPrior MakeGraphPrior(const std::vector<ModeIndex>& modes,
                           const std::vector<Eigen::Vector2d>& positions,
                           const Eigen::MatrixXd& cov);
 
 /// The prior of some modes by themselves, information P⁻¹: they know where they are.
-GraphPrior MakeLocatedPrior(const std::vector<int>& modes,
+GraphPrior MakeLocatedPrior(const std::vector<ModeIndex>& modes,
                             const std::vector<Eigen::Vector2d>& positions,
                             const Eigen::MatrixXd& cov);
 
 /// Holds modes of a graph where they are, each by itself.
 /// @param sd_m  Per axis. [m]
-std::vector<GraphPrior> HoldModes(const std::vector<int>& modes,
+std::vector<GraphPrior> HoldModes(const std::vector<ModeIndex>& modes,
                                   const std::vector<Eigen::Vector2d>& positions,
                                   double sd_m);
 

@@ -76,15 +76,16 @@ double RemoveScale(double sd_sensors, MapContent* content) {
   return std::sqrt(variance);
 }
 
-std::vector<GraphPrior> MakeMapPrior(const std::vector<Eigen::Vector2d>& positions,
+std::vector<GraphPrior> MakeMapPrior(const IndexedVector<ModeIndex, Eigen::Vector2d>& positions,
                                      const JointCovariance& cov) {
   std::vector<GraphPrior> priors;
   if (cov.size() == 0) return priors;
   const std::vector<std::vector<int>> sets = Sets(cov);
-  for (const std::vector<int>& modes : sets) {
+  for (const std::vector<int>& set : sets) {
+    const std::vector<ModeIndex> modes(set.begin(), set.end());
     std::vector<Eigen::Vector2d> of_modes;
-    for (const int mode : modes) of_modes.push_back(positions[static_cast<std::size_t>(mode)]);
-    const Eigen::MatrixXd joint = cov.Dense(modes);
+    for (const ModeIndex mode : modes) of_modes.push_back(positions[mode]);
+    const Eigen::MatrixXd joint = cov.Dense(set);
     priors.push_back(sets.size() == 1 ? MakeGraphPrior(modes, of_modes, joint)
                                       : MakeLocatedPrior(modes, of_modes, joint));
   }

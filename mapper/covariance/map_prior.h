@@ -25,7 +25,7 @@ double RemoveScale(double sd_sensors, MapContent* content);
 /// the frame (MakeGraphPrior), or, beyond kMaxJointModes, one of each set that is correlated; these
 /// know where they are in the map, and hold its frame together.
 /// @param positions  Of the version's modes, the first of the graph's. [m]
-std::vector<GraphPrior> MakeMapPrior(const std::vector<Eigen::Vector2d>& positions,
+std::vector<GraphPrior> MakeMapPrior(const IndexedVector<ModeIndex, Eigen::Vector2d>& positions,
                                      const JointCovariance& cov);
 
 }  // namespace shiftmap

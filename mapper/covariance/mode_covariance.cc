@@ -15,10 +15,11 @@ namespace {
 // Samples that bound the covariance of differences.
 constexpr int kCovarianceSamples = 32;
 
-using Modes = std::vector<int>;
+using Modes = std::vector<ModeIndex>;
+using Positions = IndexedVector<ModeIndex, Eigen::Vector2d>;
 
 // Cuts [begin, end) of `modes` at the median of the longer side until no part is too large.
-void Cut(const std::vector<Eigen::Vector2d>& positions,
+void Cut(const Positions& positions,
          int size,
          Modes::iterator begin,
          Modes::iterator end,
@@ -28,17 +29,17 @@ void Cut(const std::vector<Eigen::Vector2d>& positions,
     std::sort(tiles->back().begin(), tiles->back().end());
     return;
   }
-  Eigen::Vector2d low = positions[static_cast<std::size_t>(*begin)];
+  Eigen::Vector2d low = positions[*begin];
   Eigen::Vector2d high = low;
   for (auto it = begin; it != end; ++it) {
-    low = low.cwiseMin(positions[static_cast<std::size_t>(*it)]);
-    high = high.cwiseMax(positions[static_cast<std::size_t>(*it)]);
+    low = low.cwiseMin(positions[*it]);
+    high = high.cwiseMax(positions[*it]);
   }
   const Eigen::Index axis = high.x() - low.x() >= high.y() - low.y() ? 0 : 1;
   const auto middle = begin + (end - begin) / 2;
-  std::nth_element(begin, middle, end, [&](int a, int b) {
-    const double at_a = positions[static_cast<std::size_t>(a)][axis];
-    const double at_b = positions[static_cast<std::size_t>(b)][axis];
+  std::nth_element(begin, middle, end, [&](ModeIndex a, ModeIndex b) {
+    const double at_a = positions[a][axis];
+    const double at_b = positions[b][axis];
     return at_a != at_b ? at_a < at_b : a < b;
   });
   Cut(positions, size, begin, middle, tiles);
@@ -58,9 +59,8 @@ Eigen::MatrixXd ScaleRoot(const Graph& graph,
                           const GraphPosterior& posterior,
                           const Eigen::MatrixXd& G,
                           const ScaleUncertainty& scale) {
-  const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
   const std::ptrdiff_t vehicles = std::ssize(scale.runs_of_vehicles);
-  Eigen::MatrixXd root(rows, 1 + vehicles);
+  Eigen::MatrixXd root(2 * graph.modes.end_index(), 1 + vehicles);
   root.col(0) = scale.sd_common * OffsetsFromCentroid(graph.modes);
   if (vehicles > 0) {
     const Eigen::MatrixXd S = posterior.ModesByRangeScale(scale.runs_of_vehicles);
@@ -69,35 +69,30 @@ Eigen::MatrixXd ScaleRoot(const Graph& graph,
   return root;
 }
 
-bool IsTiled(const Graph& graph) { return static_cast<int>(graph.modes.size()) > kMaxJointModes; }
+bool IsTiled(const Graph& graph) { return std::ssize(graph.modes) > kMaxJointModes; }
 
 JointCovariance TiledCovariance(const Graph& graph,
                                 const GraphPosterior& posterior,
                                 const ScaleUncertainty& scale) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
-  std::vector<int> tile_of(graph.modes.size());
+  IndexedVector<ModeIndex, std::size_t> tile_of(graph.modes.size());
   for (std::size_t t = 0; t < tiles.size(); ++t) {
-    for (const int mode : tiles[t]) {
-      tile_of[static_cast<std::size_t>(mode)] = static_cast<int>(t);
-    }
+    for (const ModeIndex mode : tiles[t]) tile_of[mode] = t;
   }
   const STransformation change = MakeSTransformation(graph, posterior);
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, change.G, scale);
-  std::vector<Eigen::Matrix2d> diagonal(graph.modes.size());
+  IndexedVector<ModeIndex, Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
-  const auto add_block = [&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
-    const auto i = static_cast<std::size_t>(a);
-    const auto j = static_cast<std::size_t>(b);
-    if (tile_of[i] != tile_of[j]) return;
+  const auto add_block = [&](ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b) {
+    if (tile_of[a] != tile_of[b]) return;
     Eigen::Matrix2d block = ReferBlock(change, a, b, cov_a_b);
-    block.noalias() += root.middleRows<2>(Eigen::Index{2} * a) *
-                       root.middleRows<2>(Eigen::Index{2} * b).transpose();
+    block.noalias() += root.middleRows<2>(2 * a) * root.middleRows<2>(2 * b).transpose();
     if (a == b) {
-      diagonal[i] = block;
+      diagonal[a] = block;
     } else if (a < b) {
-      cross.push_back({a, b, block});
+      cross.push_back({a.value(), b.value(), block});
     } else {
-      cross.push_back({b, a, block.transpose()});
+      cross.push_back({b.value(), a.value(), block.transpose()});
     }
   };
   posterior.VisitModeCovariance(add_block);
@@ -117,24 +112,23 @@ std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolv
   return result;
 }
 
-Eigen::Matrix2d ModeDifferences::Covariance(int a, int b) const {
+Eigen::Matrix2d ModeDifferences::Covariance(ModeIndex a, ModeIndex b) const {
   return posterior_->ModeDifferenceCovariance(a, b);
 }
 
-Eigen::Matrix2d ModeDifferences::SampledCovariance(int a, int b, double factor) const {
+Eigen::Matrix2d ModeDifferences::SampledCovariance(ModeIndex a, ModeIndex b, double factor) const {
   constexpr double kInfinite = 1e12;
   if (samples_.cols() == 0) {
     return Eigen::Matrix2d::Identity() * (factor < 1.0 ? 0.0 : kInfinite);
   }
-  const auto differences =
-      samples_.middleRows<2>(Eigen::Index{2} * a) - samples_.middleRows<2>(Eigen::Index{2} * b);
+  const auto differences = samples_.middleRows<2>(2 * a) - samples_.middleRows<2>(2 * b);
   return differences * differences.transpose() * (factor / static_cast<double>(samples_.cols()));
 }
 
-std::vector<Modes> TileModes(const std::vector<Eigen::Vector2d>& positions, int size) {
+std::vector<Modes> TileModes(const Positions& positions, int size) {
   SHIFTMAP_CHECK(size > 0, "tiles of {} modes", size);
   Modes modes;
-  for (std::size_t i = 0; i < positions.size(); ++i) modes.push_back(static_cast<int>(i));
+  for (const ModeIndex mode : positions.indices()) modes.push_back(mode);
   std::vector<Modes> tiles;
   if (!modes.empty()) Cut(positions, size, modes.begin(), modes.end(), &tiles);
   return tiles;

@@ -26,15 +26,17 @@ class ModeDifferences {
   static std::optional<ModeDifferences> Of(const Graph& graph, GraphSolver* solver);
 
   /// Covariance of p_a - p_b. [m²]
-  Eigen::Matrix2d Covariance(int a, int b) const;
+  Eigen::Matrix2d Covariance(ModeIndex a, ModeIndex b) const;
 
   /// Less and more than Covariance(), but with probability 1e-5: a quarter and four times the mean
   /// square of 32 seeded samples, as χ² of 32 degrees of freedom is seldom that far from its mean.
   /// Without samples zero and as good as infinite. [m²]
-  Eigen::Matrix2d MinCovariance(int a, int b) const {
+  Eigen::Matrix2d MinCovariance(ModeIndex a, ModeIndex b) const {
     return SampledCovariance(a, b, 1.0 / kSafety);
   }
-  Eigen::Matrix2d MaxCovariance(int a, int b) const { return SampledCovariance(a, b, kSafety); }
+  Eigen::Matrix2d MaxCovariance(ModeIndex a, ModeIndex b) const {
+    return SampledCovariance(a, b, kSafety);
+  }
 
  private:
   static constexpr double kSafety = 4.0;
@@ -43,22 +45,23 @@ class ModeDifferences {
       : posterior_(std::move(posterior)) {}
 
   // `factor` times what the samples say.
-  Eigen::Matrix2d SampledCovariance(int a, int b, double factor) const;
+  Eigen::Matrix2d SampledCovariance(ModeIndex a, ModeIndex b, double factor) const;
 
   std::unique_ptr<GraphPosterior> posterior_;
   Eigen::MatrixXd samples_;  // Of the modes' errors, a column each. [m]
 };
 
 /// Modes in tiles of at most `size`, by halves of the longer side; every mode is in one.
-std::vector<std::vector<int>> TileModes(const std::vector<Eigen::Vector2d>& positions, int size);
+std::vector<std::vector<ModeIndex>> TileModes(
+    const IndexedVector<ModeIndex, Eigen::Vector2d>& positions, int size);
 
 /// How well the scale of a map is known.
 struct ScaleUncertainty {
   double sd_common = 0.0;   ///< Of what all sensors get wrong together. [-]
   double sd_vehicle = 0.0;  ///< Of what each vehicle's gets wrong beside it. [-]
 
-  /// Indices of each vehicle's runs, where they do not tell their own scale: it is held at 0.
-  std::vector<std::vector<std::size_t>> runs_of_vehicles = {};
+  /// Each vehicle's runs, where they do not tell their own scale: it is held at 0.
+  std::vector<std::vector<RunIndex>> runs_of_vehicles = {};
 };
 
 /// The normal equations of a graph at its present values, of which MapCovariance() can be told, and

@@ -77,22 +77,21 @@ Eigen::MatrixXd DrawNoise(const Graph& graph,
 // The block of each row of the Jacobian that is of a motion or an observation.
 std::vector<int> BlockOfRow(const Graph& graph, const FrameBlocks& block_of_frame) {
   std::vector<int> blocks;
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
-    for (std::size_t i = 0; i < graph.runs[r].motions.size(); ++i) {
+  for (const RunIndex r : graph.runs.indices()) {
+    for (const FrameIndex i : graph.runs[r].motions.indices()) {
       blocks.insert(blocks.end(), 3, block_of_frame[r][i]);
     }
   }
   for (const GraphObservation& item : graph.observations) {
-    const std::vector<int>& of_run = block_of_frame[static_cast<std::size_t>(item.run)];
-    blocks.insert(blocks.end(), 2, of_run[static_cast<std::size_t>(item.frame)]);
+    blocks.insert(blocks.end(), 2, block_of_frame[item.run][item.frame]);
   }
   return blocks;
 }
 
 }  // namespace
 
-std::unique_ptr<CeresPosterior> CeresPosterior::Of(const Graph& graph,
-                                                   std::vector<std::vector<int>> required_sets) {
+std::unique_ptr<CeresPosterior> CeresPosterior::Of(
+    const Graph& graph, std::vector<std::vector<ModeIndex>> required_sets) {
   const std::optional<Jacobian> jacobian =
       CeresProblem(graph, CeresProblem::Weighting::kCurvature).Jacobian();
   if (!jacobian) return nullptr;
@@ -103,24 +102,22 @@ std::unique_ptr<CeresPosterior> CeresPosterior::Of(const Graph& graph,
 }
 
 CeresPosterior::CeresPosterior(const Graph& graph,
-                               std::vector<std::vector<int>> required_sets,
+                               std::vector<std::vector<ModeIndex>> required_sets,
                                const Jacobian& jacobian)
     : graph_(graph), required_sets_(std::move(required_sets)), J_(jacobian) {
   if (required_sets_.empty()) {
     required_sets_.emplace_back(graph.modes.size());
-    std::iota(required_sets_.front().begin(), required_sets_.front().end(), 0);
+    std::iota(required_sets_.front().begin(), required_sets_.front().end(), ModeIndex(0));
   }
   first_mode_ = J_.cols() - ModeRows();
   first_calibration_ = first_mode_ - CalibrationRows();
   factor_.compute(Eigen::SparseMatrix<double>(J_.transpose() * J_));
 }
 
-Eigen::Index CeresPosterior::ModeRows() const {
-  return static_cast<Eigen::Index>(2 * graph_.modes.size());
-}
+Eigen::Index CeresPosterior::ModeRows() const { return 2 * graph_.modes.end_index(); }
 
 Eigen::Index CeresPosterior::CalibrationRows() const {
-  return static_cast<Eigen::Index>(kRunCalibration * graph_.runs.size());
+  return kRunCalibration * graph_.runs.end_index();
 }
 
 Eigen::MatrixXd CeresPosterior::SolveFor(Eigen::Index first, const Eigen::MatrixXd& b) const {
@@ -168,17 +165,16 @@ Eigen::MatrixXd CeresPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weigh
 }
 
 void CeresPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
-  for (const std::vector<int>& modes : required_sets_) {
+  for (const std::vector<ModeIndex>& modes : required_sets_) {
     Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(ModeRows(), 2 * std::ssize(modes));
     for (std::size_t i = 0; i < modes.size(); ++i) {
-      weights.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i))
-          .setIdentity();
+      weights.block<2, 2>(2 * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
     }
     const Eigen::MatrixXd cov = ModeCovarianceTimes(weights);
     for (std::size_t i = 0; i < modes.size(); ++i) {
       for (std::size_t j = i; j < modes.size(); ++j) {
         const Eigen::Matrix2d block =
-            cov.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * j));
+            cov.block<2, 2>(2 * modes[i], static_cast<Eigen::Index>(2 * j));
         visitor(modes[i], modes[j], i == j ? Symmetrized(block) : block);
       }
     }
@@ -188,23 +184,23 @@ void CeresPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
 // A scale that is held with the information w goes where it is pushed by w times its way, and all
 // others follow.
 Eigen::MatrixXd CeresPosterior::ModesByRangeScale(
-    const std::vector<std::vector<std::size_t>>& runs) const {
+    const std::vector<std::vector<RunIndex>>& runs) const {
   constexpr Eigen::Index kScaleOfRanges = 3 + kLogRangeScale;  // After the correction.
   Eigen::MatrixXd push = Eigen::MatrixXd::Zero(CalibrationRows(), std::ssize(runs));
   for (std::size_t column = 0; column < runs.size(); ++column) {
-    for (const std::size_t r : runs[column]) {
+    for (const RunIndex r : runs[column]) {
       const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      push(static_cast<Eigen::Index>(kRunCalibration * r) + kScaleOfRanges,
-           static_cast<Eigen::Index>(column)) = 1.0 / (sd * sd);
+      push(kRunCalibration * r + kScaleOfRanges, static_cast<Eigen::Index>(column)) =
+          1.0 / (sd * sd);
     }
   }
   return SolveFor(first_calibration_, push).bottomRows(ModeRows());
 }
 
-Eigen::Matrix2d CeresPosterior::ModeDifferenceCovariance(int a, int b) const {
+Eigen::Matrix2d CeresPosterior::ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const {
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(ModeRows(), 2);
-  difference.middleRows<2>(Eigen::Index{2} * a).setIdentity();
-  difference.middleRows<2>(Eigen::Index{2} * b) = -Eigen::Matrix2d::Identity();
+  difference.middleRows<2>(2 * a).setIdentity();
+  difference.middleRows<2>(2 * b) = -Eigen::Matrix2d::Identity();
   const Eigen::Matrix2d cov = difference.transpose() * ModeCovarianceTimes(difference);
   return Symmetrized(cov);
 }

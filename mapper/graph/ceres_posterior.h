@@ -16,7 +16,7 @@ class CeresPosterior final : public GraphPosterior {
  public:
   /// As LinearizeGraph().
   static std::unique_ptr<CeresPosterior> Of(const Graph& graph,
-                                            std::vector<std::vector<int>> required_sets);
+                                            std::vector<std::vector<ModeIndex>> required_sets);
 
   std::vector<GraphResiduals> DrawFitResiduals(int count, std::mt19937_64& random) const override;
   Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
@@ -26,9 +26,8 @@ class CeresPosterior final : public GraphPosterior {
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const override;
 
   void VisitModeCovariance(const BlockVisitor& visitor) const override;
-  Eigen::MatrixXd ModesByRangeScale(
-      const std::vector<std::vector<std::size_t>>& runs) const override;
-  Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const override;
+  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<RunIndex>>& runs) const override;
+  Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const override;
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const override;
   Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const override;
 
@@ -36,7 +35,7 @@ class CeresPosterior final : public GraphPosterior {
   using Jacobian = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
   CeresPosterior(const Graph& graph,
-                 std::vector<std::vector<int>> required_sets,
+                 std::vector<std::vector<ModeIndex>> required_sets,
                  const Jacobian& jacobian);
 
   Eigen::Index ModeRows() const;
@@ -46,7 +45,7 @@ class CeresPosterior final : public GraphPosterior {
   Eigen::MatrixXd SolveFor(Eigen::Index first, const Eigen::MatrixXd& b) const;
 
   const Graph& graph_;
-  std::vector<std::vector<int>> required_sets_;
+  std::vector<std::vector<ModeIndex>> required_sets_;
   Jacobian J_;
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factor_;  // Of H.
   Eigen::Index first_calibration_;                            // Columns of J.

@@ -88,20 +88,20 @@ CeresProblem::CeresProblem(const Graph& graph, Weighting weighting) : problem_(P
     for (auto& pose : poses) problem_.AddParameterBlock(pose.data(), 3);
   }
   for (auto& mode : modes_) problem_.AddParameterBlock(mode.data(), 2);
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) AddMotions(graph.runs[r], r);
+  for (const RunIndex r : graph.runs.indices()) AddMotions(graph.runs[r], r);
   AddObservations(graph, weighting);
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) AddCalibrationPriors(graph.runs[r], r);
+  for (const RunIndex r : graph.runs.indices()) AddCalibrationPriors(graph.runs[r], r);
   for (const GraphPrior& prior : graph.priors) AddPrior(prior);
   if (graph.priors.empty()) {
-    double* anchor = poses_[static_cast<std::size_t>(graph.anchor_run)].front().data();
+    double* anchor = poses_[graph.anchor_run].front().data();
     problem_.SetParameterBlockConstant(anchor);
     anchor_ = anchor;
   }
 }
 
-void CeresProblem::AddMotions(const GraphRun& run, std::size_t index) {
-  std::vector<std::array<double, 3>>& poses = poses_[index];
-  for (std::size_t i = 0; i < run.motions.size(); ++i) {
+void CeresProblem::AddMotions(const GraphRun& run, RunIndex index) {
+  auto& poses = poses_[index];
+  for (const FrameIndex i : run.motions.indices()) {
     residuals_.push_back(problem_.AddResidualBlock(new MotionCost(run.motions[i]),
                                                    nullptr,
                                                    poses[i].data(),
@@ -111,7 +111,7 @@ void CeresProblem::AddMotions(const GraphRun& run, std::size_t index) {
   }
 }
 
-void CeresProblem::AddCalibrationPriors(const GraphRun& run, std::size_t index) {
+void CeresProblem::AddCalibrationPriors(const GraphRun& run, RunIndex index) {
   const Eigen::Matrix3d sqrt_information = run.correction_prior_sd.cwiseInverse().asDiagonal();
   residuals_.push_back(
       problem_.AddResidualBlock(new ceres::NormalPrior(sqrt_information, run.correction_prior_mean),
@@ -127,21 +127,17 @@ void CeresProblem::AddCalibrationPriors(const GraphRun& run, std::size_t index) 
 void CeresProblem::AddObservations(const Graph& graph, Weighting weighting) {
   const RobustLoss loss(graph.loss_scale, graph.loss_reach);
   for (const GraphObservation& item : graph.observations) {
-    double* pose =
-        poses_[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)].data();
-    residuals_.push_back(
-        problem_.AddResidualBlock(new ObservationCost(item),
-                                  new ObservationLoss(loss, weighting),
-                                  pose,
-                                  modes_[static_cast<std::size_t>(item.mode)].data(),
-                                  biases_[static_cast<std::size_t>(item.run)].data()));
+    residuals_.push_back(problem_.AddResidualBlock(new ObservationCost(item),
+                                                   new ObservationLoss(loss, weighting),
+                                                   poses_[item.run][item.frame].data(),
+                                                   modes_[item.mode].data(),
+                                                   biases_[item.run].data()));
   }
 }
 
 void CeresProblem::AddPrior(const GraphPrior& prior) {
   std::vector<double*> blocks;
-  for (const int mode : prior.modes)
-    blocks.push_back(modes_[static_cast<std::size_t>(mode)].data());
+  for (const ModeIndex mode : prior.modes) blocks.push_back(modes_[mode].data());
   residuals_.push_back(problem_.AddResidualBlock(new ModesPriorCost(prior), nullptr, blocks));
 }
 
@@ -153,7 +149,7 @@ std::optional<Eigen::SparseMatrix<double, Eigen::RowMajor>> CeresProblem::Jacobi
       if (pose.data() != anchor_) options.parameter_blocks.push_back(pose.data());
     }
   }
-  for (std::size_t r = 0; r < poses_.size(); ++r) {
+  for (const RunIndex r : poses_.indices()) {
     options.parameter_blocks.push_back(corrections_[r].data());
     options.parameter_blocks.push_back(biases_[r].data());
   }
@@ -172,14 +168,15 @@ std::optional<Eigen::SparseMatrix<double, Eigen::RowMajor>> CeresProblem::Jacobi
 }
 
 void CeresProblem::CopyTo(Graph* graph) const {
-  for (std::size_t r = 0; r < poses_.size(); ++r) {
+  for (const RunIndex r : poses_.indices()) {
     GraphRun& run = graph->runs[r];
     run.correction = Eigen::Map<const Eigen::Vector3d>(corrections_[r].data());
     run.sensor_bias = Eigen::Map<const SensorBias>(biases_[r].data());
-    for (std::size_t i = 0; i < poses_[r].size(); ++i)
+    for (const FrameIndex i : run.poses.indices()) {
       run.poses[i] = PoseFromParameters(poses_[r][i].data());
+    }
   }
-  for (std::size_t m = 0; m < modes_.size(); ++m) graph->modes[m] = {modes_[m][0], modes_[m][1]};
+  for (const ModeIndex m : modes_.indices()) graph->modes[m] = {modes_[m][0], modes_[m][1]};
 }
 
 }  // namespace shiftmap

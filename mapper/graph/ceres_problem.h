@@ -37,15 +37,15 @@ class CeresProblem {
   std::optional<Eigen::SparseMatrix<double, Eigen::RowMajor>> Jacobian();
 
  private:
-  void AddMotions(const GraphRun& run, std::size_t index);
-  void AddCalibrationPriors(const GraphRun& run, std::size_t index);
+  void AddMotions(const GraphRun& run, RunIndex index);
+  void AddCalibrationPriors(const GraphRun& run, RunIndex index);
   void AddObservations(const Graph& graph, Weighting weighting);
   void AddPrior(const GraphPrior& prior);
 
-  std::vector<std::vector<std::array<double, 3>>> poses_;
-  std::vector<std::array<double, 3>> corrections_;
-  std::vector<std::array<double, 3>> biases_;
-  std::vector<std::array<double, 2>> modes_;
+  IndexedVector<RunIndex, IndexedVector<FrameIndex, std::array<double, 3>>> poses_;
+  IndexedVector<RunIndex, std::array<double, 3>> corrections_;
+  IndexedVector<RunIndex, std::array<double, 3>> biases_;
+  IndexedVector<ModeIndex, std::array<double, 2>> modes_;
   const double* anchor_ = nullptr;  // The pose that is held; null with a prior.
   ceres::Problem problem_;
   std::vector<ceres::ResidualBlockId> residuals_;  // In the order of the rows.

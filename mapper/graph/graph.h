@@ -11,6 +11,7 @@
 #include "localizer/models/motion_model.h"
 #include "mapper/graph/sensor_bias.h"
 #include "mapper/graph/solver_limits.h"
+#include "mapper/index.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/run/run.h"
 
@@ -24,8 +25,9 @@ inline constexpr int kRunCalibration = 6;
 
 /// One run's chain of poses in the graph.
 struct GraphRun {
-  std::vector<Se2> poses;  ///< T_map_vehicle at every key frame. In: the start. Out: the solution.
-  std::vector<MotionIncrement> motions;  ///< motions[i] leads from poses[i] to poses[i + 1].
+  /// T_map_vehicle at every key frame. In: the start. Out: the solution.
+  IndexedVector<FrameIndex, Se2> poses;
+  IndexedVector<FrameIndex, MotionIncrement> motions;  ///< motions[i]: from poses[i] to [i + 1].
 
   /// Correction to the calibration the motions were integrated with: (log scale_v, log scale_omega,
   /// lag_s), with a Gaussian prior.
@@ -40,9 +42,9 @@ struct GraphRun {
 
 /// An observation, switched to the mode that the selector names.
 struct GraphObservation {
-  int run = 0;
-  int frame = 0;
-  int mode = 0;  ///< Index in Graph::modes.
+  RunIndex run;
+  FrameIndex frame;
+  ModeIndex mode;
   Observation observation;
   Eigen::Matrix2d cov_z = Eigen::Matrix2d::Identity();
   double mean_squared_bearing = 0.0;  ///< b̄² of the run. [rad²]
@@ -51,13 +53,13 @@ struct GraphObservation {
 /// What is known of some modes beforehand: a joint Gaussian, as a previous map version has it.
 struct GraphPrior {
   GraphPrior() = default;
-  GraphPrior(std::vector<int> of_modes, Eigen::VectorXd mean_m, Eigen::MatrixXd whitening)
+  GraphPrior(std::vector<ModeIndex> of_modes, Eigen::VectorXd mean_m, Eigen::MatrixXd whitening)
       : modes(std::move(of_modes)),
         mean(std::move(mean_m)),
         sqrt_information(std::move(whitening)),
         information(sqrt_information.transpose() * sqrt_information) {}
 
-  std::vector<int> modes;            ///< Indices in Graph::modes.
+  std::vector<ModeIndex> modes;
   Eigen::VectorXd mean;              ///< Stacked (x, y). [m]
   Eigen::MatrixXd sqrt_information;  ///< W; rows: whitened residuals. [1/m]
   Eigen::MatrixXd information;       ///< WᵀW, which every linearization takes. [1/m²]
@@ -69,13 +71,13 @@ struct GraphPrior {
 ///
 /// with ρ Cauchy's loss (robust_loss.h): a misread signature must not bend the map.
 struct Graph {
-  std::vector<GraphRun> runs;
-  std::vector<Eigen::Vector2d> modes;  ///< p_map_landmark. [m]
-  std::vector<GraphObservation> observations;
+  IndexedVector<RunIndex, GraphRun> runs;
+  IndexedVector<ModeIndex, Eigen::Vector2d> modes;  ///< p_map_landmark. [m]
+  IndexedVector<ObservationIndex, GraphObservation> observations;
   std::vector<GraphPrior> priors;  ///< Independent of each other.
 
   /// Without a prior the frame is fixed by holding the first pose of this run.
-  int anchor_run = 0;
+  RunIndex anchor_run;
 
   /// No loop is closed: each mode is seen for a moment, not again after a while. Steps then go
   /// along the chain of poses (open_chain.h), and lead to the minimum from dead reckoning.
@@ -148,6 +150,8 @@ struct ResidualStatistics {
   }
 };
 
+using RunStatistics = IndexedVector<RunIndex, ResidualStatistics>;
+
 /// Joint covariance of all modes in the Gaussian around the graph's present values, order of
 /// Graph::modes, (x, y) each. Nothing if the graph does not determine its modes in the numbers that
 /// a computer has, as where values have diverged. [m²]
@@ -160,9 +164,9 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
 /// observed or in the prior.
 /// @param solver  Has just solved the graph or a similar one. May be null.
 /// @return Nothing where ComputeModeCovariance() has none.
-std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph& graph,
-                                                                    int samples,
-                                                                    std::uint64_t seed,
-                                                                    GraphSolver* solver = nullptr);
+std::optional<RunStatistics> ComputeRunStatistics(const Graph& graph,
+                                                  int samples,
+                                                  std::uint64_t seed,
+                                                  GraphSolver* solver = nullptr);
 
 }  // namespace shiftmap

@@ -14,12 +14,12 @@ namespace shiftmap {
 /// Standardized residuals of a graph, or noise on them. Those of observations are times the root of
 /// their weight, so that they have the covariance I too.
 struct GraphResiduals {
-  std::vector<Eigen::Matrix3Xd> motions;  ///< Per run, a column a motion.
-  Eigen::Matrix2Xd observations;          ///< A column each.
+  IndexedVector<RunIndex, Eigen::Matrix3Xd> motions;  ///< A column a motion.
+  Eigen::Matrix2Xd observations;                      ///< A column each.
 };
 
-/// Per run the block of each key frame, from 0 on: its observations and the motion to the next.
-using FrameBlocks = std::vector<std::vector<int>>;
+/// The block of each key frame, from 0 on: its observations and the motion to the next.
+using FrameBlocks = IndexedVector<RunIndex, IndexedVector<FrameIndex, int>>;
 
 /// The Gaussian around a graph's values, with the inverse Hessian H⁻¹ as its covariance and the
 /// loss by its curvature (robust_loss.h). The graph must outlive it and keep its values.
@@ -47,16 +47,17 @@ class GraphPosterior {
 
   /// Blocks of the joint covariance of the modes, each once: those of a mode with itself, of all
   /// pairs in the lists that LinearizeGraph() was given, and others that come along. [m²]
-  using BlockVisitor = std::function<void(int a, int b, const Eigen::Matrix2d& cov_a_b)>;
+  using BlockVisitor =
+      std::function<void(ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b)>;
   virtual void VisitModeCovariance(const BlockVisitor& visitor) const = 0;
 
   /// How the modes follow when the ranges of some runs, whose scales are fixed, all read more by a
   /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
   virtual Eigen::MatrixXd ModesByRangeScale(
-      const std::vector<std::vector<std::size_t>>& runs) const = 0;
+      const std::vector<std::vector<RunIndex>>& runs) const = 0;
 
   /// Covariance of p_a - p_b, of two modes. [m²]
-  virtual Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const = 0;
+  virtual Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const = 0;
 
   /// Draws of all modes' errors, a column each; the poses are left out.
   virtual Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const = 0;
@@ -70,16 +71,16 @@ class GraphPosterior {
 /// numbers that a computer has. Precondition: every mode is observed or in the prior.
 /// @param required_sets  Lists of modes, all pairs in each of which VisitModeCovariance() visits.
 std::unique_ptr<GraphPosterior> LinearizeGraph(
-    const Graph& graph, const std::vector<std::vector<int>>& required_sets = {});
+    const Graph& graph, const std::vector<std::vector<ModeIndex>>& required_sets = {});
 
 /// The residuals at the graph's values. An observation's has its slope, divided by the root of its
 /// curvature: Jᵀ of all is the gradient of the cost.
 GraphResiduals PresentResiduals(const Graph& graph);
 
 /// The statistics of each run, as ComputeRunStatistics() of the graph.
-std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     const GraphPosterior& posterior,
-                                                     int samples,
-                                                     std::uint64_t seed);
+RunStatistics ComputeRunStatistics(const Graph& graph,
+                                   const GraphPosterior& posterior,
+                                   int samples,
+                                   std::uint64_t seed);
 
 }  // namespace shiftmap

@@ -2,7 +2,6 @@
 #include "mapper/graph/graph_segments.h"
 
 #include <algorithm>
-#include <cstddef>
 
 namespace shiftmap {
 namespace {
@@ -16,30 +15,30 @@ void AppendPose(int first, std::vector<int>* unknowns) {
 
 }  // namespace
 
-SegmentVariable PoseVariable(const GraphSegment& segment, int frame) {
+SegmentVariable PoseVariable(const GraphSegment& segment, FrameIndex frame) {
   if (frame == segment.first) return {-1, kSeparatorBefore};
   if (frame == segment.last) return {-1, kSeparatorAfter};
   return {frame - segment.first - 1, -1};
 }
 
 GraphSegments::GraphSegments(const Graph& graph) {
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) AddRun(graph, static_cast<int>(r));
+  for (const RunIndex run : graph.runs.indices()) AddRun(graph, run);
   first_segment_.push_back(static_cast<int>(segments_.size()));
   first_calibration_ = size_;
-  first_mode_ = first_calibration_ + kRunCalibration * static_cast<int>(graph.runs.size());
-  size_ = first_mode_ + 2 * static_cast<int>(graph.modes.size());
+  first_mode_ = first_calibration_ + kRunCalibration * graph.runs.end_index().value();
+  size_ = first_mode_ + 2 * graph.modes.end_index().value();
   for (GraphSegment& segment : segments_) {
     for (int i = 0; i < kRunCalibration; ++i) {
-      segment.boundary.push_back(first_calibration_ + kRunCalibration * segment.run + i);
+      segment.boundary.push_back(first_calibration_ + kRunCalibration * segment.run.value() + i);
     }
   }
-  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
-    AddObservation(graph.observations[i], static_cast<int>(i));
+  for (const ObservationIndex i : graph.observations.indices()) {
+    AddObservation(graph.observations[i], i);
   }
 }
 
-void GraphSegments::AddRun(const Graph& graph, int run) {
-  const auto frames = static_cast<int>(graph.runs[static_cast<std::size_t>(run)].poses.size());
+void GraphSegments::AddRun(const Graph& graph, RunIndex run) {
+  const FrameIndex last = graph.runs[run].poses.end_index() - 1;
   const bool fixed = graph.priors.empty() && graph.anchor_run == run;
   first_segment_.push_back(static_cast<int>(segments_.size()));
   const auto next_separator = [this] {
@@ -47,11 +46,11 @@ void GraphSegments::AddRun(const Graph& graph, int run) {
     return size_ - 3;
   };
   int before = fixed ? -1 : next_separator();
-  for (int first = 0; first == 0 || first + 1 < frames; first += kSegmentFrames) {
+  for (FrameIndex first; first == 0 || first < last; first = first + kSegmentFrames) {
     GraphSegment& segment = segments_.emplace_back();
     segment.run = run;
     segment.first = first;
-    segment.last = std::min(first + kSegmentFrames, frames - 1);
+    segment.last = std::min(first + kSegmentFrames, last);
     const int after = segment.last > first ? next_separator() : -1;
     AppendPose(before, &segment.boundary);
     AppendPose(after, &segment.boundary);
@@ -59,12 +58,12 @@ void GraphSegments::AddRun(const Graph& graph, int run) {
   }
 }
 
-void GraphSegments::AddObservation(const GraphObservation& observation, int index) {
-  const auto run = static_cast<std::size_t>(observation.run);
-  const int at = std::min(first_segment_[run] + observation.frame / kSegmentFrames,
+void GraphSegments::AddObservation(const GraphObservation& observation, ObservationIndex index) {
+  const RunIndex run = observation.run;
+  const int at = std::min(first_segment_[run] + observation.frame.value() / kSegmentFrames,
                           first_segment_[run + 1] - 1);
   GraphSegment& segment = segments_[static_cast<std::size_t>(at)];
-  const int unknown = first_mode_ + 2 * observation.mode;
+  const int unknown = first_mode_ + 2 * observation.mode.value();
   const auto found =
       std::find(segment.boundary.begin() + kFirstModeColumn, segment.boundary.end(), unknown);
   segment.observations.push_back(index);
@@ -74,10 +73,11 @@ void GraphSegments::AddObservation(const GraphObservation& observation, int inde
   segment.boundary.push_back(unknown + 1);
 }
 
-std::vector<int> GraphSegments::UnknownsOf(const std::vector<int>& modes) const {
+std::vector<int> GraphSegments::UnknownsOf(const std::vector<ModeIndex>& modes) const {
   std::vector<int> unknowns;
-  for (const int mode : modes) {
-    unknowns.insert(unknowns.end(), {first_mode_ + 2 * mode, first_mode_ + 2 * mode + 1});
+  for (const ModeIndex mode : modes) {
+    const int first = first_mode_ + 2 * mode.value();
+    unknowns.insert(unknowns.end(), {first, first + 1});
   }
   return unknowns;
 }

@@ -21,10 +21,12 @@ inline constexpr int kFirstModeColumn = 12;
 /// Frames [first, last] of a run, the outer two its separators; last == first if there is one
 /// frame.
 struct GraphSegment {
-  int run = 0;
-  int first = 0;
-  int last = 0;
-  std::vector<int> observations;  ///< In frames [first, last), or [first, last] at a run's end.
+  RunIndex run;
+  FrameIndex first;
+  FrameIndex last;
+
+  /// In frames [first, last), or [first, last] at a run's end.
+  std::vector<ObservationIndex> observations;
   std::vector<int> boundary;      ///< Unknowns of the reduced system, -1 if fixed.
   std::vector<int> mode_columns;  ///< Per observation the first column of its mode.
 
@@ -39,7 +41,7 @@ struct SegmentVariable {
 };
 
 /// That of the pose of a frame.
-SegmentVariable PoseVariable(const GraphSegment& segment, int frame);
+SegmentVariable PoseVariable(const GraphSegment& segment, FrameIndex frame);
 
 /// How the poses of a graph are cut into segments, and the order of what they leave: separators,
 /// calibrations, modes.
@@ -53,14 +55,14 @@ class GraphSegments {
   int size() const { return size_; }  ///< Unknowns.
 
   /// The unknowns of some modes, two each.
-  std::vector<int> UnknownsOf(const std::vector<int>& modes) const;
+  std::vector<int> UnknownsOf(const std::vector<ModeIndex>& modes) const;
 
  private:
-  void AddRun(const Graph& graph, int run);
-  void AddObservation(const GraphObservation& observation, int index);
+  void AddRun(const Graph& graph, RunIndex run);
+  void AddObservation(const GraphObservation& observation, ObservationIndex index);
 
   std::vector<GraphSegment> segments_;
-  std::vector<int> first_segment_;  // Per run, and how many there are.
+  IndexedVector<RunIndex, int> first_segment_;  // And how many there are.
   int first_calibration_ = 0;
   int first_mode_ = 0;
   int size_ = 0;

@@ -10,9 +10,11 @@ namespace shiftmap {
 
 /// A change of everything continuous in a graph.
 struct GraphStep {
-  std::vector<Eigen::VectorXd> poses;  ///< Per run ξ of every pose, T·Exp(ξ), three rows each.
-  std::vector<Eigen::Vector<double, kRunCalibration>> calibrations;  ///< Per run, correction first.
-  Eigen::VectorXd modes;                                             ///< (x, y) each. [m]
+  using Calibration = Eigen::Vector<double, kRunCalibration>;  ///< Correction first.
+
+  IndexedVector<RunIndex, Eigen::VectorXd> poses;  ///< ξ of every pose, T·Exp(ξ), three rows each.
+  IndexedVector<RunIndex, Calibration> calibrations;
+  Eigen::VectorXd modes;  ///< (x, y) each. [m]
 };
 
 /// A step `factor` times as long.

@@ -21,10 +21,10 @@ class OpenChain {
 
  private:
   struct Sight {
-    int run = 0;
-    int frame = 0;
+    RunIndex run;
+    FrameIndex frame;
   };
-  std::vector<Sight> sights_;  // Per mode, in the middle of those that see it.
+  IndexedVector<ModeIndex, Sight> sights_;  // In the middle of those that see the mode.
 };
 
 }  // namespace shiftmap

@@ -20,34 +20,32 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
-Eigen::Vector3d ResidualOf(const GraphRun& run, std::size_t motion) {
+Eigen::Vector3d ResidualOf(const GraphRun& run, FrameIndex motion) {
   return MotionResidual(run.motions[motion])
       .At(run.poses[motion], run.poses[motion + 1], run.correction, run.sensor_bias[kLogRangeScale])
       .r;
 }
 
 Eigen::Vector2d ResidualOf(const Graph& graph, const GraphObservation& item) {
-  const GraphRun& run = graph.runs[static_cast<std::size_t>(item.run)];
+  const GraphRun& run = graph.runs[item.run];
   return ObservationResidual(item)
-      .At(run.poses[static_cast<std::size_t>(item.frame)],
-          graph.modes[static_cast<std::size_t>(item.mode)],
-          run.sensor_bias)
+      .At(run.poses[item.frame], graph.modes[item.mode], run.sensor_bias)
       .r;
 }
 
 // Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
                   const std::vector<GraphResiduals>& left,
-                  std::vector<ResidualStatistics>* statistics) {
+                  RunStatistics* statistics) {
   const auto count = static_cast<double>(left.size());
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+  for (const RunIndex r : graph.runs.indices()) {
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
-    for (std::size_t i = 0; i < run.motions.size(); ++i) {
+    for (const FrameIndex i : run.motions.indices()) {
       const Eigen::Vector3d residual = ResidualOf(run, i);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
       for (const GraphResiduals& of_draw : left) {
-        redundancy += of_draw.motions[r].col(static_cast<Eigen::Index>(i)).array().square() / count;
+        redundancy += of_draw.motions[r].col(i.value()).array().square() / count;
       }
       const Eigen::Array3d squares = residual.array().square();
       sums.sum_of_squares[ResidualStatistics::kTranslation] += squares.head<2>().sum();
@@ -62,18 +60,18 @@ void CountMotions(const Graph& graph,
 
 void CountObservations(const Graph& graph,
                        const std::vector<GraphResiduals>& left,
-                       std::vector<ResidualStatistics>* statistics) {
+                       RunStatistics* statistics) {
   const double gate = ChiSquareQuantile(kInlierProbability, 2);
   const auto count = static_cast<double>(left.size());
-  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+  for (const ObservationIndex i : graph.observations.indices()) {
     const GraphObservation& item = graph.observations[i];
     const Eigen::Vector2d residual = ResidualOf(graph, item);
     if (residual.squaredNorm() > gate) continue;
     Eigen::Array2d redundancy = Eigen::Array2d::Zero();
     for (const GraphResiduals& of_draw : left) {
-      redundancy += of_draw.observations.col(static_cast<Eigen::Index>(i)).array().square() / count;
+      redundancy += of_draw.observations.col(i.value()).array().square() / count;
     }
-    ResidualStatistics& sums = (*statistics)[static_cast<std::size_t>(item.run)];
+    ResidualStatistics& sums = (*statistics)[item.run];
     const bool cartesian = item.observation.kind == Observation::Kind::kCartesian;
     for (const int row : {0, 1}) {
       const auto kind = cartesian  ? ResidualStatistics::kPosition
@@ -88,8 +86,8 @@ void CountObservations(const Graph& graph,
 
 }  // namespace
 
-std::unique_ptr<GraphPosterior> LinearizeGraph(const Graph& graph,
-                                               const std::vector<std::vector<int>>& required_sets) {
+std::unique_ptr<GraphPosterior> LinearizeGraph(
+    const Graph& graph, const std::vector<std::vector<ModeIndex>>& required_sets) {
   if (graph.solver == SolverKind::kCeres) return CeresPosterior::Of(graph, required_sets);
   std::unique_ptr<ReducedSystem> reduced;
   return SchurPosterior::Of(graph, required_sets, &reduced);
@@ -100,15 +98,13 @@ GraphResiduals PresentResiduals(const Graph& graph) {
   GraphResiduals present;
   for (const GraphRun& run : graph.runs) {
     Eigen::Matrix3Xd& motions = present.motions.emplace_back(3, std::ssize(run.motions));
-    for (std::size_t i = 0; i < run.motions.size(); ++i) {
-      motions.col(static_cast<Eigen::Index>(i)) = ResidualOf(run, i);
-    }
+    for (const FrameIndex i : run.motions.indices()) motions.col(i.value()) = ResidualOf(run, i);
   }
   present.observations.resize(2, std::ssize(graph.observations));
-  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+  for (const ObservationIndex i : graph.observations.indices()) {
     const Eigen::Vector2d r = ResidualOf(graph, graph.observations[i]);
     const double squared = r.squaredNorm();
-    present.observations.col(static_cast<Eigen::Index>(i)) =
+    present.observations.col(i.value()) =
         loss.Slope(squared) / std::sqrt(loss.Curvature(squared)) * r;
   }
   return present;
@@ -120,23 +116,23 @@ std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph) {
   return posterior->ModeCovariance();
 }
 
-std::vector<ResidualStatistics> ComputeRunStatistics(const Graph& graph,
-                                                     const GraphPosterior& posterior,
-                                                     int samples,
-                                                     std::uint64_t seed) {
+RunStatistics ComputeRunStatistics(const Graph& graph,
+                                   const GraphPosterior& posterior,
+                                   int samples,
+                                   std::uint64_t seed) {
   SHIFTMAP_CHECK(samples > 0, "{} samples", samples);
   std::mt19937_64 random(seed);
   const std::vector<GraphResiduals> left = posterior.DrawFitResiduals(samples, random);
-  std::vector<ResidualStatistics> statistics(graph.runs.size());
+  RunStatistics statistics(graph.runs.size());
   CountMotions(graph, left, &statistics);
   CountObservations(graph, left, &statistics);
   return statistics;
 }
 
-std::optional<std::vector<ResidualStatistics>> ComputeRunStatistics(const Graph& graph,
-                                                                    int samples,
-                                                                    std::uint64_t seed,
-                                                                    GraphSolver* solver) {
+std::optional<RunStatistics> ComputeRunStatistics(const Graph& graph,
+                                                  int samples,
+                                                  std::uint64_t seed,
+                                                  GraphSolver* solver) {
   const std::unique_ptr<GraphPosterior> posterior =
       solver != nullptr ? solver->Linearize(graph) : LinearizeGraph(graph);
   if (!posterior) return std::nullopt;

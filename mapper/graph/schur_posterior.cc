@@ -12,7 +12,7 @@ namespace shiftmap {
 
 std::unique_ptr<SchurPosterior> SchurPosterior::Of(
     const Graph& graph,
-    const std::vector<std::vector<int>>& required_sets,
+    const std::vector<std::vector<ModeIndex>>& required_sets,
     std::unique_ptr<ReducedSystem>* reduced) {
   SchurSystem system(graph, std::move(*reduced), required_sets);
   if (!system.Linearize(LossWeighting::kCurvature)) return nullptr;
@@ -30,7 +30,7 @@ class SchurPosterior::Gradients {
       : segment_(segment), poses_(*poses), boundary_(*boundary) {}
 
   void AddMotion(Eigen::Index column,
-                 int frame,
+                 FrameIndex frame,
                  const MotionResidual::Linear& linear,
                  const Eigen::Vector3d& noise) {
     AddPose(column, frame, linear.J_i.transpose() * noise);
@@ -39,7 +39,7 @@ class SchurPosterior::Gradients {
   }
 
   void AddObservation(Eigen::Index column,
-                      int frame,
+                      FrameIndex frame,
                       int mode_column,
                       const ObservationResidual::Linear& linear,
                       const Eigen::Vector2d& noise) {
@@ -49,7 +49,7 @@ class SchurPosterior::Gradients {
   }
 
  private:
-  void AddPose(Eigen::Index column, int frame, const Eigen::Vector3d& gradient) {
+  void AddPose(Eigen::Index column, FrameIndex frame, const Eigen::Vector3d& gradient) {
     const SegmentVariable at = PoseVariable(segment_, frame);
     if (at.pose >= 0) {
       poses_.block<3, 1>(Eigen::Index{3} * at.pose, column) += gradient;
@@ -95,28 +95,31 @@ std::vector<ResidualSample> SchurPosterior::SampleResiduals(int count,
   RandomSigns signs(&random);
   std::vector<ResidualSample> samples(static_cast<std::size_t>(count));
   for (ResidualSample& sample : samples) {
-    for (const GraphRun& run : graph_.runs)
+    for (const GraphRun& run : graph_.runs) {
       signs.Fill(std::ssize(run.motions), &sample.noise.motions.emplace_back());
+    }
     signs.Fill(std::ssize(graph_.observations), &sample.noise.observations);
   }
   const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
-    const auto r = static_cast<std::size_t>(segment.run);
     system_.linearizer().Visit(
         segment,
         LossWeighting::kCurvature,
-        [&](int frame, const MotionResidual::Linear& linear) {
+        [&](FrameIndex frame, const MotionResidual::Linear& linear) {
           for (Eigen::Index k = 0; k < count; ++k) {
             const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
-            gradients->AddMotion(k, frame, linear, noise.motions[r].col(frame));
+            gradients->AddMotion(k, frame, linear, noise.motions[segment.run].col(frame.value()));
           }
         },
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
-          const int index = segment.observations[i];
-          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          const ObservationIndex index = segment.observations[i];
+          const FrameIndex frame = graph_.observations[index].frame;
           for (Eigen::Index k = 0; k < count; ++k) {
             const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
-            gradients->AddObservation(
-                k, frame, segment.mode_columns[i], linear, root * noise.observations.col(index));
+            gradients->AddObservation(k,
+                                      frame,
+                                      segment.mode_columns[i],
+                                      linear,
+                                      root * noise.observations.col(index.value()));
           }
         });
   };
@@ -142,30 +145,30 @@ std::vector<GraphResiduals> SchurPosterior::FitResiduals(
   std::vector<GraphResiduals> left;
   for (const ResidualSample& sample : samples) left.push_back(sample.noise);
   for (const GraphSegment& segment : system_.segments().all()) {
-    const auto r = static_cast<std::size_t>(segment.run);
-    const auto pose = [&](const GraphStep& step, int frame) {
-      return step.poses[r].segment<3>(Eigen::Index{3} * frame);
+    const RunIndex r = segment.run;
+    const auto pose = [&](const GraphStep& step, FrameIndex frame) {
+      return step.poses[r].segment<3>(3 * frame);
     };
     system_.linearizer().Visit(
         segment,
         LossWeighting::kCurvature,
-        [&](int frame, const MotionResidual::Linear& linear) {
+        [&](FrameIndex frame, const MotionResidual::Linear& linear) {
           for (std::size_t k = 0; k < samples.size(); ++k) {
             const GraphStep& step = samples[k].step;
-            left[k].motions[r].col(frame) -= linear.J_i * pose(step, frame) +
-                                             linear.J_j * pose(step, frame + 1) +
-                                             linear.J_calibration * step.calibrations[r].head<4>();
+            left[k].motions[r].col(frame.value()) -=
+                linear.J_i * pose(step, frame) + linear.J_j * pose(step, frame + 1) +
+                linear.J_calibration * step.calibrations[r].head<4>();
           }
         },
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
-          const int index = segment.observations[i];
-          const GraphObservation& item = graph_.observations[static_cast<std::size_t>(index)];
+          const ObservationIndex index = segment.observations[i];
+          const GraphObservation& item = graph_.observations[index];
           for (std::size_t k = 0; k < samples.size(); ++k) {
             const GraphStep& step = samples[k].step;
-            left[k].observations.col(index) -=
+            left[k].observations.col(index.value()) -=
                 root * (linear.J_pose * pose(step, item.frame) +
                         linear.J_bias * step.calibrations[r].tail<3>() +
-                        linear.J_landmark * step.modes.segment<2>(Eigen::Index{2} * item.mode));
+                        linear.J_landmark * step.modes.segment<2>(2 * item.mode));
           }
         });
   }
@@ -176,24 +179,23 @@ Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals
                                                  const FrameBlocks& block_of_frame,
                                                  int blocks) const {
   const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
-    const auto r = static_cast<std::size_t>(segment.run);
-    const auto block = [&](int frame) {
-      return block_of_frame[r][static_cast<std::size_t>(frame)];
-    };
+    const RunIndex r = segment.run;
+    const auto block = [&](FrameIndex frame) { return block_of_frame[r][frame]; };
     system_.linearizer().Visit(
         segment,
         LossWeighting::kCurvature,
-        [&](int frame, const MotionResidual::Linear& linear) {
-          gradients->AddMotion(block(frame), frame, linear, residuals.motions[r].col(frame));
+        [&](FrameIndex frame, const MotionResidual::Linear& linear) {
+          gradients->AddMotion(
+              block(frame), frame, linear, residuals.motions[r].col(frame.value()));
         },
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
-          const int index = segment.observations[i];
-          const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+          const ObservationIndex index = segment.observations[i];
+          const FrameIndex frame = graph_.observations[index].frame;
           gradients->AddObservation(block(frame),
                                     frame,
                                     segment.mode_columns[i],
                                     linear,
-                                    root * residuals.observations.col(index));
+                                    root * residuals.observations.col(index.value()));
         });
   };
   std::vector<PoseRows> inside;
@@ -205,12 +207,11 @@ Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals
 Eigen::MatrixXd SchurPosterior::PriorNoise(int count, std::mt19937_64& random) const {
   RandomSigns signs(&random);
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), count);
-  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+  for (const RunIndex r : graph_.runs.indices()) {
     const GraphRun& run = graph_.runs[r];
     Eigen::Matrix<double, kRunCalibration, Eigen::Dynamic> noise;
     signs.Fill(count, &noise);
-    const Eigen::Index row =
-        system_.segments().first_calibration() + kRunCalibration * static_cast<Eigen::Index>(r);
+    const Eigen::Index row = system_.segments().first_calibration() + kRunCalibration * r;
     right.middleRows<3>(row) =
         run.correction_prior_sd.cwiseInverse().asDiagonal() * noise.topRows<3>();
     right.middleRows<3>(row + 3) =
@@ -246,21 +247,20 @@ Eigen::MatrixXd SchurPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weigh
 // A scale that is fixed with the information w goes where it is pushed by w times its way, and all
 // others follow.
 Eigen::MatrixXd SchurPosterior::ModesByRangeScale(
-    const std::vector<std::vector<std::size_t>>& runs) const {
+    const std::vector<std::vector<RunIndex>>& runs) const {
   constexpr int kRangeScale = 3 + kLogRangeScale;  // After the correction.
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(runs));
   for (std::size_t column = 0; column < runs.size(); ++column) {
-    for (const std::size_t r : runs[column]) {
+    for (const RunIndex r : runs[column]) {
       const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      right(system_.segments().first_calibration() +
-                kRunCalibration * static_cast<Eigen::Index>(r) + kRangeScale,
+      right(system_.segments().first_calibration() + kRunCalibration * r + kRangeScale,
             static_cast<Eigen::Index>(column)) = 1.0 / (sd * sd);
     }
   }
   return factor_->Solve(right).bottomRows(ModeRows());
 }
 
-Eigen::Matrix2d SchurPosterior::ModeDifferenceCovariance(int a, int b) const {
+Eigen::Matrix2d SchurPosterior::ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const {
   Eigen::Matrix<double, 4, 2> difference;
   difference << Eigen::Matrix2d::Identity(), -Eigen::Matrix2d::Identity();
   return factor_->QuadraticForm(system_.segments().UnknownsOf({a, b}), difference);
@@ -275,14 +275,14 @@ Eigen::MatrixXd SchurPosterior::DrawModes(int draws, std::mt19937_64& random) co
 
 void SchurPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
   const int first_mode = system_.segments().first_mode();
-  std::vector<std::pair<Eigen::Index, int>> modes;  // Row in the block, mode.
+  std::vector<std::pair<Eigen::Index, ModeIndex>> modes;  // Row in the block, mode.
   factor_->VisitInverse(
       [&](const std::vector<int>& unknowns, int own, const Eigen::MatrixXd& block) {
         modes.clear();
         for (std::size_t i = 0; i < unknowns.size(); ++i) {
           const int offset = unknowns[i] - first_mode;
           if (offset < 0 || offset % 2 != 0) continue;
-          modes.emplace_back(static_cast<Eigen::Index>(i), offset / 2);
+          modes.emplace_back(static_cast<Eigen::Index>(i), ModeIndex(offset / 2));
         }
         for (std::size_t a = 0; a < modes.size() && modes[a].first < own; ++a) {
           const auto [row, mode] = modes[a];

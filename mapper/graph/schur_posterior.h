@@ -29,9 +29,10 @@ class SchurPosterior final : public GraphPosterior {
   /// As LinearizeGraph().
   /// @param reduced  Of a graph that may be of the same shape, or null; then that of this one, or
   ///                 null if it is not determined.
-  static std::unique_ptr<SchurPosterior> Of(const Graph& graph,
-                                            const std::vector<std::vector<int>>& required_sets,
-                                            std::unique_ptr<ReducedSystem>* reduced);
+  static std::unique_ptr<SchurPosterior> Of(
+      const Graph& graph,
+      const std::vector<std::vector<ModeIndex>>& required_sets,
+      std::unique_ptr<ReducedSystem>* reduced);
 
   std::vector<ResidualSample> SampleResiduals(int count, std::mt19937_64& random) const;
 
@@ -44,11 +45,10 @@ class SchurPosterior final : public GraphPosterior {
 
   /// As costly as a factorization.
   void VisitModeCovariance(const BlockVisitor& visitor) const override;
-  Eigen::MatrixXd ModesByRangeScale(
-      const std::vector<std::vector<std::size_t>>& runs) const override;
+  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<RunIndex>>& runs) const override;
 
   /// As costly as the part of the factor that the two modes touch.
-  Eigen::Matrix2d ModeDifferenceCovariance(int a, int b) const override;
+  Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const override;
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const override;
   Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const override;
 
@@ -63,7 +63,7 @@ class SchurPosterior final : public GraphPosterior {
                  std::shared_ptr<const CholeskyFactor> factor)
       : graph_(graph), system_(std::move(system)), factor_(std::move(factor)) {}
 
-  int ModeRows() const { return static_cast<int>(2 * graph_.modes.size()); }
+  int ModeRows() const { return 2 * graph_.modes.end_index().value(); }
   Eigen::MatrixXd SolveNoise(const AddNoise& add_noise,
                              Eigen::MatrixXd reduced,
                              std::vector<PoseRows>* inside) const;

@@ -11,7 +11,7 @@ namespace shiftmap {
 
 SchurSystem::SchurSystem(const Graph& graph,
                          std::unique_ptr<ReducedSystem> reduced,
-                         const std::vector<std::vector<int>>& required_sets)
+                         const std::vector<std::vector<ModeIndex>>& required_sets)
     : graph_(graph), segments_(graph), linearizer_(graph), required_sets_(required_sets) {
   if (reduced && reduced->size() == segments_.size()) {
     reduced_ = std::move(reduced);
@@ -78,14 +78,13 @@ Eigen::VectorXd SchurSystem::PriorDifference(const GraphPrior& prior) const {
   Eigen::VectorXd difference(prior.mean.size());
   for (std::size_t i = 0; i < prior.modes.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(2 * i);
-    difference.segment<2>(at) =
-        graph_.modes[static_cast<std::size_t>(prior.modes[i])] - prior.mean.segment<2>(at);
+    difference.segment<2>(at) = graph_.modes[prior.modes[i]] - prior.mean.segment<2>(at);
   }
   return difference;
 }
 
 void SchurSystem::AddPriors() {
-  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
+  for (const RunIndex r : graph_.runs.indices()) {
     const GraphRun& run = graph_.runs[r];
     Eigen::Vector<double, kRunCalibration> information;
     information << run.correction_prior_sd.cwiseAbs2().cwiseInverse(),
@@ -94,7 +93,7 @@ void SchurSystem::AddPriors() {
     difference << run.correction - run.correction_prior_mean, run.sensor_bias;
     std::vector<int> index;
     for (int i = 0; i < kRunCalibration; ++i) {
-      index.push_back(segments_.first_calibration() + kRunCalibration * static_cast<int>(r) + i);
+      index.push_back(segments_.first_calibration() + kRunCalibration * r.value() + i);
     }
     reduced_->Add(index, information.asDiagonal(), -information.cwiseProduct(difference));
   }
@@ -107,9 +106,9 @@ void SchurSystem::AddPriors() {
 
 // Terms of zeros: they have entries in the factor.
 void SchurSystem::AddRequiredSets() {
-  for (const std::vector<int>& modes : required_sets_) {
+  for (const std::vector<ModeIndex>& modes : required_sets_) {
     const std::vector<int> unknowns = segments_.UnknownsOf(modes);
-    const auto size = static_cast<Eigen::Index>(unknowns.size());
+    const Eigen::Index size = std::ssize(unknowns);
     reduced_->Add(unknowns, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size));
   }
 }
@@ -129,30 +128,29 @@ std::optional<SchurSystem::Step> SchurSystem::Solve() {
 GraphStep SchurSystem::Complete(const Eigen::VectorXd& reduced, const Inside& inside) const {
   GraphStep step;
   for (const GraphRun& run : graph_.runs) {
-    step.poses.emplace_back(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * run.poses.size())));
+    step.poses.emplace_back(Eigen::VectorXd::Zero(3 * run.poses.end_index()));
   }
   for (std::size_t s = 0; s < segments_.all().size(); ++s) {
     const GraphSegment& segment = segments_.all()[s];
-    Eigen::VectorXd boundary(static_cast<Eigen::Index>(segment.boundary.size()));
+    Eigen::VectorXd boundary(std::ssize(segment.boundary));
     for (std::size_t i = 0; i < segment.boundary.size(); ++i) {
       const int row = segment.boundary[i];
       boundary[static_cast<Eigen::Index>(i)] = row < 0 ? 0.0 : reduced[row];
     }
-    Eigen::VectorXd& poses = step.poses[static_cast<std::size_t>(segment.run)];
-    poses.segment<3>(Eigen::Index{3} * segment.first) = boundary.segment<3>(kSeparatorBefore);
+    Eigen::VectorXd& poses = step.poses[segment.run];
+    poses.segment<3>(3 * segment.first) = boundary.segment<3>(kSeparatorBefore);
     if (segment.last > segment.first) {
-      poses.segment<3>(Eigen::Index{3} * segment.last) = boundary.segment<3>(kSeparatorAfter);
+      poses.segment<3>(3 * segment.last) = boundary.segment<3>(kSeparatorAfter);
     }
     const int count = segment.poses();
     if (count == 0) continue;
-    poses.segment(Eigen::Index{3} * (segment.first + 1), Eigen::Index{3} * count) =
-        inside(s, boundary);
+    poses.segment(3 * (segment.first + 1), Eigen::Index{3} * count) = inside(s, boundary);
   }
-  for (std::size_t r = 0; r < graph_.runs.size(); ++r) {
-    step.calibrations.emplace_back(reduced.segment<kRunCalibration>(
-        segments_.first_calibration() + kRunCalibration * static_cast<Eigen::Index>(r)));
+  for (const RunIndex r : graph_.runs.indices()) {
+    step.calibrations.emplace_back(
+        reduced.segment<kRunCalibration>(segments_.first_calibration() + kRunCalibration * r));
   }
-  step.modes = reduced.tail(static_cast<Eigen::Index>(2 * graph_.modes.size()));
+  step.modes = reduced.tail(2 * graph_.modes.end_index());
   return step;
 }
 

@@ -35,7 +35,7 @@ class SchurSystem {
   /// @param required_sets  Lists of modes, all pairs in each of which the factor has entries for.
   explicit SchurSystem(const Graph& graph,
                        std::unique_ptr<ReducedSystem> reduced = nullptr,
-                       const std::vector<std::vector<int>>& required_sets = {});
+                       const std::vector<std::vector<ModeIndex>>& required_sets = {});
 
   /// Linearizes at the present values and eliminates the segments. False if one of them is not
   /// determined or the cost is no number.
@@ -81,7 +81,7 @@ class SchurSystem {
   const Graph& graph_;
   const GraphSegments segments_;
   const SegmentLinearizer linearizer_;
-  const std::vector<std::vector<int>> required_sets_;
+  const std::vector<std::vector<ModeIndex>> required_sets_;
   std::vector<SegmentFactor> factors_;
   std::unique_ptr<ReducedSystem> reduced_;
   double cost_ = 0.0;

@@ -129,11 +129,11 @@ double SegmentLinearizer::WeightOf(LossWeighting weighting, double squared_resid
 }
 
 SegmentLinearizer::Rotations SegmentLinearizer::RotationsOf(const GraphSegment& segment) const {
-  const std::vector<Se2>& poses = graph_.runs[static_cast<std::size_t>(segment.run)].poses;
+  const GraphRun& run = graph_.runs[segment.run];
   Rotations rotations;
-  rotations.reserve(static_cast<std::size_t>(segment.last - segment.first) + 1);
-  for (int i = segment.first; i <= segment.last; ++i) {
-    rotations.push_back(poses[static_cast<std::size_t>(i)].Rotation());
+  rotations.reserve(kSegmentPoses + 2);
+  for (FrameIndex i = segment.first; i <= segment.last; ++i) {
+    rotations.push_back(run.poses[i].Rotation());
   }
   return rotations;
 }
@@ -142,29 +142,25 @@ SegmentLinearizer::Rotations SegmentLinearizer::RotationsOf(const GraphSegment& 
 // @param R_map_vehicle  RotationsOf(segment), here and below.
 MotionResidual::Linear SegmentLinearizer::MotionAt(const GraphSegment& segment,
                                                    const Rotations& R_map_vehicle,
-                                                   int frame) const {
-  const auto r = static_cast<std::size_t>(segment.run);
-  const auto at = static_cast<std::size_t>(frame);
-  const GraphRun& run = graph_.runs[r];
-  return motions_[r][at].At(run.poses[at],
-                            R_map_vehicle[static_cast<std::size_t>(frame - segment.first)],
-                            run.poses[at + 1],
-                            run.correction,
-                            run.sensor_bias[kLogRangeScale]);
+                                                   FrameIndex frame) const {
+  const GraphRun& run = graph_.runs[segment.run];
+  return motions_[segment.run][frame].At(run.poses[frame],
+                                         R_map_vehicle[FrameIndex(frame - segment.first)],
+                                         run.poses[frame + 1],
+                                         run.correction,
+                                         run.sensor_bias[kLogRangeScale]);
 }
 
 // An observation of a segment.
 ObservationResidual::Linear SegmentLinearizer::ObservationAt(const GraphSegment& segment,
                                                              const Rotations& R_map_vehicle,
-                                                             int observation) const {
-  const auto index = static_cast<std::size_t>(observation);
-  const GraphObservation& item = graph_.observations[index];
-  const GraphRun& run = graph_.runs[static_cast<std::size_t>(segment.run)];
-  return observations_[index].At(
-      run.poses[static_cast<std::size_t>(item.frame)],
-      R_map_vehicle[static_cast<std::size_t>(item.frame - segment.first)],
-      graph_.modes[static_cast<std::size_t>(item.mode)],
-      run.sensor_bias);
+                                                             ObservationIndex observation) const {
+  const GraphObservation& item = graph_.observations[observation];
+  const GraphRun& run = graph_.runs[segment.run];
+  return observations_[observation].At(run.poses[item.frame],
+                                       R_map_vehicle[FrameIndex(item.frame - segment.first)],
+                                       graph_.modes[item.mode],
+                                       run.sensor_bias);
 }
 
 double SegmentLinearizer::Linearize(const GraphSegment& segment,
@@ -172,7 +168,7 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
                                     SegmentSystem* system) const {
   const Rotations R_map_vehicle = RotationsOf(segment);
   double cost = 0.0;
-  for (int i = segment.first; i < segment.last; ++i) {
+  for (FrameIndex i = segment.first; i < segment.last; ++i) {
     const MotionResidual::Linear linear = MotionAt(segment, R_map_vehicle, i);
     const FactorProducts<3, 3, 3, 4> products(
         linear.r, linear.J_i, linear.J_j, linear.J_calibration);
@@ -181,7 +177,7 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
     cost += 0.5 * linear.r.squaredNorm();
   }
   for (std::size_t k = 0; k < segment.observations.size(); ++k) {
-    const int index = segment.observations[k];
+    const ObservationIndex index = segment.observations[k];
     const ObservationResidual::Linear linear = ObservationAt(segment, R_map_vehicle, index);
     const double squared = linear.r.squaredNorm();
     cost += loss_.HalfLoss(squared);
@@ -193,7 +189,7 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
         linear.J_bias,
         linear.J_landmark,
         weight);
-    const int frame = graph_.observations[static_cast<std::size_t>(index)].frame;
+    const FrameIndex frame = graph_.observations[index].frame;
     products.AddTo(
         PoseVariable(segment, frame), {-1, kBiasColumn}, {-1, segment.mode_columns[k]}, system);
   }
@@ -201,30 +197,26 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
 }
 
 double SegmentLinearizer::Cost(const GraphSegment& segment) const {
-  const auto r = static_cast<std::size_t>(segment.run);
-  const GraphRun& run = graph_.runs[r];
+  const GraphRun& run = graph_.runs[segment.run];
   const Rotations R_map_vehicle = RotationsOf(segment);
   double cost = 0.0;
-  for (int i = segment.first; i < segment.last; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    cost += 0.5 * motions_[r][at]
-                      .ResidualAt(run.poses[at],
-                                  R_map_vehicle[static_cast<std::size_t>(i - segment.first)],
-                                  run.poses[at + 1],
+  for (FrameIndex i = segment.first; i < segment.last; ++i) {
+    cost += 0.5 * motions_[segment.run][i]
+                      .ResidualAt(run.poses[i],
+                                  R_map_vehicle[FrameIndex(i - segment.first)],
+                                  run.poses[i + 1],
                                   run.correction,
                                   run.sensor_bias[kLogRangeScale])
                       .squaredNorm();
   }
-  for (const int observation : segment.observations) {
-    const auto index = static_cast<std::size_t>(observation);
+  for (const ObservationIndex index : segment.observations) {
     const GraphObservation& item = graph_.observations[index];
-    cost += loss_.HalfLoss(
-        observations_[index]
-            .ResidualAt(run.poses[static_cast<std::size_t>(item.frame)],
-                        R_map_vehicle[static_cast<std::size_t>(item.frame - segment.first)],
-                        graph_.modes[static_cast<std::size_t>(item.mode)],
-                        run.sensor_bias)
-            .squaredNorm());
+    cost += loss_.HalfLoss(observations_[index]
+                               .ResidualAt(run.poses[item.frame],
+                                           R_map_vehicle[FrameIndex(item.frame - segment.first)],
+                                           graph_.modes[item.mode],
+                                           run.sensor_bias)
+                               .squaredNorm());
   }
   return cost;
 }

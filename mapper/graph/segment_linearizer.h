@@ -46,7 +46,7 @@ class SegmentLinearizer {
              const AddMotion& add_motion,
              const AddObservation& add_observation) const {
     const Rotations R_map_vehicle = RotationsOf(segment);
-    for (int i = segment.first; i < segment.last; ++i) {
+    for (FrameIndex i = segment.first; i < segment.last; ++i) {
       add_motion(i, MotionAt(segment, R_map_vehicle, i));
     }
     for (std::size_t i = 0; i < segment.observations.size(); ++i) {
@@ -57,20 +57,20 @@ class SegmentLinearizer {
   }
 
  private:
-  using Rotations = std::vector<Eigen::Matrix2d>;  // Per frame of a segment.
+  using Rotations = IndexedVector<FrameIndex, Eigen::Matrix2d>;  // From a segment's first frame on.
 
   Rotations RotationsOf(const GraphSegment& segment) const;
   MotionResidual::Linear MotionAt(const GraphSegment& segment,
                                   const Rotations& R_map_vehicle,
-                                  int frame) const;
+                                  FrameIndex frame) const;
   ObservationResidual::Linear ObservationAt(const GraphSegment& segment,
                                             const Rotations& R_map_vehicle,
-                                            int observation) const;
+                                            ObservationIndex observation) const;
 
   const Graph& graph_;
   RobustLoss loss_;
-  std::vector<std::vector<MotionResidual>> motions_;
-  std::vector<ObservationResidual> observations_;
+  IndexedVector<RunIndex, IndexedVector<FrameIndex, MotionResidual>> motions_;
+  IndexedVector<ObservationIndex, ObservationResidual> observations_;
 };
 
 }  // namespace shiftmap

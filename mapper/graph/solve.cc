@@ -29,15 +29,15 @@ void RemoveRigidMotion(const Graph& graph, GraphStep* step) {
   const auto count = static_cast<double>(graph.modes.size());
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
   Eigen::Vector2d shift = Eigen::Vector2d::Zero();
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     centroid += graph.modes[m] / count;
-    shift += step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) / count;
+    shift += step->modes.segment<2>(2 * m) / count;
   }
   double turning = 0.0;
   double spread = 0.0;
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     const Eigen::Vector2d q = graph.modes[m] - centroid;
-    const Eigen::Vector2d moved = step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) - shift;
+    const Eigen::Vector2d moved = step->modes.segment<2>(2 * m) - shift;
     turning += q.x() * moved.y() - q.y() * moved.x();
     spread += q.squaredNorm();
   }
@@ -46,13 +46,13 @@ void RemoveRigidMotion(const Graph& graph, GraphStep* step) {
     const Eigen::Vector2d q = p - centroid;
     return shift + turn * Eigen::Vector2d(-q.y(), q.x());
   };
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-    step->modes.segment<2>(static_cast<Eigen::Index>(2 * m)) -= motion_at(graph.modes[m]);
+  for (const ModeIndex m : graph.modes.indices()) {
+    step->modes.segment<2>(2 * m) -= motion_at(graph.modes[m]);
   }
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
-    for (std::size_t i = 0; i < graph.runs[r].poses.size(); ++i) {
+  for (const RunIndex r : graph.runs.indices()) {
+    for (const FrameIndex i : graph.runs[r].poses.indices()) {
       const Se2& T_map_vehicle = graph.runs[r].poses[i];
-      auto xi = step->poses[r].segment<3>(static_cast<Eigen::Index>(3 * i));
+      auto xi = step->poses[r].segment<3>(3 * i);
       xi.head<2>() -= T_map_vehicle.Rotation().transpose() * motion_at(T_map_vehicle.translation());
       xi[2] -= turn;
     }
@@ -61,7 +61,7 @@ void RemoveRigidMotion(const Graph& graph, GraphStep* step) {
 
 // Moves everything rigidly so that the pose that fixes the frame is where it was.
 void RestoreFrame(const Se2& T_map_anchor, Graph* graph) {
-  Se2& anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
+  Se2& anchor = graph->runs[graph->anchor_run].poses.front();
   const Se2 T_map_moved = T_map_anchor * anchor.Inverse();
   for (GraphRun& run : graph->runs) {
     for (Se2& pose : run.poses) pose = T_map_moved * pose;
@@ -89,7 +89,7 @@ class GraphValues {
 
   void CopyTo(Graph* graph) const {
     graph->modes = modes_;
-    for (std::size_t r = 0; r < runs_.size(); ++r) {
+    for (const RunIndex r : runs_.indices()) {
       graph->runs[r].poses = runs_[r].poses;
       graph->runs[r].correction = runs_[r].correction;
       graph->runs[r].sensor_bias = runs_[r].sensor_bias;
@@ -98,12 +98,12 @@ class GraphValues {
 
  private:
   struct Run {
-    std::vector<Se2> poses;
+    IndexedVector<FrameIndex, Se2> poses;
     Eigen::Vector3d correction;
     SensorBias sensor_bias;
   };
-  std::vector<Run> runs_;
-  std::vector<Eigen::Vector2d> modes_;
+  IndexedVector<RunIndex, Run> runs_;
+  IndexedVector<ModeIndex, Eigen::Vector2d> modes_;
 };
 
 // Gauss-Newton steps until the cost stays.
@@ -271,7 +271,7 @@ std::unique_ptr<GraphPosterior> GraphSolver::Linearize(const Graph& graph) {
 GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   if (graph->solver == SolverKind::kCeres) return SolveGraphByCeres(limits, graph);
   SchurSystem system(*graph, std::move(reduced_));
-  const Se2 T_map_anchor = graph->runs[static_cast<std::size_t>(graph->anchor_run)].poses.front();
+  const Se2 T_map_anchor = graph->runs[graph->anchor_run].poses.front();
   GaussNewton gauss_newton(limits, near_minimum_, &system, graph);
   if (!gauss_newton.Start()) {
     // What damping does not determine is in no finite numbers, of which Ceres would write pages.

@@ -37,7 +37,7 @@ bool IsInDoubt(const BuildState& build,
 void MixAlternatives(const BuildState& build,
                      const VisitRef& visit,
                      Eigen::VectorXd* log_likelihoods) {
-  const std::string& sha256 = build.runs[static_cast<std::size_t>(visit.run)].data->sha256;
+  const std::string& sha256 = build.runs[visit.run].data->sha256;
   for (const KeptAlternatives& kept : build.kept) {
     if (!IsOf(kept, sha256)) continue;
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
@@ -52,11 +52,11 @@ void MixAlternatives(const BuildState& build,
 void DropSettledAlternatives(BuildState* build) {
   for (KeptAlternatives& kept : build->kept) {
     std::erase_if(kept.doubts, [&](const KeptAlternatives::Doubt& doubt) {
-      for (std::size_t r = 0; r < build->runs.size(); ++r) {
+      for (const RunIndex r : build->runs.indices()) {
         const BuildRun& run = build->runs[r];
         if (!IsOf(kept, run.data->sha256)) continue;
         for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-          if (IsInDoubt(*build, {static_cast<int>(r), static_cast<int>(v)}, doubt)) return false;
+          if (IsInDoubt(*build, {r, static_cast<int>(v)}, doubt)) return false;
         }
       }
       return true;

@@ -25,7 +25,7 @@ struct MissedMode {
 // A gap is named by the number of visits of the group before it.
 struct GapRef {
   int group = 0;
-  int run = 0;
+  RunIndex run;
   std::size_t gap = 0;
 
   auto operator<=>(const GapRef&) const = default;
@@ -81,21 +81,23 @@ class RunTimeline {
 // Goes through the key frames of all runs and sorts what was in view by what it tells.
 class MissCollector {
  public:
-  MissCollector(const BuildState& build, double pass_gap_s, const std::vector<Visibility>& known)
+  MissCollector(const BuildState& build,
+                double pass_gap_s,
+                const IndexedVector<ModeIndex, Visibility>& known)
       : problem_(build),
         pass_gap_(FromSeconds(pass_gap_s)),
         flat_(build),
         grid_(GridOf(build, build.sensor.max_range_m)),
         visibility_(known),
-        seen_(static_cast<std::size_t>(flat_.count)) {
+        seen_(flat_.count()) {
     visibility_.resize(seen_.size());
   }
 
   // Returns how well the run saw the modes.
-  std::vector<SeenMode> AddRun(int run_index) {
-    const BuildRun& run = problem_.runs[static_cast<std::size_t>(run_index)];
+  std::vector<SeenMode> AddRun(RunIndex run_index) {
+    const BuildRun& run = problem_.runs[run_index];
     RunTimeline timeline(problem_, run);
-    open_.assign(static_cast<std::size_t>(flat_.count), {});
+    open_.assign(flat_.count(), {});
     std::vector<int> seen_at(problem_.modes.size(), -1);  // The last frame of each group.
     for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
       timeline.GoTo(run.data->frames[f].stamp);
@@ -106,7 +108,7 @@ class MissCollector {
   }
 
   const Visibility& visibility(int group, int mode) const {
-    return visibility_[static_cast<std::size_t>(flat_.Index(group, mode))];
+    return visibility_[flat_.Index(group, mode)];
   }
   const std::map<GapRef, std::map<int, MissedMode>>& gaps() const { return gaps_; }
 
@@ -126,11 +128,11 @@ class MissCollector {
     return seen;
   }
 
-  void AddFrame(int run_index,
+  void AddFrame(RunIndex run_index,
                 int frame,
                 const RunTimeline& timeline,
                 const std::vector<int>& seen_at) {
-    const BuildRun& run = problem_.runs[static_cast<std::size_t>(run_index)];
+    const BuildRun& run = problem_.runs[run_index];
     const Stamp stamp = run.data->frames[static_cast<std::size_t>(frame)].stamp;
     const Se2& T_map_vehicle = run.poses[static_cast<std::size_t>(frame)];
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
@@ -143,7 +145,7 @@ class MissCollector {
       // Seen before and after, it did not leave in between.
       const bool stood =
           before != kUnassigned && (in_visit || before == timeline.After(entry.group));
-      const auto flat = static_cast<std::size_t>(flat_.Index(entry.group, entry.mode));
+      const ModeIndex flat = flat_.Index(entry.group, entry.mode);
       if (stood && before == entry.mode) {
         const bool seen = seen_at[static_cast<std::size_t>(entry.group)] == frame;
         ++(seen ? seen_[flat].seen : seen_[flat].missed)[direction];
@@ -160,7 +162,7 @@ class MissCollector {
 
   std::vector<SeenMode> TakeSeen() {
     std::vector<SeenMode> result;
-    std::size_t flat = 0;
+    ModeIndex flat;
     for (std::size_t group = 0; group < problem_.modes.size(); ++group) {
       for (std::size_t mode = 0; mode < problem_.modes[group].size(); ++mode, ++flat) {
         if (seen_[flat] == Visibility()) continue;
@@ -188,9 +190,9 @@ class MissCollector {
   Duration pass_gap_;
   FlatModes flat_;
   ModeGrid grid_;
-  std::vector<Visibility> visibility_;  // Of the modes in flat order.
-  std::vector<Visibility> seen_;        // What the present run adds.
-  std::vector<OpenGap> open_;           // The same, of the present run.
+  IndexedVector<ModeIndex, Visibility> visibility_;
+  IndexedVector<ModeIndex, Visibility> seen_;  // What the present run adds.
+  IndexedVector<ModeIndex, OpenGap> open_;     // Of the present run.
   std::map<GapRef, std::map<int, MissedMode>> gaps_;
 };
 
@@ -199,13 +201,13 @@ class MissCollector {
 MissedVisits FindMissedVisits(const BuildState& build,
                               double pass_gap_s,
                               const MissedDetectionOptions& options,
-                              const std::vector<Visibility>& known) {
+                              const IndexedVector<ModeIndex, Visibility>& known) {
   MissedVisits result;
   std::vector<std::vector<MissedVisit>>& by_group = result.by_group;
   by_group.resize(build.modes.size());
   MissCollector collector(build, pass_gap_s, known);
-  for (std::size_t run = 0; run < build.runs.size(); ++run) {
-    result.seen_by_run.push_back(collector.AddRun(static_cast<int>(run)));
+  for (const RunIndex run : build.runs.indices()) {
+    result.seen_by_run.push_back(collector.AddRun(run));
   }
   for (const auto& [gap, modes] : collector.gaps()) {
     const auto group = static_cast<std::size_t>(gap.group);

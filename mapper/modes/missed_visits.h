@@ -13,7 +13,7 @@ namespace shiftmap {
 /// A stretch of a run, between two visits of a group, in which modes of it were in view and no
 /// sighting was made.
 struct MissedVisit {
-  int run = 0;  ///< Index in BuildState::runs.
+  RunIndex run;
   Stamp begin;  ///< First and last scan with a mode in view.
   Stamp end;
   Eigen::VectorXd
@@ -28,13 +28,13 @@ struct SeenMode {
 
 struct MissedVisits {
   std::vector<std::vector<MissedVisit>> by_group;  ///< Over all runs, in the order of time.
-  std::vector<std::vector<SeenMode>> seen_by_run;  ///< By mode, each once.
+  IndexedVector<RunIndex, std::vector<SeenMode>> seen_by_run;  ///< By mode, each once.
 };
 
 /// The missed visits of every group over all runs. A landmark that a run saw at the same mode
 /// before and after did stand there: that stretch tells how visible it is, and is no missed visit.
 ///
-/// @param known  What earlier runs tell of how visible modes are; flat order. None: nothing.
+/// @param known  What earlier runs tell of how visible modes are. None: nothing.
 ///
 /// A scan counts if it saw another landmark where the map has it: a sensor may log nothing where it
 /// sees nothing, and a scan with a wrong pose sees nothing where it is expected.
@@ -43,6 +43,6 @@ struct MissedVisits {
 MissedVisits FindMissedVisits(const BuildState& build,
                               double pass_gap_s,
                               const MissedDetectionOptions& options,
-                              const std::vector<Visibility>& known = {});
+                              const IndexedVector<ModeIndex, Visibility>& known = {});
 
 }  // namespace shiftmap

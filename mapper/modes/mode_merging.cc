@@ -36,7 +36,7 @@ void EraseMode(const std::vector<VisitRef>& visits,
                int mode,
                BuildState* build) {
   if (!build->priors.empty()) {
-    const int flat = FlatModes(*build).Index(static_cast<int>(group), mode);
+    const ModeIndex flat = FlatModes(*build).Index(static_cast<int>(group), mode);
     ShiftPriors(flat + 1, -1, &build->priors);
   }
   build->modes[group].erase(build->modes[group].begin() + mode);
@@ -53,8 +53,8 @@ constexpr double kMaxMergeSd = 4.0;
 // True if two modes i and j, `difference` apart, are not known to be one place.
 // @param floor  Variance per axis beyond what their covariance knows of. [m²]
 bool ToldApart(const Eigen::Vector2d& difference,
-               int i,
-               int j,
+               ModeIndex i,
+               ModeIndex j,
                double floor,
                double gate,
                const ModeDifferences& differences) {
@@ -75,7 +75,7 @@ bool ToldApart(const Eigen::Vector2d& difference,
 
 // Sightings of a visit that its mode explains.
 std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
-  const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
+  const BuildRun& run = build.runs[ref.run];
   const std::vector<int>& sightings = VisitOf(build, ref).sightings;
   return std::count_if(sightings.begin(), sightings.end(), [&](int index) {
     return IsInlier(build, run, run.data->sightings[static_cast<std::size_t>(index)]);
@@ -108,8 +108,8 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
         if (gone[a] || gone[b] || InPrior(modes[b])) continue;
         if (InPrior(modes[a]) && modes[b].displaced) continue;
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
-        const int i = flat.Index(static_cast<int>(group), static_cast<int>(a));
-        const int j = flat.Index(static_cast<int>(group), static_cast<int>(b));
+        const ModeIndex i = flat.first[group] + static_cast<int>(a);
+        const ModeIndex j = flat.first[group] + static_cast<int>(b);
         if (ToldApart(difference, i, j, floor, gate, differences)) continue;
         merges.push_back({group, static_cast<int>(a), static_cast<int>(b)});
         gone[b] = true;

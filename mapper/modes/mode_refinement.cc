@@ -161,7 +161,7 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
                                 const VisitRef& ref,
                                 const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
-  const BuildRun& run = build.runs[static_cast<std::size_t>(ref.run)];
+  const BuildRun& run = build.runs[ref.run];
   const std::vector<BuildMode>& modes = build.modes[static_cast<std::size_t>(visit.group)];
   const SensorCalibration& sensor = build.sensor;
   const Eigen::Matrix2d pose_noise = PoseError(options);
@@ -194,11 +194,10 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
   const MappingVisit& visit = VisitOf(build, ref);
   const auto group = static_cast<std::size_t>(visit.group);
   const std::vector<BuildMode>& modes = build.modes[group];
-  const VisitDensity density(
-      SeenPlaces(build, build.runs[static_cast<std::size_t>(ref.run)], visit),
-      build.sensor,
-      options.misread_density_per_m2,
-      options.cluster_radius_m);
+  const VisitDensity density(SeenPlaces(build, build.runs[ref.run], visit),
+                             build.sensor,
+                             options.misread_density_per_m2,
+                             options.cluster_radius_m);
   Eigen::VectorXd result(static_cast<Eigen::Index>(modes.size()) + 1);
   result[0] = density.LogAbsent();
   for (std::size_t k = 0; k < modes.size(); ++k) {
@@ -272,8 +271,7 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
     for (const VisitRef& ref : by_group[group]) {
       if (AssignmentOf(build, ref) != kUnassigned) continue;
       const VisitCluster cluster = DensestCluster(
-          VisitPositions(build->runs[static_cast<std::size_t>(ref.run)], VisitOf(*build, ref)),
-          options.cluster_radius_m);
+          VisitPositions(build->runs[ref.run], VisitOf(*build, ref)), options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;
       // An earlier visit may just have made a mode of this place.
       int mode = kUnassigned;

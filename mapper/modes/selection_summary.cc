@@ -20,7 +20,7 @@ SelectionSummary SummarizeSelection(const ModeOptions& options, const BuildState
     const ModePosteriors posteriors = SmoothModes(sequence);
     std::vector<int> states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      const BuildRun& run = build.runs[static_cast<std::size_t>(visits[t].run)];
+      const BuildRun& run = build.runs[visits[t].run];
       // kUnassigned is state 0, absent.
       const int state = run.assignment[static_cast<std::size_t>(visits[t].visit)] + 1;
       states.push_back(state);

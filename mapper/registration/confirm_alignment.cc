@@ -11,10 +11,10 @@
 namespace shiftmap {
 namespace {
 
-// The modes that a map has of some groups, flat indices.
-std::vector<int> ModesOfGroups(const BuildState& map, const std::set<int>& groups) {
+// The modes that a map has of some groups.
+std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<int>& groups) {
   const FlatModes flat(map);
-  std::vector<int> modes;
+  std::vector<ModeIndex> modes;
   for (const int group : groups) {
     const auto count = static_cast<int>(map.modes[static_cast<std::size_t>(group)].size());
     for (int mode = 0; mode < count; ++mode) modes.push_back(flat.Index(group, mode));
@@ -24,17 +24,19 @@ std::vector<int> ModesOfGroups(const BuildState& map, const std::set<int>& group
 
 // Modes of the map so far with their joint covariance; it is solved for that if its runs have only
 // been placed.
-// @param modes  Flat indices, those of `groups`.
+// @param modes  Those of `groups`.
 std::optional<JointPoints> MapPoints(const MapperOptions& options,
                                      const std::optional<MapContent>& prior,
                                      const BuildState& build,
                                      const std::set<int>& groups,
-                                     const std::vector<int>& modes,
+                                     const std::vector<ModeIndex>& modes,
                                      double run_map_factor) {
   JointPoints map;
   BuildState solved = build;
   if (build.runs.empty()) {
-    map.covariance = run_map_factor * prior.value().covariance.Dense(modes);
+    std::vector<int> rows;
+    for (const ModeIndex mode : modes) rows.push_back(mode.value());
+    map.covariance = run_map_factor * prior.value().covariance.Dense(rows);
   } else {
     if (build.runs.size() > 1 || prior) SolveContinuous(options, &solved);
     std::optional<Eigen::MatrixXd> covariance = CovarianceOfModes(options, modes, &solved);
@@ -109,7 +111,7 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
                                           const RunMap& run_map) {
   std::set<int> groups;
   for (const AlignmentPoint& point : run_map.points) groups.insert(point.group);
-  const std::vector<int> modes = ModesOfGroups(build, groups);
+  const std::vector<ModeIndex> modes = ModesOfGroups(build, groups);
   if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
   const double factor = VarianceFactor(options, run_map.build);
   const std::optional<JointPoints> map = MapPoints(options, prior, build, groups, modes, factor);
@@ -122,7 +124,7 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
   if (!explanations) return std::nullopt;
   for (Explanation& frame : explanations->frames) {
     for (Match& match : frame.stayed) {
-      match.reference = modes[static_cast<std::size_t>(match.reference)];
+      match.reference = modes[static_cast<std::size_t>(match.reference)].value();
     }
   }
   return explanations;

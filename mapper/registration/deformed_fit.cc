@@ -287,17 +287,17 @@ std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
                                   const BuildState& map,
                                   const std::vector<int>& known,
                                   const RunMap& run_map) {
-  std::vector<int> modes;
+  std::vector<ModeIndex> modes;
   std::vector<Eigen::Vector2d> positions;
   std::size_t i = 0;
   for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
     for (std::size_t m = 0; m < run_map.build.modes[group].size(); ++m, ++i) {
       if (known[i] == kUnassigned) continue;
-      modes.push_back(static_cast<int>(i));
+      modes.emplace_back(i);
       positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
     }
   }
-  std::vector<int> held;
+  std::vector<ModeIndex> held;
   std::vector<Eigen::Vector2d> places;
   const std::size_t step = modes.size() / kMaxHeld + 1;
   for (std::size_t k = 0; k < modes.size(); k += step) {

@@ -41,9 +41,9 @@ constexpr int kMaxRounds = 3;
 constexpr int kDeformationSteps = 10;
 constexpr double kDeformationTolerance = 1e-3;  // Of the cost, for a step.
 
-// Per flat index which of the prior's modes a mode is, counted: those that have a number.
-std::vector<int> PriorNumbers(const BuildState& map) {
-  std::vector<int> numbers;
+// Per mode which of the prior's modes it is, counted: those that have a number.
+IndexedVector<ModeIndex, int> PriorNumbers(const BuildState& map) {
+  IndexedVector<ModeIndex, int> numbers;
   int next = 0;
   for (const std::vector<BuildMode>& group : map.modes) {
     for (const BuildMode& mode : group) {
@@ -98,10 +98,10 @@ DisplacedModes Decide(const MapperOptions& options,
                       const std::vector<Eigen::Vector2d>& positions,
                       const Eigen::MatrixXd& run_cov) {
   DisplacedModes decided{std::vector<bool>(mode_matches.size()), {}};
-  const std::vector<int> numbers = PriorNumbers(map);
+  const IndexedVector<ModeIndex, int> numbers = PriorNumbers(map);
   const FlatModes flat(map);
-  std::vector<Candidate> met;
-  std::vector<Eigen::Vector2d> places;
+  IndexedVector<ModeIndex, Candidate> met;
+  IndexedVector<ModeIndex, Eigen::Vector2d> places;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
     if (!MatchesPrior(map, mode_match)) continue;
@@ -110,14 +110,14 @@ DisplacedModes Decide(const MapperOptions& options,
       decided.displaced[i] = true;
       continue;
     }
-    const int mode = flat.Index(mode_match.group, mode_match.nearest);
+    const ModeIndex mode = flat.Index(mode_match.group, mode_match.nearest);
     places.push_back(NearestMode(map, mode_match).p_map_landmark);
-    met.push_back({i, numbers[static_cast<std::size_t>(mode)], places.back()});
+    met.push_back({i, numbers[mode], places.back()});
   }
-  for (std::vector<int> tile : TileModes(places, kMaxTogether)) {
+  for (std::vector<ModeIndex> tile : TileModes(places, kMaxTogether)) {
     std::sort(tile.begin(), tile.end());
     std::vector<Candidate> candidates;
-    for (const int i : tile) candidates.push_back(met[static_cast<std::size_t>(i)]);
+    for (const ModeIndex i : tile) candidates.push_back(met[i]);
     const std::vector<Displacement> displacements =
         DisplacementsOf(options, prior_covariance, candidates, positions, run_cov);
     std::vector<int> groups;
@@ -155,22 +155,22 @@ double Deformation(const MapperOptions& options,
                    const std::vector<GraphPrior>& held,
                    const RunMap& run_map) {
   if (held.size() < 2) return 0.0;
-  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);
   std::vector<Eigen::Index> rows;
   Eigen::VectorXd difference(static_cast<Eigen::Index>(2 * held.size()));
   Eigen::VectorXd variance(difference.size());
   for (std::size_t k = 0; k < held.size(); ++k) {
-    const auto mode = static_cast<std::size_t>(held[k].modes.front());
+    const ModeIndex mode = held[k].modes.front();
     difference.segment<2>(RowOf(k)) = held[k].mean - positions[mode];
     variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
-    for (const int axis : {0, 1}) rows.push_back(RowOf(mode) + axis);
+    for (const int axis : {0, 1}) rows.push_back(2 * mode + axis);
   }
   Eigen::MatrixXd K = FreeGauge(positions, options.sd_range_scale, run_map.covariance)(rows, rows);
   K.diagonal() += variance;
   const Eigen::VectorXd shift = run_map.covariance(Eigen::all, rows) * K.llt().solve(difference);
   double most = 0.0;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    most = std::max(most, shift.segment<2>(RowOf(i)).norm());
+  for (const ModeIndex i : positions.indices()) {
+    most = std::max(most, shift.segment<2>(2 * i).norm());
   }
   return most;
 }
@@ -179,16 +179,14 @@ double Deformation(const MapperOptions& options,
 // much as what deforms it, and to the other side. [m]
 std::vector<Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
                                         const RunMap& run_map) {
-  std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
+  IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(run_map.covariance.rows());
   for (const GraphPrior& of_mode : held) {
-    const auto mode = static_cast<std::size_t>(of_mode.modes.front());
-    pull.segment<2>(RowOf(mode)) = of_mode.information * (positions[mode] - of_mode.mean);
+    const ModeIndex mode = of_mode.modes.front();
+    pull.segment<2>(2 * mode) = of_mode.information * (positions[mode] - of_mode.mean);
   }
   const Eigen::VectorXd shift = run_map.covariance * pull;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    positions[i] += shift.segment<2>(RowOf(i));
-  }
+  for (const ModeIndex i : positions.indices()) positions[i] += shift.segment<2>(2 * i);
   return positions;
 }
 

@@ -28,7 +28,7 @@ constexpr int kGauge = 4;
 struct RunAlone {
   BuildState build;
   std::vector<int> groups;              // Of the modes that others or the prior map have as well.
-  std::vector<int> shared;              // These modes, flat.
+  std::vector<ModeIndex> shared;        // These modes.
   std::vector<Eigen::Vector2d> places;  // And their positions in the joint map. [m]
 };
 
@@ -37,9 +37,9 @@ const BuildMode& ModeAt(const BuildState& build, const BuildModeRef& mode) {
 }
 
 // The modes that a run has and another one, or the prior map, has as well.
-std::vector<BuildModeRef> SharedModes(const BuildState& build, std::size_t run) {
+std::vector<BuildModeRef> SharedModes(const BuildState& build, RunIndex run) {
   std::set<BuildModeRef> of_others;
-  for (std::size_t r = 0; r < build.runs.size(); ++r) {
+  for (const RunIndex r : build.runs.indices()) {
     if (r == run) continue;
     for (const BuildModeRef& mode : ModesOf(build.runs[r])) of_others.insert(mode);
   }
@@ -50,9 +50,7 @@ std::vector<BuildModeRef> SharedModes(const BuildState& build, std::size_t run) 
   return modes;
 }
 
-RunAlone TakeAlone(const BuildState& build,
-                   std::size_t run,
-                   const std::vector<BuildModeRef>& shared) {
+RunAlone TakeAlone(const BuildState& build, RunIndex run, const std::vector<BuildModeRef>& shared) {
   RunAlone alone;
   alone.build.sensor = build.sensor;
   alone.build.modes = build.modes;
@@ -64,7 +62,7 @@ RunAlone TakeAlone(const BuildState& build,
   const std::vector<BuildModeRef> own = ModesOf(build.runs[run]);  // In their flat order.
   for (const BuildModeRef& mode : shared) {
     const auto at = std::lower_bound(own.begin(), own.end(), mode);
-    alone.shared.push_back(static_cast<int>(at - own.begin()));
+    alone.shared.emplace_back(at - own.begin());
     alone.places.push_back(ModeAt(build, mode).p_map_landmark);
   }
   return alone;
@@ -79,10 +77,10 @@ constexpr double kMistaken = 9.0;
 void DropMistaken(const BuildState& build,
                   const std::vector<BuildModeRef>& shared,
                   RunAlone* alone) {
-  const std::vector<Eigen::Vector2d> positions = ModePositions(alone->build);
+  const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(alone->build);
   RunAlone kept{std::move(alone->build), {}, {}, {}};
   for (std::size_t i = 0; i < shared.size(); ++i) {
-    const Eigen::Vector2d& p = positions[static_cast<std::size_t>(alone->shared[i])];
+    const Eigen::Vector2d& p = positions[alone->shared[i]];
     const double squared = (alone->places[i] - p).squaredNorm();
     const std::vector<BuildMode>& group = build.modes[static_cast<std::size_t>(shared[i].group)];
     if (std::any_of(group.begin(), group.end(), [&](const BuildMode& mode) {
@@ -108,7 +106,7 @@ double CostHeld(const MapperOptions& options, BuildState held, const RunAlone& a
 
 std::optional<JoinedFit> FitJoined(const MapperOptions& options,
                                    const BuildState& build,
-                                   std::size_t run) {
+                                   RunIndex run) {
   const std::vector<BuildModeRef> shared = SharedModes(build, run);
   const auto own = std::ssize(ModesOf(build.runs[run]));
   if (shared.size() < kMinShared || own > options.confirmation.max_modes) return std::nullopt;
@@ -140,12 +138,14 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
 bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
   MapperOptions of_one = options;
   of_one.threads = 1;
-  std::vector<std::optional<JoinedFit>> fits(build->runs.size());
-  ForEachIndex(
-      fits.size(), options.threads, [&](std::size_t r) { fits[r] = FitJoined(of_one, *build, r); });
-  std::optional<std::size_t> worst;
-  const auto excess = [&](std::size_t r) { return fits[r]->chi2 / fits[r]->limit; };
-  for (std::size_t r = 0; r < fits.size(); ++r) {
+  IndexedVector<RunIndex, std::optional<JoinedFit>> fits(build->runs.size());
+  ForEachIndex(fits.size(), options.threads, [&](std::size_t i) {
+    const RunIndex r(i);
+    fits[r] = FitJoined(of_one, *build, r);
+  });
+  std::optional<RunIndex> worst;
+  const auto excess = [&](RunIndex r) { return fits[r]->chi2 / fits[r]->limit; };
+  for (const RunIndex r : fits.indices()) {
     if (!fits[r] || fits[r]->is_good() || (worst && excess(r) <= excess(*worst))) continue;
     worst = r;
   }
@@ -154,7 +154,7 @@ bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
   WaitingRuns& waiting = build->waiting.emplace_back();
   waiting.runs.push_back({data.name, data.sha256});
   waiting.misfit = std::move(fits[*worst]);
-  build->runs.erase(build->runs.begin() + static_cast<std::ptrdiff_t>(*worst));
+  build->runs.erase(build->runs.begin() + worst->value());
   DropUnusedModes(build);
   if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
   return true;

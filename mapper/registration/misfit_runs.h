@@ -17,7 +17,7 @@ namespace shiftmap {
 /// @param build  Solved, with the noise that runs by themselves have.
 std::optional<JoinedFit> FitJoined(const MapperOptions& options,
                                    const BuildState& build,
-                                   std::size_t run);
+                                   RunIndex run);
 
 /// Takes out the run that fits worst of those that do not fit, and what it leaves loose
 /// (RemoveUnconstrainedRuns). It waits (BuildState::waiting). Nothing is solved. Returns false if

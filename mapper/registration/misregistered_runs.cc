@@ -226,7 +226,7 @@ double CostAmong(const MapperOptions& options,
     }
   }
   const FlatModes flat(alone);
-  std::vector<int> held_modes;
+  std::vector<ModeIndex> held_modes;
   std::vector<Eigen::Vector2d> places;
   for (const auto& [group, mode] : held) {
     held_modes.push_back(flat.Index(group, mode));
@@ -237,7 +237,7 @@ double CostAmong(const MapperOptions& options,
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
   alone.loss_reach = build.loss_reach;
   SolveContinuous(options, &alone);
-  return alone.cost + kModeCost * static_cast<double>(flat.count - std::ssize(held));
+  return alone.cost + kModeCost * static_cast<double>(flat.end.value() - std::ssize(held));
 }
 
 // A misregistered run where it costs less than where it is, or nothing.

@@ -205,9 +205,8 @@ std::vector<int> Stayed(const Explanation& explanation,
   const FlatModes flat(build);
   std::vector<int> modes(run_map.points.size(), kUnassigned);
   for (const Match& match : explanation.stayed) {
-    const auto i = static_cast<std::size_t>(match.other);
-    const auto group = static_cast<std::size_t>(run_map.points[i].group);
-    modes[i] = match.reference - flat.first[group];
+    const auto group = static_cast<std::size_t>(run_map.points[ModeIndex(match.other)].group);
+    modes[static_cast<std::size_t>(match.other)] = ModeIndex(match.reference) - flat.first[group];
   }
   return modes;
 }
@@ -392,7 +391,7 @@ void PlaceRunMaps(const MapperOptions& options,
                   BuildState* build,
                   std::vector<RejectedRun>* rejected,
                   const StepCallback& on_step) {
-  const bool empty = FlatModes(*build).count == 0;
+  const bool empty = FlatModes(*build).count() == 0;
   WaitingRunMaps waiting(std::move(run_maps), *build);
   if (!empty) PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
   if (empty || waiting.Remaining().size() > 1) {

@@ -17,14 +17,14 @@ constexpr double kDeformedSd = 0.5;
 constexpr int kPartModes = 24;
 
 // The modes of a part, with covariances relative to them as a whole.
-std::vector<AlignmentPoint> PointsOf(const RunMap& run_map, const std::vector<int>& part) {
+std::vector<AlignmentPoint> PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& part) {
   std::vector<AlignmentPoint> points;
   std::vector<Eigen::Vector2d> positions;
   std::vector<Eigen::Index> rows;
-  for (const int mode : part) {
-    points.push_back(run_map.points[static_cast<std::size_t>(mode)]);
+  for (const ModeIndex mode : part) {
+    points.push_back(run_map.points[mode]);
     positions.push_back(points.back().position);
-    for (const int axis : {0, 1}) rows.push_back(Eigen::Index{2} * mode + axis);
+    for (const int axis : {0, 1}) rows.push_back(2 * mode + axis);
   }
   const Eigen::MatrixXd cov = ReferToPositions(positions, run_map.covariance(rows, rows));
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -37,23 +37,22 @@ std::vector<AlignmentPoint> PointsOf(const RunMap& run_map, const std::vector<in
 // Of a part's modes, those whose group agrees go where the alignment has them.
 void AddPlaces(const Alignment& alignment,
                const RunMap& run_map,
-               const std::vector<int>& part,
-               std::vector<std::optional<Eigen::Vector2d>>* places) {
-  for (const int mode : part) {
-    const AlignmentPoint& point = run_map.points[static_cast<std::size_t>(mode)];
+               const std::vector<ModeIndex>& part,
+               IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>* places) {
+  for (const ModeIndex mode : part) {
+    const AlignmentPoint& point = run_map.points[mode];
     if (!std::binary_search(
             alignment.signatures.begin(), alignment.signatures.end(), point.group)) {
       continue;
     }
-    (*places)[static_cast<std::size_t>(mode)] = alignment.T_reference_other * point.position;
+    (*places)[mode] = alignment.T_reference_other * point.position;
   }
 }
 
 }  // namespace
 
 bool IsDeformable(const RunMap& run_map) {
-  return run_map.points.size() > static_cast<std::size_t>(kPartModes) &&
-         WorstSd(run_map) > kDeformedSd;
+  return std::ssize(run_map.points) > kPartModes && WorstSd(run_map) > kDeformedSd;
 }
 
 std::optional<RunMapAlignment> AlignRunMap(const std::vector<AlignmentPoint>& reference,
@@ -68,10 +67,10 @@ std::optional<RunMapAlignment> AlignRunMap(const std::vector<AlignmentPoint>& re
     result.alignment = *std::move(whole);
     return result;
   }
-  std::vector<Eigen::Vector2d> positions;
+  IndexedVector<ModeIndex, Eigen::Vector2d> positions;
   for (const AlignmentPoint& point : run_map.points) positions.push_back(point.position);
   result.places.resize(positions.size());
-  for (const std::vector<int>& part : TileModes(positions, kPartModes)) {
+  for (const std::vector<ModeIndex>& part : TileModes(positions, kPartModes)) {
     std::optional<Alignment> alignment =
         AlignByConsensus(reference, PointsOf(run_map, part), area_m2, options);
     if (!alignment || alignment->signatures.size() < kMinPartSignatures) continue;

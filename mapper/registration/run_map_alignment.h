@@ -31,8 +31,8 @@ struct RunMapAlignment {
   StayedPosterior given = {};
 
   /// Of a deformed run map, where the map has the modes that agree in their own part, or nothing.
-  /// Per mode, flat. [m]
-  std::vector<std::optional<Eigen::Vector2d>> places;
+  /// Per mode. [m]
+  IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> places;
 };
 
 /// Aligns a run map with the modes of a map.

@@ -33,18 +33,17 @@ std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, Bu
 }
 
 std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
-                                                 const std::vector<int>& modes,
+                                                 const std::vector<ModeIndex>& modes,
                                                  BuildState* build) {
   const Graph graph = MakeGraph(options, build);
   const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
   if (!posterior) return std::nullopt;
-  const auto columns = static_cast<Eigen::Index>(2 * modes.size());
   Eigen::MatrixXd chosen =
-      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * graph.modes.size()), columns);
+      Eigen::MatrixXd::Zero(2 * graph.modes.end_index(), 2 * std::ssize(modes));
   std::vector<Eigen::Vector2d> positions;
   for (std::size_t i = 0; i < modes.size(); ++i) {
-    chosen.block<2, 2>(Eigen::Index{2} * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
-    positions.push_back(graph.modes[static_cast<std::size_t>(modes[i])]);
+    chosen.block<2, 2>(2 * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
+    positions.push_back(graph.modes[modes[i]]);
   }
   const Eigen::MatrixXd covariance = chosen.transpose() * posterior->ModeCovarianceTimes(chosen);
   return ReferToPositions(positions, Symmetrized(covariance));
@@ -57,7 +56,7 @@ std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build)
   run_map.covariance = *std::move(covariance);
   for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
     for (const BuildMode& mode : run_map.build.modes[group]) {
-      const auto at = static_cast<Eigen::Index>(2 * run_map.points.size());
+      const Eigen::Index at = 2 * run_map.points.end_index();
       run_map.points.push_back(
           {static_cast<int>(group), mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
     }

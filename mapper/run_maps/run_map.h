@@ -15,8 +15,8 @@ namespace shiftmap {
 /// in the map.
 struct RunMap {
   BuildState build;
-  std::vector<AlignmentPoint> points;  ///< Its modes, in the flat order of the build.
-  Eigen::MatrixXd covariance;          ///< Joint, of the points, relative to them as a whole. [m²]
+  IndexedVector<ModeIndex, AlignmentPoint> points;  ///< Its modes.
+  Eigen::MatrixXd covariance;  ///< Joint, of the points, relative to them as a whole. [m²]
 };
 
 /// Standard deviation per axis of the mode that a run map knows worst against the others; 0 if it
@@ -33,9 +33,8 @@ std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, Bu
 
 /// The same of some modes, relative to these as a whole. Where they are few this costs little more
 /// than the factor.
-/// @param modes  Flat indices.
 std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
-                                                 const std::vector<int>& modes,
+                                                 const std::vector<ModeIndex>& modes,
                                                  BuildState* build);
 
 /// Nothing if the runs do not determine their own landmarks.

@@ -28,13 +28,13 @@ FrameBlocks StretchesOf(const Graph& graph) {
   FrameBlocks observations;
   for (const GraphRun& run : graph.runs) observations.emplace_back(run.poses.size(), 0);
   for (const GraphObservation& item : graph.observations) {
-    ++observations[static_cast<std::size_t>(item.run)][static_cast<std::size_t>(item.frame)];
+    ++observations[item.run][item.frame];
   }
   const std::size_t count = std::max<std::size_t>(1, graph.observations.size());
   FrameBlocks blocks;
   std::size_t before = 0;
-  for (const std::vector<int>& of_run : observations) {
-    std::vector<int>& of_frames = blocks.emplace_back();
+  for (const auto& of_run : observations) {
+    auto& of_frames = blocks.emplace_back();
     for (const int of_frame : of_run) {
       const std::size_t block = kBlocks * before / count;
       of_frames.push_back(std::min(kBlocks - 1, static_cast<int>(block)));

@@ -40,11 +40,11 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
 }
 
 void CopyBack(const Graph& graph, BuildState* build) {
-  std::size_t flat = 0;
+  ModeIndex flat;
   for (std::vector<BuildMode>& group : build->modes) {
     for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
   }
-  for (std::size_t r = 0; r < build->runs.size(); ++r) {
+  for (const RunIndex r : build->runs.indices()) {
     BuildRun& run = build->runs[r];
     run.poses = graph.runs[r].poses;
     const Eigen::Vector3d& correction = graph.runs[r].correction;
@@ -70,22 +70,22 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
 
 FlatModes::FlatModes(const BuildState& build) {
   for (const std::vector<BuildMode>& group : build.modes) {
-    first.push_back(count);
-    count += static_cast<int>(group.size());
+    first.push_back(end);
+    end = end + static_cast<int>(group.size());
   }
 }
 
-std::vector<Eigen::Vector2d> ModePositions(const BuildState& build) {
-  std::vector<Eigen::Vector2d> positions;
+IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build) {
+  IndexedVector<ModeIndex, Eigen::Vector2d> positions;
   for (const std::vector<BuildMode>& group : build.modes) {
     for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
   }
   return positions;
 }
 
-std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const BuildState& build) {
-  std::map<std::string, std::vector<std::size_t>> runs;
-  for (std::size_t r = 0; r < build.runs.size(); ++r) {
+std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& build) {
+  std::map<std::string, std::vector<RunIndex>> runs;
+  for (const RunIndex r : build.runs.indices()) {
     runs[build.runs[r].data->info.vehicle].push_back(r);
   }
   return runs;
@@ -125,7 +125,7 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
     }
     build.known[g] = group;
   }
-  const std::vector<Eigen::Vector2d> positions = ModePositions(build);
+  const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(build);
   build.in_map_units = positions.size() > 1;  // One position has no length.
   build.priors = MakeMapPrior(positions, prior.covariance);
   return build;
@@ -141,27 +141,25 @@ int AddMode(int group, const BuildMode& mode, BuildState* build) {
   return index;
 }
 
-void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors) {
+void ShiftPriors(ModeIndex first, int shift, std::vector<GraphPrior>* priors) {
   for (GraphPrior& prior : *priors) {
-    for (int& mode : prior.modes) mode += mode >= first ? shift : 0;
+    for (ModeIndex& mode : prior.modes) mode = mode >= first ? mode + shift : mode;
   }
 }
 
 Graph MakeGraph(const MapperOptions& options, BuildState* build) {
   Graph graph;
   const FlatModes flat(*build);
-  for (const std::vector<BuildMode>& group : build->modes) {
-    for (const BuildMode& mode : group) graph.modes.push_back(mode.p_map_landmark);
-  }
-  for (std::size_t r = 0; r < build->runs.size(); ++r) {
+  graph.modes = ModePositions(*build);
+  for (const RunIndex r : build->runs.indices()) {
     BuildRun& run = build->runs[r];
     graph.runs.push_back(MakeGraphRun(options, build->in_map_units, &run));
     for (const Sighting& sighting : run.data->sightings) {
       const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
       if (mode == kUnassigned) continue;
       const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
-      graph.observations.push_back({static_cast<int>(r),
-                                    sighting.frame,
+      graph.observations.push_back({r,
+                                    FrameIndex(sighting.frame),
                                     flat.Index(group, mode),
                                     sighting.observation,
                                     ObservationNoise(sighting.observation, build->sensor),

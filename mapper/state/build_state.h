@@ -70,7 +70,7 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 /// The mapping build as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct BuildState {
-  std::vector<BuildRun> runs;                 ///< By begin.
+  IndexedVector<RunIndex, BuildRun> runs;     ///< By begin.
   std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
   std::vector<RejectedRun> left_out;   ///< Runs taken out again, and why (unconstrained_runs.h).
   std::vector<WaitingRuns> waiting;    ///< Without a decided place (place_run_maps.h).
@@ -87,7 +87,7 @@ struct BuildState {
     return !known.empty() && known[group] ? &*known[group] : nullptr;
   }
 
-  /// Of the prior map's modes, as in Graph: `modes` of them are flat indices, see FlatModes.
+  /// Of the prior map's modes, as in Graph; see FlatModes.
   std::vector<GraphPrior> priors;
 
   /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
@@ -113,23 +113,26 @@ struct BuildState {
 /// None: it goes on to its end.
 using StepCallback = std::function<bool(const BuildState&)>;
 
-/// The position of every mode in one list: groups in order, modes in order.
+/// All modes of a build in one list, that of its graph: groups in order, modes in order.
 struct FlatModes {
   explicit FlatModes(const BuildState& build);
-  int Index(int group, int mode) const { return first[static_cast<std::size_t>(group)] + mode; }
+  ModeIndex Index(int group, int mode) const {
+    return first[static_cast<std::size_t>(group)] + mode;
+  }
+  std::size_t count() const { return static_cast<std::size_t>(end.value()); }
 
-  std::vector<int> first;  ///< Per group.
-  int count = 0;
+  std::vector<ModeIndex> first;  ///< Per group.
+  ModeIndex end;
 };
 
 /// Of all modes, in that order. [m]
-std::vector<Eigen::Vector2d> ModePositions(const BuildState& build);
+IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build);
 
-/// Indices of each vehicle's runs, by its name.
-std::map<std::string, std::vector<std::size_t>> RunsByVehicle(const BuildState& build);
+/// Each vehicle's runs, by its name.
+std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& build);
 
-/// Flat indices from `first` on change by `shift`.
-void ShiftPriors(int first, int shift, std::vector<GraphPrior>* priors);
+/// Modes from `first` on change by `shift`.
+void ShiftPriors(ModeIndex first, int shift, std::vector<GraphPrior>* priors);
 
 /// Moves everything in a build but its prior.
 void MoveBuild(const Se2& T_map_old, BuildState* build);
@@ -141,7 +144,7 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
                       const MapContent& prior,
                       const SensorCalibration& sensor);
 
-/// Adds a mode to a group and returns its index there; the priors' flat indices stay right.
+/// Adds a mode to a group and returns its index there; the priors' modes stay right.
 int AddMode(int group, const BuildMode& mode, BuildState* build);
 
 /// The continuous part for the present assignment, at its present values.

@@ -7,11 +7,10 @@ namespace shiftmap {
 
 std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build) {
   std::vector<std::vector<VisitRef>> by_group(build.modes.size());
-  for (std::size_t r = 0; r < build.runs.size(); ++r) {
+  for (const RunIndex r : build.runs.indices()) {
     const std::vector<MappingVisit>& visits = build.runs[r].data->visits;
     for (std::size_t v = 0; v < visits.size(); ++v) {
-      by_group[static_cast<std::size_t>(visits[v].group)].push_back(
-          {static_cast<int>(r), static_cast<int>(v)});
+      by_group[static_cast<std::size_t>(visits[v].group)].push_back({r, static_cast<int>(v)});
     }
   }
   for (std::vector<VisitRef>& visits : by_group) {
@@ -23,18 +22,15 @@ std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build) {
 }
 
 const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref) {
-  return build.runs[static_cast<std::size_t>(ref.run)]
-      .data->visits[static_cast<std::size_t>(ref.visit)];
+  return build.runs[ref.run].data->visits[static_cast<std::size_t>(ref.visit)];
 }
 
 int AssignmentOf(const BuildState& build, const VisitRef& ref) {
-  return build.runs[static_cast<std::size_t>(ref.run)]
-      .assignment[static_cast<std::size_t>(ref.visit)];
+  return build.runs[ref.run].assignment[static_cast<std::size_t>(ref.visit)];
 }
 
 int& AssignmentOf(BuildState* build, const VisitRef& ref) {
-  return build->runs[static_cast<std::size_t>(ref.run)]
-      .assignment[static_cast<std::size_t>(ref.visit)];
+  return build->runs[ref.run].assignment[static_cast<std::size_t>(ref.visit)];
 }
 
 }  // namespace shiftmap

@@ -9,7 +9,7 @@ namespace shiftmap {
 
 /// A visit of a group, wherever it is.
 struct VisitRef {
-  int run = 0;
+  RunIndex run;
   int visit = 0;
 };
 

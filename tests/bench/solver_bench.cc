@@ -100,15 +100,15 @@ Graph MakeFloor(int runs) {
       run.poses.push_back(
           truth * Se2::Exp(kDisturbed *
                            Eigen::Vector3d(normal(random), normal(random), 0.2 * normal(random))));
-      for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+      for (const ModeIndex m : graph.modes.indices()) {
         const Eigen::Vector2d q = truth.Inverse() * graph.modes[m];
         if (q.norm() > kRangeM || q.norm() < 0.5 || std::abs(std::atan2(q.y(), q.x())) > 1.0) {
           continue;
         }
         GraphObservation item;
-        item.run = r;
-        item.frame = i;
-        item.mode = static_cast<int>(m);
+        item.run = RunIndex(r);
+        item.frame = FrameIndex(i);
+        item.mode = m;
         item.cov_z = Eigen::Vector2d(0.01, 1e-4).asDiagonal();
         item.observation.z = {q.norm() + 0.1 * normal(random),
                               std::atan2(q.y(), q.x()) + 0.01 * normal(random)};
@@ -117,19 +117,15 @@ Graph MakeFloor(int runs) {
     }
     graph.runs.push_back(std::move(run));
   }
-  std::vector<int> seen(graph.modes.size(), -1);
-  for (const GraphObservation& item : graph.observations) {
-    seen[static_cast<std::size_t>(item.mode)] = 0;
-  }
-  std::vector<Eigen::Vector2d> modes;
-  for (std::size_t m = 0; m < seen.size(); ++m) {
-    if (seen[m] < 0) continue;
-    seen[m] = static_cast<int>(modes.size());
+  IndexedVector<ModeIndex, std::optional<ModeIndex>> seen(graph.modes.size());
+  for (const GraphObservation& item : graph.observations) seen[item.mode] = ModeIndex(0);
+  IndexedVector<ModeIndex, Eigen::Vector2d> modes;
+  for (const ModeIndex m : graph.modes.indices()) {
+    if (!seen[m]) continue;
+    seen[m] = modes.end_index();
     modes.push_back(graph.modes[m] + kDisturbed * Eigen::Vector2d(normal(random), normal(random)));
   }
-  for (GraphObservation& item : graph.observations) {
-    item.mode = seen[static_cast<std::size_t>(item.mode)];
-  }
+  for (GraphObservation& item : graph.observations) item.mode = *seen[item.mode];
   graph.modes = std::move(modes);
   return graph;
 }
@@ -192,7 +188,7 @@ const Graph* SolvedGraphOf(benchmark::State& state) {
 
 double OffMm(const Graph& graph, const Graph& reference) {
   std::vector<PointPair> pairs;
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     pairs.push_back({reference.modes[m], graph.modes[m]});
   }
   const Se2 T_reference_graph = AlignRigid2d(pairs).value();

@@ -33,12 +33,12 @@ Graph MakeCircleGraph(const CircleShape& shape, unsigned seed) {
       }
       run.poses.push_back(truth * Se2::Exp(shape.disturbance *
                                            Eigen::Vector3d(normal(random), normal(random), 0.2)));
-      for (int m = 0; m < shape.modes; ++m) {
-        const Eigen::Vector2d q = truth.Inverse() * graph.modes[static_cast<std::size_t>(m)];
+      for (const ModeIndex m : graph.modes.indices()) {
+        const Eigen::Vector2d q = truth.Inverse() * graph.modes[m];
         if (q.norm() > 5.0) continue;
         GraphObservation item;
-        item.run = r;
-        item.frame = i;
+        item.run = RunIndex(r);
+        item.frame = FrameIndex(i);
         item.mode = m;
         item.cov_z = Eigen::Vector2d(0.01, 1e-4).asDiagonal();
         item.observation.z = {q.norm() + 0.1 * normal(random),
@@ -55,12 +55,12 @@ Graph MakeCircleGraph(const CircleShape& shape, unsigned seed) {
 }
 
 GraphPrior MakeModesPrior(const Graph& graph) {
-  const auto size = static_cast<Eigen::Index>(2 * graph.modes.size());
-  std::vector<int> modes;
+  const Eigen::Index size = 2 * graph.modes.end_index();
+  std::vector<ModeIndex> modes;
   Eigen::VectorXd mean(size);
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-    modes.push_back(static_cast<int>(m));
-    mean.segment<2>(static_cast<Eigen::Index>(2 * m)) = graph.modes[m];
+  for (const ModeIndex m : graph.modes.indices()) {
+    modes.push_back(m);
+    mean.segment<2>(2 * m) = graph.modes[m];
   }
   return {std::move(modes), std::move(mean), Eigen::MatrixXd::Identity(size, size) * 20.0};
 }

@@ -46,15 +46,15 @@ Graph StaticGraph(const UtiasCase& data,
     const Sighting& sighting = data.frames.sightings[i];
     graph.observations.push_back(
         {0,
-         sighting.frame,
-         data.frames.visits[static_cast<std::size_t>(sighting.visit)].group,
+         FrameIndex(sighting.frame),
+         ModeIndex(data.frames.visits[static_cast<std::size_t>(sighting.visit)].group),
          observations[i],
          ObservationNoise(observations[i], noise.sensor),
          0.0});
   }
-  std::vector<int> modes;
+  std::vector<ModeIndex> modes;
   for (const auto& [signature, place] : map) {
-    modes.push_back(static_cast<int>(graph.modes.size()));
+    modes.push_back(graph.modes.end_index());
     graph.modes.push_back(place);
   }
   graph.priors = HoldModes(modes, graph.modes, prior_sd_m);
@@ -63,9 +63,9 @@ Graph StaticGraph(const UtiasCase& data,
 
 // Weights of Cauchy's loss at the present distances: w = 1 / (1 + (d / c sd)²).
 void Reweight(double prior_sd_m, Graph* graph) {
-  for (std::size_t i = 0; i < graph->modes.size(); ++i) {
-    GraphPrior& prior = graph->priors[i];
-    const double ratio = (graph->modes[i] - prior.mean).norm() / (kCauchyScale * prior_sd_m);
+  for (GraphPrior& prior : graph->priors) {
+    const Eigen::Vector2d& place = graph->modes[prior.modes.front()];
+    const double ratio = (place - prior.mean).norm() / (kCauchyScale * prior_sd_m);
     const double sd_m = prior_sd_m * std::sqrt(1.0 + ratio * ratio);
     prior = {prior.modes, prior.mean, Eigen::MatrixXd(Eigen::Matrix2d::Identity() / sd_m)};
   }
@@ -74,11 +74,11 @@ void Reweight(double prior_sd_m, Graph* graph) {
 // Iteratively reweighted least squares: the fixed point is a minimum of the robust cost.
 void SolveReweighted(double prior_sd_m, Graph* graph) {
   for (int i = 0; i < kReweightings; ++i) {
-    const std::vector<Eigen::Vector2d> before = graph->modes;
+    const IndexedVector<ModeIndex, Eigen::Vector2d> before = graph->modes;
     Reweight(prior_sd_m, graph);
     SolveGraph({kSolverIterations}, graph);
     double moved = 0.0;
-    for (std::size_t k = 0; k < before.size(); ++k) {
+    for (const ModeIndex k : before.indices()) {
       moved = std::max(moved, (graph->modes[k] - before[k]).norm());
     }
     if (moved < kSettledM) return;

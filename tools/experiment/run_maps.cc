@@ -31,14 +31,13 @@ std::optional<RunMapError> MeasureRunMap(const Run& run,
   std::vector<Eigen::Index> rows;
   std::vector<Eigen::Vector2d> positions;
   std::vector<PointPair> pairs;
-  for (std::size_t i = 0; i < run_map->points.size(); ++i) {
+  for (const ModeIndex i : run_map->points.indices()) {
     const auto group = static_cast<std::size_t>(run_map->points[i].group);
     const auto place = places.find(signatures[group]);
     if (place == places.end() || run_map->build.modes[group].size() != 1) continue;
     positions.push_back(run_map->points[i].position);
     pairs.push_back({positions.back(), place->second});
-    rows.insert(rows.end(),
-                {static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * i + 1)});
+    rows.insert(rows.end(), {2 * i, 2 * i + 1});
   }
   if (positions.size() < 3) return std::nullopt;
   const StatusOr<Se2> T_map_survey = AlignRigid2d(pairs);

@@ -94,7 +94,7 @@ void FixedLagSmoother::AddObservation(WindowObservation observation) {
 void FixedLagSmoother::Switch(int frame, int observation, int mode) {
   window_.frames[static_cast<std::size_t>(frame)]
       .observations[static_cast<std::size_t>(observation)]
-      .factor.mode = mode;
+      .mode = mode;
   stale_ = std::min(stale_, ChunkOf(frame));
 }
 
@@ -112,7 +112,7 @@ void FixedLagSmoother::MergeModes(int from, int to) {
   gone.merged = true;
   for (WindowFrame& frame : window_.frames) {
     for (WindowObservation& observation : frame.observations) {
-      if (observation.factor.mode == from) observation.factor.mode = to;
+      if (observation.mode == from) observation.mode = to;
     }
   }
   if (dropped_.Knows(ModeColumn(from))) {
@@ -156,9 +156,9 @@ bool FixedLagSmoother::AssembleNewest(CarriedSystem* system) const {
     system->b.head<3>() -= start.J_j.transpose() * start.r;
   }
   for (const WindowObservation& observation : newest().observations) {
-    if (observation.factor.mode == kNoMode) continue;
+    if (observation.mode == kNoMode) continue;
     const ObservationResidual::Linear seen = LinearizeObservation(window_, newest(), observation);
-    const Eigen::Index column = ModeColumn(observation.factor.mode);
+    const Eigen::Index column = ModeColumn(observation.mode);
     Eigen::Matrix<double, 2, 8> J;
     J << seen.J_pose, seen.J_bias, seen.J_landmark;
     const std::array<Eigen::Index, 8> at = {
@@ -185,15 +185,15 @@ void FixedLagSmoother::AddPriors(CarriedSystem* system) const {
   Eigen::VectorXd from_origin = prior_.mean;
   for (std::size_t i = 0; i < prior_.modes.size(); ++i) {
     from_origin.segment<2>(static_cast<Eigen::Index>(2 * i)) -=
-        window_.modes[static_cast<std::size_t>(prior_.modes[i])].origin;
+        window_.modes[static_cast<std::size_t>(prior_.modes[i].value())].origin;
   }
   const Eigen::VectorXd b = prior_.information * from_origin;
   for (std::size_t i = 0; i < prior_.modes.size(); ++i) {
     const auto from = static_cast<Eigen::Index>(2 * i);
-    const Eigen::Index row = ModeColumn(prior_.modes[i]);
+    const Eigen::Index row = ModeColumn(prior_.modes[i].value());
     system->b.segment<2>(row) += b.segment<2>(from);
     for (std::size_t j = 0; j < prior_.modes.size(); ++j) {
-      const Eigen::Index column = ModeColumn(prior_.modes[j]);
+      const Eigen::Index column = ModeColumn(prior_.modes[j].value());
       if (column > row) continue;
       system->H.block<2, 2>(row, column) +=
           prior_.information.block<2, 2>(from, static_cast<Eigen::Index>(2 * j));

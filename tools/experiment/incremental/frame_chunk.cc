@@ -77,9 +77,9 @@ bool FrameChunk::Eliminate(const Window& window, const CarriedSystem& before) {
     const WindowFrame& frame = window.frames[static_cast<std::size_t>(f)];
     AddMotion(LinearizeMotion(window, static_cast<std::size_t>(f)), i, &system);
     for (const WindowObservation& observation : frame.observations) {
-      if (observation.factor.mode == kNoMode) continue;
+      if (observation.mode == kNoMode) continue;
       AddObservation(
-          LinearizeObservation(window, frame, observation), i, observation.factor.mode, &system);
+          LinearizeObservation(window, frame, observation), i, observation.mode, &system);
     }
   }
   segment_ = SegmentFactor::Of(&system);

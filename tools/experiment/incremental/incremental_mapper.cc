@@ -34,7 +34,7 @@ std::vector<int> ChoicesOf(const Window& window, const std::vector<int>& groups)
   std::vector<int> choices;
   for (const WindowFrame& frame : window.frames) {
     for (const WindowObservation& observation : frame.observations) {
-      if (Contains(groups, observation.group)) choices.push_back(observation.factor.mode);
+      if (Contains(groups, observation.group)) choices.push_back(observation.mode);
     }
   }
   return choices;
@@ -46,7 +46,7 @@ std::vector<int> Selectable(const Window& window, const std::vector<IncrementalG
   for (const WindowFrame& frame : window.frames) {
     for (const WindowObservation& observation : frame.observations) {
       const bool several = groups[static_cast<std::size_t>(observation.group)].modes.size() > 1;
-      if (several && observation.factor.mode != kNoMode) found.insert(observation.group);
+      if (several && observation.mode != kNoMode) found.insert(observation.group);
     }
   }
   return {found.begin(), found.end()};
@@ -109,11 +109,11 @@ IncrementalMapper::IncrementalMapper(const IncrementalOptions& options,
 void IncrementalMapper::AddPrior(const IncrementalPrior& prior,
                                  const Eigen::MatrixXd& sqrt_information) {
   groups_.resize(static_cast<std::size_t>(prior.groups));
-  std::vector<int> known;
+  std::vector<ModeIndex> known;
   for (std::size_t i = 0; i < prior.group.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(2 * i);
     const int mode = smoother_.AddMode(prior.mean.segment<2>(at), prior.cov.block<2, 2>(at, at));
-    known.push_back(mode);
+    known.emplace_back(mode);
     IncrementalGroup& group = groups_[static_cast<std::size_t>(prior.group[i])];
     group.modes.push_back(mode);
     ++group.known;
@@ -147,7 +147,7 @@ void IncrementalMapper::Predict(const IncrementalFrame& frame) {
 int IncrementalMapper::LatestMode(int group_index) const {
   for (const WindowFrame& frame : std::views::reverse(window().frames)) {
     for (const WindowObservation& seen : frame.observations) {
-      if (seen.group == group_index && seen.factor.mode != kNoMode) return seen.factor.mode;
+      if (seen.group == group_index && seen.mode != kNoMode) return seen.mode;
     }
   }
   const IncrementalGroup& group = groups_[static_cast<std::size_t>(group_index)];
@@ -225,7 +225,7 @@ bool IncrementalMapper::SelectModes(int group_index) {
     const WindowObservation& seen = window()
                                         .frames[static_cast<std::size_t>(at.frame)]
                                         .observations[static_cast<std::size_t>(at.observation)];
-    if (seen.factor.mode == mode) continue;
+    if (seen.mode == mode) continue;
     smoother_.Switch(at.frame, at.observation, mode);
     changed = true;
   }
@@ -296,7 +296,7 @@ void IncrementalMapper::Retire() {
   for (const WindowFrame& frame : gone) {
     retired_poses_.push_back(frame.T_map_vehicle);
     for (const WindowObservation& seen : frame.observations) {
-      const int mode = seen.factor.mode;
+      const int mode = seen.mode;
       choices_[static_cast<std::size_t>(seen.number)] = mode;
       if (mode == kNoMode) continue;
       IncrementalGroup& group = groups_[static_cast<std::size_t>(seen.group)];
@@ -319,12 +319,12 @@ StatusOr<IncrementalStep> IncrementalMapper::AddFrame(const IncrementalFrame& fr
     const Eigen::Matrix2d cov_z = ObservationNoise(seen.observation, options_.sensor);
     const int mode = Associate(seen, cov_z);
     GraphObservation factor;
-    factor.mode = mode;
     factor.observation = seen.observation;
     factor.cov_z = cov_z;
     factor.mean_squared_bearing = options_.mean_squared_bearing_rad2;
     smoother_.AddObservation({seen.group,
                               static_cast<int>(choices_.size()),
+                              mode,
                               std::move(factor),
                               SightingCovariance(seen.observation, cov_z)});
     choices_.push_back(kNoMode);
@@ -332,7 +332,7 @@ StatusOr<IncrementalStep> IncrementalMapper::AddFrame(const IncrementalFrame& fr
   }
   for (const WindowObservation& seen : smoother_.newest().observations) {
     const bool several = groups_[static_cast<std::size_t>(seen.group)].modes.size() > 1;
-    if (several && seen.factor.mode != kNoMode) groups.push_back(seen.group);
+    if (several && seen.mode != kNoMode) groups.push_back(seen.group);
   }
   SHIFTMAP_ASSIGN_OR_RETURN(IncrementalStep step, Alternate(groups));
   step.modes_created = created;
@@ -367,7 +367,7 @@ std::vector<int> IncrementalMapper::Choices() const {
   std::vector<int> choices = choices_;
   for (const WindowFrame& frame : window().frames) {
     for (const WindowObservation& seen : frame.observations) {
-      choices[static_cast<std::size_t>(seen.number)] = seen.factor.mode;
+      choices[static_cast<std::size_t>(seen.number)] = seen.mode;
     }
   }
   std::vector<int> number(window().modes.size(), kNoMode);

@@ -87,18 +87,18 @@ ModeWindow MakeModeWindow(const Window& window,
   for (std::size_t f = 0; f < window.frames.size(); ++f) {
     const WindowFrame& frame = window.frames[f];
     const std::optional<int> seen = ObservationOf(frame, group_index);
-    const GraphObservation* factor =
-        seen ? &frame.observations[static_cast<std::size_t>(*seen)].factor : nullptr;
-    if (factor != nullptr && factor->mode == kNoMode) continue;
+    const WindowObservation* observation =
+        seen ? &frame.observations[static_cast<std::size_t>(*seen)] : nullptr;
+    if (observation != nullptr && observation->mode == kNoMode) continue;
     Eigen::VectorXd in_view(std::ssize(group.modes));
     for (std::size_t k = 0; k < group.modes.size(); ++k) {
       const WindowMode& mode = window.modes[static_cast<std::size_t>(group.modes[k])];
       in_view[static_cast<Eigen::Index>(k)] =
           FieldOfView(frame.T_map_vehicle, mode.p_map_landmark, options.sensor);
     }
-    if (factor != nullptr) {
+    if (observation != nullptr) {
       steps.push_back({detection * in_view.cwiseMax(kMinFieldOfView),
-                       LogDensity(window, frame, *factor, group.modes)});
+                       LogDensity(window, frame, observation->factor, group.modes)});
       result.sightings.push_back({static_cast<int>(f), *seen});
     } else if (in_view.maxCoeff() >= kMinFieldOfView) {
       steps.push_back({detection * in_view, std::nullopt});

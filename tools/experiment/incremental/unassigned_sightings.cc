@@ -14,7 +14,7 @@ std::vector<UnassignedSighting> AgreeingSightings(const Window& window, int grou
     const WindowFrame& frame = window.frames[f];
     for (std::size_t i = 0; i < frame.observations.size(); ++i) {
       const WindowObservation& seen = frame.observations[i];
-      if (seen.group != group || seen.factor.mode != kNoMode) continue;
+      if (seen.group != group || seen.mode != kNoMode) continue;
       loose.push_back({static_cast<int>(f),
                        static_cast<int>(i),
                        LandmarkPosition(seen.factor.observation, frame.T_map_vehicle),

@@ -43,7 +43,7 @@ ObservationResidual::Linear LinearizeObservation(const Window& window,
                                                  const WindowFrame& frame,
                                                  const WindowObservation& observation) {
   const ObservationResidual residual(observation.factor);
-  const WindowMode& mode = window.modes[static_cast<std::size_t>(observation.factor.mode)];
+  const WindowMode& mode = window.modes[static_cast<std::size_t>(observation.mode)];
   const SensorBias bias_step = (window.calibration - window.calibration_origin).tail<3>();
   ObservationResidual::Linear linear =
       residual.At(frame.origin, mode.origin, window.calibration_origin.tail<3>());

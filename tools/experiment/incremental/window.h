@@ -22,7 +22,8 @@ inline constexpr int kNoMode = -1;
 struct WindowObservation {
   int group = 0;            ///< Of which landmark.
   int number = 0;           ///< Counted over all frames, in the order in which they were added.
-  GraphObservation factor;  ///< Its mode is an index in Window::modes, or kNoMode.
+  int mode = kNoMode;       ///< Index in Window::modes.
+  GraphObservation factor;  ///< What was seen; its indices are not used.
 
   /// Of where it saw the landmark in the map, with the uncertainty of the pose then. [m²]
   Eigen::Matrix2d cov_p_map = Eigen::Matrix2d::Identity();

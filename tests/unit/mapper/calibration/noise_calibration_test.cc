@@ -25,8 +25,9 @@ TEST(PoolNoiseByVehicle, TakesTheMedianOfEachVehicle) {
   PoolNoiseByVehicle(&build);
   for (std::size_t i = 0; i < vehicles.size(); ++i) {
     const double expected = vehicles[i] == "a" ? 0.02 : 0.05;
-    EXPECT_EQ(build.runs[i].odometry.noise_v, expected) << i;
-    EXPECT_EQ(build.runs[i].odometry.noise_omega, 10.0 * expected) << i;
+    const OdometryCalibration& pooled = build.runs[RunIndex(i)].odometry;
+    EXPECT_EQ(pooled.noise_v, expected) << i;
+    EXPECT_EQ(pooled.noise_omega, 10.0 * expected) << i;
   }
 }
 

@@ -103,7 +103,7 @@ TEST_F(Gauge, PriorForgetsWhereTheFrameWasHeld) {
   const Eigen::MatrixXd cov = RandomJointCovariance(7, 0.1);
   const Eigen::MatrixXd held =
       ReferToPair(positions, 0, 3, cov) + 1e-10 * Eigen::MatrixXd::Identity(14, 14);
-  const std::vector<int> modes = {0, 1, 2, 3, 4, 5, 6};
+  const std::vector<ModeIndex> modes = {0, 1, 2, 3, 4, 5, 6};
   const auto information = [&](const Eigen::MatrixXd& of) -> Eigen::MatrixXd {
     const GraphPrior prior = MakeGraphPrior(modes, positions, of);
     return prior.sqrt_information.transpose() * prior.sqrt_information;
@@ -116,7 +116,7 @@ TEST_F(Gauge, PriorHasTheInformationOfTheCovarianceItWasMadeFrom) {
   const Positions positions = RandomPositions(6);
   Eigen::MatrixXd cov = ReferToPositions(positions, RandomJointCovariance(6, 0.1));
   const GraphPrior prior = MakeGraphPrior({5, 4, 3, 2, 1, 0}, positions, cov);
-  EXPECT_EQ(prior.modes, (std::vector<int>{5, 4, 3, 2, 1, 0}));
+  EXPECT_EQ(prior.modes, (std::vector<ModeIndex>{5, 4, 3, 2, 1, 0}));
   EXPECT_EQ(prior.mean.segment<2>(6), positions[3]);
   const Eigen::MatrixXd information = prior.sqrt_information.transpose() * prior.sqrt_information;
   const Eigen::MatrixXd back = information.llt().solve(Eigen::MatrixXd::Identity(12, 12));

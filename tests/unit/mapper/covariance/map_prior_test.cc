@@ -124,7 +124,7 @@ TEST_F(MapPrior, ASmallMapIsOneGaussianThatHoldsTheFrame) {
   const Eigen::MatrixXd cov = ShapeCovariance(positions);
   const std::vector<GraphPrior> priors = MakeMapPrior(positions, JointCovariance::FromDense(cov));
   ASSERT_EQ(priors.size(), 1u);
-  EXPECT_EQ(priors[0].modes, (std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}));
+  EXPECT_EQ(priors[0].modes, (std::vector<ModeIndex>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}));
   const Eigen::MatrixXd back = priors[0].information.inverse();
   EXPECT_THAT(ReferToPositions(positions, back), testing::IsNearMatrix(cov, 2e-6));
   EXPECT_TRUE(MakeMapPrior({}, JointCovariance()).empty());
@@ -136,17 +136,19 @@ TEST_F(MapPrior, ALargeMapIsAGaussianForEachTile) {
   const JointCovariance cov = InTiles(ShapeCovariance(positions), kTile);
   const std::vector<GraphPrior> priors = MakeMapPrior(positions, cov);
   ASSERT_EQ(priors.size(), 6u);
-  int first = 0;
+  ModeIndex first;
   for (const GraphPrior& prior : priors) {
     EXPECT_EQ(prior.modes.front(), first);
+    EXPECT_EQ(prior.mean.head<2>(), positions[static_cast<std::size_t>(first.value())]);
+    std::vector<int> rows;
+    for (const ModeIndex mode : prior.modes) rows.push_back(mode.value());
     first = prior.modes.back() + 1;
-    EXPECT_EQ(prior.mean.head<2>(), positions[static_cast<std::size_t>(prior.modes.front())]);
-    const Eigen::MatrixXd of_tile = cov.Dense(prior.modes);
+    const Eigen::MatrixXd of_tile = cov.Dense(rows);
     EXPECT_THAT(prior.information.inverse(), testing::IsNearMatrix(of_tile, 1e-9));
     EXPECT_THAT(prior.sqrt_information.transpose() * prior.sqrt_information,
                 testing::IsNearMatrix(prior.information, 1e-9 * prior.information.norm()));
   }
-  EXPECT_EQ(first, static_cast<int>(positions.size()));
+  EXPECT_EQ(first, ModeIndex(positions.size()));
 }
 
 }  // namespace

@@ -39,25 +39,28 @@ Graph Corridor(int modes, int runs = 1) {
   for (int f = 0; f < runs * frames; ++f) {
     const int frame = f % frames;
     for (int m = std::max(0, 2 * frame - 1); m < std::min(modes, 2 * frame + 8); ++m) {
-      const Eigen::Vector2d q = run.poses[static_cast<std::size_t>(frame)].Inverse() *
-                                graph.modes[static_cast<std::size_t>(m)];
+      const Eigen::Vector2d q = run.poses[FrameIndex(frame)].Inverse() * graph.modes[ModeIndex(m)];
       Observation observation;
       observation.z = {q.norm() + 0.05 * normal(random), std::atan2(q.y(), q.x())};
-      graph.observations.push_back(
-          {f / frames, frame, m, observation, Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(), 0.1});
+      graph.observations.push_back({RunIndex(f / frames),
+                                    FrameIndex(frame),
+                                    ModeIndex(m),
+                                    observation,
+                                    Eigen::Vector2d(2.5e-3, 4e-4).asDiagonal(),
+                                    0.1});
     }
   }
   return graph;
 }
 
 TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
-  std::vector<Eigen::Vector2d> positions;
+  IndexedVector<ModeIndex, Eigen::Vector2d> positions;
   for (int i = 0; i < 40; ++i) positions.emplace_back(i, 0.1 * (i % 3));
-  std::set<int> seen;
-  for (const std::vector<int>& tile : TileModes(positions, 8)) {
+  std::set<ModeIndex> seen;
+  for (const std::vector<ModeIndex>& tile : TileModes(positions, 8)) {
     EXPECT_LE(tile.size(), 8u);
     EXPECT_EQ(tile.back() - tile.front() + 1, std::ssize(tile));
-    for (const int mode : tile) EXPECT_TRUE(seen.insert(mode).second);
+    for (const ModeIndex mode : tile) EXPECT_TRUE(seen.insert(mode).second);
   }
   EXPECT_EQ(seen.size(), 40u);
 }
@@ -68,8 +71,8 @@ TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
 TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
   for (const auto& [modes, runs] : {std::pair{80, 1}, {kMaxJointModes + 60, 1}, {400, 24}}) {
     Graph graph = Corridor(modes, runs);
-    std::vector<std::size_t> all;
-    for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+    std::vector<RunIndex> all;
+    for (const RunIndex r : graph.runs.indices()) {
       graph.runs[r].sensor_bias_sd[kLogRangeScale] = 1e-9;
       all.push_back(r);
     }
@@ -107,16 +110,18 @@ TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
   GraphSolver solver;
   const ModeDifferences sparse = ModeDifferences::Of(graph, &solver).value();
   const Eigen::MatrixXd joint = ComputeModeCovariance(graph).value();
-  for (const auto& [a, b] : {std::pair{0, 1}, {5, 300}, {200, 204}, {358, 359}}) {
+  using Pair = std::pair<ModeIndex, ModeIndex>;
+  for (const auto& [a, b] : {Pair(0, 1), Pair(5, 300), Pair(200, 204), Pair(358, 359)}) {
+    SCOPED_TRACE(a.value());
     Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(2, joint.cols());
-    difference.middleCols<2>(Eigen::Index{2} * a).setIdentity();
-    difference.middleCols<2>(Eigen::Index{2} * b) = -Eigen::Matrix2d::Identity();
+    difference.middleCols<2>(2 * a).setIdentity();
+    difference.middleCols<2>(2 * b) = -Eigen::Matrix2d::Identity();
     const Eigen::Matrix2d wanted = difference * joint * difference.transpose();
-    EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm()) << a << " " << b;
+    EXPECT_LT((sparse.Covariance(a, b) - wanted).norm(), 1e-6 * wanted.norm());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> above(sparse.MaxCovariance(a, b) - wanted);
-    EXPECT_GT(above.eigenvalues().minCoeff(), 0.0) << a << " " << b;
+    EXPECT_GT(above.eigenvalues().minCoeff(), 0.0);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> below(wanted - sparse.MinCovariance(a, b));
-    EXPECT_GT(below.eigenvalues().minCoeff(), 0.0) << a << " " << b;
+    EXPECT_GT(below.eigenvalues().minCoeff(), 0.0);
   }
 }
 

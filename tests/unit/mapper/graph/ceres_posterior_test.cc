@@ -58,13 +58,13 @@ TEST(CeresPosterior, SaysWhatTheEliminationSays) {
   for (Graph& graph : SolvedGraphs()) {
     const auto [schur, ceres] = PosteriorsOf(&graph);
     ASSERT_TRUE(schur && ceres);
-    const auto modes = static_cast<Eigen::Index>(2 * graph.modes.size());
-    const auto runs = static_cast<Eigen::Index>(graph.runs.size());
+    const Eigen::Index modes = 2 * graph.modes.end_index();
+    const Eigen::Index calibrations = kRunCalibration * graph.runs.end_index();
     ExpectSame(schur->ModeCovariance(), ceres->ModeCovariance());
     const Eigen::MatrixXd weights = Eigen::MatrixXd::Identity(modes, 3);
     ExpectSame(schur->ModeCovarianceTimes(weights), ceres->ModeCovarianceTimes(weights));
     ExpectSame(schur->ModeDifferenceCovariance(1, 3), ceres->ModeDifferenceCovariance(1, 3));
-    const Eigen::MatrixXd of_runs = Eigen::MatrixXd::Identity(kRunCalibration * runs, 4);
+    const Eigen::MatrixXd of_runs = Eigen::MatrixXd::Identity(calibrations, 4);
     ExpectSame(schur->CalibrationInformationTimes(of_runs),
                ceres->CalibrationInformationTimes(of_runs));
     ExpectSame(schur->ModesByRangeScale({{0}}), ceres->ModesByRangeScale({{0}}));
@@ -81,7 +81,7 @@ TEST(CeresPosterior, DrawsTheSameNoise) {
     const auto other = ceres->DrawFitResiduals(5, of_ceres);
     ASSERT_EQ(one.size(), other.size());
     for (std::size_t draw = 0; draw < one.size(); ++draw) {
-      for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+      for (const RunIndex r : graph.runs.indices()) {
         ExpectSame(one[draw].motions[r], other[draw].motions[r]);
       }
       ExpectSame(one[draw].observations, other[draw].observations);
@@ -95,7 +95,7 @@ TEST(CeresPosterior, MovesModesAlikeByTheResidualsOfBlocks) {
     ASSERT_TRUE(schur && ceres);
     FrameBlocks blocks;
     for (const GraphRun& run : graph.runs) {
-      std::vector<int>& of_run = blocks.emplace_back();
+      auto& of_run = blocks.emplace_back();
       for (std::size_t i = 0; i < run.poses.size(); ++i) {
         of_run.push_back(static_cast<int>(3 * i / run.poses.size()));
       }
@@ -114,7 +114,7 @@ TEST(CeresPosterior, VisitsTheBlocksOfTheCovariance) {
   ASSERT_TRUE(posterior);
   const Eigen::MatrixXd covariance = posterior->ModeCovariance();
   int visited = 0;
-  posterior->VisitModeCovariance([&](int a, int b, const Eigen::Matrix2d& cov_a_b) {
+  posterior->VisitModeCovariance([&](ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b) {
     ++visited;
     const Eigen::Matrix2d wanted = covariance.block<2, 2>(2 * a, 2 * b);
     EXPECT_LT((cov_a_b - wanted).norm(), 1e-9 * covariance.diagonal().maxCoeff());

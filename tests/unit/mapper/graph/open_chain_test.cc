@@ -25,11 +25,11 @@ Graph MakeWay(unsigned seed) {
   for (int i = 0; i < 40; i += 5) {
     for (int k = 0; k < 3; ++k) {
       GraphObservation item;
-      item.frame = i + k;
-      item.mode = static_cast<int>(graph.modes.size());
+      item.frame = FrameIndex(i + k);
+      item.mode = graph.modes.end_index();
       graph.observations.push_back(item);
     }
-    graph.modes.push_back(run.poses[static_cast<std::size_t>(i)] *
+    graph.modes.push_back(run.poses[FrameIndex(i)] *
                           Eigen::Vector2d(3.0 * uniform(random), 3.0 * uniform(random)));
   }
   graph.runs.push_back(std::move(run));
@@ -38,19 +38,19 @@ Graph MakeWay(unsigned seed) {
 
 GraphStep ZeroStep(const Graph& graph) {
   GraphStep step;
-  step.poses = {Eigen::VectorXd::Zero(std::ssize(graph.runs[0].poses) * 3)};
-  step.calibrations = {Eigen::Vector<double, kRunCalibration>::Zero()};
-  step.modes = Eigen::VectorXd::Zero(std::ssize(graph.modes) * 2);
+  step.poses.emplace_back(Eigen::VectorXd::Zero(3 * graph.runs[0].poses.end_index()));
+  step.calibrations.emplace_back(GraphStep::Calibration::Zero());
+  step.modes = Eigen::VectorXd::Zero(2 * graph.modes.end_index());
   return step;
 }
 
 double LargestDifference(const Graph& a, const Graph& b) {
   double largest = 0.0;
-  for (std::size_t i = 0; i < a.runs[0].poses.size(); ++i) {
+  for (const FrameIndex i : a.runs[0].poses.indices()) {
     const Se2 difference = a.runs[0].poses[i].Inverse() * b.runs[0].poses[i];
     largest = std::max(largest, difference.Log().norm());
   }
-  for (std::size_t m = 0; m < a.modes.size(); ++m) {
+  for (const ModeIndex m : a.modes.indices()) {
     largest = std::max(largest, (a.modes[m] - b.modes[m]).norm());
   }
   return largest;
@@ -59,18 +59,16 @@ double LargestDifference(const Graph& a, const Graph& b) {
 // How far motions, and modes as poses see them, differ between two graphs.
 double LargestChangeFromNear(const Graph& a, const Graph& b) {
   double largest = 0.0;
-  const std::vector<Se2>& before = a.runs[0].poses;
-  const std::vector<Se2>& after = b.runs[0].poses;
-  for (std::size_t i = 0; i + 1 < before.size(); ++i) {
+  const IndexedVector<FrameIndex, Se2>& before = a.runs[0].poses;
+  const IndexedVector<FrameIndex, Se2>& after = b.runs[0].poses;
+  for (FrameIndex i; i + 1 < before.end_index(); ++i) {
     const Se2 motion_before = before[i].Inverse() * before[i + 1];
     const Se2 motion_after = after[i].Inverse() * after[i + 1];
     largest = std::max(largest, (motion_before.Inverse() * motion_after).Log().norm());
   }
   for (const GraphObservation& item : a.observations) {
-    const auto i = static_cast<std::size_t>(item.frame);
-    const auto m = static_cast<std::size_t>(item.mode);
-    const Eigen::Vector2d change =
-        before[i].Inverse() * a.modes[m] - after[i].Inverse() * b.modes[m];
+    const Eigen::Vector2d change = before[item.frame].Inverse() * a.modes[item.mode] -
+                                   after[item.frame].Inverse() * b.modes[item.mode];
     largest = std::max(largest, change.norm());
   }
   return largest;
@@ -103,15 +101,14 @@ TEST(OpenChain, WhatTurnsAsAWholeStaysAsItIs) {
   const double turn = 0.8;
   for (unsigned seed = 1; seed <= 5; ++seed) {
     const Graph graph = MakeWay(seed);
-    const std::vector<Se2>& poses = graph.runs[0].poses;
+    const IndexedVector<FrameIndex, Se2>& poses = graph.runs[0].poses;
     GraphStep step = ZeroStep(graph);
     // Everything about the origin: left perturbations, seen from each pose.
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      step.poses[0].segment<3>(static_cast<Eigen::Index>(3 * i)) =
-          poses[i].InverseAdjoint() * Eigen::Vector3d(0.0, 0.0, turn);
+    for (const FrameIndex i : poses.indices()) {
+      step.poses[0].segment<3>(3 * i) = poses[i].InverseAdjoint() * Eigen::Vector3d(0.0, 0.0, turn);
     }
-    for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-      step.modes.segment<2>(static_cast<Eigen::Index>(2 * m)) =
+    for (const ModeIndex m : graph.modes.indices()) {
+      step.modes.segment<2>(2 * m) =
           turn * Eigen::Vector2d(-graph.modes[m].y(), graph.modes[m].x());
     }
     Graph straight = graph;

@@ -55,10 +55,10 @@ Graph RandomGraph(const GraphShape& shape, std::mt19937_64& random) {
       truth.push_back(truth.back() * motion.T_begin_end * Se2::Exp(llt.matrixL() * noise));
       run.motions.push_back(motion);
     }
-    for (int m = 0; m < shape.modes; ++m) {
-      const Eigen::Vector2d q = truth.back().Inverse() * graph.modes[static_cast<std::size_t>(m)];
+    for (const ModeIndex m : graph.modes.indices()) {
+      const Eigen::Vector2d q = truth.back().Inverse() * graph.modes[m];
       GraphObservation item;
-      item.frame = i;
+      item.frame = FrameIndex(i);
       item.mode = m;
       item.cov_z = shape.sd_z.cwiseAbs2().asDiagonal();
       item.mean_squared_bearing = 1.0;
@@ -78,7 +78,7 @@ class DenseGraph {
  public:
   explicit DenseGraph(const Graph& graph) : graph_(graph) {
     const GraphRun& run = graph.runs.front();
-    for (std::size_t i = 1; i < run.poses.size(); ++i) {
+    for (FrameIndex i = 1; i < run.poses.end_index(); ++i) {
       Append({run.poses[i].x(), run.poses[i].y(), run.poses[i].yaw()});
     }
     Append({run.correction.x(), run.correction.y(), run.correction.z()});
@@ -106,7 +106,7 @@ class DenseGraph {
     Eigen::VectorXd r(measured() + kRunCalibration);
     Eigen::Index row = 0;
     for (Eigen::Index i = 0; i + 1 < poses; ++i, row += 3) {
-      const MotionIncrement& motion = run.motions[static_cast<std::size_t>(i)];
+      const MotionIncrement& motion = run.motions[FrameIndex(i)];
       const Se2 expected = motion.T_begin_end * Se2::Exp(motion.J_calibration * correction);
       const Eigen::Matrix3d cov = motion.cov + kMotionVarianceFloor * Eigen::Matrix3d::Identity();
       Eigen::Vector3d error = (expected.Inverse() * pose(i).Inverse() * pose(i + 1)).Log();
@@ -115,7 +115,7 @@ class DenseGraph {
     }
     for (const GraphObservation& item : graph_.observations) {
       const Eigen::Vector2d p = x.segment<2>(3 * (poses - 1) + kRunCalibration + 2 * item.mode);
-      const Eigen::Vector2d q = pose(item.frame).Inverse() * p;
+      const Eigen::Vector2d q = pose(item.frame.value()).Inverse() * p;
       const double curvature = std::pow(item.observation.z.y(), 2) - item.mean_squared_bearing;
       const Eigen::Vector2d h(scale * q.norm() * (1.0 + bias[kRangeCurvature] * curvature),
                               std::atan2(q.y(), q.x()) + bias[kBearingOffset]);
@@ -180,7 +180,7 @@ TEST_F(Posterior, TwoPosesHaveTheClosedFormSolution) {
   const std::vector<Eigen::Vector2d> z = {{3.0, 1.0}, {2.2, 0.9}};
   for (int frame = 0; frame < 2; ++frame) {
     GraphObservation item;
-    item.frame = frame;
+    item.frame = FrameIndex(frame);
     item.observation.kind = Observation::Kind::kCartesian;
     item.observation.z = z[static_cast<std::size_t>(frame)];
     item.cov_z = R;
@@ -210,7 +210,7 @@ TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
     const DenseGraph dense(graph);
     const Eigen::MatrixXd J = dense.Jacobian();
     const Eigen::MatrixXd cov = (J.transpose() * J).inverse();
-    const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
+    const Eigen::Index rows = 2 * graph.modes.end_index();
     const Eigen::MatrixXd expected = cov.bottomRightCorner(rows, rows);
     EXPECT_THAT(ComputeModeCovariance(graph).value(),
                 testing::IsNearMatrix(expected, 1e-5 * expected.cwiseAbs().maxCoeff()));
@@ -239,7 +239,7 @@ TEST_F(Posterior, ModesFollowAScaleThatIsFixedAsInTheDenseProblem) {
   const double last = wanted[scale];
   wanted.conservativeResize(wanted.size() + 1);
   wanted[wanted.size() - 1] = last;
-  const auto rows = static_cast<Eigen::Index>(2 * graph.modes.size());
+  const Eigen::Index rows = 2 * graph.modes.end_index();
   EXPECT_THAT(followed, testing::IsNearMatrix(wanted.tail(rows), 1e-4 * wanted.norm()));
 }
 
@@ -302,21 +302,20 @@ TEST_F(Posterior, TheRatioTellsWhichNoiseIsWrong) {
 
 // Squared standardized residual of one observation at the graph's present values.
 double SquaredResidual(const Graph& graph, const GraphObservation& observation) {
-  const GraphRun& run = graph.runs[static_cast<std::size_t>(observation.run)];
-  const Innovation innovation = Linearize(observation.observation,
-                                          run.poses[static_cast<std::size_t>(observation.frame)],
-                                          graph.modes[static_cast<std::size_t>(observation.mode)]);
+  const GraphRun& run = graph.runs[observation.run];
+  const Innovation innovation = Linearize(
+      observation.observation, run.poses[observation.frame], graph.modes[observation.mode]);
   return SquaredMahalanobis(innovation.nu, observation.cov_z);
 }
 
 TEST_F(Posterior, AMisreadSignatureDoesNotBendTheSolution) {
   Graph graph = RandomGraph({.poses = 30, .modes = 4}, random_);
   graph.loss_scale = Graph().loss_scale;
-  const std::vector<Eigen::Vector2d> truth = graph.modes;
+  const IndexedVector<ModeIndex, Eigen::Vector2d> truth = graph.modes;
   std::swap(graph.observations[20].mode, graph.observations[21].mode);
   SolveGraph({100}, &graph);
-  for (std::size_t m = 0; m < truth.size(); ++m) {
-    EXPECT_LT((graph.modes[m] - truth[m]).norm(), 0.5) << m;
+  for (const ModeIndex m : truth.indices()) {
+    EXPECT_LT((graph.modes[m] - truth[m]).norm(), 0.5) << m.value();
   }
   EXPECT_GT(SquaredResidual(graph, graph.observations[20]), 100.0);
 }

@@ -45,8 +45,8 @@ TEST(SchurPosterior, DifferencesOfModesHaveTheJointCovariances) {
   const std::unique_ptr<SchurPosterior> posterior = PosteriorOf(graph);
   ASSERT_TRUE(posterior);
   const Eigen::MatrixXd covariance = posterior->ModeCovariance();
-  for (int a = 0; a < 6; ++a) {
-    for (int b = a + 1; b < 6; ++b) {
+  for (ModeIndex a; a < 6; ++a) {
+    for (ModeIndex b = a + 1; b < 6; ++b) {
       const Eigen::Matrix2d wanted =
           covariance.block<2, 2>(2 * a, 2 * a) + covariance.block<2, 2>(2 * b, 2 * b) -
           covariance.block<2, 2>(2 * a, 2 * b) - covariance.block<2, 2>(2 * b, 2 * a);

@@ -21,20 +21,18 @@ void ExpectSameMinimum(Graph graph) {
   const GraphSummary ceres = SolveGraphByCeres({200}, &other);
   EXPECT_TRUE(ours.converged);
   EXPECT_NEAR(ours.final_cost, ceres.final_cost, 2e-5 * ceres.final_cost + 1e-12);
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     EXPECT_LT((graph.modes[m] - other.modes[m]).norm(), 3e-3);
   }
-  for (std::size_t r = 0; r < graph.runs.size(); ++r) {
+  for (const RunIndex r : graph.runs.indices()) {
     // A few poses see one mode and are free to turn about it: what they see of it is told.
     if (graph.runs[r].poses.size() < 10) continue;
-    for (std::size_t i = 0; i < graph.runs[r].poses.size(); ++i) {
+    for (const FrameIndex i : graph.runs[r].poses.indices()) {
       EXPECT_LT((graph.runs[r].poses[i].Inverse() * other.runs[r].poses[i]).Log().norm(), 3e-3);
     }
   }
   const auto seen = [](const Graph& of, const GraphObservation& item) -> Eigen::Vector2d {
-    const std::vector<Se2>& poses = of.runs[static_cast<std::size_t>(item.run)].poses;
-    return poses[static_cast<std::size_t>(item.frame)].Inverse() *
-           of.modes[static_cast<std::size_t>(item.mode)];
+    return of.runs[item.run].poses[item.frame].Inverse() * of.modes[item.mode];
   };
   for (const GraphObservation& item : graph.observations) {
     EXPECT_LT((seen(graph, item) - seen(other, item)).norm(), 5e-3);
@@ -66,9 +64,9 @@ TEST(SchurSystem, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
   graph.priors = {MakeModesPrior(graph)};
   Graph clean = graph;
   clean.observations.clear();
-  for (std::size_t i = 0; i < graph.observations.size(); ++i) {
+  for (const ObservationIndex i : graph.observations.indices()) {
     GraphObservation& item = graph.observations[i];
-    if (i % 5 == 0) {
+    if (i.value() % 5 == 0) {
       item.observation.z.x() += 20.0;
     } else {
       clean.observations.push_back(item);
@@ -78,7 +76,7 @@ TEST(SchurSystem, FindsTheMinimumOfCeresBesideOutliersBeyondReach) {
   ExpectSameMinimum(graph);
   SolveGraph({50}, &graph);
   SolveGraph({50}, &clean);
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     EXPECT_LT((graph.modes[m] - clean.modes[m]).norm(), 3e-3);
   }
 }
@@ -96,7 +94,7 @@ TEST(SchurSystem, TheNumberOfThreadsChangesNoBit) {
   Graph two = one;
   two.threads = 2;
   EXPECT_EQ(SolveGraph({20}, &one).final_cost, SolveGraph({20}, &two).final_cost);
-  for (std::size_t m = 0; m < one.modes.size(); ++m) EXPECT_EQ(one.modes[m], two.modes[m]);
+  for (const ModeIndex m : one.modes.indices()) EXPECT_EQ(one.modes[m], two.modes[m]);
 }
 
 // Three runs whose small system is too large for a dense factor, so that factors are kept.
@@ -111,7 +109,7 @@ TEST(GraphSolver, WhatItKeepsChangesTheAnswerByNothingThatMatters) {
   const GraphSummary fresh = SolveGraph({30}, &alone);
   EXPECT_TRUE(kept.converged);
   EXPECT_NEAR(kept.final_cost, fresh.final_cost, 1e-6 * fresh.final_cost);
-  for (std::size_t m = 0; m < graph.modes.size(); ++m) {
+  for (const ModeIndex m : graph.modes.indices()) {
     EXPECT_LT((moved.modes[m] - alone.modes[m]).norm(), 1e-3);
   }
 }

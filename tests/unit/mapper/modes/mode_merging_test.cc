@@ -76,8 +76,8 @@ TEST(DropUnusedModes, KeepsThePriorsIndicesRight) {
   build.priors.emplace_back().modes = {1};
   build.priors.emplace_back().modes = {2};
   DropUnusedModes(&build);
-  EXPECT_EQ(build.priors[0].modes, std::vector<int>{0});
-  EXPECT_EQ(build.priors[1].modes, std::vector<int>{1});
+  EXPECT_EQ(build.priors[0].modes, std::vector<ModeIndex>{0});
+  EXPECT_EQ(build.priors[1].modes, std::vector<ModeIndex>{1});
   EXPECT_EQ(testing::CountModes(build), 2u);
 }
 

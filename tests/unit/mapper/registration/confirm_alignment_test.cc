@@ -93,10 +93,8 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
   }
   const FlatModes flat(map);
   MapContent prior;
-  prior.covariance =
-      JointCovariance(std::vector<Eigen::Matrix2d>(static_cast<std::size_t>(flat.count),
-                                                   4e-4 * Eigen::Matrix2d::Identity()),
-                      {});
+  prior.covariance = JointCovariance(
+      std::vector<Eigen::Matrix2d>(flat.count(), 4e-4 * Eigen::Matrix2d::Identity()), {});
   const std::optional<Explanations> explanations =
       ExplainRunMap(MapperOptions(), prior, map, 200.0, run_map);
   ASSERT_TRUE(explanations);
@@ -104,8 +102,8 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
   EXPECT_GT(best.probability, 0.99);
   EXPECT_GE(best.stayed.size(), 5);
   for (const Match& match : best.stayed) {
-    const AlignmentPoint& point = run_map.points[static_cast<std::size_t>(match.other)];
-    EXPECT_EQ(match.reference, flat.Index(point.group, 0));
+    const AlignmentPoint& point = run_map.points[ModeIndex(match.other)];
+    EXPECT_EQ(ModeIndex(match.reference), flat.Index(point.group, 0));
     const Eigen::Vector2d& place =
         world.groups[static_cast<std::size_t>(point.group) - kBefore].modes.front();
     EXPECT_LT((best.alignment.T_reference_other * point.position - place).norm(), 0.15);
@@ -117,15 +115,15 @@ TEST(CovarianceOfModes, IsThatOfAllRelativeToTheChosen) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   RunMap run_map = MapOneRun(world, run);
-  const std::vector<int> chosen = {1, 4, 5, 9};
+  const std::vector<ModeIndex> chosen = {1, 4, 5, 9};
   const Eigen::MatrixXd some = CovarianceOfModes(MapperOptions(), chosen, &run_map.build).value();
   std::vector<Eigen::Vector2d> positions;
   Eigen::MatrixXd expected(8, 8);
   for (std::size_t i = 0; i < chosen.size(); ++i) {
-    positions.push_back(run_map.points[static_cast<std::size_t>(chosen[i])].position);
+    positions.push_back(run_map.points[chosen[i]].position);
     for (std::size_t j = 0; j < chosen.size(); ++j) {
       expected.block<2, 2>(static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * j)) =
-          run_map.covariance.block<2, 2>(Eigen::Index{2} * chosen[i], Eigen::Index{2} * chosen[j]);
+          run_map.covariance.block<2, 2>(2 * chosen[i], 2 * chosen[j]);
     }
   }
   constexpr double kFloors = 1e-6;  // Of both, of a millimetre each. [m²]

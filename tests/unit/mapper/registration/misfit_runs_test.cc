@@ -86,7 +86,7 @@ class MisfitRuns : public ::testing::Test {
 TEST_F(MisfitRuns, ARunThatIsJoinedRightFitsAsItDoesByItself) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     BuildState joined = JoinedByForce(seed, Nowhere);
-    for (const std::size_t run : {0U, 1U}) {
+    for (const RunIndex run : joined.runs.indices()) {
       const std::optional<JoinedFit> fit = FitJoined(options_, joined, run);
       ASSERT_TRUE(fit);
       EXPECT_EQ(fit->dof, 2 * std::ssize(fit->groups) - 4);
@@ -121,7 +121,7 @@ TEST_F(MisfitRuns, TheRatioOfRightJoinsIsAtMostItsChiSquare) {
   int dof = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     const BuildState joined = JoinedByForce(seed, Nowhere);
-    for (const std::size_t run : {0U, 1U}) {
+    for (const RunIndex run : joined.runs.indices()) {
       const std::optional<JoinedFit> fit = FitJoined(options_, joined, run);
       chi2 += fit.value().chi2;
       dof += fit.value().dof;

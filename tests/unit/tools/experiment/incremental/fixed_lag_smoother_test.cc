@@ -48,10 +48,11 @@ TEST(FixedLagSmootherTest, WithAllFramesItIsTheBatch) {
   ASSERT_EQ(smoother.window().frames.size(), 60u);
   for (std::size_t f = 0; f < 60; ++f) {
     EXPECT_THAT(smoother.window().frames[f].T_map_vehicle,
-                IsNearPose(batch.runs[0].poses[f], 1e-6));
+                IsNearPose(batch.runs[0].poses[FrameIndex(f)], 1e-6));
   }
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
-    EXPECT_THAT(smoother.window().modes[m].p_map_landmark, IsNearMatrix(batch.modes[m], 1e-6));
+    EXPECT_THAT(smoother.window().modes[m].p_map_landmark,
+                IsNearMatrix(batch.modes[ModeIndex(m)], 1e-6));
   }
   CalibrationVector calibration;
   calibration << batch.runs[0].correction, batch.runs[0].sensor_bias;
@@ -94,7 +95,7 @@ TEST(FixedLagSmootherTest, LinearWindowIsTheBatch) {
               IsNearPose(batch.runs[0].poses.back(), 1e-4 * correction));
   for (std::size_t m = 0; m < graph.modes.size(); ++m) {
     EXPECT_THAT(smoother.window().modes[m].p_map_landmark,
-                IsNearMatrix(batch.modes[m], 1e-4 * correction));
+                IsNearMatrix(batch.modes[ModeIndex(m)], 1e-4 * correction));
   }
 }
 
@@ -128,12 +129,12 @@ TEST(FixedLagSmootherTest, SwitchedObservationsAreThoseOfTheOtherMode) {
   const int other = smoother.AddMode({0.0, 0.0}, Eigen::Matrix2d::Identity());
   graph.modes.emplace_back(0.0, 0.0);
   for (GraphObservation& item : graph.observations) {
-    if (item.frame >= 30 && item.mode == 2) item.mode = other;
+    if (item.frame >= 30 && item.mode == 2) item.mode = ModeIndex(other);
   }
   for (int f = 30; f < shape.frames; ++f) {
     const WindowFrame& frame = smoother.window().frames[static_cast<std::size_t>(f)];
     for (int i = 0; i < static_cast<int>(frame.observations.size()); ++i) {
-      const int mode = frame.observations[static_cast<std::size_t>(i)].factor.mode;
+      const int mode = frame.observations[static_cast<std::size_t>(i)].mode;
       if (mode == 2) smoother.Switch(f, i, other);
     }
   }
@@ -154,8 +155,9 @@ void ExpectMergedEqualsOne(int window_frames, double noise, double tolerance) {
   AddModes(graph, &smoother);
   Graph split = graph;
   const int duplicate = smoother.AddMode(graph.modes[1], Eigen::Matrix2d::Identity());
-  for (std::size_t i = 0; i < split.observations.size(); ++i) {
-    if (split.observations[i].mode == 1 && i % 2 == 0) split.observations[i].mode = duplicate;
+  for (const ObservationIndex i : split.observations.indices()) {
+    ModeIndex& mode = split.observations[i].mode;
+    if (mode == 1 && i.value() % 2 == 0) mode = ModeIndex(duplicate);
   }
   for (int f = 0; f < shape.frames; ++f) {
     AddNextFrame(split, f, &smoother);

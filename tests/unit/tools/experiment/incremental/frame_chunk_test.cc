@@ -49,7 +49,7 @@ DenseSystem Dense(const Window& window, int first, int end) {
       Eigen::MatrixXd K = Eigen::MatrixXd::Zero(2, size);
       K.middleCols<3>(at) = seen.J_pose;
       K.middleCols<3>(poses + 3) = seen.J_bias;
-      K.middleCols<2>(poses + kRunCalibration + 2 * observation.factor.mode) = seen.J_landmark;
+      K.middleCols<2>(poses + kRunCalibration + 2 * observation.mode) = seen.J_landmark;
       dense.Add(K, seen.r);
     }
   }
@@ -119,7 +119,7 @@ TEST(FrameChunkTest, KnowsOnlyWhatItsFramesSaw) {
   std::vector<bool> seen(window.modes.size());
   for (std::size_t f = 0; f < 2; ++f) {
     for (const WindowObservation& observation : window.frames[f].observations) {
-      seen[static_cast<std::size_t>(observation.factor.mode)] = true;
+      seen[static_cast<std::size_t>(observation.mode)] = true;
     }
   }
   for (std::size_t m = 0; m < seen.size(); ++m) {

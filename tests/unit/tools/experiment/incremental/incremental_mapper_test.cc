@@ -154,9 +154,10 @@ Graph BatchOf(const World& world, const IncrementalMapper& mapper) {
     run.poses.push_back(frame.T_map_vehicle * Se2(0.02, -0.01, 0.01));
     if (f > 0) run.motions.push_back(world.log[f].motion);
     for (const WindowObservation& seen : frame.observations) {
-      if (seen.factor.mode == kNoMode) continue;
+      if (seen.mode == kNoMode) continue;
       graph.observations.push_back(seen.factor);
-      graph.observations.back().frame = static_cast<int>(f);
+      graph.observations.back().frame = FrameIndex(f);
+      graph.observations.back().mode = ModeIndex(seen.mode);
     }
   }
   graph.runs.push_back(std::move(run));
@@ -181,11 +182,13 @@ TEST(IncrementalMapperTest, OverTheWholeHistoryItIsTheBatchOfItsChoices) {
   ASSERT_EQ(mapper->Modes(3).size(), 2u);
   const Graph batch = BatchOf(world, *mapper);
   for (std::size_t f = 0; f < world.log.size(); ++f) {
-    ASSERT_THAT(mapper->window().frames[f].T_map_vehicle, IsNearPose(batch.runs[0].poses[f], 1e-6));
+    ASSERT_THAT(mapper->window().frames[f].T_map_vehicle,
+                IsNearPose(batch.runs[0].poses[FrameIndex(f)], 1e-6));
   }
   for (std::size_t m = 0; m < batch.modes.size(); ++m) {
     if (mapper->window().modes[m].merged) continue;
-    EXPECT_LT((mapper->window().modes[m].p_map_landmark - batch.modes[m]).norm(), 1e-6) << m;
+    const Eigen::Vector2d& expected = batch.modes[ModeIndex(m)];
+    EXPECT_LT((mapper->window().modes[m].p_map_landmark - expected).norm(), 1e-6) << m;
   }
 }
 

@@ -33,7 +33,7 @@ Window StandingWindow(int frames) {
 void See(int frame, int group, int mode, double range_m, Window* window) {
   WindowObservation seen;
   seen.group = group;
-  seen.factor.mode = mode;
+  seen.mode = mode;
   seen.factor.observation.z = {range_m, 0.0};
   seen.factor.cov_z = Eigen::Vector2d(0.01, 0.0004).asDiagonal();
   window->frames[static_cast<std::size_t>(frame)].observations.push_back(seen);

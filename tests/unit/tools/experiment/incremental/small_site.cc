@@ -26,7 +26,7 @@ Graph MakeSmallSite(const SiteShape& shape, std::uint64_t seed) {
   const auto draw = [&](double sd) { return shape.noise * sd * normal(random); };
   Graph graph;
   graph.loss_scale = kNoLoss;
-  std::vector<Eigen::Vector2d> places;
+  IndexedVector<ModeIndex, Eigen::Vector2d> places;
   for (int m = 0; m < shape.modes; ++m) {
     const double angle = 2.0 * M_PI * m / shape.modes;
     places.emplace_back(6.0 * std::cos(angle), 6.0 * std::sin(angle));
@@ -46,11 +46,11 @@ Graph MakeSmallSite(const SiteShape& shape, std::uint64_t seed) {
     } else {
       run.poses.push_back(truth);
     }
-    for (int m = 0; m < shape.modes; ++m) {
-      const Eigen::Vector2d q = truth.Inverse() * places[static_cast<std::size_t>(m)];
+    for (const ModeIndex m : places.indices()) {
+      const Eigen::Vector2d q = truth.Inverse() * places[m];
       if (q.norm() > 5.0) continue;
       GraphObservation item;
-      item.frame = i;
+      item.frame = FrameIndex(i);
       item.mode = m;
       item.cov_z = Eigen::Vector2d(0.01, 1e-4).asDiagonal();
       item.observation.z = {q.norm() + draw(0.1), std::atan2(q.y(), q.x()) + draw(0.01)};
@@ -59,11 +59,11 @@ Graph MakeSmallSite(const SiteShape& shape, std::uint64_t seed) {
   }
   graph.runs.push_back(run);
   if (shape.surveyed) {
-    std::vector<int> modes;
+    std::vector<ModeIndex> modes;
     Eigen::VectorXd mean(2 * shape.modes);
-    for (int m = 0; m < shape.modes; ++m) {
+    for (const ModeIndex m : graph.modes.indices()) {
       modes.push_back(m);
-      mean.segment<2>(2 * m) = graph.modes[static_cast<std::size_t>(m)];
+      mean.segment<2>(2 * m) = graph.modes[m];
     }
     graph.priors.emplace_back(
         std::move(modes),
@@ -95,11 +95,12 @@ void AddNextFrame(const Graph& graph, int frame, FixedLagSmoother* smoother) {
   if (frame == 0) {
     smoother->AddFrame();
   } else {
-    smoother->AddFrame(graph.runs[0].motions[static_cast<std::size_t>(frame) - 1]);
+    smoother->AddFrame(graph.runs[0].motions[FrameIndex(frame - 1)]);
   }
   for (const GraphObservation& item : graph.observations) {
-    if (item.frame == frame)
-      smoother->AddObservation({item.mode, 0, item, Eigen::Matrix2d::Identity()});
+    if (item.frame != FrameIndex(frame)) continue;
+    const int mode = item.mode.value();
+    smoother->AddObservation({mode, 0, mode, item, Eigen::Matrix2d::Identity()});
   }
 }
 

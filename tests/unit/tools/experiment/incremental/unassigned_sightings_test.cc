@@ -12,7 +12,7 @@ constexpr double kGate = 9.21;  // 99 % of two degrees of freedom.
 void See(int group, int mode, double range_m, double sd_m, Window* window) {
   WindowObservation seen;
   seen.group = group;
-  seen.factor.mode = mode;
+  seen.mode = mode;
   seen.factor.observation.z = {range_m, 0.0};
   seen.cov_p_map = Eigen::Matrix2d::Identity() * (sd_m * sd_m);
   window->frames.emplace_back();
