@@ -79,9 +79,12 @@ class IndexedVector : public std::vector<T> {
   static std::size_t Place(Index i) { return static_cast<std::size_t>(i.value()); }
 };
 
-using RunIndex = TypedIndex<struct RunTag>;                  ///< In Graph::runs.
-using FrameIndex = TypedIndex<struct FrameTag>;              ///< Of a run's key frame.
-using ModeIndex = TypedIndex<struct ModeTag>;                ///< In Graph::modes.
+using RunIndex = TypedIndex<struct RunTag>;            ///< In Graph::runs, BuildState::runs.
+using FrameIndex = TypedIndex<struct FrameTag>;        ///< Of a run's key frame.
+using SightingIndex = TypedIndex<struct SightingTag>;  ///< In MappingRun::sightings.
+using VisitIndex = TypedIndex<struct VisitTag>;        ///< In MappingRun::visits.
+using GroupIndex = TypedIndex<struct GroupTag>;  ///< In the sorted list of a build's signatures.
+using ModeIndex = TypedIndex<struct ModeTag>;    ///< In Graph::modes.
 using ObservationIndex = TypedIndex<struct ObservationTag>;  ///< In Graph::observations.
 
 }  // namespace shiftmap

@@ -66,7 +66,7 @@ struct BuildVisit {
 
 // A group of the map and where it comes from.
 struct GroupSource {
-  std::size_t group = 0;             // In the build.
+  GroupIndex group;                  // In the build.
   std::vector<std::size_t> order;    // The build's modes in the order of the map's.
   std::vector<VisitRef> visits;      // In the order of time.
   std::vector<BuildVisit> evidence;  // In the order of time, that without sightings included.
@@ -114,7 +114,7 @@ std::vector<BuildVisit> EvidenceOf(const BuildState& build,
 // that stands for it.
 IndexedVector<ModeIndex, Visibility> KnownVisibility(
     const BuildState& build,
-    const std::vector<Signature>& signatures,
+    const IndexedVector<GroupIndex, Signature>& signatures,
     const FlatModes& flat,
     const std::vector<ModeVisibility>& visibility) {
   IndexedVector<ModeIndex, Visibility> known(flat.count());
@@ -122,7 +122,7 @@ IndexedVector<ModeIndex, Visibility> KnownVisibility(
     const auto signature =
         std::lower_bound(signatures.begin(), signatures.end(), of_mode.signature);
     if (signature == signatures.end() || *signature != of_mode.signature) continue;
-    const auto g = static_cast<std::size_t>(signature - signatures.begin());
+    const GroupIndex g(signature - signatures.begin());
     const LandmarkGroup* const group = build.Known(g);
     const int state = group != nullptr ? group->CarriedStateOf(of_mode.mode) : -1;
     if (state <= 0) continue;
@@ -143,8 +143,7 @@ IndexedVector<RunIndex, std::vector<ModeVisibility>> VisibilityByRun(
   std::map<BuildModeRef, std::pair<std::size_t, ModeNumber>> numbers;  // Group of the map, mode.
   for (std::size_t i = 0; i < sources.size(); ++i) {
     for (std::size_t k = 0; k < sources[i].order.size(); ++k) {
-      const BuildModeRef mode{static_cast<int>(sources[i].group),
-                              static_cast<int>(sources[i].order[k])};
+      const BuildModeRef mode{sources[i].group, static_cast<int>(sources[i].order[k])};
       numbers[mode] = {i, groups[i].modes[k].number};
     }
   }
@@ -162,7 +161,7 @@ IndexedVector<RunIndex, std::vector<ModeVisibility>> VisibilityByRun(
 
 // A group of the map without probabilities, its chain as the prior map has it.
 LandmarkGroup MakeGroup(const BuildState& build,
-                        const std::vector<Signature>& signatures,
+                        const IndexedVector<GroupIndex, Signature>& signatures,
                         const GroupSource& source,
                         const ModeOptions& options) {
   const std::vector<BuildMode>& modes = build.modes[source.group];
@@ -324,14 +323,14 @@ void SetCovariance(const JointCovariance& cov,
 // a landmark without identity is nothing but its position.
 // @param flat, cov  The build's modes and their joint covariance.
 void AddTracks(const BuildState& build,
-               const std::vector<Signature>& signatures,
-               const std::vector<std::vector<VisitRef>>& visits,
+               const IndexedVector<GroupIndex, Signature>& signatures,
+               const IndexedVector<GroupIndex, std::vector<VisitRef>>& visits,
                const FlatModes& flat,
                const JointCovariance& cov,
                const MapperOptions& options,
                std::vector<Mode>* landmarks) {
   IndexedVector<RunIndex, std::vector<Mode>> found(build.runs.size());
-  for (std::size_t g = 0; g < build.modes.size(); ++g) {
+  for (const GroupIndex g : build.modes.indices()) {
     if (!IsTrackSignature(signatures[g]) || visits[g].empty()) continue;
     for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
       const int index = flat.first[g].value() + static_cast<int>(k);
@@ -372,7 +371,7 @@ void SetMarginals(MapContent* content) {
 }
 
 StatusOr<MapOutput> MakeMapContent(const BuildState& build,
-                                   const std::vector<Signature>& signatures,
+                                   const IndexedVector<GroupIndex, Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options) {
@@ -386,7 +385,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
   if (prior) content.anonymous_landmarks = prior->anonymous_landmarks;
 
   const FlatModes flat(build);
-  std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
+  auto visits = VisitsByGroup(build);
   const bool tracks = options.association.associate;
   if (tracks) {
     AddTracks(
@@ -400,7 +399,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
   std::vector<GroupSource> sources;
   IndexedVector<ModeIndex, int> place(flat.count(), kNoPlace);
   int modes = 0;
-  for (std::size_t g = 0; g < build.modes.size(); ++g) {
+  for (const GroupIndex g : build.modes.indices()) {
     if (build.modes[g].empty() || (tracks && IsTrackSignature(signatures[g]))) continue;
     sources.push_back({g, ModeOrder(build, visits[g], build.modes[g]), std::move(visits[g]), {}});
     content.groups.push_back(MakeGroup(build, signatures, sources.back(), options.modes));

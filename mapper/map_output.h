@@ -47,7 +47,7 @@ void SetMarginals(MapContent* content);
 /// @param mode_covariance  In the order of FlatModes. [m²]
 /// Errors: kInvalidArgument, as LearnGroupChains.
 StatusOr<MapOutput> MakeMapContent(const BuildState& build,
-                                   const std::vector<Signature>& signatures,
+                                   const IndexedVector<GroupIndex, Signature>& signatures,
                                    const std::optional<MapContent>& prior,
                                    const JointCovariance& mode_covariance,
                                    const MapperOptions& options);

@@ -32,6 +32,8 @@
 namespace shiftmap {
 namespace {
 
+using GroupSignatures = IndexedVector<GroupIndex, Signature>;
+
 // Puts the start of the earliest run at the origin of the map.
 void AnchorFrame(BuildState* build) { MoveBuild(StartPose(build->runs.front()).Inverse(), build); }
 
@@ -373,14 +375,13 @@ MapContent AsOfRuns(MapContent map,
   return map;
 }
 
-std::vector<Signature> Named(const std::vector<Signature>& signatures,
-                             const std::vector<int>& groups) {
+std::vector<Signature> Named(const GroupSignatures& signatures, const std::vector<int>& groups) {
   std::vector<Signature> named;
-  for (const int group : groups) named.push_back(signatures[static_cast<std::size_t>(group)]);
+  for (const int group : groups) named.push_back(signatures[GroupIndex(group)]);
   return named;
 }
 
-AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature>& signatures) {
+AmbiguousChange Describe(const WaitingRuns& waiting, const GroupSignatures& signatures) {
   constexpr double kUnlikely = 0.01;
   AmbiguousChange change;
   change.runs = waiting.runs;
@@ -398,7 +399,7 @@ AmbiguousChange Describe(const WaitingRuns& waiting, const std::vector<Signature
   return change;
 }
 
-AmbiguousChange Describe(const KeptAlternatives& kept, const std::vector<Signature>& signatures) {
+AmbiguousChange Describe(const KeptAlternatives& kept, const GroupSignatures& signatures) {
   AmbiguousChange change;
   change.waits = false;
   change.runs = kept.runs;
@@ -413,13 +414,13 @@ AmbiguousChange Describe(const KeptAlternatives& kept, const std::vector<Signatu
         {Named(signatures, stayed.groups), Named(signatures, moved), stayed.probability});
   }
   std::vector<int> deciding;
-  for (const KeptAlternatives::Doubt& doubt : kept.doubts) deciding.push_back(doubt.group);
+  for (const KeptAlternatives::Doubt& doubt : kept.doubts) deciding.push_back(doubt.group.value());
   change.deciding = Named(signatures, deciding);
   return change;
 }
 
 // What is told of a solved build.
-Status Conclude(const std::vector<Signature>& signatures,
+Status Conclude(const GroupSignatures& signatures,
                 const std::optional<MapContent>& prior,
                 const MapperOptions& options,
                 BuildState* build,
@@ -470,7 +471,7 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   SortByBegin(&inputs);
   Watch watch(monitor);
   SHIFTMAP_RETURN_IF_ERROR(NameAnonymous(options, &watch, &inputs));
-  const std::vector<Signature> signatures = AllSignatures(inputs, prior);
+  const GroupSignatures signatures = AllSignatures(inputs, prior);
   const std::vector<MappingRun> runs = PrepareRuns(inputs, signatures, options, &result.rejected);
   SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!runs.empty(), result.rejected));
 

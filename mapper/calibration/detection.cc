@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "mapper/state/sightings.h"
@@ -20,21 +21,21 @@ class StandingModes {
       : run_(run), mode_of_(build.modes.size(), kUnassigned) {}
 
   void GoTo(Stamp stamp) {
-    const std::vector<MappingVisit>& visits = run_.data->visits;
-    for (; next_ < visits.size() && visits[next_].begin <= stamp; ++next_) {
+    const auto& visits = run_.data->visits;
+    for (; next_ < visits.end_index() && visits[next_].begin <= stamp; ++next_) {
       if (run_.assignment[next_] == kUnassigned) continue;
-      mode_of_[static_cast<std::size_t>(visits[next_].group)] = run_.assignment[next_];
+      mode_of_[visits[next_].group] = run_.assignment[next_];
     }
   }
 
   bool Stands(const ModeGrid::Entry& entry) const {
-    return mode_of_[static_cast<std::size_t>(entry.group)] == entry.mode;
+    return mode_of_[GroupIndex(entry.group)] == entry.mode;
   }
 
  private:
   const BuildRun& run_;
-  std::vector<int> mode_of_;
-  std::size_t next_ = 0;
+  IndexedVector<GroupIndex, int> mode_of_;
+  VisitIndex next_;
 };
 
 bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_vehicle_landmark) {
@@ -47,10 +48,10 @@ bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_veh
 
 ModeGrid GridOf(const BuildState& build, double cell_m) {
   ModeGrid grid(cell_m);
-  for (std::size_t group = 0; group < build.modes.size(); ++group) {
-    for (std::size_t k = 0; k < build.modes[group].size(); ++k) {
-      const Eigen::Vector2d& position = build.modes[group][k].p_map_landmark;
-      grid.Add({static_cast<int>(group), static_cast<int>(k), position});
+  for (const GroupIndex group : build.modes.indices()) {
+    int mode = 0;
+    for (const BuildMode& of_group : build.modes[group]) {
+      grid.Add({group.value(), mode++, of_group.p_map_landmark});
     }
   }
   return grid;
@@ -62,24 +63,23 @@ void CountDetections(const BuildState& build,
                      const BuildRun& run,
                      DetectionCount* count) {
   StandingModes standing(build, run);
-  std::vector<int> seen_at(build.modes.size(), -1);  // The last frame of each group.
-  for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
-    const KeyFrame& frame = run.data->frames[f];
+  // The last frame of each group.
+  IndexedVector<GroupIndex, std::optional<FrameIndex>> seen_at(build.modes.size());
+  for (const FrameIndex now : run.data->frames.indices()) {
+    const KeyFrame& frame = run.data->frames[now];
     standing.GoTo(frame.stamp);
-    const auto now = static_cast<int>(f);
     int all_seen = 0;
-    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
-      const auto visit = static_cast<std::size_t>(sighting.visit);
+    for (const SightingIndex s : frame.sightings()) {
+      const Sighting& sighting = run.data->sightings[s];
       if (!IsInlier(build, run, sighting)) continue;
-      int& at = seen_at[static_cast<std::size_t>(run.data->visits[visit].group)];
+      std::optional<FrameIndex>& at = seen_at[run.data->visits[sighting.visit].group];
       all_seen += at != now ? 1 : 0;
       at = now;
     }
-    const Se2 T_vehicle_map = run.poses[f].Inverse();
-    const Eigen::Vector2d p_map_vehicle = run.poses[f].translation();
+    const Se2 T_vehicle_map = run.poses[now].Inverse();
+    const Eigen::Vector2d p_map_vehicle = run.poses[now].translation();
     grid.VisitNear(p_map_vehicle, sensor.max_range_m, [&](const ModeGrid::Entry& entry) {
-      const int seen = seen_at[static_cast<std::size_t>(entry.group)] == now ? 1 : 0;
+      const int seen = seen_at[GroupIndex(entry.group)] == now ? 1 : 0;
       if (all_seen - seen == 0 || !standing.Stands(entry)) return;
       if (!InFieldOfView(sensor, T_vehicle_map * entry.p_map_landmark)) return;
       count->expected += 1.0;
@@ -117,7 +117,7 @@ SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& 
       positions.push_back(sighting.observation.PositionInVehicle());
     }
   }
-  if (static_cast<int>(positions.size()) < options.min_sightings) return sensor;
+  if (std::ssize(positions) < options.min_sightings) return sensor;
   SetFieldOfView(positions, &sensor);
 
   DetectionCount count;

@@ -36,10 +36,10 @@ struct MotionSquares {
 };
 
 void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
-  std::size_t first = 0;
+  FrameIndex first;
   Se2 T_first_odometry;
-  const std::vector<KeyFrame>& frames = run.data->frames;
-  for (std::size_t i = 1; i < frames.size(); ++i) {
+  const auto& frames = run.data->frames;
+  for (FrameIndex i = 1; i < frames.end_index(); ++i) {
     T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
     const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
     if (seconds < kNoiseSpanSeconds) continue;
@@ -75,7 +75,7 @@ void AddSensorSquares(const BuildState& build,
   for (const Sighting& sighting : run.data->sightings) {
     if (!IsInlier(build, run, sighting)) continue;
     const Eigen::Vector2d nu2 = LinearizeBiased(sighting.observation,
-                                                run.poses[static_cast<std::size_t>(sighting.frame)],
+                                                run.poses[sighting.frame],
                                                 AssignedPosition(build, run, sighting),
                                                 bias,
                                                 mean_squared_bearing)

@@ -37,8 +37,8 @@ bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale
 // it does not explain becomes noise.
 double LogOddsOfReversedTurns(const BuildRun& run) {
   double log_odds = 0.0;
-  const std::vector<std::size_t> broken = BrokenMotions(run.motions);
-  for (std::size_t i = 0; i < run.motions.between_frames.size(); ++i) {
+  const std::vector<FrameIndex> broken = BrokenMotions(run.motions);
+  for (const FrameIndex i : run.motions.between_frames.indices()) {
     if (std::binary_search(broken.begin(), broken.end(), i)) continue;
     const double odometry = run.motions.between_frames[i].T_begin_end.yaw();
     const double turned = run.poses[i + 1].yaw() - run.poses[i].yaw();

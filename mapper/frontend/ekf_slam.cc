@@ -23,9 +23,9 @@ struct Step {
 };
 
 // What a run's sightings read, without what the sensor gets wrong.
-std::vector<Observation> CorrectedObservations(const MappingRun& run,
-                                               const SensorCalibration& sensor) {
-  std::vector<Observation> observations;
+IndexedVector<SightingIndex, Observation> CorrectedObservations(const MappingRun& run,
+                                                                const SensorCalibration& sensor) {
+  IndexedVector<SightingIndex, Observation> observations;
   for (const Sighting& sighting : run.sightings) {
     observations.push_back(Corrected(sighting.observation, sensor));
   }
@@ -35,24 +35,23 @@ std::vector<Observation> CorrectedObservations(const MappingRun& run,
 // Per sighting, whether another of its visit says the same, by odometry and the sensor's noise. All
 // of them where landmarks are mostly seen in passing: one sighting has to do then.
 // @param observations  Of the sightings, corrected.
-std::vector<bool> ConfirmedSightings(const MappingRun& run,
-                                     const std::vector<Observation>& observations,
-                                     const FrameMotions& motions,
-                                     const SensorCalibration& sensor) {
+IndexedVector<SightingIndex, bool> ConfirmedSightings(
+    const MappingRun& run,
+    const IndexedVector<SightingIndex, Observation>& observations,
+    const FrameMotions& motions,
+    const SensorCalibration& sensor) {
   // Sightings before and after that are asked: one of them may be misread itself.
   constexpr std::size_t kNeighbours = 2;
   constexpr double kFloor = 0.1;  // Of odometry meanwhile. [m]
   static const double gate = ChiSquareQuantile(0.999, 2);
-  const std::vector<Se2> poses = DeadReckon(motions);
-  std::vector<bool> confirmed(run.sightings.size());
+  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(motions);
+  IndexedVector<SightingIndex, bool> confirmed(run.sightings.size());
   for (const MappingVisit& visit : run.visits) {
     std::vector<Eigen::Vector2d> positions;
     std::vector<double> variances;
-    for (const int s : visit.sightings) {
-      const auto at = static_cast<std::size_t>(s);
-      const Observation& observation = observations[at];
-      positions.push_back(poses[static_cast<std::size_t>(run.sightings[at].frame)] *
-                          observation.PositionInVehicle());
+    for (const SightingIndex s : visit.sightings) {
+      const Observation& observation = observations[s];
+      positions.push_back(poses[run.sightings[s].frame] * observation.PositionInVehicle());
       variances.push_back(
           PositionNoiseInVehicle(observation, ObservationNoise(observation, sensor)).trace());
     }
@@ -60,8 +59,8 @@ std::vector<bool> ConfirmedSightings(const MappingRun& run,
       for (std::size_t j = i + 1; j < std::min(positions.size(), i + 1 + kNeighbours); ++j) {
         const double variance = variances[i] + variances[j] + kFloor * kFloor;
         if ((positions[i] - positions[j]).squaredNorm() > gate * variance) continue;
-        confirmed[static_cast<std::size_t>(visit.sightings[i])] = true;
-        confirmed[static_cast<std::size_t>(visit.sightings[j])] = true;
+        confirmed[visit.sightings[i]] = true;
+        confirmed[visit.sightings[j]] = true;
       }
     }
   }
@@ -98,10 +97,9 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
   SlamState state(calibration);
   GatedLandmarks landmarks;
   std::vector<Step> steps;
-  const std::vector<Observation> observations = CorrectedObservations(run, calibration.sensor);
-  const std::vector<bool> confirmed =
-      ConfirmedSightings(run, observations, motions, calibration.sensor);
-  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+  const auto observations = CorrectedObservations(run, calibration.sensor);
+  const auto confirmed = ConfirmedSightings(run, observations, motions, calibration.sensor);
+  for (const FrameIndex i : run.frames.indices()) {
     const KeyFrame& frame = run.frames[i];
     Step& step = steps.emplace_back();
     if (i > 0) {
@@ -110,14 +108,12 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
       state.Predict(motion);
     }
     step.predicted = PoseOf(state);
-    for (int s = frame.first_sighting; s < frame.first_sighting + frame.sighting_count; ++s) {
-      const auto at = static_cast<std::size_t>(s);
-      if (!confirmed[at]) continue;
-      const Sighting& sighting = run.sightings[at];
-      const Observation& observation = observations[at];
+    for (const SightingIndex s : frame.sightings()) {
+      if (!confirmed[s]) continue;
+      const Observation& observation = observations[s];
       state.Focus(observation.PositionInVehicle().norm());
-      landmarks.Observe(
-          run.visits[static_cast<std::size_t>(sighting.visit)].group, observation, &state);
+      const GroupIndex group = run.visits[run.sightings[s].visit].group;
+      landmarks.Observe(group.value(), observation, &state);
     }
     step.filtered = PoseOf(state);
   }

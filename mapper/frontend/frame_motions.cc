@@ -20,23 +20,23 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
 FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration) {
   FrameMotions motions{calibration, {}};
   std::size_t hint = 0;
-  for (std::size_t i = 0; i + 1 < run.frames.size(); ++i) {
+  for (FrameIndex i; i + 1 < run.frames.end_index(); ++i) {
     motions.between_frames.push_back(IntegrateOdometry(
         run.odometry, run.frames[i].stamp, run.frames[i + 1].stamp, calibration, &hint));
   }
   return motions;
 }
 
-void BreakMotion(std::size_t i, FrameMotions* motions) {
+void BreakMotion(FrameIndex i, FrameMotions* motions) {
   IntegratedMotion& motion = motions->between_frames[i];
   motion.J_calibration.setZero();
   motion.slip_s = kNothing;
   motion.cov_per_yaw_noise = Eigen::Vector3d(0.0, 0.0, kNothing).asDiagonal();
 }
 
-std::vector<std::size_t> BrokenMotions(const FrameMotions& motions) {
-  std::vector<std::size_t> broken;
-  for (std::size_t i = 0; i < motions.between_frames.size(); ++i) {
+std::vector<FrameIndex> BrokenMotions(const FrameMotions& motions) {
+  std::vector<FrameIndex> broken;
+  for (const FrameIndex i : motions.between_frames.indices()) {
     if (motions.between_frames[i].slip_s == kNothing) broken.push_back(i);
   }
   return broken;
@@ -48,13 +48,13 @@ void UpdateMotions(const MappingRun& run,
   const bool near = CorrectionBetween(motions->calibration, calibration).cwiseAbs().maxCoeff() <
                     kLinearCorrection;
   if (motions->between_frames.size() + 1 == run.frames.size() && near) return;
-  const std::vector<std::size_t> broken = BrokenMotions(*motions);
+  const std::vector<FrameIndex> broken = BrokenMotions(*motions);
   *motions = IntegrateMotions(run, calibration);
-  for (const std::size_t i : broken) BreakMotion(i, motions);
+  for (const FrameIndex i : broken) BreakMotion(i, motions);
 }
 
 MotionIncrement MotionFrom(const FrameMotions& motions,
-                           std::size_t i,
+                           FrameIndex i,
                            const OdometryCalibration& calibration) {
   MotionIncrement motion =
       motions.between_frames[i].WithNoise(calibration.noise_v, calibration.noise_omega);
@@ -63,8 +63,8 @@ MotionIncrement MotionFrom(const FrameMotions& motions,
   return motion;
 }
 
-std::vector<Se2> DeadReckon(const FrameMotions& motions) {
-  std::vector<Se2> poses(1);
+IndexedVector<FrameIndex, Se2> DeadReckon(const FrameMotions& motions) {
+  IndexedVector<FrameIndex, Se2> poses(1);
   for (const IntegratedMotion& motion : motions.between_frames) {
     poses.push_back(poses.back() * motion.T_begin_end);
   }

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstddef>
-#include <vector>
 
 #include "localizer/models/motion_model.h"
 #include "mapper/frontend/mapping_run.h"
@@ -15,7 +13,7 @@ namespace shiftmap {
 /// The odometry of a run between its key frames, integrated at some calibration.
 struct FrameMotions {
   OdometryCalibration calibration;
-  std::vector<IntegratedMotion> between_frames;  ///< One fewer than frames.
+  IndexedVector<FrameIndex, IntegratedMotion> between_frames;  ///< One fewer than frames.
 };
 
 /// Standard deviation of a run's lag about that of the fleet: logs differ in what they call now.
@@ -31,10 +29,10 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
 FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration);
 
 /// Makes the motion from frame i to the next tell nothing: the vehicle was moved otherwise.
-void BreakMotion(std::size_t i, FrameMotions* motions);
+void BreakMotion(FrameIndex i, FrameMotions* motions);
 
 /// The motions that are broken, ascending.
-std::vector<std::size_t> BrokenMotions(const FrameMotions& motions);
+std::vector<FrameIndex> BrokenMotions(const FrameMotions& motions);
 
 /// The same, with what is broken, unless `motions` are near enough to `calibration` already.
 void UpdateMotions(const MappingRun& run,
@@ -43,10 +41,10 @@ void UpdateMotions(const MappingRun& run,
 
 /// The motion from frame i to the next, corrected to a calibration nearby and with its noise.
 MotionIncrement MotionFrom(const FrameMotions& motions,
-                           std::size_t i,
+                           FrameIndex i,
                            const OdometryCalibration& calibration);
 
 /// Poses of key frames by motions alone, in the frame of the first one.
-std::vector<Se2> DeadReckon(const FrameMotions& motions);
+IndexedVector<FrameIndex, Se2> DeadReckon(const FrameMotions& motions);
 
 }  // namespace shiftmap

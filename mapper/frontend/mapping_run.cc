@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "proto/core/check.h"
@@ -13,9 +14,9 @@ namespace {
 void AddFrame(const Scan& scan, const std::vector<int>& sighted, MappingRun* out) {
   // Scans with one stamp are one key frame: there is no motion between them.
   if (out->frames.empty() || out->frames.back().stamp != scan.stamp) {
-    out->frames.push_back({scan.stamp, static_cast<int>(out->sightings.size()), 0});
+    out->frames.push_back({scan.stamp, out->sightings.end_index(), 0});
   }
-  const int frame = static_cast<int>(out->frames.size()) - 1;
+  const FrameIndex frame = out->frames.end_index() - 1;
   for (const int index : sighted) {
     out->sightings.push_back({frame, 0, scan.observations[static_cast<std::size_t>(index)]});
     ++out->frames.back().sighting_count;
@@ -24,24 +25,24 @@ void AddFrame(const Scan& scan, const std::vector<int>& sighted, MappingRun* out
 
 void FindVisits(const std::vector<Signature>& signatures, double visit_gap_s, MappingRun* out) {
   const Duration gap = FromSeconds(visit_gap_s);
-  std::vector<int> open(signatures.size(), -1);
-  for (std::size_t i = 0; i < out->sightings.size(); ++i) {
+  IndexedVector<GroupIndex, std::optional<VisitIndex>> open(signatures.size());
+  for (const SightingIndex i : out->sightings.indices()) {
     Sighting& sighting = out->sightings[i];
-    const Stamp stamp = out->frames[static_cast<std::size_t>(sighting.frame)].stamp;
+    const Stamp stamp = out->frames[sighting.frame].stamp;
     const auto found =
         std::lower_bound(signatures.begin(), signatures.end(), sighting.observation.signature);
     SHIFTMAP_CHECK(found != signatures.end() && *found == sighting.observation.signature,
                    "signature '{}' is not in the list",
                    sighting.observation.signature.text());
-    const auto group = static_cast<std::size_t>(found - signatures.begin());
-    if (open[group] < 0 || stamp - out->visits[static_cast<std::size_t>(open[group])].end > gap) {
-      open[group] = static_cast<int>(out->visits.size());
-      out->visits.push_back({static_cast<int>(group), stamp, stamp, {}});
+    const GroupIndex group(found - signatures.begin());
+    if (!open[group] || stamp - out->visits[*open[group]].end > gap) {
+      open[group] = out->visits.end_index();
+      out->visits.push_back({group, stamp, stamp, {}});
     }
-    sighting.visit = open[group];
-    MappingVisit& visit = out->visits[static_cast<std::size_t>(open[group])];
+    sighting.visit = *open[group];
+    MappingVisit& visit = out->visits[sighting.visit];
     visit.end = stamp;
-    visit.sightings.push_back(static_cast<int>(i));
+    visit.sightings.push_back(i);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mapper/frontend/usable_sightings.h"
+#include "mapper/index.h"
 #include "mapstore/core/ids.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
@@ -13,25 +14,30 @@ namespace shiftmap {
 
 /// One landmark seen in one key frame.
 struct Sighting {
-  int frame = 0;  ///< Index in MappingRun::frames.
-  int visit = 0;  ///< Index in MappingRun::visits.
+  FrameIndex frame;
+  VisitIndex visit;
   Observation observation;
 };
 
 /// A scan of a run in which an identified landmark was seen: where the mapper estimates the pose.
 struct KeyFrame {
   Stamp stamp;
-  int first_sighting = 0;  ///< Sightings [first, first + count) were made here.
+  SightingIndex first_sighting;
   int sighting_count = 0;
+
+  /// Those that were made here.
+  IndexRange<SightingIndex> sightings() const {
+    return {first_sighting, first_sighting + sighting_count};
+  }
 };
 
 /// One maximal stretch of a run in which a group is seen again and again. The landmark does not
 /// change mode inside it.
 struct MappingVisit {
-  int group = 0;  ///< Index in the sorted list of all signatures of the build.
+  GroupIndex group;
   Stamp begin;
   Stamp end;
-  std::vector<int> sightings;  ///< In the order of time.
+  std::vector<SightingIndex> sightings;  ///< In the order of time.
 };
 
 /// A run, arranged for mapping.
@@ -41,9 +47,9 @@ struct MappingRun {
   RunInfo info;
   std::vector<OdometrySample> odometry;
   std::vector<Stamp> scan_stamps;  ///< Of every scan, also of those without identified landmarks.
-  std::vector<KeyFrame> frames;
-  std::vector<Sighting> sightings;   ///< By frame.
-  std::vector<MappingVisit> visits;  ///< By begin.
+  IndexedVector<FrameIndex, KeyFrame> frames;
+  IndexedVector<SightingIndex, Sighting> sightings;  ///< By frame.
+  IndexedVector<VisitIndex, MappingVisit> visits;    ///< By begin.
 
   double mean_squared_bearing = 0.0;  ///< Over all sightings, weighted with r². [rad²]
 

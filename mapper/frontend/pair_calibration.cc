@@ -85,10 +85,10 @@ std::vector<SightingPair> CollectPairs(const MappingRun& run,
   std::vector<SightingPair> pairs;
   for (const MappingVisit& visit : run.visits) {
     const auto sighting_of = [&](std::size_t index) -> const Sighting& {
-      return run.sightings[static_cast<std::size_t>(visit.sightings[index])];
+      return run.sightings[visit.sightings[index]];
     };
     const auto stamp_of = [&](std::size_t index) {
-      return run.frames[static_cast<std::size_t>(sighting_of(index).frame)].stamp;
+      return run.frames[sighting_of(index).frame].stamp;
     };
     std::size_t first = 0;
     for (std::size_t second = 1; second < visit.sightings.size(); ++second) {

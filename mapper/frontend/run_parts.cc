@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <optional>
 
 #include "proto/core/check.h"
 
@@ -29,15 +30,17 @@ std::vector<OdometrySample> OdometryBetween(const std::vector<OdometrySample>& o
 }
 
 // Adds where parts of key frames [first, last) begin. Each has a key frame.
-void AddPartStarts(
-    const MappingRun& run, double part_s, int first, int last, std::vector<int>* starts) {
-  const auto stamp = [&](int i) { return run.frames[static_cast<std::size_t>(i)].stamp; };
-  const double duration = ToSeconds(stamp(last - 1) - stamp(first));
+void AddPartStarts(const MappingRun& run,
+                   double part_s,
+                   IndexRange<FrameIndex> frames,
+                   std::vector<FrameIndex>* starts) {
+  const Stamp begin = run.frames[frames.first].stamp;
+  const double duration = ToSeconds(run.frames[frames.last - 1].stamp - begin);
   const double parts = std::max(1.0, std::round(duration / part_s));
   double part = -1.0;
-  for (int i = first; i < last; ++i) {
+  for (const FrameIndex i : frames) {
     const double at =
-        std::floor(parts * ToSeconds(stamp(i) - stamp(first)) / std::max(duration, 1e-9));
+        std::floor(parts * ToSeconds(run.frames[i].stamp - begin) / std::max(duration, 1e-9));
     if (std::min(at, parts - 1.0) == part) continue;
     part = std::min(at, parts - 1.0);
     starts->push_back(i);
@@ -46,18 +49,18 @@ void AddPartStarts(
 
 }  // namespace
 
-MappingRun PartOf(const MappingRun& run, int first, int last) {
-  SHIFTMAP_CHECK(0 <= first && first < last && last <= std::ssize(run.frames),
+MappingRun PartOf(const MappingRun& run, FrameIndex first, FrameIndex last) {
+  SHIFTMAP_CHECK(0 <= first && first < last && last <= run.frames.end_index(),
                  "key frames {} to {} of {}",
-                 first,
-                 last,
+                 first.value(),
+                 last.value(),
                  run.frames.size());
   MappingRun part;
   part.name = run.name;
   part.sha256 = run.sha256;
   part.info = run.info;
   part.mean_squared_bearing = run.mean_squared_bearing;
-  part.frames.assign(run.frames.begin() + first, run.frames.begin() + last);
+  part.frames.assign(run.frames.begin() + first.value(), run.frames.begin() + last.value());
   const Stamp begin = part.frames.front().stamp;
   const Stamp end = part.frames.back().stamp;
   part.odometry = OdometryBetween(run.odometry, begin, end);
@@ -68,64 +71,61 @@ MappingRun PartOf(const MappingRun& run, int first, int last) {
                std::back_inserter(part.scan_stamps),
                [&](Stamp stamp) { return begin <= stamp && stamp <= end; });
 
-  std::vector<int> visit_of(run.visits.size(), -1);  // In the part.
+  IndexedVector<VisitIndex, std::optional<VisitIndex>> visit_of(run.visits.size());  // In the part.
   for (KeyFrame& frame : part.frames) {
-    const int from = frame.first_sighting;
-    frame.first_sighting = static_cast<int>(part.sightings.size());
-    for (int s = from; s < from + frame.sighting_count; ++s) {
-      Sighting sighting = run.sightings[static_cast<std::size_t>(s)];
-      int& visit = visit_of[static_cast<std::size_t>(sighting.visit)];
-      if (visit < 0) {
-        visit = static_cast<int>(part.visits.size());
-        const int group = run.visits[static_cast<std::size_t>(sighting.visit)].group;
+    const auto sightings = frame.sightings();
+    frame.first_sighting = part.sightings.end_index();
+    for (const SightingIndex s : sightings) {
+      Sighting sighting = run.sightings[s];
+      std::optional<VisitIndex>& visit = visit_of[sighting.visit];
+      if (!visit) {
+        visit = part.visits.end_index();
+        const GroupIndex group = run.visits[sighting.visit].group;
         part.visits.push_back({group, frame.stamp, frame.stamp, {}});
       }
-      sighting.frame -= first;
-      sighting.visit = visit;
-      MappingVisit& of_part = part.visits[static_cast<std::size_t>(visit)];
+      sighting.frame = FrameIndex(sighting.frame - first);
+      sighting.visit = *visit;
+      MappingVisit& of_part = part.visits[*visit];
       of_part.end = frame.stamp;
-      of_part.sightings.push_back(static_cast<int>(part.sightings.size()));
+      of_part.sightings.push_back(part.sightings.end_index());
       part.sightings.push_back(std::move(sighting));
     }
   }
   return part;
 }
 
-RunParts::RunParts(const MappingRun& run, double part_s, const std::vector<std::size_t>& broken) {
-  std::vector<int> starts;
-  int first = 0;
-  for (const std::size_t motion : broken) {
-    const int next = static_cast<int>(motion) + 1;
-    AddPartStarts(run, part_s, first, next, &starts);
-    first = next;
+RunParts::RunParts(const MappingRun& run, double part_s, const std::vector<FrameIndex>& broken) {
+  std::vector<FrameIndex> starts;
+  FrameIndex first;
+  for (const FrameIndex motion : broken) {
+    AddPartStarts(run, part_s, {first, motion + 1}, &starts);
+    first = motion + 1;
   }
-  AddPartStarts(run, part_s, first, static_cast<int>(run.frames.size()), &starts);
+  AddPartStarts(run, part_s, {first, run.frames.end_index()}, &starts);
   for (std::size_t k = 0; k < starts.size(); ++k) {
     const bool last = k + 1 == starts.size();
-    parts_.push_back(
-        PartOf(run, starts[k], last ? static_cast<int>(run.frames.size()) : starts[k + 1]));
+    parts_.push_back(PartOf(run, starts[k], last ? run.frames.end_index() : starts[k + 1]));
   }
   poses_.resize(parts_.size());
 }
 
-std::vector<Se2> RunParts::Poses(const FrameMotions& motions) const {
-  std::vector<Se2> poses = DeadReckon(motions);
-  std::vector<bool> known(poses.size());
-  std::size_t begin = 0;
+IndexedVector<FrameIndex, Se2> RunParts::Poses(const FrameMotions& motions) const {
+  IndexedVector<FrameIndex, Se2> poses = DeadReckon(motions);
+  IndexedVector<FrameIndex, bool> known(poses.size());
+  FrameIndex begin;
   for (std::size_t k = 0; k < parts_.size(); ++k) {
-    const std::size_t frames = parts_[k].frames.size();
-    for (std::size_t i = 0; i < poses_[k].size(); ++i) {
-      poses[begin + i] = poses_[k][i];
-      known[begin + i] = true;
+    FrameIndex i = begin;
+    for (const Se2& pose : poses_[k]) {
+      poses[i] = pose;
+      known[i++] = true;
     }
-    begin += frames;
+    begin = begin + parts_[k].frames.end_index().value();
   }
-  const auto motion = [&](std::size_t i) { return motions.between_frames[i].T_begin_end; };
-  const auto first =
-      static_cast<std::size_t>(std::find(known.begin(), known.end(), true) - known.begin());
-  if (first == known.size()) return poses;
-  for (std::size_t i = first; i-- > 0;) poses[i] = poses[i + 1] * motion(i).Inverse();
-  for (std::size_t i = first + 1; i < poses.size(); ++i) {
+  const auto motion = [&](FrameIndex i) { return motions.between_frames[i].T_begin_end; };
+  const FrameIndex first(std::find(known.begin(), known.end(), true) - known.begin());
+  if (first == known.end_index()) return poses;
+  for (FrameIndex i = first; i > 0; i = i - 1) poses[i - 1] = poses[i] * motion(i - 1).Inverse();
+  for (FrameIndex i = first + 1; i < poses.end_index(); ++i) {
     if (!known[i]) poses[i] = poses[i - 1] * motion(i - 1);
   }
   return poses;

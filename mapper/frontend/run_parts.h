@@ -14,13 +14,13 @@ namespace shiftmap {
 /// Some key frames [first, last) of a run as a run of its own. A visit that goes on beyond them is
 /// one in either part.
 /// Precondition: 0 <= first < last <= frames.
-MappingRun PartOf(const MappingRun& run, int first, int last);
+MappingRun PartOf(const MappingRun& run, FrameIndex first, FrameIndex last);
 
 /// Parts of a run that are placed by themselves, and its poses by those.
 class RunParts {
  public:
   /// Parts that each take about `part_s` [s], none of them across a motion of BrokenMotions().
-  RunParts(const MappingRun& run, double part_s, const std::vector<std::size_t>& broken = {});
+  RunParts(const MappingRun& run, double part_s, const std::vector<FrameIndex>& broken = {});
 
   std::size_t size() const { return parts_.size(); }
   const MappingRun& At(std::size_t part) const { return parts_[part]; }
@@ -30,7 +30,7 @@ class RunParts {
 
   /// The poses of the run's key frames: those of parts that are not placed go on from the others,
   /// or from each other, by odometry.
-  std::vector<Se2> Poses(const FrameMotions& motions) const;
+  IndexedVector<FrameIndex, Se2> Poses(const FrameMotions& motions) const;
 
  private:
   std::vector<MappingRun> parts_;

@@ -29,7 +29,7 @@ bool IsInDoubt(const BuildState& build,
                const KeptAlternatives::Doubt& doubt) {
   const int assigned = AssignmentOf(build, visit);
   return VisitOf(build, visit).group == doubt.group && assigned != kUnassigned &&
-         assigned != NearestTo(doubt.place, build.modes[static_cast<std::size_t>(doubt.group)]);
+         assigned != NearestTo(doubt.place, build.modes[doubt.group]);
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ void MixAlternatives(const BuildState& build,
     if (!IsOf(kept, sha256)) continue;
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
       if (!IsInDoubt(build, visit, doubt)) continue;
-      const int left = NearestTo(doubt.place, build.modes[static_cast<std::size_t>(doubt.group)]);
+      const int left = NearestTo(doubt.place, build.modes[doubt.group]);
       (*log_likelihoods)[1 + left] = (*log_likelihoods)[1 + AssignmentOf(build, visit)] +
                                      std::log(doubt.stayed) - std::log1p(-doubt.stayed);
     }
@@ -55,8 +55,8 @@ void DropSettledAlternatives(BuildState* build) {
       for (const RunIndex r : build->runs.indices()) {
         const BuildRun& run = build->runs[r];
         if (!IsOf(kept, run.data->sha256)) continue;
-        for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-          if (IsInDoubt(*build, {r, static_cast<int>(v)}, doubt)) return false;
+        for (const VisitIndex v : run.assignment.indices()) {
+          if (IsInDoubt(*build, {r, v}, doubt)) return false;
         }
       }
       return true;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <map>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -24,7 +25,7 @@ struct MissedMode {
 
 // A gap is named by the number of visits of the group before it.
 struct GapRef {
-  int group = 0;
+  GroupIndex group;
   RunIndex run;
   std::size_t gap = 0;
 
@@ -36,47 +37,45 @@ class RunTimeline {
  public:
   RunTimeline(const BuildState& build, const BuildRun& run)
       : run_(run), visits_(build.modes.size()), begun_(build.modes.size(), 0) {
-    for (std::size_t v = 0; v < run.data->visits.size(); ++v) {
-      visits_[static_cast<std::size_t>(run.data->visits[v].group)].push_back(v);
+    for (const VisitIndex v : run.data->visits.indices()) {
+      visits_[run.data->visits[v].group].push_back(v);
     }
   }
 
   void GoTo(Stamp stamp) {
-    const std::vector<MappingVisit>& visits = run_.data->visits;
-    for (; next_ < visits.size() && visits[next_].begin <= stamp; ++next_) {
-      ++begun_[static_cast<std::size_t>(visits[next_].group)];
+    const auto& visits = run_.data->visits;
+    for (; next_ < visits.end_index() && visits[next_].begin <= stamp; ++next_) {
+      ++begun_[visits[next_].group];
     }
   }
 
   // How many visits of a group have begun.
-  std::size_t Gap(int group) const { return begun_[static_cast<std::size_t>(group)]; }
+  std::size_t Gap(GroupIndex group) const { return begun_[group]; }
 
-  bool InVisit(int group, Stamp stamp) const {
+  bool InVisit(GroupIndex group, Stamp stamp) const {
     const std::size_t gap = Gap(group);
-    return gap > 0 && stamp <= run_.data->visits[VisitAt(group, gap - 1)].end;
+    return gap > 0 && stamp <= run_.data->visits[visits_[group][gap - 1]].end;
   }
 
   // The mode at which the group was last seen, or will be seen next; kUnassigned if at none.
-  int Before(int group) const {
+  int Before(GroupIndex group) const {
     const std::size_t gap = Gap(group);
-    return gap > 0 ? run_.assignment[VisitAt(group, gap - 1)] : kUnassigned;
+    return gap > 0 ? run_.assignment[visits_[group][gap - 1]] : kUnassigned;
   }
-  int After(int group) const {
+  int After(GroupIndex group) const {
     const std::size_t gap = Gap(group);
-    const bool any = gap < visits_[static_cast<std::size_t>(group)].size();
-    return any ? run_.assignment[VisitAt(group, gap)] : kUnassigned;
+    return gap < visits_[group].size() ? run_.assignment[visits_[group][gap]] : kUnassigned;
   }
 
  private:
-  std::size_t VisitAt(int group, std::size_t i) const {
-    return visits_[static_cast<std::size_t>(group)][i];
-  }
-
   const BuildRun& run_;
-  std::vector<std::vector<std::size_t>> visits_;
-  std::vector<std::size_t> begun_;
-  std::size_t next_ = 0;
+  IndexedVector<GroupIndex, std::vector<VisitIndex>> visits_;
+  IndexedVector<GroupIndex, std::size_t> begun_;
+  VisitIndex next_;
 };
+
+// The last frame that saw each group.
+using LastFrames = IndexedVector<GroupIndex, std::optional<FrameIndex>>;
 
 // Goes through the key frames of all runs and sorts what was in view by what it tells.
 class MissCollector {
@@ -98,30 +97,27 @@ class MissCollector {
     const BuildRun& run = problem_.runs[run_index];
     RunTimeline timeline(problem_, run);
     open_.assign(flat_.count(), {});
-    std::vector<int> seen_at(problem_.modes.size(), -1);  // The last frame of each group.
-    for (std::size_t f = 0; f < run.data->frames.size(); ++f) {
-      timeline.GoTo(run.data->frames[f].stamp);
-      const auto frame = static_cast<int>(f);
+    LastFrames seen_at(problem_.modes.size());
+    for (const FrameIndex frame : run.data->frames.indices()) {
+      timeline.GoTo(run.data->frames[frame].stamp);
       if (MarkSeen(run, frame, &seen_at) > 0) AddFrame(run_index, frame, timeline, seen_at);
     }
     return TakeSeen();
   }
 
-  const Visibility& visibility(int group, int mode) const {
+  const Visibility& visibility(GroupIndex group, int mode) const {
     return visibility_[flat_.Index(group, mode)];
   }
   const std::map<GapRef, std::map<int, MissedMode>>& gaps() const { return gaps_; }
 
  private:
   // Marks the groups that a frame saw where the map has them; returns their number.
-  int MarkSeen(const BuildRun& run, int frame, std::vector<int>* seen_at) const {
-    const KeyFrame& key = run.data->frames[static_cast<std::size_t>(frame)];
+  int MarkSeen(const BuildRun& run, FrameIndex frame, LastFrames* seen_at) const {
     int seen = 0;
-    for (int s = key.first_sighting; s < key.first_sighting + key.sighting_count; ++s) {
-      const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(s)];
+    for (const SightingIndex s : run.data->frames[frame].sightings()) {
+      const Sighting& sighting = run.data->sightings[s];
       if (!IsInlier(problem_, run, sighting)) continue;
-      const auto visit = static_cast<std::size_t>(sighting.visit);
-      int& at = (*seen_at)[static_cast<std::size_t>(run.data->visits[visit].group)];
+      std::optional<FrameIndex>& at = (*seen_at)[run.data->visits[sighting.visit].group];
       seen += at != frame ? 1 : 0;
       at = frame;
     }
@@ -129,29 +125,29 @@ class MissCollector {
   }
 
   void AddFrame(RunIndex run_index,
-                int frame,
+                FrameIndex frame,
                 const RunTimeline& timeline,
-                const std::vector<int>& seen_at) {
+                const LastFrames& seen_at) {
     const BuildRun& run = problem_.runs[run_index];
-    const Stamp stamp = run.data->frames[static_cast<std::size_t>(frame)].stamp;
-    const Se2& T_map_vehicle = run.poses[static_cast<std::size_t>(frame)];
+    const Stamp stamp = run.data->frames[frame].stamp;
+    const Se2& T_map_vehicle = run.poses[frame];
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
     const double range_m = problem_.sensor.max_range_m;
     grid_.VisitNear(T_map_vehicle.translation(), range_m, [&](const ModeGrid::Entry& entry) {
       if (!WellInView(T_vehicle_map * entry.p_map_landmark, problem_.sensor)) return;
       const std::size_t direction = DirectionOf(T_map_vehicle.translation() - entry.p_map_landmark);
-      const int before = timeline.Before(entry.group);
-      const bool in_visit = timeline.InVisit(entry.group, stamp);
+      const GroupIndex group(entry.group);
+      const int before = timeline.Before(group);
+      const bool in_visit = timeline.InVisit(group, stamp);
       // Seen before and after, it did not leave in between.
-      const bool stood =
-          before != kUnassigned && (in_visit || before == timeline.After(entry.group));
-      const ModeIndex flat = flat_.Index(entry.group, entry.mode);
+      const bool stood = before != kUnassigned && (in_visit || before == timeline.After(group));
+      const ModeIndex flat = flat_.Index(group, entry.mode);
       if (stood && before == entry.mode) {
-        const bool seen = seen_at[static_cast<std::size_t>(entry.group)] == frame;
+        const bool seen = seen_at[group] == frame;
         ++(seen ? seen_[flat].seen : seen_[flat].missed)[direction];
       }
       if (stood || in_visit) return;
-      const GapRef gap{entry.group, run_index, timeline.Gap(entry.group)};
+      const GapRef gap{group, run_index, timeline.Gap(group)};
       OpenGap& open = open_[flat];
       if (open.missed == nullptr || open.gap != gap.gap) {
         open = {gap.gap, &gaps_[gap][entry.mode]};
@@ -163,10 +159,10 @@ class MissCollector {
   std::vector<SeenMode> TakeSeen() {
     std::vector<SeenMode> result;
     ModeIndex flat;
-    for (std::size_t group = 0; group < problem_.modes.size(); ++group) {
+    for (const GroupIndex group : problem_.modes.indices()) {
       for (std::size_t mode = 0; mode < problem_.modes[group].size(); ++mode, ++flat) {
         if (seen_[flat] == Visibility()) continue;
-        result.push_back({{static_cast<int>(group), static_cast<int>(mode)}, seen_[flat]});
+        result.push_back({{group, static_cast<int>(mode)}, seen_[flat]});
         visibility_[flat] += std::exchange(seen_[flat], {});
       }
     }
@@ -203,27 +199,25 @@ MissedVisits FindMissedVisits(const BuildState& build,
                               const MissedDetectionOptions& options,
                               const IndexedVector<ModeIndex, Visibility>& known) {
   MissedVisits result;
-  std::vector<std::vector<MissedVisit>>& by_group = result.by_group;
+  auto& by_group = result.by_group;
   by_group.resize(build.modes.size());
   MissCollector collector(build, pass_gap_s, known);
   for (const RunIndex run : build.runs.indices()) {
     result.seen_by_run.push_back(collector.AddRun(run));
   }
   for (const auto& [gap, modes] : collector.gaps()) {
-    const auto group = static_cast<std::size_t>(gap.group);
     MissedVisit visit;
     visit.run = gap.run;
     visit.begin = modes.begin()->second.begin;
     visit.end = modes.begin()->second.end;
-    visit.log_likelihoods =
-        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(build.modes[group].size()) + 1);
+    visit.log_likelihoods = Eigen::VectorXd::Zero(std::ssize(build.modes[gap.group]) + 1);
     for (const auto& [mode, missed] : modes) {
       visit.begin = std::min(visit.begin, missed.begin);
       visit.end = std::max(visit.end, missed.end);
       visit.log_likelihoods[mode + 1] = LogMissedPasses(
           missed.passes, collector.visibility(gap.group, mode), build.sensor, options);
     }
-    by_group[group].push_back(std::move(visit));
+    by_group[gap.group].push_back(std::move(visit));
   }
   for (std::vector<MissedVisit>& visits : by_group) {
     std::stable_sort(visits.begin(), visits.end(), [](const auto& a, const auto& b) {

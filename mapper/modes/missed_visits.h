@@ -27,8 +27,8 @@ struct SeenMode {
 };
 
 struct MissedVisits {
-  std::vector<std::vector<MissedVisit>> by_group;  ///< Over all runs, in the order of time.
-  IndexedVector<RunIndex, std::vector<SeenMode>> seen_by_run;  ///< By mode, each once.
+  IndexedVector<GroupIndex, std::vector<MissedVisit>> by_group;  ///< Over all runs, by time.
+  IndexedVector<RunIndex, std::vector<SeenMode>> seen_by_run;    ///< By mode, each once.
 };
 
 /// The missed visits of every group over all runs. A landmark that a run saw at the same mode

@@ -14,7 +14,7 @@ bool InPrior(const BuildMode& mode) { return mode.number != kAbsent; }
 // Everything discrete of a group.
 std::vector<int> GroupState(const BuildState& build,
                             const std::vector<VisitRef>& visits,
-                            std::size_t group) {
+                            GroupIndex group) {
   std::vector<int> state = {static_cast<int>(build.modes[group].size())};
   for (const VisitRef& ref : visits) {
     state.push_back(AssignmentOf(build, ref));
@@ -31,12 +31,9 @@ void Reassign(const std::vector<VisitRef>& visits, int from, int to, BuildState*
 }
 
 // Removes a mode; later modes of the group and of the prior's flat list move up.
-void EraseMode(const std::vector<VisitRef>& visits,
-               std::size_t group,
-               int mode,
-               BuildState* build) {
+void EraseMode(const std::vector<VisitRef>& visits, GroupIndex group, int mode, BuildState* build) {
   if (!build->priors.empty()) {
-    const ModeIndex flat = FlatModes(*build).Index(static_cast<int>(group), mode);
+    const ModeIndex flat = FlatModes(*build).Index(group, mode);
     ShiftPriors(flat + 1, -1, &build->priors);
   }
   build->modes[group].erase(build->modes[group].begin() + mode);
@@ -76,13 +73,13 @@ bool ToldApart(const Eigen::Vector2d& difference,
 // Sightings of a visit that its mode explains.
 std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
   const BuildRun& run = build.runs[ref.run];
-  const std::vector<int>& sightings = VisitOf(build, ref).sightings;
-  return std::count_if(sightings.begin(), sightings.end(), [&](int index) {
-    return IsInlier(build, run, run.data->sightings[static_cast<std::size_t>(index)]);
+  const std::vector<SightingIndex>& sightings = VisitOf(build, ref).sightings;
+  return std::count_if(sightings.begin(), sightings.end(), [&](SightingIndex index) {
+    return IsInlier(build, run, run.data->sightings[index]);
   });
 }
 
-void ApplyMerges(const std::vector<std::vector<VisitRef>>& by_group,
+void ApplyMerges(const IndexedVector<GroupIndex, std::vector<VisitRef>>& by_group,
                  const std::vector<ModeMerge>& merges,
                  BuildState* build) {
   for (const ModeMerge& merge : merges) {
@@ -100,7 +97,7 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
   const double gate = ChiSquareQuantile(options.merge_probability, 2);
   const FlatModes flat(build);
   std::vector<ModeMerge> merges;
-  for (std::size_t group = 0; group < build.modes.size(); ++group) {
+  for (const GroupIndex group : build.modes.indices()) {
     const std::vector<BuildMode>& modes = build.modes[group];
     std::vector<bool> gone(modes.size());
     for (std::size_t a = 0; a < modes.size(); ++a) {
@@ -123,7 +120,7 @@ MergeMemory::MergeMemory(const BuildState& build)
     : by_group_(VisitsByGroup(build)), merged_(by_group_.size()) {}
 
 void MergeMemory::Merge(const std::vector<ModeMerge>& merges, BuildState* build) {
-  std::map<std::size_t, std::vector<ModeMerge>> of_groups;
+  std::map<GroupIndex, std::vector<ModeMerge>> of_groups;
   for (const ModeMerge& merge : merges) of_groups[merge.group].push_back(merge);
   for (const auto& [group, of_group] : of_groups) {
     merged_[group][GroupState(*build, by_group_[group], group)] = of_group;
@@ -133,7 +130,7 @@ void MergeMemory::Merge(const std::vector<ModeMerge>& merges, BuildState* build)
 
 void MergeMemory::MergeAgain(BuildState* build) const {
   std::vector<ModeMerge> merges;
-  for (std::size_t group = 0; group < by_group_.size(); ++group) {
+  for (const GroupIndex group : by_group_.indices()) {
     if (merged_[group].empty()) continue;
     const auto found = merged_[group].find(GroupState(*build, by_group_[group], group));
     if (found == merged_[group].end()) continue;
@@ -143,8 +140,8 @@ void MergeMemory::MergeAgain(BuildState* build) const {
 }
 
 void DropUnusedModes(BuildState* build) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
-  for (std::size_t group = 0; group < build->modes.size(); ++group) {
+  const auto by_group = VisitsByGroup(*build);
+  for (const GroupIndex group : build->modes.indices()) {
     for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
       const bool used =
           std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
@@ -157,9 +154,9 @@ void DropUnusedModes(BuildState* build) {
 }
 
 int DropUnsupportedModes(const ModeOptions& options, BuildState* build) {
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
+  const auto by_group = VisitsByGroup(*build);
   int dropped = 0;
-  for (std::size_t group = 0; group < build->modes.size(); ++group) {
+  for (const GroupIndex group : build->modes.indices()) {
     for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
       std::ptrdiff_t sightings = 0;
       for (const VisitRef& ref : by_group[group]) {

@@ -14,7 +14,7 @@ namespace shiftmap {
 
 /// Two modes of a group that are one place: the second becomes the first.
 struct ModeMerge {
-  std::size_t group = 0;
+  GroupIndex group;
   int to = 0;
   int from = 0;
 };
@@ -39,8 +39,9 @@ class MergeMemory {
   void MergeAgain(BuildState* build) const;
 
  private:
-  std::vector<std::vector<VisitRef>> by_group_;
-  std::vector<std::map<std::vector<int>, std::vector<ModeMerge>>> merged_;  // Per group, by state.
+  IndexedVector<GroupIndex, std::vector<VisitRef>> by_group_;
+  IndexedVector<GroupIndex, std::map<std::vector<int>, std::vector<ModeMerge>>>
+      merged_;  // By state.
 };
 
 /// Drops modes that hold at no visit, except those of the prior map: what holds nowhere today

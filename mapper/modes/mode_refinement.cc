@@ -110,7 +110,7 @@ int Alternate(const MapperOptions& options,
 // known may be a mistake. A mode that was not known is as likely as `absent`; one that was told
 // apart together with other landmarks was decided then, and is as likely as the likeliest.
 Eigen::VectorXd StartOf(const BuildState& build,
-                        std::size_t group,
+                        GroupIndex group,
                         const ModeChain& chain,
                         Stamp begin) {
   const LandmarkGroup* const known = build.Known(group);
@@ -134,7 +134,7 @@ Eigen::Matrix2d PoseError(const ModeOptions& options) {
 }
 
 // Covariance of a mode in the prior map, without the common scale. [m²]
-Eigen::Matrix2d KnownCovariance(const BuildState& build, std::size_t group, ModeNumber number) {
+Eigen::Matrix2d KnownCovariance(const BuildState& build, GroupIndex group, ModeNumber number) {
   const LandmarkGroup& known = *build.Known(group);
   return known.modes[static_cast<std::size_t>(known.StateOf(number)) - 1].cov_p_map_landmark;
 }
@@ -146,8 +146,8 @@ std::vector<SeenPlace> SeenPlaces(const BuildState& build,
   const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
   std::vector<SeenPlace> seen;
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(visit.sightings[i])];
-    const Eigen::Matrix2d R = run.poses[static_cast<std::size_t>(sighting.frame)].Rotation();
+    const Sighting& sighting = run.data->sightings[visit.sightings[i]];
+    const Eigen::Matrix2d R = run.poses[sighting.frame].Rotation();
     const Eigen::Matrix2d cov = PositionNoiseInVehicle(
         sighting.observation, ObservationNoise(sighting.observation, build.sensor));
     seen.push_back({positions[i], R * cov * R.transpose()});
@@ -162,13 +162,13 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
                                 const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
   const BuildRun& run = build.runs[ref.run];
-  const std::vector<BuildMode>& modes = build.modes[static_cast<std::size_t>(visit.group)];
+  const std::vector<BuildMode>& modes = build.modes[visit.group];
   const SensorCalibration& sensor = build.sensor;
   const Eigen::Matrix2d pose_noise = PoseError(options);
 
   Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(modes.size()) + 1);
-  for (const int index : visit.sightings) {
-    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+  for (const SightingIndex index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[index];
     const Observation& observation = sighting.observation;
     const double area = SquareMetresPerUnit(observation);
     const double log_clutter = std::log(sensor.clutter_density_per_m2 * area);
@@ -192,8 +192,7 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
                              const VisitRef& ref,
                              const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
-  const auto group = static_cast<std::size_t>(visit.group);
-  const std::vector<BuildMode>& modes = build.modes[group];
+  const std::vector<BuildMode>& modes = build.modes[visit.group];
   const VisitDensity density(SeenPlaces(build, build.runs[ref.run], visit),
                              build.sensor,
                              options.misread_density_per_m2,
@@ -202,7 +201,7 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
   result[0] = density.LogAbsent();
   for (std::size_t k = 0; k < modes.size(); ++k) {
     Eigen::Matrix2d cov = PoseError(options);
-    if (modes[k].number != kAbsent) cov += KnownCovariance(build, group, modes[k].number);
+    if (modes[k].number != kAbsent) cov += KnownCovariance(build, visit.group, modes[k].number);
     result[static_cast<Eigen::Index>(k) + 1] = density.LogUnderMode(modes[k].p_map_landmark, cov);
   }
   return result;
@@ -210,7 +209,7 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
 
 }  // namespace
 
-ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options) {
+ModeChain ChainOf(const BuildState& build, GroupIndex group, const ModeOptions& options) {
   const auto modes = static_cast<int>(build.modes[group].size());
   const LandmarkGroup* const known = build.Known(group);
   if (known == nullptr) return ModeChain::Uniform(modes, options.leave_rate_per_s);
@@ -226,7 +225,7 @@ Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
 
 ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       const std::vector<VisitRef>& visits,
-                                      std::size_t group,
+                                      GroupIndex group,
                                       const ModeOptions& options) {
   std::vector<VisitStep> steps;
   for (const VisitRef& ref : visits) {
@@ -243,13 +242,14 @@ ModeSequenceProblem MakeGroupSequence(const BuildState& build,
 int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
   int changed = 0;
   const std::unique_ptr<Selector> selector = MakeSelector(options.selector);
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
-  std::vector<ModeSequenceProblem> sequences(by_group.size());
-  ForEachIndex(by_group.size(), threads, [&](std::size_t group) {
+  const auto by_group = VisitsByGroup(*build);
+  IndexedVector<GroupIndex, ModeSequenceProblem> sequences(by_group.size());
+  ForEachIndex(by_group.size(), threads, [&](std::size_t i) {
+    const GroupIndex group(i);
     if (by_group[group].empty()) return;
     sequences[group] = MakeGroupSequence(*build, by_group[group], group, options);
   });
-  for (std::size_t group = 0; group < by_group.size(); ++group) {
+  for (const GroupIndex group : by_group.indices()) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
     const std::vector<int> states = selector->Select(sequences[group]).states;
@@ -264,8 +264,8 @@ int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
 
 int CreateModes(const ModeOptions& options, BuildState* build) {
   int created = 0;
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(*build);
-  for (std::size_t group = 0; group < by_group.size(); ++group) {
+  const auto by_group = VisitsByGroup(*build);
+  for (const GroupIndex group : by_group.indices()) {
     const std::vector<BuildMode>& modes = build->modes[group];
     const std::size_t known = modes.size();
     for (const VisitRef& ref : by_group[group]) {
@@ -280,7 +280,7 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
         if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
       }
       if (mode == kUnassigned) {
-        mode = AddMode(static_cast<int>(group), {cluster.centre, kAbsent, false}, build);
+        mode = AddMode(group, {cluster.centre, kAbsent, false}, build);
         ++created;
       }
       AssignmentOf(build, ref) = mode;

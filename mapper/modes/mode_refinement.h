@@ -23,14 +23,14 @@ Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
 
 /// The chain of a group's states as they are now: that of the prior map; or, where modes came, one
 /// of the same mean rate, as the others say nothing of them; or that of ModeOptions.
-ModeChain ChainOf(const BuildState& build, std::size_t group, const ModeOptions& options);
+ModeChain ChainOf(const BuildState& build, GroupIndex group, const ModeOptions& options);
 
 /// The chain of one group, IJRR (19): the steps are its visits, the states `absent` and the group's
 /// modes, with the real time between visits. It starts from what the prior map knew, moved to the
 /// first visit, T-IV (13); or, if that visit is older, from the chain's stationary distribution.
 ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       const std::vector<VisitRef>& visits,
-                                      std::size_t group,
+                                      GroupIndex group,
                                       const ModeOptions& options);
 
 /// Assigns every visit the mode that the selector of the options gives it. Returns how many

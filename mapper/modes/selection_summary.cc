@@ -12,17 +12,16 @@ namespace shiftmap {
 
 SelectionSummary SummarizeSelection(const ModeOptions& options, const BuildState& build) {
   SelectionSummary summary;
-  const std::vector<std::vector<VisitRef>> by_group = VisitsByGroup(build);
-  for (std::size_t group = 0; group < by_group.size(); ++group) {
+  const auto by_group = VisitsByGroup(build);
+  for (const GroupIndex group : by_group.indices()) {
     const std::vector<VisitRef>& visits = by_group[group];
     if (visits.empty()) continue;
     const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, group, options);
     const ModePosteriors posteriors = SmoothModes(sequence);
     std::vector<int> states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      const BuildRun& run = build.runs[visits[t].run];
       // kUnassigned is state 0, absent.
-      const int state = run.assignment[static_cast<std::size_t>(visits[t].visit)] + 1;
+      const int state = AssignmentOf(build, visits[t]) + 1;
       states.push_back(state);
       const double posterior = posteriors.probabilities(static_cast<Eigen::Index>(t), state);
       summary.uncertain_visits += posterior < kSureProbability ? 1 : 0;

@@ -12,11 +12,11 @@ namespace shiftmap {
 namespace {
 
 // The modes that a map has of some groups.
-std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<int>& groups) {
+std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<GroupIndex>& groups) {
   const FlatModes flat(map);
   std::vector<ModeIndex> modes;
-  for (const int group : groups) {
-    const auto count = static_cast<int>(map.modes[static_cast<std::size_t>(group)].size());
+  for (const GroupIndex group : groups) {
+    const auto count = static_cast<int>(map.modes[group].size());
     for (int mode = 0; mode < count; ++mode) modes.push_back(flat.Index(group, mode));
   }
   return modes;
@@ -28,7 +28,7 @@ std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<int>&
 std::optional<JointPoints> MapPoints(const MapperOptions& options,
                                      const std::optional<MapContent>& prior,
                                      const BuildState& build,
-                                     const std::set<int>& groups,
+                                     const std::set<GroupIndex>& groups,
                                      const std::vector<ModeIndex>& modes,
                                      double run_map_factor) {
   JointPoints map;
@@ -44,9 +44,9 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
     const double factor = prior ? run_map_factor : VarianceFactor(options, solved);
     map.covariance = factor * *covariance;
   }
-  for (const int group : groups) {
-    for (const BuildMode& mode : solved.modes[static_cast<std::size_t>(group)]) {
-      map.points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+  for (const GroupIndex group : groups) {
+    for (const BuildMode& mode : solved.modes[group]) {
+      map.points.push_back({group.value(), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return map;
@@ -109,8 +109,8 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
                                           const BuildState& build,
                                           double area_m2,
                                           const RunMap& run_map) {
-  std::set<int> groups;
-  for (const AlignmentPoint& point : run_map.points) groups.insert(point.group);
+  std::set<GroupIndex> groups;
+  for (const AlignmentPoint& point : run_map.points) groups.emplace(point.group);
   const std::vector<ModeIndex> modes = ModesOfGroups(build, groups);
   if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
   const double factor = VarianceFactor(options, run_map.build);

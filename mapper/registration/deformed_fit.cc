@@ -49,7 +49,7 @@ class DeformedRunMap {
       : map_(map),
         noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
         positions_(ModePositions(run_map.build)) {
-    for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+    for (const GroupIndex group : run_map.build.modes.indices()) {
       group_.insert(group_.end(), run_map.build.modes[group].size(), group);
     }
     covariance_ = FreeGauge(positions_, options.sd_range_scale, run_map.covariance);
@@ -200,7 +200,7 @@ class DeformedRunMap {
   const BuildState& map_;
   double noise_;  // Between a mode of the run map and the same of the map, per axis. [m²]
   double gate_ = 0.0;
-  std::vector<std::size_t> group_;
+  std::vector<GroupIndex> group_;
   std::vector<Eigen::Vector2d> positions_;
   Eigen::MatrixXd covariance_;
 
@@ -257,15 +257,16 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   return known;
 }
 
-std::vector<int> FitDeformedRunMap(const MapperOptions& options,
-                                   const BuildState& map,
-                                   const std::vector<std::optional<Eigen::Vector2d>>& places,
-                                   RunMap* run_map) {
+std::vector<int> FitDeformedRunMap(
+    const MapperOptions& options,
+    const BuildState& map,
+    const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
+    RunMap* run_map) {
   constexpr int kMaxRounds = 4;
   std::vector<int> known;
-  for (std::size_t group = 0; group < run_map->build.modes.size(); ++group) {
+  for (const GroupIndex group : run_map->build.modes.indices()) {
     for (std::size_t m = 0; m < run_map->build.modes[group].size(); ++m) {
-      const auto& place = places[known.size()];
+      const auto& place = places[ModeIndex(known.size())];
       known.push_back(place ? NearestOf(map.modes[group], *place) : kUnassigned);
     }
   }
@@ -290,7 +291,7 @@ std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
   std::vector<ModeIndex> modes;
   std::vector<Eigen::Vector2d> positions;
   std::size_t i = 0;
-  for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+  for (const GroupIndex group : run_map.build.modes.indices()) {
     for (std::size_t m = 0; m < run_map.build.modes[group].size(); ++m, ++i) {
       if (known[i] == kUnassigned) continue;
       modes.emplace_back(i);

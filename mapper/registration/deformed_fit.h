@@ -36,10 +36,11 @@ std::vector<int> GrowMatches(const MapperOptions& options,
 /// @param places  Per mode of the run map, flat, where the map has it as far as is known yet. [m]
 /// @param run_map  Moved into the map frame.
 /// @return Per mode the mode of its group in the map, or kUnassigned.
-std::vector<int> FitDeformedRunMap(const MapperOptions& options,
-                                   const BuildState& map,
-                                   const std::vector<std::optional<Eigen::Vector2d>>& places,
-                                   RunMap* run_map);
+std::vector<int> FitDeformedRunMap(
+    const MapperOptions& options,
+    const BuildState& map,
+    const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
+    RunMap* run_map);
 
 /// What holds a run map's known modes where the map has them, or some of them all over it.
 /// @param known  As of GrowMatches().

@@ -124,7 +124,7 @@ DisplacedModes Decide(const MapperOptions& options,
     for (std::size_t a = 0; a < candidates.size(); ++a) {
       const std::size_t i = candidates[a].flat;
       decided.displaced[i] = displacements.front().clusters[a] != kNotDisplaced;
-      groups.push_back(mode_matches[i].group);
+      groups.push_back(mode_matches[i].group.value());
     }
     // Where the run lies alike in all that is likely, a landmark in doubt does not matter to it.
     const Explanations precise = ExplainDisplacements(groups, displacements, kPositionFloor);
@@ -191,12 +191,12 @@ std::vector<Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
 }
 
 // Where a run map that is aligned has those of its modes that agree with the map.
-std::vector<std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
-                                                   const BuildState& run_map) {
-  std::vector<std::optional<Eigen::Vector2d>> places;
-  for (std::size_t group = 0; group < run_map.modes.size(); ++group) {
-    const bool agrees = std::binary_search(
-        alignment.signatures.begin(), alignment.signatures.end(), static_cast<int>(group));
+IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
+                                                                const BuildState& run_map) {
+  IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> places;
+  for (const GroupIndex group : run_map.modes.indices()) {
+    const bool agrees =
+        std::binary_search(alignment.signatures.begin(), alignment.signatures.end(), group.value());
     for (const BuildMode& mode : run_map.modes[group]) {
       places.push_back(agrees ? std::optional(mode.p_map_landmark) : std::nullopt);
     }

@@ -18,10 +18,9 @@ std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
   for (const StayedSet& set : all) {
     std::set<int> stayed(all.front().groups.begin(), all.front().groups.end());
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
-      stayed.erase(doubt.group);
-      if (std::binary_search(set.groups.begin(), set.groups.end(), doubt.group)) {
-        stayed.insert(doubt.group);
-      }
+      const int group = doubt.group.value();
+      stayed.erase(group);
+      if (std::binary_search(set.groups.begin(), set.groups.end(), group)) stayed.insert(group);
     }
     sets[{stayed.begin(), stayed.end()}] += set.probability;
   }
@@ -30,7 +29,7 @@ std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
 
 }  // namespace
 
-bool IsInDoubt(const KeptAlternatives& kept, int group) {
+bool IsInDoubt(const KeptAlternatives& kept, GroupIndex group) {
   return std::any_of(kept.doubts.begin(), kept.doubts.end(), [&](const auto& doubt) {
     return doubt.group == group;
   });
@@ -48,7 +47,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
   std::vector<int> without = *known;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
-    const auto stay = stays.find(mode_match.group);
+    const auto stay = stays.find(mode_match.group.value());
     if (stay == stays.end() || mode_match.nearest == kUnassigned || !apart[i]) continue;
     if (!LeavesDoubt(stay->second, decided)) continue;
     without[i] = kUnassigned;

@@ -35,6 +35,6 @@ inline bool LeavesDoubt(double probability, double decided) {
 }
 
 /// Whether it is in doubt if a group stayed.
-bool IsInDoubt(const KeptAlternatives& kept, int group);
+bool IsInDoubt(const KeptAlternatives& kept, GroupIndex group);
 
 }  // namespace shiftmap

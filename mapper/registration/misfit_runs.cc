@@ -33,7 +33,7 @@ struct RunAlone {
 };
 
 const BuildMode& ModeAt(const BuildState& build, const BuildModeRef& mode) {
-  return build.modes[static_cast<std::size_t>(mode.group)][static_cast<std::size_t>(mode.mode)];
+  return build.modes[mode.group][static_cast<std::size_t>(mode.mode)];
 }
 
 // The modes that a run has and another one, or the prior map, has as well.
@@ -82,13 +82,13 @@ void DropMistaken(const BuildState& build,
   for (std::size_t i = 0; i < shared.size(); ++i) {
     const Eigen::Vector2d& p = positions[alone->shared[i]];
     const double squared = (alone->places[i] - p).squaredNorm();
-    const std::vector<BuildMode>& group = build.modes[static_cast<std::size_t>(shared[i].group)];
+    const std::vector<BuildMode>& group = build.modes[shared[i].group];
     if (std::any_of(group.begin(), group.end(), [&](const BuildMode& mode) {
           return kMistaken * (mode.p_map_landmark - p).squaredNorm() < squared;
         })) {
       continue;
     }
-    kept.groups.push_back(shared[i].group);
+    kept.groups.push_back(shared[i].group.value());
     kept.shared.push_back(alone->shared[i]);
     kept.places.push_back(alone->places[i]);
   }

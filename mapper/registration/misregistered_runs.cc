@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -30,7 +31,7 @@ constexpr double kSamePlace = 1.0;
 
 // Per group and mode, how many runs have it. That the prior map does counts for nothing: landmarks
 // may have moved since.
-using Owners = std::vector<std::vector<int>>;
+using Owners = IndexedVector<GroupIndex, std::vector<int>>;
 
 Owners NoOwners(const BuildState& build) {
   Owners owners;
@@ -40,7 +41,7 @@ Owners NoOwners(const BuildState& build) {
 
 void AddOwner(const BuildRun& run, int change, Owners* owners) {
   for (const auto& [group, mode] : ModesOf(run)) {
-    (*owners)[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)] += change;
+    (*owners)[group][static_cast<std::size_t>(mode)] += change;
   }
 }
 
@@ -56,11 +57,11 @@ Agreement AgreementOf(
     const ModeOptions& options, const BuildRun& run, const Owners& others, Stamp begin, Stamp end) {
   Agreement agreement;
   int in_row = 0;
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+  for (const VisitIndex v : run.assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
     if (run.assignment[v] == kUnassigned || !MakesMode(options, visit)) continue;
     if (visit.begin < begin || visit.begin > end) continue;
-    const std::vector<int>& group = others[static_cast<std::size_t>(visit.group)];
+    const std::vector<int>& group = others[visit.group];
     if (group[static_cast<std::size_t>(run.assignment[v])] > 0) {
       ++agreement.shared;
       in_row = 0;
@@ -73,7 +74,7 @@ Agreement AgreementOf(
 }
 
 Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Owners& others) {
-  const std::vector<KeyFrame>& frames = run.data->frames;
+  const auto& frames = run.data->frames;
   return AgreementOf(options, run, others, frames.front().stamp, frames.back().stamp);
 }
 
@@ -81,16 +82,14 @@ Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Own
 std::vector<AlignmentPoint> Reference(const BuildState& build,
                                       const Owners& others,
                                       const BuildRun& run) {
-  std::vector<int> groups;
-  for (const MappingVisit& visit : run.data->visits) groups.push_back(visit.group);
-  std::sort(groups.begin(), groups.end());
-  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  std::set<GroupIndex> groups;
+  for (const MappingVisit& visit : run.data->visits) groups.insert(visit.group);
   std::vector<AlignmentPoint> points;
-  for (const int g : groups) {
-    const auto group = static_cast<std::size_t>(g);
+  for (const GroupIndex group : groups) {
     for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
       if (others[group][m] == 0) continue;
-      points.push_back({g, build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
+      points.push_back(
+          {group.value(), build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return points;
@@ -104,14 +103,14 @@ Eigen::Vector2d PlaceOf(const ModeOptions& options,
 }
 
 // Per visit of a run the mode of others that it is at, or kUnassigned.
-std::vector<int> MatchVisits(const ModeOptions& options,
-                             const BuildState& build,
-                             const Owners& others,
-                             const BuildRun& run) {
-  std::vector<int> matches;
+IndexedVector<VisitIndex, int> MatchVisits(const ModeOptions& options,
+                                           const BuildState& build,
+                                           const Owners& others,
+                                           const BuildRun& run) {
+  IndexedVector<VisitIndex, int> matches;
   for (const MappingVisit& visit : run.data->visits) {
     const Eigen::Vector2d place = PlaceOf(options, run, visit);
-    const auto group = static_cast<std::size_t>(visit.group);
+    const GroupIndex group = visit.group;
     double least = kSamePlace;
     int& match = matches.emplace_back(kUnassigned);
     for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
@@ -173,7 +172,7 @@ std::optional<BuildRun> Realigned(const MapperOptions& options,
   bool any = false;
   auto first = run.poses.begin();
   for (std::size_t k = 0; k < aligned->parts.size(); ++k) {
-    const std::vector<KeyFrame>& frames = aligned->parts.At(k).frames;
+    const auto& frames = aligned->parts.At(k).frames;
     const auto begin = std::exchange(first, first + std::ssize(frames));
     const Agreement agreement =
         AgreementOf(options.modes, run, others, frames.front().stamp, frames.back().stamp);
@@ -201,12 +200,12 @@ double CostAmong(const MapperOptions& options,
   alone.sensor = build.sensor;
   alone.modes.resize(build.modes.size());
   alone.runs.push_back(run);
-  std::vector<int>& assignment = alone.runs.front().assignment;
+  auto& assignment = alone.runs.front().assignment;
   std::map<BuildModeRef, int> known;  // Modes of the build, by their index in `alone`.
   std::vector<BuildModeRef> held;     // In `alone`.
-  for (std::size_t v = 0; v < assignment.size(); ++v) {
+  for (const VisitIndex v : assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
-    const auto group = static_cast<std::size_t>(visit.group);
+    const GroupIndex group = visit.group;
     std::vector<BuildMode>& modes = alone.modes[group];
     if (assignment[v] != kUnassigned) {
       const auto mode = static_cast<std::size_t>(assignment[v]);
@@ -230,8 +229,7 @@ double CostAmong(const MapperOptions& options,
   std::vector<Eigen::Vector2d> places;
   for (const auto& [group, mode] : held) {
     held_modes.push_back(flat.Index(group, mode));
-    places.push_back(alone.modes[static_cast<std::size_t>(group)][static_cast<std::size_t>(mode)]
-                         .p_map_landmark);
+    places.push_back(alone.modes[group][static_cast<std::size_t>(mode)].p_map_landmark);
   }
   alone.priors = HoldModes(held_modes, places, options.modes.position_floor_m);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.

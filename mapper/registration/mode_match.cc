@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/registration/mode_match.h"
 
-#include <cstddef>
-
 namespace shiftmap {
 
 std::vector<ModeMatch> MatchNearest(const BuildState& run_map, const BuildState& map) {
   std::vector<ModeMatch> mode_matches;
-  int flat = 0;
-  for (std::size_t group = 0; group < run_map.modes.size(); ++group) {
+  ModeIndex flat;
+  for (const GroupIndex group : run_map.modes.indices()) {
     const std::vector<BuildMode>& known = map.modes[group];
     for (std::size_t m = 0; m < run_map.modes[group].size(); ++m) {
-      ModeMatch mode_match{static_cast<int>(group), static_cast<int>(m), flat++};
+      ModeMatch mode_match{group, static_cast<int>(m), flat++};
       for (std::size_t k = 0; k < known.size(); ++k) {
         const double squared =
             (known[k].p_map_landmark - run_map.modes[group][m].p_map_landmark).squaredNorm();
@@ -26,8 +24,7 @@ std::vector<ModeMatch> MatchNearest(const BuildState& run_map, const BuildState&
 }
 
 const BuildMode& NearestMode(const BuildState& map, const ModeMatch& mode_match) {
-  return map.modes[static_cast<std::size_t>(mode_match.group)]
-                  [static_cast<std::size_t>(mode_match.nearest)];
+  return map.modes[mode_match.group][static_cast<std::size_t>(mode_match.nearest)];
 }
 
 bool MatchesPrior(const BuildState& map, const ModeMatch& mode_match) {

@@ -92,7 +92,7 @@ std::vector<KeptAlternatives> KeepDoubts(const MapperOptions& options,
   return doubts;
 }
 
-bool IsInDoubt(const std::vector<KeptAlternatives>& doubts, int group) {
+bool IsInDoubt(const std::vector<KeptAlternatives>& doubts, GroupIndex group) {
   return std::any_of(doubts.begin(), doubts.end(), [&](const KeptAlternatives& kept) {
     return IsInDoubt(kept, group);
   });
@@ -144,22 +144,21 @@ bool Absorb(const MapperOptions& options,
     }
   }
   const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
-  std::vector<std::vector<int>> becomes(run_map.build.modes.size());
+  IndexedVector<GroupIndex, std::vector<int>> becomes(run_map.build.modes.size());
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
     const Eigen::Vector2d& position = positions[i];
-    becomes[static_cast<std::size_t>(mode_match.group)].push_back(
+    becomes[mode_match.group].push_back(
         known[i] != kUnassigned
             ? known[i]
             : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
   }
   build->kept.insert(build->kept.end(), run_map.build.kept.begin(), run_map.build.kept.end());
   for (BuildRun& run : run_map.build.runs) {
-    for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+    for (const VisitIndex v : run.assignment.indices()) {
       int& assignment = run.assignment[v];
-      const auto group = static_cast<std::size_t>(run.data->visits[v].group);
-      if (assignment != kUnassigned)
-        assignment = becomes[group][static_cast<std::size_t>(assignment)];
+      if (assignment == kUnassigned) continue;
+      assignment = becomes[run.data->visits[v].group][static_cast<std::size_t>(assignment)];
     }
     build->runs.push_back(std::move(run));
   }
@@ -168,7 +167,7 @@ bool Absorb(const MapperOptions& options,
 
 void Reject(const RunMap& run_map, const std::string& why, std::vector<RejectedRun>* rejected) {
   for (const BuildRun& run : run_map.build.runs) {
-    std::set<int> seen;
+    std::set<GroupIndex> seen;
     for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
     rejected->push_back({run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())});
   }
@@ -205,7 +204,7 @@ std::vector<int> Stayed(const Explanation& explanation,
   const FlatModes flat(build);
   std::vector<int> modes(run_map.points.size(), kUnassigned);
   for (const Match& match : explanation.stayed) {
-    const auto group = static_cast<std::size_t>(run_map.points[ModeIndex(match.other)].group);
+    const GroupIndex group(run_map.points[ModeIndex(match.other)].group);
     modes[static_cast<std::size_t>(match.other)] = ModeIndex(match.reference) - flat.first[group];
   }
   return modes;

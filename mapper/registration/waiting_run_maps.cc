@@ -14,13 +14,14 @@ WaitingRunMaps::WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& b
     Entry& entry = entries_[i];
     // Points are by group.
     for (const AlignmentPoint& point : run_maps[i].points) {
-      if (!entry.groups.empty() && entry.groups.back() == point.group) continue;
-      entry.groups.push_back(point.group);
-      with_group_[static_cast<std::size_t>(point.group)].push_back(i);
+      const GroupIndex group(point.group);
+      if (!entry.groups.empty() && entry.groups.back() == group) continue;
+      entry.groups.push_back(group);
+      with_group_[group].push_back(i);
     }
     entry.run_map = std::move(run_maps[i]);
   }
-  for (std::size_t group = 0; group < build.modes.size(); ++group) Count(group, build);
+  for (const GroupIndex group : build.modes.indices()) Count(group, build);
 }
 
 template <typename Value>
@@ -63,10 +64,10 @@ RunMap WaitingRunMaps::Take(std::size_t i) {
 }
 
 void WaitingRunMaps::Update(std::size_t i, const BuildState& build) {
-  for (const int group : entries_[i].groups) Count(static_cast<std::size_t>(group), build);
+  for (const GroupIndex group : entries_[i].groups) Count(group, build);
 }
 
-void WaitingRunMaps::Count(std::size_t group, const BuildState& build) {
+void WaitingRunMaps::Count(GroupIndex group, const BuildState& build) {
   const std::size_t now = build.modes[group].size();
   const std::size_t before = std::exchange(modes_of_group_[group], now);
   if (now == before) return;
@@ -79,16 +80,16 @@ void WaitingRunMaps::Count(std::size_t group, const BuildState& build) {
 }
 
 void WaitingRunMaps::Recount(const BuildState& build) {
-  for (std::size_t group = 0; group < build.modes.size(); ++group) Count(group, build);
+  for (const GroupIndex group : build.modes.indices()) Count(group, build);
   for (Entry& entry : entries_) entry.tried_with_modes = 0;
 }
 
 std::vector<AlignmentPoint> WaitingRunMaps::Reference(std::size_t i,
                                                       const BuildState& build) const {
   std::vector<AlignmentPoint> points;
-  for (const int group : entries_[i].groups) {
-    for (const BuildMode& mode : build.modes[static_cast<std::size_t>(group)]) {
-      points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+  for (const GroupIndex group : entries_[i].groups) {
+    for (const BuildMode& mode : build.modes[group]) {
+      points.push_back({group.value(), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return points;

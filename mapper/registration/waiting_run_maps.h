@@ -55,7 +55,7 @@ class WaitingRunMaps {
  private:
   struct Entry {
     std::optional<RunMap> run_map;     // Until it is taken.
-    std::vector<int> groups;           // Ascending.
+    std::vector<GroupIndex> groups;    // Ascending.
     std::size_t shared = 0;            // Of its groups, those with a mode in the map.
     std::size_t modes = 0;             // Of its groups in the map.
     std::size_t tried_with_modes = 0;  // How many these were when it did not align.
@@ -64,11 +64,11 @@ class WaitingRunMaps {
 
   template <typename Value>
   std::optional<std::size_t> FirstWithMost(const Value& value) const;
-  void Count(std::size_t group, const BuildState& build);
+  void Count(GroupIndex group, const BuildState& build);
 
   std::vector<Entry> entries_;
-  std::vector<std::vector<std::size_t>> with_group_;  // Per group the run maps that have it.
-  std::vector<std::size_t> modes_of_group_;           // In the map, as counted.
+  IndexedVector<GroupIndex, std::vector<std::size_t>> with_group_;  // The run maps that have it.
+  IndexedVector<GroupIndex, std::size_t> modes_of_group_;           // In the map, as counted.
 };
 
 }  // namespace shiftmap

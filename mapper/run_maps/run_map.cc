@@ -54,11 +54,11 @@ std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build)
   std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map.build);
   if (!covariance) return std::nullopt;
   run_map.covariance = *std::move(covariance);
-  for (std::size_t group = 0; group < run_map.build.modes.size(); ++group) {
+  for (const GroupIndex group : run_map.build.modes.indices()) {
     for (const BuildMode& mode : run_map.build.modes[group]) {
       const Eigen::Index at = 2 * run_map.points.end_index();
       run_map.points.push_back(
-          {static_cast<int>(group), mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
+          {group.value(), mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
     }
   }
   return run_map;

@@ -33,13 +33,13 @@ constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 // One mode per group, where most of its sightings agree; visits that stand elsewhere come later.
 void PlaceModes(double radius_m, BuildState* build) {
   BuildRun& run = build->runs.front();
-  std::vector<std::vector<Eigen::Vector2d>> positions(build->modes.size());
+  IndexedVector<GroupIndex, std::vector<Eigen::Vector2d>> positions(build->modes.size());
   for (const MappingVisit& visit : run.data->visits) {
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
-    std::vector<Eigen::Vector2d>& all = positions[static_cast<std::size_t>(visit.group)];
+    std::vector<Eigen::Vector2d>& all = positions[visit.group];
     all.insert(all.end(), seen.begin(), seen.end());
   }
-  for (std::size_t group = 0; group < positions.size(); ++group) {
+  for (const GroupIndex group : positions.indices()) {
     if (positions[group].empty()) continue;
     build->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
   }
@@ -63,7 +63,7 @@ void CalibrateOpen(const MapperOptions& options,
   run->motions = IntegrateMotions(*run->data, run->odometry);
   run->poses = DeadReckon(run->motions);
   for (const MappingVisit& visit : run->data->visits) {
-    std::vector<BuildMode>& modes = open.modes[static_cast<std::size_t>(visit.group)];
+    std::vector<BuildMode>& modes = open.modes[visit.group];
     run->assignment.push_back(static_cast<int>(modes.size()));
     const std::vector<Eigen::Vector2d> seen = VisitPositions(*run, visit);
     modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
@@ -142,7 +142,7 @@ std::ptrdiff_t MostLandmarks(const ModeOptions& options, const MappingRun& run, 
   const auto part_at = [&](Stamp stamp) {
     return std::floor(ToSeconds(stamp - run.frames.front().stamp) / part_s);
   };
-  std::map<double, std::set<int>> seen;  // Per part its groups.
+  std::map<double, std::set<GroupIndex>> seen;  // Per part its groups.
   for (const MappingVisit& visit : run.visits) {
     if (!MakesMode(options, visit)) continue;
     seen[part_at(visit.begin)].insert(visit.group);

@@ -59,7 +59,7 @@ void CopyBack(const Graph& graph, BuildState* build) {
 
 std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
   std::vector<BuildModeRef> modes;
-  for (std::size_t v = 0; v < run.assignment.size(); ++v) {
+  for (const VisitIndex v : run.assignment.indices()) {
     if (run.assignment[v] == kUnassigned) continue;
     modes.push_back({run.data->visits[v].group, run.assignment[v]});
   }
@@ -117,9 +117,8 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
   build.known.resize(signatures.size());
   build.known_at = prior.stamp;
   for (const LandmarkGroup& group : prior.groups) {
-    const auto g = static_cast<std::size_t>(
-        std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
-        signatures.begin());
+    const GroupIndex g(std::lower_bound(signatures.begin(), signatures.end(), group.signature) -
+                       signatures.begin());
     for (const Mode& mode : group.modes) {
       build.modes[g].push_back({mode.p_map_landmark, mode.number});
     }
@@ -131,8 +130,8 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
   return build;
 }
 
-int AddMode(int group, const BuildMode& mode, BuildState* build) {
-  std::vector<BuildMode>& modes = build->modes[static_cast<std::size_t>(group)];
+int AddMode(GroupIndex group, const BuildMode& mode, BuildState* build) {
+  std::vector<BuildMode>& modes = build->modes[group];
   const auto index = static_cast<int>(modes.size());
   if (!build->priors.empty()) {
     ShiftPriors(FlatModes(*build).Index(group, index), 1, &build->priors);
@@ -155,11 +154,11 @@ Graph MakeGraph(const MapperOptions& options, BuildState* build) {
     BuildRun& run = build->runs[r];
     graph.runs.push_back(MakeGraphRun(options, build->in_map_units, &run));
     for (const Sighting& sighting : run.data->sightings) {
-      const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
+      const int mode = run.assignment[sighting.visit];
       if (mode == kUnassigned) continue;
-      const int group = run.data->visits[static_cast<std::size_t>(sighting.visit)].group;
+      const GroupIndex group = run.data->visits[sighting.visit].group;
       graph.observations.push_back({r,
-                                    FrameIndex(sighting.frame),
+                                    sighting.frame,
                                     flat.Index(group, mode),
                                     sighting.observation,
                                     ObservationNoise(sighting.observation, build->sensor),

@@ -38,8 +38,8 @@ struct BuildMode {
 /// One run in the build: its data, and what is estimated of it.
 struct BuildRun {
   const MappingRun* data = nullptr;
-  std::vector<Se2> poses;        ///< T_map_vehicle at every key frame.
-  OdometryCalibration odometry;  ///< As estimated for this run.
+  IndexedVector<FrameIndex, Se2> poses;  ///< T_map_vehicle at every key frame.
+  OdometryCalibration odometry;          ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
 
   /// Kept from solve to solve while `odometry` stays close to where they were integrated.
@@ -47,7 +47,7 @@ struct BuildRun {
 
   /// Per visit the index of its mode in the group, or kUnassigned: the visit's sightings are
   /// clutter, or of a landmark at no known position.
-  std::vector<int> assignment;
+  IndexedVector<VisitIndex, int> assignment;
 };
 
 inline constexpr int kUnassigned = -1;
@@ -58,7 +58,7 @@ inline constexpr double kModeCost = 10.0;
 
 /// A mode of a group, by its index there.
 struct BuildModeRef {
-  int group = 0;
+  GroupIndex group;
   int mode = 0;
 
   auto operator<=>(const BuildModeRef&) const = default;
@@ -70,20 +70,20 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 /// The mapping build as it is being solved: continuous part (poses, mode positions, calibrations)
 /// and discrete part (which mode held at which visit).
 struct BuildState {
-  IndexedVector<RunIndex, BuildRun> runs;     ///< By begin.
-  std::vector<std::vector<BuildMode>> modes;  ///< Per group, by ascending signature.
+  IndexedVector<RunIndex, BuildRun> runs;  ///< By begin.
+  IndexedVector<GroupIndex, std::vector<BuildMode>> modes;
   std::vector<RejectedRun> left_out;   ///< Runs taken out again, and why (unconstrained_runs.h).
   std::vector<WaitingRuns> waiting;    ///< Without a decided place (place_run_maps.h).
   std::vector<KeptAlternatives> kept;  ///< Of runs in the map (place_run_maps.h).
   SensorCalibration sensor;
 
-  /// Per group what the prior map has of it; nothing for one that it does not have. Empty without a
+  /// What the prior map has of each group; nothing for one that it does not have. Empty without a
   /// prior map.
-  std::vector<std::optional<LandmarkGroup>> known;
+  IndexedVector<GroupIndex, std::optional<LandmarkGroup>> known;
   Stamp known_at;  ///< Their probabilities hold then.
 
   /// The same, or null.
-  const LandmarkGroup* Known(std::size_t group) const {
+  const LandmarkGroup* Known(GroupIndex group) const {
     return !known.empty() && known[group] ? &*known[group] : nullptr;
   }
 
@@ -116,12 +116,10 @@ using StepCallback = std::function<bool(const BuildState&)>;
 /// All modes of a build in one list, that of its graph: groups in order, modes in order.
 struct FlatModes {
   explicit FlatModes(const BuildState& build);
-  ModeIndex Index(int group, int mode) const {
-    return first[static_cast<std::size_t>(group)] + mode;
-  }
+  ModeIndex Index(GroupIndex group, int mode) const { return first[group] + mode; }
   std::size_t count() const { return static_cast<std::size_t>(end.value()); }
 
-  std::vector<ModeIndex> first;  ///< Per group.
+  IndexedVector<GroupIndex, ModeIndex> first;
   ModeIndex end;
 };
 
@@ -145,7 +143,7 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
                       const SensorCalibration& sensor);
 
 /// Adds a mode to a group and returns its index there; the priors' modes stay right.
-int AddMode(int group, const BuildMode& mode, BuildState* build);
+int AddMode(GroupIndex group, const BuildMode& mode, BuildState* build);
 
 /// The continuous part for the present assignment, at its present values.
 Graph MakeGraph(const MapperOptions& options, BuildState* build);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mapper/alignment/explanation.h"
+#include "mapper/index.h"
 #include "mapper/state/run_name.h"
 
 namespace shiftmap {
@@ -13,7 +14,7 @@ namespace shiftmap {
 /// in doubt keeps the mode that it may have left, and has one beside it.
 struct KeptAlternatives {
   struct Doubt {
-    int group = 0;
+    GroupIndex group;
     Eigen::Vector2d place = Eigen::Vector2d::Zero();  ///< Of the mode that it may have left. [m]
     double stayed = 0.0;                              ///< Probability that it did not leave it.
   };

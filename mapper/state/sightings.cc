@@ -29,7 +29,7 @@ Innovation SightingInnovation(const BuildRun& run,
                               const Sighting& sighting,
                               const Eigen::Vector2d& p_map_landmark) {
   return LinearizeBiased(sighting.observation,
-                         run.poses[static_cast<std::size_t>(sighting.frame)],
+                         run.poses[sighting.frame],
                          p_map_landmark,
                          run.sensor_bias,
                          run.data->mean_squared_bearing);
@@ -38,15 +38,13 @@ Innovation SightingInnovation(const BuildRun& run,
 const Eigen::Vector2d& AssignedPosition(const BuildState& build,
                                         const BuildRun& run,
                                         const Sighting& sighting) {
-  const MappingVisit& visit = run.data->visits[static_cast<std::size_t>(sighting.visit)];
-  const int mode = run.assignment[static_cast<std::size_t>(sighting.visit)];
-  return build.modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)]
-      .p_map_landmark;
+  const auto mode = static_cast<std::size_t>(run.assignment[sighting.visit]);
+  return build.modes[run.data->visits[sighting.visit].group][mode].p_map_landmark;
 }
 
 bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sighting) {
   static const double gate = ChiSquareQuantile(0.999, 2);
-  if (run.assignment[static_cast<std::size_t>(sighting.visit)] == kUnassigned) return false;
+  if (run.assignment[sighting.visit] == kUnassigned) return false;
   const Innovation innovation =
       SightingInnovation(run, sighting, AssignedPosition(build, run, sighting));
   return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor)) <
@@ -59,12 +57,11 @@ bool MakesMode(const ModeOptions& options, const MappingVisit& visit) {
 
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {
   std::vector<Eigen::Vector2d> positions;
-  for (const int index : visit.sightings) {
-    const Sighting& sighting = run.data->sightings[static_cast<std::size_t>(index)];
+  for (const SightingIndex index : visit.sightings) {
+    const Sighting& sighting = run.data->sightings[index];
     const Observation observation =
         Unbiased(sighting.observation, run.sensor_bias, run.data->mean_squared_bearing);
-    positions.push_back(
-        LandmarkPosition(observation, run.poses[static_cast<std::size_t>(sighting.frame)]));
+    positions.push_back(LandmarkPosition(observation, run.poses[sighting.frame]));
   }
   return positions;
 }

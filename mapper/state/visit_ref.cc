@@ -5,13 +5,11 @@
 
 namespace shiftmap {
 
-std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build) {
-  std::vector<std::vector<VisitRef>> by_group(build.modes.size());
+IndexedVector<GroupIndex, std::vector<VisitRef>> VisitsByGroup(const BuildState& build) {
+  IndexedVector<GroupIndex, std::vector<VisitRef>> by_group(build.modes.size());
   for (const RunIndex r : build.runs.indices()) {
-    const std::vector<MappingVisit>& visits = build.runs[r].data->visits;
-    for (std::size_t v = 0; v < visits.size(); ++v) {
-      by_group[static_cast<std::size_t>(visits[v].group)].push_back({r, static_cast<int>(v)});
-    }
+    const auto& visits = build.runs[r].data->visits;
+    for (const VisitIndex v : visits.indices()) by_group[visits[v].group].push_back({r, v});
   }
   for (std::vector<VisitRef>& visits : by_group) {
     std::stable_sort(visits.begin(), visits.end(), [&](const VisitRef& a, const VisitRef& b) {
@@ -22,15 +20,15 @@ std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build) {
 }
 
 const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref) {
-  return build.runs[ref.run].data->visits[static_cast<std::size_t>(ref.visit)];
+  return build.runs[ref.run].data->visits[ref.visit];
 }
 
 int AssignmentOf(const BuildState& build, const VisitRef& ref) {
-  return build.runs[ref.run].assignment[static_cast<std::size_t>(ref.visit)];
+  return build.runs[ref.run].assignment[ref.visit];
 }
 
 int& AssignmentOf(BuildState* build, const VisitRef& ref) {
-  return build->runs[ref.run].assignment[static_cast<std::size_t>(ref.visit)];
+  return build->runs[ref.run].assignment[ref.visit];
 }
 
 }  // namespace shiftmap

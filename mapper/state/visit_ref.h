@@ -10,11 +10,11 @@ namespace shiftmap {
 /// A visit of a group, wherever it is.
 struct VisitRef {
   RunIndex run;
-  int visit = 0;
+  VisitIndex visit;
 };
 
 /// The visits of every group over all runs, in the order of time.
-std::vector<std::vector<VisitRef>> VisitsByGroup(const BuildState& build);
+IndexedVector<GroupIndex, std::vector<VisitRef>> VisitsByGroup(const BuildState& build);
 
 const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref);
 

@@ -90,7 +90,7 @@ void CountSightings(const SimulatedWorld& world,
   for (const SimulatedGroup& group : world.groups) signatures.push_back(group.signature);
   const MappingRun mapping = MakeMappingRun(run.run, signatures, options);
   for (const MappingVisit& visit : mapping.visits) {
-    const auto group = static_cast<std::size_t>(visit.group);
+    const auto group = static_cast<std::size_t>(visit.group.value());
     const ModeNumber active = run.active_mode[group];
     if (active == kAbsent) continue;
     int& sightings = (*most)[{group, active.value()}];

@@ -36,11 +36,11 @@ struct UtiasCase {
   int robot = 0;
   double start_s = 0.0;  ///< UtiasProtocol::start_s.
   Run run;
-  MappingRun frames;                  ///< The same by key frames and visits; groups: `signatures`.
-  std::vector<Signature> signatures;  ///< Ascending: every landmark of the data set.
-  std::vector<StampedPose> truth;     ///< Motion capture.
-  LandmarkPlaces landmarks;           ///< Surveyed.
-  std::vector<Signature> moved;       ///< Ascending: the group that the map has displaced.
+  MappingRun frames;  ///< The same by key frames and visits; groups: `signatures`.
+  IndexedVector<GroupIndex, Signature> signatures;  ///< Ascending: all landmarks of the data set.
+  std::vector<StampedPose> truth;                   ///< Motion capture.
+  LandmarkPlaces landmarks;                         ///< Surveyed.
+  std::vector<Signature> moved;  ///< Ascending: the group that the map has displaced.
 };
 
 /// Reads `<data>/MRCLAM_Dataset<N>`. The run begins `start_s` after the odometry or, where motion

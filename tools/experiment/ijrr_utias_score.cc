@@ -21,16 +21,16 @@ const Duration kMaxTruthGap = FromSeconds(1.0);
 constexpr double kPoseSd = 0.1;
 
 // Share of the visits of each landmark that each of its modes explains.
-std::vector<std::vector<double>> ExplainedVisits(const UtiasCase& data,
-                                                 const UtiasEstimate& estimate) {
-  std::vector<std::vector<double>> weights;
+IndexedVector<GroupIndex, std::vector<double>> ExplainedVisits(const UtiasCase& data,
+                                                               const UtiasEstimate& estimate) {
+  IndexedVector<GroupIndex, std::vector<double>> weights;
   for (const auto& modes : estimate.modes) weights.emplace_back(modes.size(), 0.0);
   for (const MappingVisit& visit : data.frames.visits) {
     const double share = 1.0 / static_cast<double>(visit.sightings.size());
-    for (const int sighting : visit.sightings) {
-      const int mode = estimate.sighting_modes[static_cast<std::size_t>(sighting)];
+    for (const SightingIndex sighting : visit.sightings) {
+      const int mode = estimate.sighting_modes[sighting];
       if (mode < 0) continue;
-      weights[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(mode)] += share;
+      weights[visit.group][static_cast<std::size_t>(mode)] += share;
     }
   }
   return weights;
@@ -55,18 +55,18 @@ Eigen::VectorXd ScoreVisit(const UtiasCase& data,
                            const SensorCalibration& sensor,
                            const std::vector<Eigen::Vector2d>& modes) {
   Eigen::VectorXd scores = Eigen::VectorXd::Zero(std::ssize(modes) + 1);
-  for (const int index : visit.sightings) {
-    const Sighting& sighting = data.frames.sightings[static_cast<std::size_t>(index)];
+  for (const SightingIndex index : visit.sightings) {
+    const Sighting& sighting = data.frames.sightings[index];
     const double log_clutter =
         std::log((sensor.clutter_density_per_m2) * SquareMetresPerUnit(sighting.observation));
     scores[0] += log_clutter;
     for (std::size_t k = 0; k < modes.size(); ++k) {
-      const Innovation innovation =
-          LinearizeBiased(sighting.observation,
-                          run.trajectory[static_cast<std::size_t>(sighting.frame)].T_map_vehicle,
-                          modes[k],
-                          run.sensor_bias,
-                          data.frames.mean_squared_bearing);
+      const Innovation innovation = LinearizeBiased(
+          sighting.observation,
+          run.trajectory[static_cast<std::size_t>(sighting.frame.value())].T_map_vehicle,
+          modes[k],
+          run.sensor_bias,
+          data.frames.mean_squared_bearing);
       const Eigen::Matrix2d S =
           ObservationNoise(sighting.observation, sensor) +
           kPoseSd * kPoseSd * innovation.H_landmark * innovation.H_landmark.transpose();
@@ -83,7 +83,7 @@ double PoseRmse(const UtiasCase& data, const std::vector<Se2>& poses, int* count
   *count = 0;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const std::optional<Se2> truth =
-        Interpolate(data.truth, data.frames.frames[i].stamp, kMaxTruthGap);
+        Interpolate(data.truth, data.frames.frames[FrameIndex(i)].stamp, kMaxTruthGap);
     if (!truth) continue;
     squares += (poses[i].translation() - truth->translation()).squaredNorm();
     ++*count;
@@ -105,13 +105,11 @@ UtiasScore ScoreUtias(const UtiasCase& data, const UtiasEstimate& estimate) {
   score.pose_rmse_m = PoseRmse(data, estimate.poses, &score.poses);
   score.step_pose_rmse_m = PoseRmse(data, estimate.step_poses, &step_poses);
 
-  std::vector<bool> seen(data.signatures.size());
-  for (const MappingVisit& visit : data.frames.visits) {
-    seen[static_cast<std::size_t>(visit.group)] = true;
-  }
-  const std::vector<std::vector<double>> weights = ExplainedVisits(data, estimate);
+  IndexedVector<GroupIndex, bool> seen(data.signatures.size());
+  for (const MappingVisit& visit : data.frames.visits) seen[visit.group] = true;
+  const auto weights = ExplainedVisits(data, estimate);
   double squares = 0.0;
-  for (std::size_t group = 0; group < data.signatures.size(); ++group) {
+  for (const GroupIndex group : data.signatures.indices()) {
     const std::vector<Eigen::Vector2d>& modes = estimate.modes[group];
     score.modes += static_cast<int>(modes.size());
     if (!seen[group] || modes.empty()) continue;
@@ -156,14 +154,10 @@ UtiasEstimate FromMapperResult(const UtiasCase& data, const MapperResult& result
   estimate.sighting_modes.assign(data.frames.sightings.size(), -1);
   for (const MappingVisit& visit : data.frames.visits) {
     Eigen::Index best = 0;
-    ScoreVisit(data,
-               visit,
-               run,
-               result.content.calibration.sensor,
-               estimate.modes[static_cast<std::size_t>(visit.group)])
+    ScoreVisit(data, visit, run, result.content.calibration.sensor, estimate.modes[visit.group])
         .maxCoeff(&best);
-    for (const int sighting : visit.sightings) {
-      estimate.sighting_modes[static_cast<std::size_t>(sighting)] = static_cast<int>(best) - 1;
+    for (const SightingIndex sighting : visit.sightings) {
+      estimate.sighting_modes[sighting] = static_cast<int>(best) - 1;
     }
   }
   estimate.created = result.modes_created;

@@ -14,10 +14,10 @@ namespace shiftmap {
 struct UtiasEstimate {
   std::vector<Se2> poses;       ///< T_map_vehicle at every key frame.
   std::vector<Se2> step_poses;  ///< The same when the frame came in; empty for a batch.
-  std::vector<std::vector<Eigen::Vector2d>> modes;  ///< Per signature of the case. [m]
+  IndexedVector<GroupIndex, std::vector<Eigen::Vector2d>> modes;  ///< [m]
 
   /// Per sighting of the case: the mode of its landmark that it is of, or -1 for none.
-  std::vector<int> sighting_modes;
+  IndexedVector<SightingIndex, int> sighting_modes;
 
   int created = 0;             ///< Modes that the map did not have.
   int full_optimizations = 0;  ///< Steps whose alternation did not settle.

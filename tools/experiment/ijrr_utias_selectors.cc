@@ -21,8 +21,7 @@ IncrementalPrior PriorOf(const UtiasCase& data, const LandmarkPlaces& map, doubl
   prior.mean.resize(size);
   for (int group = 0; group < prior.groups; ++group) {
     prior.group.push_back(group);
-    prior.mean.segment<2>(2 * Eigen::Index{group}) =
-        map.at(data.signatures[static_cast<std::size_t>(group)]);
+    prior.mean.segment<2>(2 * Eigen::Index{group}) = map.at(data.signatures[GroupIndex(group)]);
   }
   prior.cov = Eigen::MatrixXd::Identity(size, size) * (sd_m * sd_m);
   return prior;
@@ -47,20 +46,17 @@ SensorCalibration SensorOf(const UtiasNoise& noise, const UtiasProtocol& protoco
 
 // The frames of a case as the incremental mapper takes them.
 std::vector<IncrementalFrame> FramesOf(const UtiasCase& data, const UtiasNoise& noise) {
-  const std::vector<Observation> observations = UtiasObservations(data, noise);
-  const std::vector<MotionIncrement> motions = UtiasMotions(data, noise);
+  const auto observations = UtiasObservations(data, noise);
+  const auto motions = UtiasMotions(data, noise);
   std::vector<IncrementalFrame> frames;
-  for (std::size_t f = 0; f < data.frames.frames.size(); ++f) {
+  for (const FrameIndex f : data.frames.frames.indices()) {
     const KeyFrame& key_frame = data.frames.frames[f];
     IncrementalFrame& frame = frames.emplace_back();
     frame.stamp = key_frame.stamp;
     if (f > 0) frame.motion = motions[f - 1];
-    const int end = key_frame.first_sighting + key_frame.sighting_count;
-    for (int i = key_frame.first_sighting; i < end; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const MappingVisit& visit =
-          data.frames.visits[static_cast<std::size_t>(data.frames.sightings[at].visit)];
-      frame.observations.push_back({visit.group, observations[at]});
+    for (const SightingIndex i : key_frame.sightings()) {
+      const GroupIndex group = data.frames.visits[data.frames.sightings[i].visit].group;
+      frame.observations.push_back({group.value(), observations[i]});
     }
   }
   return frames;

@@ -41,16 +41,15 @@ Graph StaticGraph(const UtiasCase& data,
   run.correction_prior_sd.setConstant(kHeldSd);
   run.sensor_bias_sd.setConstant(kHeldSd);
   graph.runs.push_back(std::move(run));
-  const std::vector<Observation> observations = UtiasObservations(data, noise);
-  for (std::size_t i = 0; i < observations.size(); ++i) {
+  const auto observations = UtiasObservations(data, noise);
+  for (const SightingIndex i : observations.indices()) {
     const Sighting& sighting = data.frames.sightings[i];
-    graph.observations.push_back(
-        {0,
-         FrameIndex(sighting.frame),
-         ModeIndex(data.frames.visits[static_cast<std::size_t>(sighting.visit)].group),
-         observations[i],
-         ObservationNoise(observations[i], noise.sensor),
-         0.0});
+    graph.observations.push_back({0,
+                                  sighting.frame,
+                                  ModeIndex(data.frames.visits[sighting.visit].group.value()),
+                                  observations[i],
+                                  ObservationNoise(observations[i], noise.sensor),
+                                  0.0});
   }
   std::vector<ModeIndex> modes;
   for (const auto& [signature, place] : map) {
@@ -107,11 +106,12 @@ UtiasNoise PrintedNoise(int dataset) {
   return noise;
 }
 
-std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNoise& noise) {
+IndexedVector<FrameIndex, MotionIncrement> UtiasMotions(const UtiasCase& data,
+                                                        const UtiasNoise& noise) {
   const FrameMotions integrated = IntegrateMotions(data.frames, noise.odometry);
-  std::vector<MotionIncrement> motions;
-  const std::vector<KeyFrame>& frames = data.frames.frames;
-  for (std::size_t i = 0; i + 1 < frames.size(); ++i) {
+  IndexedVector<FrameIndex, MotionIncrement> motions;
+  const auto& frames = data.frames.frames;
+  for (FrameIndex i; i + 1 < frames.end_index(); ++i) {
     MotionIncrement motion = MotionFrom(integrated, i, noise.odometry);
     if (noise.printed_process_sd) {
       const double samples =
@@ -124,8 +124,9 @@ std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNois
   return motions;
 }
 
-std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoise& noise) {
-  std::vector<Observation> observations;
+IndexedVector<SightingIndex, Observation> UtiasObservations(const UtiasCase& data,
+                                                            const UtiasNoise& noise) {
+  IndexedVector<SightingIndex, Observation> observations;
   for (const Sighting& sighting : data.frames.sightings) {
     observations.push_back(
         Unbiased(sighting.observation, noise.bias, data.frames.mean_squared_bearing));
@@ -136,22 +137,21 @@ std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoi
 std::vector<Se2> StartPoses(const UtiasCase& data,
                             const UtiasNoise& noise,
                             const LandmarkPlaces& map) {
-  std::vector<Se2> poses = EstimateTrajectoryByEkf(
+  IndexedVector<FrameIndex, Se2> poses = EstimateTrajectoryByEkf(
       data.frames,
       IntegrateMotions(data.frames, noise.odometry),
       {noise.odometry, WithBias(noise.sensor, noise.bias, data.frames.mean_squared_bearing)});
-  std::vector<std::vector<double>> x(data.signatures.size());
-  std::vector<std::vector<double>> y(data.signatures.size());
+  IndexedVector<GroupIndex, std::vector<double>> x(data.signatures.size());
+  IndexedVector<GroupIndex, std::vector<double>> y(data.signatures.size());
   for (const Sighting& sighting : data.frames.sightings) {
-    const auto group = static_cast<std::size_t>(
-        data.frames.visits[static_cast<std::size_t>(sighting.visit)].group);
+    const GroupIndex group = data.frames.visits[sighting.visit].group;
     const Eigen::Vector2d p_start_landmark =
-        LandmarkPosition(sighting.observation, poses[static_cast<std::size_t>(sighting.frame)]);
+        LandmarkPosition(sighting.observation, poses[sighting.frame]);
     x[group].push_back(p_start_landmark.x());
     y[group].push_back(p_start_landmark.y());
   }
   std::vector<PointPair> pairs;
-  for (std::size_t group = 0; group < data.signatures.size(); ++group) {
+  for (const GroupIndex group : data.signatures.indices()) {
     if (x[group].empty()) continue;
     pairs.push_back({map.at(data.signatures[group]), {Median(x[group]), Median(y[group])}});
   }

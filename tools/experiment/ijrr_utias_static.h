@@ -38,10 +38,12 @@ UtiasNoise CalibratedNoise(const MapperResult& without_map);
 UtiasNoise PrintedNoise(int dataset);
 
 /// Odometry between the key frames.
-std::vector<MotionIncrement> UtiasMotions(const UtiasCase& data, const UtiasNoise& noise);
+IndexedVector<FrameIndex, MotionIncrement> UtiasMotions(const UtiasCase& data,
+                                                        const UtiasNoise& noise);
 
 /// Sightings without the systematic errors of the sensor.
-std::vector<Observation> UtiasObservations(const UtiasCase& data, const UtiasNoise& noise);
+IndexedVector<SightingIndex, Observation> UtiasObservations(const UtiasCase& data,
+                                                            const UtiasNoise& noise);
 
 /// Key-frame poses to start from: EKF-SLAM, its landmarks laid over the places of the map by least
 /// squares.

@@ -20,7 +20,7 @@ namespace shiftmap {
 std::optional<RunMapError> MeasureRunMap(const Run& run,
                                          const std::map<Signature, Eigen::Vector2d>& places,
                                          const MapperOptions& options) {
-  const std::vector<Signature> signatures = CollectSignatures({&run}, {});
+  const IndexedVector<GroupIndex, Signature> signatures = CollectSignatures({&run}, {});
   const MappingRun arranged = MakeMappingRun(run, signatures, options.front_end);
   if (arranged.sightings.empty()) return std::nullopt;
   std::vector<BuildState> builds = {MapSingleRun(arranged, signatures.size(), options)};
@@ -32,7 +32,7 @@ std::optional<RunMapError> MeasureRunMap(const Run& run,
   std::vector<Eigen::Vector2d> positions;
   std::vector<PointPair> pairs;
   for (const ModeIndex i : run_map->points.indices()) {
-    const auto group = static_cast<std::size_t>(run_map->points[i].group);
+    const GroupIndex group(run_map->points[i].group);
     const auto place = places.find(signatures[group]);
     if (place == places.end() || run_map->build.modes[group].size() != 1) continue;
     positions.push_back(run_map->points[i].position);

@@ -79,7 +79,7 @@ TEST(BuildMap, FavoursTheModesThatHeldLast) {
   const MappingRun last = testing::Arrange(world, world.runs.back().run);
   std::vector<std::size_t> sightings(world.groups.size());
   for (const MappingVisit& visit : last.visits) {
-    sightings[static_cast<std::size_t>(visit.group)] += visit.sightings.size();
+    sightings[static_cast<std::size_t>(visit.group.value())] += visit.sightings.size();
   }
   for (const auto& [content, first_run] : {std::pair(Build(inputs).content, 0u), {late, 1u}}) {
     int checked = 0;

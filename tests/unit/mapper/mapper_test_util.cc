@@ -98,7 +98,7 @@ std::vector<std::vector<ModeNumber>> VisitedModes(const SimulatedWorld& world, i
   for (const SimulatedRun& simulated : world.runs) {
     const MappingRun run = Arrange(world, simulated.run);
     for (const MappingVisit& visit : run.visits) {
-      const auto group = static_cast<std::size_t>(visit.group);
+      const auto group = static_cast<std::size_t>(visit.group.value());
       if (std::ssize(visit.sightings) < min_sightings) continue;
       visited[group].insert(simulated.active_mode[group]);
     }

@@ -19,21 +19,20 @@ struct StandingRun {
     data.odometry.push_back({});
     for (std::size_t f = 0; f < seen.size(); ++f) {
       const Stamp stamp = Stamp() + FromSeconds(static_cast<double>(f));
-      data.frames.push_back(
-          {stamp, static_cast<int>(data.sightings.size()), static_cast<int>(seen[f].size())});
+      data.frames.push_back({stamp, data.sightings.end_index(), static_cast<int>(seen[f].size())});
       run.poses.emplace_back();
       for (const int group : seen[f]) {
         Observation observation;
         observation.z = {1.0 + group, 0.0};
-        data.sightings.push_back({static_cast<int>(f), VisitOf(group, stamp), observation});
+        data.sightings.push_back({FrameIndex(f), VisitOf(GroupIndex(group), stamp), observation});
       }
     }
     run.data = &data;
     run.assignment.assign(data.visits.size(), 0);
     build.modes.resize(3);
     for (int group = 0; group < 3; ++group) {
-      build.modes[static_cast<std::size_t>(group)] = {{{1.0 + group, 0.0}, kAbsent},
-                                                      {{1.0 + group, 0.5}, kAbsent}};
+      build.modes[GroupIndex(group)] = {{{1.0 + group, 0.0}, kAbsent},
+                                        {{1.0 + group, 0.5}, kAbsent}};
     }
   }
 
@@ -43,12 +42,12 @@ struct StandingRun {
     return count;
   }
 
-  int VisitOf(int group, Stamp stamp) {
-    for (std::size_t v = 0; v < data.visits.size(); ++v) {
-      if (data.visits[v].group == group) return static_cast<int>(v);
+  VisitIndex VisitOf(GroupIndex group, Stamp stamp) {
+    for (const VisitIndex v : data.visits.indices()) {
+      if (data.visits[v].group == group) return v;
     }
     data.visits.push_back({group, stamp, stamp, {}});
-    return static_cast<int>(data.visits.size()) - 1;
+    return data.visits.end_index() - 1;
   }
 
   MappingRun data;

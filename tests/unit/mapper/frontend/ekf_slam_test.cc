@@ -47,9 +47,9 @@ TEST(EkfSlam, PosesGoAsOdometryDoes) {
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const Calibration calibration{options.odometry, options.sensor};
     const FrameMotions motions = IntegrateMotions(run, calibration.odometry);
-    const std::vector<Se2> poses = EstimateTrajectoryByEkf(run, motions, calibration);
+    const IndexedVector<FrameIndex, Se2> poses = EstimateTrajectoryByEkf(run, motions, calibration);
     double squares = 0.0;
-    for (std::size_t i = 0; i + 1 < poses.size(); ++i) {
+    for (FrameIndex i; i + 1 < poses.end_index(); ++i) {
       const MotionIncrement motion = MotionFrom(motions, i, calibration.odometry);
       const Eigen::Vector3d error =
           (motion.T_begin_end.Inverse() * poses[i].Inverse() * poses[i + 1]).Log();

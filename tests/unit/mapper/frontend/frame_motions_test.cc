@@ -57,10 +57,10 @@ TEST(FrameMotions, AreLinearNearby) {
   const OdometryCalibration near = Scaled(0.008, -0.006, 0.0);
   const FrameMotions linear = IntegrateMotions(run, Scaled(0.0, 0.0, 0.0));
   const FrameMotions integrated = IntegrateMotions(run, near);
-  for (std::size_t i = 0; i < linear.between_frames.size(); ++i) {
+  for (const FrameIndex i : linear.between_frames.indices()) {
     const Se2 T_linear = MotionFrom(linear, i, near).T_begin_end;
     const Se2 T_integrated = integrated.between_frames[i].T_begin_end;
-    EXPECT_LT((T_linear.Inverse() * T_integrated).Log().norm(), 5e-4) << i;
+    EXPECT_LT((T_linear.Inverse() * T_integrated).Log().norm(), 5e-4) << i.value();
     EXPECT_EQ(MotionFrom(integrated, i, near).T_begin_end.translation(),
               T_integrated.translation());
   }
@@ -69,10 +69,10 @@ TEST(FrameMotions, AreLinearNearby) {
 TEST(FrameMotions, DeadReckoningPutsThemTogether) {
   const MappingRun run = SomeRun();
   const FrameMotions motions = IntegrateMotions(run, {});
-  const std::vector<Se2> poses = DeadReckon(motions);
+  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(motions);
   ASSERT_EQ(poses.size(), run.frames.size());
   EXPECT_EQ(poses.front().translation(), Eigen::Vector2d::Zero());
-  const std::size_t middle = poses.size() / 2;
+  const FrameIndex middle(poses.size() / 2);
   const Se2 T_middle_next = poses[middle].Inverse() * poses[middle + 1];
   const Se2& expected = motions.between_frames[middle].T_begin_end;
   EXPECT_LT((T_middle_next.Inverse() * expected).Log().norm(), 1e-12);

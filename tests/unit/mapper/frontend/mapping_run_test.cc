@@ -38,17 +38,15 @@ TEST(MappingRun, AGapStartsAnotherVisit) {
                                         kSignatures,
                                         options);
   ASSERT_EQ(run.visits.size(), 3u);
-  EXPECT_EQ(run.visits[0].group, 0);
+  EXPECT_EQ(run.visits[0].group, GroupIndex(0));
   EXPECT_EQ(run.visits[0].begin, StampFromSeconds(1.0));
   EXPECT_EQ(run.visits[0].end, StampFromSeconds(11.0));
   EXPECT_EQ(run.visits[0].sightings.size(), 2u);
-  EXPECT_EQ(run.visits[1].group, 2);
-  EXPECT_EQ(run.visits[2].group, 0);
+  EXPECT_EQ(run.visits[1].group, GroupIndex(2));
+  EXPECT_EQ(run.visits[2].group, GroupIndex(0));
   EXPECT_EQ(run.visits[2].begin, StampFromSeconds(21.5));
-  for (std::size_t v = 0; v < run.visits.size(); ++v) {
-    for (const int s : run.visits[v].sightings) {
-      EXPECT_EQ(run.sightings[static_cast<std::size_t>(s)].visit, static_cast<int>(v));
-    }
+  for (const VisitIndex v : run.visits.indices()) {
+    for (const SightingIndex s : run.visits[v].sightings) EXPECT_EQ(run.sightings[s].visit, v);
   }
 }
 
@@ -96,9 +94,9 @@ TEST(MappingRun, ScansOfOneStampAreOneFrame) {
                                         {});
   ASSERT_EQ(run.frames.size(), 2u);
   EXPECT_EQ(run.frames[0].sighting_count, 2);
-  EXPECT_EQ(run.frames[1].first_sighting, 2);
-  EXPECT_EQ(run.sightings[1].frame, 0);
-  EXPECT_EQ(run.sightings[2].frame, 1);
+  EXPECT_EQ(run.frames[1].first_sighting, SightingIndex(2));
+  EXPECT_EQ(run.sightings[1].frame, FrameIndex(0));
+  EXPECT_EQ(run.sightings[2].frame, FrameIndex(1));
 }
 
 TEST(MappingRun, MeanSquaredBearingIsWeightedBySquaredRange) {

@@ -22,8 +22,8 @@ class RunPartsTest : public ::testing::Test {
 TEST_F(RunPartsTest, TogetherHaveWhatTheRunHas) {
   for (const double part_s : {7.0, 30.0, 1e6}) {
     SCOPED_TRACE(part_s);
-    std::size_t frames = 0;
-    std::size_t sightings = 0;
+    FrameIndex frames;
+    SightingIndex sightings;
     const RunParts parts(run_, part_s);
     for (std::size_t k = 0; k < parts.size(); ++k) {
       const MappingRun& part = parts.At(k);
@@ -33,15 +33,14 @@ TEST_F(RunPartsTest, TogetherHaveWhatTheRunHas) {
         ++frames;
       }
       std::size_t in_visits = 0;
-      for (std::size_t v = 0; v < part.visits.size(); ++v) {
-        for (const int s : part.visits[v].sightings) {
-          const Sighting& sighting = part.sightings[static_cast<std::size_t>(s)];
-          const Sighting& before = run_.sightings[sightings + static_cast<std::size_t>(s)];
-          EXPECT_EQ(sighting.visit, static_cast<int>(v));
+      for (const VisitIndex v : part.visits.indices()) {
+        for (const SightingIndex s : part.visits[v].sightings) {
+          const Sighting& sighting = part.sightings[s];
+          const Sighting& before = run_.sightings[sightings + s.value()];
+          EXPECT_EQ(sighting.visit, v);
           EXPECT_EQ(sighting.observation.z, before.observation.z);
-          EXPECT_EQ(part.visits[v].group,
-                    run_.visits[static_cast<std::size_t>(before.visit)].group);
-          const KeyFrame& frame = part.frames[static_cast<std::size_t>(sighting.frame)];
+          EXPECT_EQ(part.visits[v].group, run_.visits[before.visit].group);
+          const KeyFrame& frame = part.frames[sighting.frame];
           EXPECT_LE(part.visits[v].begin, frame.stamp);
           EXPECT_GE(part.visits[v].end, frame.stamp);
           EXPECT_GE(s, frame.first_sighting);
@@ -50,10 +49,10 @@ TEST_F(RunPartsTest, TogetherHaveWhatTheRunHas) {
         }
       }
       EXPECT_EQ(in_visits, part.sightings.size());
-      sightings += part.sightings.size();
+      sightings = sightings + part.sightings.end_index().value();
     }
-    EXPECT_EQ(frames, run_.frames.size());
-    EXPECT_EQ(sightings, run_.sightings.size());
+    EXPECT_EQ(frames, run_.frames.end_index());
+    EXPECT_EQ(sightings, run_.sightings.end_index());
   }
 }
 
@@ -61,7 +60,7 @@ TEST_F(RunPartsTest, MoveAsTheRunDoes) {
   OdometryCalibration calibration;
   calibration.lag_s = 0.4;
   const FrameMotions whole = IntegrateMotions(run_, calibration);
-  std::size_t at = 0;
+  FrameIndex at;
   const RunParts parts(run_, 20.0);
   for (std::size_t k = 0; k < parts.size(); ++k) {
     for (const IntegratedMotion& motion :

@@ -23,7 +23,7 @@ class DoubtfulModes : public ::testing::Test {
     data_.sha256 = "a";
     BuildRun run;
     run.data = &data_;
-    for (const int group : {0, 1}) {
+    for (const GroupIndex group : std::vector<GroupIndex>{0, 1}) {
       problem_.modes.push_back({{{2.0, 1.0}, ModeNumber(1)}, {{2.5, 1.0}, kAbsent}});
       data_.visits.push_back({group, {}, {}, {}});
       run.assignment.push_back(1);
@@ -36,7 +36,7 @@ class DoubtfulModes : public ::testing::Test {
   }
 
   // Of `absent`, the mode that it may have left, and that which it is at.
-  Eigen::VectorXd Mixed(int visit) const {
+  Eigen::VectorXd Mixed(VisitIndex visit) const {
     Eigen::VectorXd log_likelihoods = Likelihoods();
     MixAlternatives(problem_, {0, visit}, &log_likelihoods);
     return log_likelihoods;

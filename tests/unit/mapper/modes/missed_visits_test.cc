@@ -164,17 +164,17 @@ TEST(MissedVisits, AreNotBetweenTwoSightingsAtOnePlace) {
   const BuildState build = MapSingleRun(run, world.groups.size(), {});
   const auto missed = FindMissedVisits(build, FrontEndOptions().visit_gap_s, {});
   int before_or_after = 0;
-  for (std::size_t group = 0; group < missed.by_group.size(); ++group) {
+  for (const GroupIndex group : missed.by_group.indices()) {
     for (const MissedVisit& visit : missed.by_group[group]) {
       bool seen_before = false;
       bool seen_after = false;
       for (const MappingVisit& seen : run.visits) {
-        if (static_cast<std::size_t>(seen.group) != group) continue;
+        if (seen.group != group) continue;
         seen_before |= seen.end < visit.begin;
         seen_after |= seen.begin > visit.end;
-        EXPECT_TRUE(seen.end < visit.begin || seen.begin > visit.end) << group;
+        EXPECT_TRUE(seen.end < visit.begin || seen.begin > visit.end) << group.value();
       }
-      EXPECT_FALSE(seen_before && seen_after) << group;
+      EXPECT_FALSE(seen_before && seen_after) << group.value();
       ++before_or_after;
       EXPECT_EQ(visit.log_likelihoods[0], 0.0);
       EXPECT_LE(visit.log_likelihoods.maxCoeff(), 0.0);

@@ -17,17 +17,17 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const MapperOptions options;
   BuildState build = MapSingleRun(run, world.groups.size(), options);
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
+  const auto visits = VisitsByGroup(build);
   const auto busiest =
       std::max_element(visits.begin(), visits.end(), [](const auto& a, const auto& b) {
         return a.size() < b.size();
       });
   ASSERT_GE(busiest->size(), 2u);
-  const auto group = static_cast<std::size_t>(busiest - visits.begin());
+  const GroupIndex group(busiest - visits.begin());
   ASSERT_EQ(build.modes[group].size(), 1u);
   const std::size_t before = testing::CountModes(build);
   build.modes[group].push_back(build.modes[group].front());
-  build.runs[0].assignment[static_cast<std::size_t>(busiest->back().visit)] = 1;
+  AssignmentOf(&build, busiest->back()) = 1;
   GraphSolver solver;
   const Graph graph = SolveContinuous(options, &build, &solver);
   const auto differences = ModeDifferences::Of(graph, &solver);
@@ -60,7 +60,7 @@ TEST(DropUnsupportedModes, CountsWhatAModeExplains) {
   BuildState build = MapSingleRun(run, world.groups.size(), options);
   DropUnsupportedModes(options.modes, &build);
   const std::size_t before = testing::CountModes(build);
-  const auto group = static_cast<std::size_t>(run.visits.front().group);
+  const GroupIndex group = run.visits.front().group;
   ASSERT_EQ(build.modes[group].size(), 1u);
   build.modes[group].front().p_map_landmark.x() += 20.0;
   EXPECT_EQ(DropUnsupportedModes(options.modes, &build), 1);

@@ -13,12 +13,10 @@ namespace shiftmap {
 namespace {
 
 // The modes that the visits of a group are assigned to.
-std::set<int> AssignedModes(const BuildState& build, int group) {
+std::set<int> AssignedModes(const BuildState& build, GroupIndex group) {
   std::set<int> assigned;
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
-  for (const VisitRef& ref : visits[static_cast<std::size_t>(group)]) {
-    assigned.insert(build.runs[0].assignment[static_cast<std::size_t>(ref.visit)]);
-  }
+  const auto visits = VisitsByGroup(build);
+  for (const VisitRef& ref : visits[group]) assigned.insert(AssignmentOf(build, ref));
   return assigned;
 }
 
@@ -27,9 +25,7 @@ TEST(ModeRefinement, LandmarksThatStandStillHaveOneMode) {
     const SimulatedWorld world = testing::StaticWorld(seed);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
     const BuildState build = MapSingleRun(run, world.groups.size(), {});
-    for (std::size_t group = 0; group < build.modes.size(); ++group) {
-      EXPECT_LE(build.modes[group].size(), 1u) << seed << " " << group;
-    }
+    for (const auto& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
     EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(world.runs[0], run)),
               0.12)
         << seed;
@@ -179,9 +175,9 @@ TEST(ModeRefinement, SightingsOfAVisitShareTheErrorOfPoseAndMap) {
   const ModeOptions options;
   BuildState build = MapSingleRun(run, world.groups.size(), {});
   build.loss_reach = 50.0;
-  const std::vector<std::vector<VisitRef>> visits = VisitsByGroup(build);
+  const auto visits = VisitsByGroup(build);
   int checked = 0;
-  for (std::size_t group = 0; group < build.modes.size(); ++group) {
+  for (const GroupIndex group : build.modes.indices()) {
     if (build.modes[group].empty()) continue;
     BuildMode away = build.modes[group][0];
     away.p_map_landmark += Eigen::Vector2d(0.24, 0.18);
@@ -189,8 +185,8 @@ TEST(ModeRefinement, SightingsOfAVisitShareTheErrorOfPoseAndMap) {
     for (const VisitRef& ref : visits[group]) {
       if (VisitOf(build, ref).sightings.size() < 10) continue;
       const Eigen::VectorXd score = VisitLogLikelihood(build, ref, options);
-      EXPECT_NEAR(score[1] - score[2], 4.5, 3.0) << group;
-      EXPECT_GT(score[2], score[0]) << group;
+      EXPECT_NEAR(score[1] - score[2], 4.5, 3.0) << group.value();
+      EXPECT_GT(score[2], score[0]) << group.value();
       ++checked;
     }
   }

@@ -88,7 +88,7 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
                                       Eigen::Vector2d(-1.1, 2.3),
                                       Eigen::Vector2d(2.6, -1.7)}) {
       const Se2 turn(0.0, 0.0, static_cast<double>(group));
-      map.modes[group].push_back({place + turn * by, ModeNumber(1)});
+      map.modes[GroupIndex(group)].push_back({place + turn * by, ModeNumber(1)});
     }
   }
   const FlatModes flat(map);
@@ -103,7 +103,7 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
   EXPECT_GE(best.stayed.size(), 5);
   for (const Match& match : best.stayed) {
     const AlignmentPoint& point = run_map.points[ModeIndex(match.other)];
-    EXPECT_EQ(ModeIndex(match.reference), flat.Index(point.group, 0));
+    EXPECT_EQ(ModeIndex(match.reference), flat.Index(GroupIndex(point.group), 0));
     const Eigen::Vector2d& place =
         world.groups[static_cast<std::size_t>(point.group) - kBefore].modes.front();
     EXPECT_LT((best.alignment.T_reference_other * point.position - place).norm(), 0.15);

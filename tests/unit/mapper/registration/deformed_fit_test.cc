@@ -44,7 +44,7 @@ Road MakeRoad(std::mt19937_64& random) {
   road.map.modes.resize(kLandmarks);
   road.run_map.build.modes.resize(kLandmarks);
   for (int i = 0; i < kLandmarks; ++i) {
-    const auto group = static_cast<std::size_t>(i);
+    const GroupIndex group(i);
     const Eigen::Vector2d truth(kSpacing * i, i % 2 == 0 ? 2.0 : -2.0);
     road.map.modes[group].push_back({truth, kAbsent});
     positions.emplace_back(truth + drift.segment<2>(2 * i));
@@ -57,7 +57,7 @@ Road MakeRoad(std::mt19937_64& random) {
 // What a rigid transform that fits the first landmarks finds.
 std::vector<int> RigidMatches(const Road& road, double gate_m) {
   std::vector<int> known;
-  for (std::size_t i = 0; i < kLandmarks; ++i) {
+  for (const GroupIndex i : road.map.modes.indices()) {
     const double distance =
         (road.map.modes[i][0].p_map_landmark - road.run_map.build.modes[i][0].p_map_landmark)
             .norm();
@@ -92,7 +92,7 @@ TEST(GrowMatches, LeavesAloneWhatMovedAndWhatIsDecided) {
   Road road = MakeRoad(random);
   const std::vector<int> known = RigidMatches(road, 0.3);
   std::vector<bool> fixed(kLandmarks);
-  for (const std::size_t moved : {14u, 22u, 35u}) {
+  for (const GroupIndex moved : std::vector<GroupIndex>{14, 22, 35}) {
     road.map.modes[moved][0].p_map_landmark += Eigen::Vector2d(0.0, 4.0);
   }
   fixed[28] = true;
@@ -128,7 +128,7 @@ TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
   DeformOntoMap(options, map, known, &run_map);
   double before = 0.0;
   double after = 0.0;
-  for (std::size_t g = 0; g < map.modes.size(); ++g) {
+  for (const GroupIndex g : map.modes.indices()) {
     for (std::size_t m = 0; m < map.modes[g].size(); ++m) {
       const Eigen::Vector2d& target = map.modes[g][m].p_map_landmark;
       before += (straight.modes[g][m].p_map_landmark - target).squaredNorm();
@@ -138,7 +138,7 @@ TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
   EXPECT_LT(after, 0.7 * before);
   double poses_before = 0.0;
   double poses_after = 0.0;
-  for (std::size_t f = 0; f < straight.runs[0].poses.size(); ++f) {
+  for (const FrameIndex f : straight.runs[0].poses.indices()) {
     const Eigen::Vector2d wanted = deform(straight.runs[0].poses[f].translation());
     poses_before += (straight.runs[0].poses[f].translation() - wanted).squaredNorm();
     poses_after += (run_map.build.runs[0].poses[f].translation() - wanted).squaredNorm();

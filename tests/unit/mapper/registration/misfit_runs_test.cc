@@ -43,15 +43,15 @@ class MisfitRuns : public ::testing::Test {
     BuildState joined = MapAlone(world, 0, Nowhere);
     BuildState second = MapAlone(world, 1, displacement);
     std::vector<PointPair> pairs;
-    for (std::size_t group = 0; group < joined.modes.size(); ++group) {
+    for (const GroupIndex group : joined.modes.indices()) {
       if (joined.modes[group].empty() || second.modes[group].empty()) continue;
       pairs.push_back(
           {joined.modes[group].front().p_map_landmark, second.modes[group].front().p_map_landmark});
     }
     MoveBuild(AlignRigid2d(pairs).value(), &second);
     BuildRun& run = second.runs.front();
-    for (std::size_t v = 0; v < run.assignment.size(); ++v) {
-      const auto group = static_cast<std::size_t>(run.data->visits[v].group);
+    for (const VisitIndex v : run.assignment.indices()) {
+      const GroupIndex group = run.data->visits[v].group;
       if (run.assignment[v] == kUnassigned) continue;
       if (joined.modes[group].empty()) joined.modes[group] = {second.modes[group].front()};
       run.assignment[v] = 0;
@@ -70,10 +70,10 @@ class MisfitRuns : public ::testing::Test {
                       const Displacement& displacement) {
     MappingRun& data = data_.emplace_back(testing::Arrange(world, world.runs[run].run));
     data.name = "run-" + std::to_string(run);
-    const std::vector<Se2> poses = testing::TruePoses(world.runs[run], data);
+    const IndexedVector<FrameIndex, Se2> poses = testing::TruePoses(world.runs[run], data);
     for (Sighting& sighting : data.sightings) {
-      const int group = data.visits[static_cast<std::size_t>(sighting.visit)].group;
-      const Se2& pose = poses[static_cast<std::size_t>(sighting.frame)];
+      const int group = data.visits[sighting.visit].group.value();
+      const Se2& pose = poses[sighting.frame];
       Observation& observation = sighting.observation;
       const Eigen::Vector2d p_map = pose * observation.PositionInVehicle() + displacement(group);
       const Eigen::Vector2d p_vehicle = pose.Inverse() * p_map;

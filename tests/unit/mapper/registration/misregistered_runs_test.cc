@@ -50,20 +50,19 @@ class MisregisteredRuns : public ::testing::Test {
 };
 
 // Moves a run from a key frame on, and all that it sees from there.
-void LaySecondMap(std::size_t from, const Se2& T_there_here, BuildRun* run, BuildState* build) {
-  std::map<std::pair<int, int>, int> become;
-  for (std::size_t i = from; i < run->poses.size(); ++i) {
+void LaySecondMap(FrameIndex from, const Se2& T_there_here, BuildRun* run, BuildState* build) {
+  std::map<std::pair<GroupIndex, int>, int> become;
+  for (FrameIndex i = from; i < run->poses.end_index(); ++i) {
     run->poses[i] = T_there_here * run->poses[i];
   }
-  for (std::size_t v = 0; v < run->assignment.size(); ++v) {
+  for (const VisitIndex v : run->assignment.indices()) {
     const MappingVisit& visit = run->data->visits[v];
     int& assignment = run->assignment[v];
     if (visit.begin < run->data->frames[from].stamp || assignment == kUnassigned) continue;
     const auto [entry, added] = become.try_emplace({visit.group, assignment}, 0);
     if (added) {
       const Eigen::Vector2d& here =
-          build->modes[static_cast<std::size_t>(visit.group)][static_cast<std::size_t>(assignment)]
-              .p_map_landmark;
+          build->modes[visit.group][static_cast<std::size_t>(assignment)].p_map_landmark;
       entry->second = AddMode(visit.group, {T_there_here * here, kAbsent, false}, build);
     }
     assignment = entry->second;
@@ -78,14 +77,14 @@ TEST_F(MisregisteredRuns, ArePutBack) {
   const BuildRun before = build.runs[1];
   const std::size_t modes = testing::CountModes(build);
   for (const std::size_t share : {0u, 2u}) {
-    const std::size_t from = before.poses.size() * share / 4;
+    const FrameIndex from(before.poses.size() * share / 4);
     LaySecondMap(from, Se2(12.0, 5.0, 0.4), &build.runs[1], &build);
     ASSERT_GT(testing::CountModes(build), modes + 5);
     EXPECT_EQ(RelocateMisregisteredRuns(options_, &build), 1);
     GraphSolver solver;
     AlternateModes(options_, &build, &solver);
     EXPECT_EQ(testing::CountModes(build), modes);
-    for (std::size_t i = 0; i < before.poses.size(); ++i) {
+    for (const FrameIndex i : before.poses.indices()) {
       const Se2 error = before.poses[i].Inverse() * build.runs[1].poses[i];
       EXPECT_LT(error.translation().norm(), 0.2);
     }

@@ -41,7 +41,7 @@ WaitingRunMaps Waiting(const std::vector<std::set<int>>& groups, const BuildStat
 
 void AddToMap(const std::set<int>& groups, BuildState* build) {
   for (const int group : groups) {
-    std::vector<BuildMode>& modes = build->modes[static_cast<std::size_t>(group)];
+    std::vector<BuildMode>& modes = build->modes[GroupIndex(group)];
     if (modes.empty()) modes.push_back({Eigen::Vector2d(1.0 * group, 0.0), kAbsent});
   }
 }
@@ -54,7 +54,7 @@ std::size_t MostShared(const std::vector<std::set<int>>& groups,
   std::ptrdiff_t most = 0;
   for (const std::size_t i : waiting) {
     const auto shared = std::count_if(groups[i].begin(), groups[i].end(), [&](int group) {
-      return !build.modes[static_cast<std::size_t>(group)].empty();
+      return !build.modes[GroupIndex(group)].empty();
     });
     if (shared <= most) continue;
     most = shared;
