@@ -84,7 +84,8 @@ using FrameIndex = TypedIndex<struct FrameTag>;        ///< Of a run's key frame
 using SightingIndex = TypedIndex<struct SightingTag>;  ///< In MappingRun::sightings.
 using VisitIndex = TypedIndex<struct VisitTag>;        ///< In MappingRun::visits.
 using GroupIndex = TypedIndex<struct GroupTag>;  ///< In the sorted list of a build's signatures.
-using ModeIndex = TypedIndex<struct ModeTag>;    ///< In Graph::modes.
+using GroupModeIndex = TypedIndex<struct GroupModeTag>;      ///< In a group of BuildState::modes.
+using ModeIndex = TypedIndex<struct ModeTag>;                ///< In Graph::modes.
 using ObservationIndex = TypedIndex<struct ObservationTag>;  ///< In Graph::observations.
 
 }  // namespace shiftmap

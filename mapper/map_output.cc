@@ -22,24 +22,23 @@ namespace {
 constexpr int kNoPlace = -1;
 
 // The states of a group of the build, `absent` first, in the order of the map's modes.
-std::vector<Eigen::Index> StatesInOrder(const std::vector<std::size_t>& mode_order) {
-  std::vector<Eigen::Index> states = {0};
-  for (const std::size_t mode : mode_order) states.push_back(static_cast<Eigen::Index>(mode) + 1);
+std::vector<int> StatesInOrder(const std::vector<GroupModeIndex>& mode_order) {
+  std::vector<int> states = {0};
+  for (const GroupModeIndex mode : mode_order) states.push_back(StateOf(mode));
   return states;
 }
 
 // Modes of a group in the order they get: the prior's by number, then new ones by first visit.
-std::vector<std::size_t> ModeOrder(const BuildState& build,
-                                   const std::vector<VisitRef>& visits,
-                                   const std::vector<BuildMode>& modes) {
-  std::vector<std::size_t> order;
-  std::vector<std::size_t> first_visit(modes.size(), visits.size());
+std::vector<GroupModeIndex> ModeOrder(const BuildState& build,
+                                      const std::vector<VisitRef>& visits,
+                                      const GroupModes& modes) {
+  IndexedVector<GroupModeIndex, std::size_t> first_visit(modes.size(), visits.size());
   for (std::size_t v = visits.size(); v-- > 0;) {
-    const int mode = AssignmentOf(build, visits[v]);
-    if (mode != kUnassigned) first_visit[static_cast<std::size_t>(mode)] = v;
+    if (const OptionalMode mode = AssignmentOf(build, visits[v])) first_visit[*mode] = v;
   }
-  for (std::size_t i = 0; i < modes.size(); ++i) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+  std::vector<GroupModeIndex> order;
+  for (const GroupModeIndex mode : modes.indices()) order.push_back(mode);
+  std::stable_sort(order.begin(), order.end(), [&](GroupModeIndex a, GroupModeIndex b) {
     const bool a_known = modes[a].number != kAbsent;
     const bool b_known = modes[b].number != kAbsent;
     if (a_known != b_known) return a_known;
@@ -50,7 +49,7 @@ std::vector<std::size_t> ModeOrder(const BuildState& build,
 
 Stamp LastSeen(const BuildState& build,
                const std::vector<VisitRef>& visits,
-               int mode,
+               GroupModeIndex mode,
                Stamp known) {
   for (const VisitRef& ref : visits) {
     if (AssignmentOf(build, ref) == mode) known = std::max(known, VisitOf(build, ref).end);
@@ -66,10 +65,10 @@ struct BuildVisit {
 
 // A group of the map and where it comes from.
 struct GroupSource {
-  GroupIndex group;                  // In the build.
-  std::vector<std::size_t> order;    // The build's modes in the order of the map's.
-  std::vector<VisitRef> visits;      // In the order of time.
-  std::vector<BuildVisit> evidence;  // In the order of time, that without sightings included.
+  GroupIndex group;                   // In the build.
+  std::vector<GroupModeIndex> order;  // The build's modes in the order of the map's.
+  std::vector<VisitRef> visits;       // In the order of time.
+  std::vector<BuildVisit> evidence;   // In the order of time, that without sightings included.
 };
 
 // Log-likelihoods as the ledger takes them: one visit says no more than kMaxVisitLogRatio.
@@ -90,7 +89,7 @@ std::vector<BuildVisit> EvidenceOf(const BuildState& build,
                                    const LandmarkGroup& group,
                                    const std::vector<MissedVisit>& missed,
                                    const ModeOptions& options) {
-  const std::vector<Eigen::Index> states = StatesInOrder(source.order);
+  const std::vector<int> states = StatesInOrder(source.order);
   std::vector<BuildVisit> evidence;
   for (const VisitRef& ref : source.visits) {
     const MappingVisit& visit = VisitOf(build, ref);
@@ -127,9 +126,8 @@ IndexedVector<ModeIndex, Visibility> KnownVisibility(
     const int state = group != nullptr ? group->CarriedStateOf(of_mode.mode) : -1;
     if (state <= 0) continue;
     const ModeNumber number = group->NumberOf(state);
-    for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
-      if (build.modes[g][k].number != number) continue;
-      known[flat.first[g] + static_cast<int>(k)] += of_mode.scans;
+    for (const GroupModeIndex k : build.modes[g].indices()) {
+      if (build.modes[g][k].number == number) known[flat.Index(g, k)] += of_mode.scans;
     }
   }
   return known;
@@ -143,8 +141,7 @@ IndexedVector<RunIndex, std::vector<ModeVisibility>> VisibilityByRun(
   std::map<BuildModeRef, std::pair<std::size_t, ModeNumber>> numbers;  // Group of the map, mode.
   for (std::size_t i = 0; i < sources.size(); ++i) {
     for (std::size_t k = 0; k < sources[i].order.size(); ++k) {
-      const BuildModeRef mode{sources[i].group, static_cast<int>(sources[i].order[k])};
-      numbers[mode] = {i, groups[i].modes[k].number};
+      numbers[{sources[i].group, sources[i].order[k]}] = {i, groups[i].modes[k].number};
     }
   }
   IndexedVector<RunIndex, std::vector<ModeVisibility>> by_run(seen_by_run.size());
@@ -164,14 +161,14 @@ LandmarkGroup MakeGroup(const BuildState& build,
                         const IndexedVector<GroupIndex, Signature>& signatures,
                         const GroupSource& source,
                         const ModeOptions& options) {
-  const std::vector<BuildMode>& modes = build.modes[source.group];
+  const GroupModes& modes = build.modes[source.group];
   const LandmarkGroup* known = build.Known(source.group);
   LandmarkGroup group;
   group.signature = signatures[source.group];
   group.chain = ChainOf(build, source.group, options);
   if (known != nullptr) group.merged = known->merged;
   ModeNumber next = known != nullptr ? known->NextNumber() : ModeNumber(1);
-  for (const std::size_t k : source.order) {
+  for (const GroupModeIndex k : source.order) {
     const int known_state =
         known != nullptr && modes[k].number != kAbsent ? known->StateOf(modes[k].number) : 0;
     Mode mode;
@@ -181,7 +178,7 @@ LandmarkGroup MakeGroup(const BuildState& build,
     const Stamp known_last = known_state > 0
                                  ? known->modes[static_cast<std::size_t>(known_state) - 1].last_seen
                                  : Stamp();
-    mode.last_seen = LastSeen(build, source.visits, static_cast<int>(k), known_last);
+    mode.last_seen = LastSeen(build, source.visits, k, known_last);
     group.modes.push_back(mode);
   }
   return group;
@@ -332,12 +329,12 @@ void AddTracks(const BuildState& build,
   IndexedVector<RunIndex, std::vector<Mode>> found(build.runs.size());
   for (const GroupIndex g : build.modes.indices()) {
     if (!IsTrackSignature(signatures[g]) || visits[g].empty()) continue;
-    for (std::size_t k = 0; k < build.modes[g].size(); ++k) {
-      const int index = flat.first[g].value() + static_cast<int>(k);
+    for (const GroupModeIndex k : build.modes[g].indices()) {
+      const int index = flat.Index(g, k).value();
       Mode mode;
       mode.p_map_landmark = build.modes[g][k].p_map_landmark;
       mode.cov_p_map_landmark = cov.Block(index, index);
-      mode.last_seen = LastSeen(build, visits[g], static_cast<int>(k), Stamp());
+      mode.last_seen = LastSeen(build, visits[g], k, Stamp());
       found[visits[g].front().run].push_back(mode);
     }
   }
@@ -405,9 +402,7 @@ StatusOr<MapOutput> MakeMapContent(const BuildState& build,
     content.groups.push_back(MakeGroup(build, signatures, sources.back(), options.modes));
     sources.back().evidence =
         EvidenceOf(build, sources.back(), content.groups.back(), missed.by_group[g], options.modes);
-    for (const std::size_t k : sources.back().order) {
-      place[flat.first[g] + static_cast<int>(k)] = modes++;
-    }
+    for (const GroupModeIndex k : sources.back().order) place[flat.Index(g, k)] = modes++;
   }
   output.visibility = VisibilityByRun(missed.seen_by_run, sources, content.groups);
   output.older = FindUnseenModes(options.older_runs,

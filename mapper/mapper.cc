@@ -89,7 +89,7 @@ class Watch {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!monitor_ || stopped_) return !stopped_;
     std::size_t modes = 0;
-    for (const std::vector<BuildMode>& group : build.modes) modes += group.size();
+    for (const GroupModes& group : build.modes) modes += group.size();
     done_ = std::max(done_, done);  // Threads take runs in turn, not their reports.
     stopped_ = !monitor_({phase, done_, build.cost, modes});
     return !stopped_;
@@ -445,7 +445,7 @@ Status Conclude(const GroupSignatures& signatures,
     result->runs.back().evidence = std::move(output.evidence[i]);
     result->runs.back().visibility = std::move(output.visibility[i]);
   }
-  for (const std::vector<BuildMode>& group : build->modes) {
+  for (const GroupModes& group : build->modes) {
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;
   }
   result->modes_merged = build->modes_merged;

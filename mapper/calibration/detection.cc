@@ -18,23 +18,22 @@ constexpr double kFieldOfViewQuantile = 0.99;
 class StandingModes {
  public:
   StandingModes(const BuildState& build, const BuildRun& run)
-      : run_(run), mode_of_(build.modes.size(), kUnassigned) {}
+      : run_(run), mode_of_(build.modes.size()) {}
 
   void GoTo(Stamp stamp) {
     const auto& visits = run_.data->visits;
     for (; next_ < visits.end_index() && visits[next_].begin <= stamp; ++next_) {
-      if (run_.assignment[next_] == kUnassigned) continue;
-      mode_of_[visits[next_].group] = run_.assignment[next_];
+      if (run_.assignment[next_]) mode_of_[visits[next_].group] = run_.assignment[next_];
     }
   }
 
   bool Stands(const ModeGrid::Entry& entry) const {
-    return mode_of_[GroupIndex(entry.group)] == entry.mode;
+    return mode_of_[GroupIndex(entry.group)] == GroupModeIndex(entry.mode);
   }
 
  private:
   const BuildRun& run_;
-  IndexedVector<GroupIndex, int> mode_of_;
+  IndexedVector<GroupIndex, OptionalMode> mode_of_;
   VisitIndex next_;
 };
 
@@ -49,9 +48,9 @@ bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_veh
 ModeGrid GridOf(const BuildState& build, double cell_m) {
   ModeGrid grid(cell_m);
   for (const GroupIndex group : build.modes.indices()) {
-    int mode = 0;
-    for (const BuildMode& of_group : build.modes[group]) {
-      grid.Add({group.value(), mode++, of_group.p_map_landmark});
+    const GroupModes& modes = build.modes[group];
+    for (const GroupModeIndex mode : modes.indices()) {
+      grid.Add({group.value(), mode.value(), modes[mode].p_map_landmark});
     }
   }
   return grid;

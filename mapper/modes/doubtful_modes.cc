@@ -15,20 +15,20 @@ bool IsOf(const KeptAlternatives& kept, const std::string& sha256) {
 }
 
 // The mode of a group that is nearest to a place. Precondition: there is one.
-int NearestTo(const Eigen::Vector2d& place, const std::vector<BuildMode>& modes) {
+GroupModeIndex NearestTo(const Eigen::Vector2d& place, const GroupModes& modes) {
   const auto nearest =
       std::min_element(modes.begin(), modes.end(), [&](const BuildMode& a, const BuildMode& b) {
         return (a.p_map_landmark - place).squaredNorm() < (b.p_map_landmark - place).squaredNorm();
       });
-  return static_cast<int>(nearest - modes.begin());
+  return GroupModeIndex(nearest - modes.begin());
 }
 
 // Whether a visit is of a landmark in doubt, at another mode than that which it may have left.
 bool IsInDoubt(const BuildState& build,
                const VisitRef& visit,
                const KeptAlternatives::Doubt& doubt) {
-  const int assigned = AssignmentOf(build, visit);
-  return VisitOf(build, visit).group == doubt.group && assigned != kUnassigned &&
+  const OptionalMode assigned = AssignmentOf(build, visit);
+  return VisitOf(build, visit).group == doubt.group && assigned &&
          assigned != NearestTo(doubt.place, build.modes[doubt.group]);
 }
 
@@ -42,9 +42,9 @@ void MixAlternatives(const BuildState& build,
     if (!IsOf(kept, sha256)) continue;
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
       if (!IsInDoubt(build, visit, doubt)) continue;
-      const int left = NearestTo(doubt.place, build.modes[doubt.group]);
-      (*log_likelihoods)[1 + left] = (*log_likelihoods)[1 + AssignmentOf(build, visit)] +
-                                     std::log(doubt.stayed) - std::log1p(-doubt.stayed);
+      const GroupModeIndex left = NearestTo(doubt.place, build.modes[doubt.group]);
+      (*log_likelihoods)[StateOf(left)] = (*log_likelihoods)[StateOf(AssignmentOf(build, visit))] +
+                                          std::log(doubt.stayed) - std::log1p(-doubt.stayed);
     }
   }
 }

@@ -58,11 +58,11 @@ class RunTimeline {
   }
 
   // The mode at which the group was last seen, or will be seen next; kUnassigned if at none.
-  int Before(GroupIndex group) const {
+  OptionalMode Before(GroupIndex group) const {
     const std::size_t gap = Gap(group);
     return gap > 0 ? run_.assignment[visits_[group][gap - 1]] : kUnassigned;
   }
-  int After(GroupIndex group) const {
+  OptionalMode After(GroupIndex group) const {
     const std::size_t gap = Gap(group);
     return gap < visits_[group].size() ? run_.assignment[visits_[group][gap]] : kUnassigned;
   }
@@ -105,10 +105,10 @@ class MissCollector {
     return TakeSeen();
   }
 
-  const Visibility& visibility(GroupIndex group, int mode) const {
+  const Visibility& visibility(GroupIndex group, GroupModeIndex mode) const {
     return visibility_[flat_.Index(group, mode)];
   }
-  const std::map<GapRef, std::map<int, MissedMode>>& gaps() const { return gaps_; }
+  const std::map<GapRef, std::map<GroupModeIndex, MissedMode>>& gaps() const { return gaps_; }
 
  private:
   // Marks the groups that a frame saw where the map has them; returns their number.
@@ -137,12 +137,13 @@ class MissCollector {
       if (!WellInView(T_vehicle_map * entry.p_map_landmark, problem_.sensor)) return;
       const std::size_t direction = DirectionOf(T_map_vehicle.translation() - entry.p_map_landmark);
       const GroupIndex group(entry.group);
-      const int before = timeline.Before(group);
+      const GroupModeIndex mode(entry.mode);
+      const OptionalMode before = timeline.Before(group);
       const bool in_visit = timeline.InVisit(group, stamp);
       // Seen before and after, it did not leave in between.
-      const bool stood = before != kUnassigned && (in_visit || before == timeline.After(group));
-      const ModeIndex flat = flat_.Index(group, entry.mode);
-      if (stood && before == entry.mode) {
+      const bool stood = before && (in_visit || before == timeline.After(group));
+      const ModeIndex flat = flat_.Index(group, mode);
+      if (stood && before == mode) {
         const bool seen = seen_at[group] == frame;
         ++(seen ? seen_[flat].seen : seen_[flat].missed)[direction];
       }
@@ -150,7 +151,7 @@ class MissCollector {
       const GapRef gap{group, run_index, timeline.Gap(group)};
       OpenGap& open = open_[flat];
       if (open.missed == nullptr || open.gap != gap.gap) {
-        open = {gap.gap, &gaps_[gap][entry.mode]};
+        open = {gap.gap, &gaps_[gap][mode]};
       }
       AddMiss(stamp, direction, open.missed);
     });
@@ -158,11 +159,11 @@ class MissCollector {
 
   std::vector<SeenMode> TakeSeen() {
     std::vector<SeenMode> result;
-    ModeIndex flat;
     for (const GroupIndex group : problem_.modes.indices()) {
-      for (std::size_t mode = 0; mode < problem_.modes[group].size(); ++mode, ++flat) {
+      for (const GroupModeIndex mode : problem_.modes[group].indices()) {
+        const ModeIndex flat = flat_.Index(group, mode);
         if (seen_[flat] == Visibility()) continue;
-        result.push_back({{group, static_cast<int>(mode)}, seen_[flat]});
+        result.push_back({{group, mode}, seen_[flat]});
         visibility_[flat] += std::exchange(seen_[flat], {});
       }
     }
@@ -189,7 +190,7 @@ class MissCollector {
   IndexedVector<ModeIndex, Visibility> visibility_;
   IndexedVector<ModeIndex, Visibility> seen_;  // What the present run adds.
   IndexedVector<ModeIndex, OpenGap> open_;     // Of the present run.
-  std::map<GapRef, std::map<int, MissedMode>> gaps_;
+  std::map<GapRef, std::map<GroupModeIndex, MissedMode>> gaps_;
 };
 
 }  // namespace
@@ -214,7 +215,7 @@ MissedVisits FindMissedVisits(const BuildState& build,
     for (const auto& [mode, missed] : modes) {
       visit.begin = std::min(visit.begin, missed.begin);
       visit.end = std::max(visit.end, missed.end);
-      visit.log_likelihoods[mode + 1] = LogMissedPasses(
+      visit.log_likelihoods[StateOf(mode)] = LogMissedPasses(
           missed.passes, collector.visibility(gap.group, mode), build.sensor, options);
     }
     by_group[gap.group].push_back(std::move(visit));

@@ -17,29 +17,35 @@ std::vector<int> GroupState(const BuildState& build,
                             GroupIndex group) {
   std::vector<int> state = {static_cast<int>(build.modes[group].size())};
   for (const VisitRef& ref : visits) {
-    state.push_back(AssignmentOf(build, ref));
+    state.push_back(StateOf(AssignmentOf(build, ref)));
   }
   return state;
 }
 
 // Moves every assignment of a group from one mode to another.
-void Reassign(const std::vector<VisitRef>& visits, int from, int to, BuildState* build) {
+void Reassign(const std::vector<VisitRef>& visits,
+              GroupModeIndex from,
+              OptionalMode to,
+              BuildState* build) {
   for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(build, ref);
+    OptionalMode& assignment = AssignmentOf(build, ref);
     if (assignment == from) assignment = to;
   }
 }
 
 // Removes a mode; later modes of the group and of the prior's flat list move up.
-void EraseMode(const std::vector<VisitRef>& visits, GroupIndex group, int mode, BuildState* build) {
+void EraseMode(const std::vector<VisitRef>& visits,
+               GroupIndex group,
+               GroupModeIndex mode,
+               BuildState* build) {
   if (!build->priors.empty()) {
     const ModeIndex flat = FlatModes(*build).Index(group, mode);
     ShiftPriors(flat + 1, -1, &build->priors);
   }
-  build->modes[group].erase(build->modes[group].begin() + mode);
+  build->modes[group].erase(build->modes[group].begin() + mode.value());
   for (const VisitRef& ref : visits) {
-    int& assignment = AssignmentOf(build, ref);
-    if (assignment > mode) --assignment;
+    OptionalMode& assignment = AssignmentOf(build, ref);
+    if (assignment > mode) assignment = *assignment - 1;
   }
 }
 
@@ -98,17 +104,17 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
   const FlatModes flat(build);
   std::vector<ModeMerge> merges;
   for (const GroupIndex group : build.modes.indices()) {
-    const std::vector<BuildMode>& modes = build.modes[group];
-    std::vector<bool> gone(modes.size());
-    for (std::size_t a = 0; a < modes.size(); ++a) {
-      for (std::size_t b = a + 1; b < modes.size(); ++b) {
+    const GroupModes& modes = build.modes[group];
+    IndexedVector<GroupModeIndex, bool> gone(modes.size());
+    for (const GroupModeIndex a : modes.indices()) {
+      for (GroupModeIndex b = a + 1; b < modes.end_index(); ++b) {
         if (gone[a] || gone[b] || InPrior(modes[b])) continue;
         if (InPrior(modes[a]) && modes[b].displaced) continue;
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
-        const ModeIndex i = flat.first[group] + static_cast<int>(a);
-        const ModeIndex j = flat.first[group] + static_cast<int>(b);
+        const ModeIndex i = flat.Index(group, a);
+        const ModeIndex j = flat.Index(group, b);
         if (ToldApart(difference, i, j, floor, gate, differences)) continue;
-        merges.push_back({group, static_cast<int>(a), static_cast<int>(b)});
+        merges.push_back({group, a, b});
         gone[b] = true;
       }
     }
@@ -142,12 +148,13 @@ void MergeMemory::MergeAgain(BuildState* build) const {
 void DropUnusedModes(BuildState* build) {
   const auto by_group = VisitsByGroup(*build);
   for (const GroupIndex group : build->modes.indices()) {
-    for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
+    for (GroupModeIndex mode = build->modes[group].end_index(); mode > 0;) {
+      mode = mode - 1;
       const bool used =
           std::any_of(by_group[group].begin(), by_group[group].end(), [&](const VisitRef& ref) {
             return AssignmentOf(build, ref) == mode;
           });
-      if (used || InPrior(build->modes[group][static_cast<std::size_t>(mode)])) continue;
+      if (used || InPrior(build->modes[group][mode])) continue;
       EraseMode(by_group[group], group, mode, build);
     }
   }
@@ -157,13 +164,13 @@ int DropUnsupportedModes(const ModeOptions& options, BuildState* build) {
   const auto by_group = VisitsByGroup(*build);
   int dropped = 0;
   for (const GroupIndex group : build->modes.indices()) {
-    for (int mode = static_cast<int>(build->modes[group].size()) - 1; mode >= 0; --mode) {
+    for (GroupModeIndex mode = build->modes[group].end_index(); mode > 0;) {
+      mode = mode - 1;
       std::ptrdiff_t sightings = 0;
       for (const VisitRef& ref : by_group[group]) {
         if (AssignmentOf(build, ref) == mode) sightings += CountInliers(*build, ref);
       }
-      if (sightings >= options.min_sightings ||
-          InPrior(build->modes[group][static_cast<std::size_t>(mode)])) {
+      if (sightings >= options.min_sightings || InPrior(build->modes[group][mode])) {
         continue;
       }
       Reassign(by_group[group], mode, kUnassigned, build);

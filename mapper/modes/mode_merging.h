@@ -15,8 +15,8 @@ namespace shiftmap {
 /// Two modes of a group that are one place: the second becomes the first.
 struct ModeMerge {
   GroupIndex group;
-  int to = 0;
-  int from = 0;
+  GroupModeIndex to;
+  GroupModeIndex from;
 };
 
 /// Pairs of modes of one group that are not told apart by the covariance of their difference. Modes

@@ -25,17 +25,17 @@ namespace {
 // Everything discrete of a build, to notice that it comes around again.
 std::vector<int> DiscreteState(const BuildState& build) {
   std::vector<int> state;
-  for (const std::vector<BuildMode>& group : build.modes)
-    state.push_back(static_cast<int>(group.size()));
-  for (const BuildRun& run : build.runs)
-    state.insert(state.end(), run.assignment.begin(), run.assignment.end());
+  for (const GroupModes& group : build.modes) state.push_back(static_cast<int>(group.size()));
+  for (const BuildRun& run : build.runs) {
+    for (const OptionalMode mode : run.assignment) state.push_back(StateOf(mode));
+  }
   return state;
 }
 
 bool HasSeveralModes(const BuildState& build) {
-  return std::any_of(build.modes.begin(),
-                     build.modes.end(),
-                     [](const std::vector<BuildMode>& group) { return group.size() > 1; });
+  return std::any_of(build.modes.begin(), build.modes.end(), [](const GroupModes& group) {
+    return group.size() > 1;
+  });
 }
 
 // Selection as the options want it. A max-mixture is a factor whose component is chosen wherever it
@@ -115,13 +115,13 @@ Eigen::VectorXd StartOf(const BuildState& build,
                         Stamp begin) {
   const LandmarkGroup* const known = build.Known(group);
   if (known == nullptr || begin < build.known_at) return chain.stationary();
-  const std::vector<BuildMode>& modes = build.modes[group];
+  const GroupModes& modes = build.modes[group];
   Eigen::VectorXd start(chain.states());
   start(0) = known->probabilities(0);
-  for (std::size_t k = 0; k < modes.size(); ++k) {
-    start(static_cast<Eigen::Index>(k) + 1) =
-        modes[k].displaced ? known->probabilities.maxCoeff()
-                           : known->probabilities(std::max(0, known->StateOf(modes[k].number)));
+  for (const GroupModeIndex k : modes.indices()) {
+    start(StateOf(k)) = modes[k].displaced
+                            ? known->probabilities.maxCoeff()
+                            : known->probabilities(std::max(0, known->StateOf(modes[k].number)));
   }
   start =
       (1.0 - kMistakeProbability) * start / start.sum() + kMistakeProbability * chain.stationary();
@@ -162,11 +162,11 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
                                 const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
   const BuildRun& run = build.runs[ref.run];
-  const std::vector<BuildMode>& modes = build.modes[visit.group];
+  const GroupModes& modes = build.modes[visit.group];
   const SensorCalibration& sensor = build.sensor;
   const Eigen::Matrix2d pose_noise = PoseError(options);
 
-  Eigen::VectorXd result = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(modes.size()) + 1);
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(std::ssize(modes) + 1);
   for (const SightingIndex index : visit.sightings) {
     const Sighting& sighting = run.data->sightings[index];
     const Observation& observation = sighting.observation;
@@ -174,14 +174,14 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
     const double log_clutter = std::log(sensor.clutter_density_per_m2 * area);
     result[0] +=
         std::log((sensor.clutter_density_per_m2 + sensor.new_landmark_density_per_m2) * area);
-    for (std::size_t k = 0; k < modes.size(); ++k) {
+    for (const GroupModeIndex k : modes.indices()) {
       const Innovation innovation = SightingInnovation(run, sighting, modes[k].p_map_landmark);
       const Eigen::Matrix2d S =
           ObservationNoise(observation, sensor) +
           innovation.H_landmark * pose_noise * innovation.H_landmark.transpose();
       const double log_detection =
           std::log(sensor.detection_probability) + LogGaussian(innovation.nu, S);
-      result[static_cast<Eigen::Index>(k) + 1] += LogAdd(log_detection, log_clutter);
+      result[StateOf(k)] += LogAdd(log_detection, log_clutter);
     }
   }
   return result;
@@ -192,17 +192,17 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
                              const VisitRef& ref,
                              const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
-  const std::vector<BuildMode>& modes = build.modes[visit.group];
+  const GroupModes& modes = build.modes[visit.group];
   const VisitDensity density(SeenPlaces(build, build.runs[ref.run], visit),
                              build.sensor,
                              options.misread_density_per_m2,
                              options.cluster_radius_m);
-  Eigen::VectorXd result(static_cast<Eigen::Index>(modes.size()) + 1);
+  Eigen::VectorXd result(std::ssize(modes) + 1);
   result[0] = density.LogAbsent();
-  for (std::size_t k = 0; k < modes.size(); ++k) {
+  for (const GroupModeIndex k : modes.indices()) {
     Eigen::Matrix2d cov = PoseError(options);
     if (modes[k].number != kAbsent) cov += KnownCovariance(build, visit.group, modes[k].number);
-    result[static_cast<Eigen::Index>(k) + 1] = density.LogUnderMode(modes[k].p_map_landmark, cov);
+    result[StateOf(k)] = density.LogUnderMode(modes[k].p_map_landmark, cov);
   }
   return result;
 }
@@ -254,9 +254,10 @@ int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
     if (visits.empty()) continue;
     const std::vector<int> states = selector->Select(sequences[group]).states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      int& assignment = AssignmentOf(build, visits[t]);
-      changed += assignment != states[t] - 1;
-      assignment = states[t] - 1;  // State 0, absent, is kUnassigned.
+      OptionalMode& assignment = AssignmentOf(build, visits[t]);
+      const OptionalMode selected = ModeOfState(states[t]);
+      changed += assignment != selected;
+      assignment = selected;
     }
   }
   return changed;
@@ -266,20 +267,20 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
   int created = 0;
   const auto by_group = VisitsByGroup(*build);
   for (const GroupIndex group : by_group.indices()) {
-    const std::vector<BuildMode>& modes = build->modes[group];
-    const std::size_t known = modes.size();
+    const GroupModes& modes = build->modes[group];
+    const GroupModeIndex known = modes.end_index();
     for (const VisitRef& ref : by_group[group]) {
-      if (AssignmentOf(build, ref) != kUnassigned) continue;
+      if (AssignmentOf(build, ref)) continue;
       const VisitCluster cluster = DensestCluster(
           VisitPositions(build->runs[ref.run], VisitOf(*build, ref)), options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;
       // An earlier visit may just have made a mode of this place.
-      int mode = kUnassigned;
-      for (std::size_t k = known; k < modes.size() && mode == kUnassigned; ++k) {
+      OptionalMode mode;
+      for (GroupModeIndex k = known; k < modes.end_index() && !mode; ++k) {
         const double distance = (modes[k].p_map_landmark - cluster.centre).norm();
-        if (distance < 2.0 * options.cluster_radius_m) mode = static_cast<int>(k);
+        if (distance < 2.0 * options.cluster_radius_m) mode = k;
       }
-      if (mode == kUnassigned) {
+      if (!mode) {
         mode = AddMode(group, {cluster.centre, kAbsent, false}, build);
         ++created;
       }

@@ -20,8 +20,7 @@ SelectionSummary SummarizeSelection(const ModeOptions& options, const BuildState
     const ModePosteriors posteriors = SmoothModes(sequence);
     std::vector<int> states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
-      // kUnassigned is state 0, absent.
-      const int state = AssignmentOf(build, visits[t]) + 1;
+      const int state = StateOf(AssignmentOf(build, visits[t]));
       states.push_back(state);
       const double posterior = posteriors.probabilities(static_cast<Eigen::Index>(t), state);
       summary.uncertain_visits += posterior < kSureProbability ? 1 : 0;

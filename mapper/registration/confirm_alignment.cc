@@ -16,8 +16,9 @@ std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<Group
   const FlatModes flat(map);
   std::vector<ModeIndex> modes;
   for (const GroupIndex group : groups) {
-    const auto count = static_cast<int>(map.modes[group].size());
-    for (int mode = 0; mode < count; ++mode) modes.push_back(flat.Index(group, mode));
+    for (const GroupModeIndex mode : map.modes[group].indices()) {
+      modes.push_back(flat.Index(group, mode));
+    }
   }
   return modes;
 }

@@ -30,14 +30,14 @@ constexpr double kBothDeformed = 2.0;
 constexpr std::size_t kMaxHeld = 40;
 
 // The mode of a group that is nearest to a point, or kUnassigned.
-int NearestOf(const std::vector<BuildMode>& modes, const Eigen::Vector2d& point) {
-  int nearest = kUnassigned;
+OptionalMode NearestOf(const GroupModes& modes, const Eigen::Vector2d& point) {
+  OptionalMode nearest;
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < modes.size(); ++k) {
+  for (const GroupModeIndex k : modes.indices()) {
     const double squared = (modes[k].p_map_landmark - point).squaredNorm();
     if (squared >= least) continue;
     least = squared;
-    nearest = static_cast<int>(k);
+    nearest = k;
   }
   return nearest;
 }
@@ -58,10 +58,10 @@ class DeformedRunMap {
 
   // Takes modes for known, and conditions `open` on them, for Match(). False if values are so far
   // astray that they tell nothing of each other.
-  bool Hold(const std::vector<int>& known, std::vector<std::size_t> open) {
+  bool Hold(const std::vector<OptionalMode>& known, std::vector<std::size_t> open) {
     std::vector<std::size_t> first;
     for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i] != kUnassigned) first.push_back(i);
+      if (known[i]) first.push_back(i);
     }
     held_.clear();
     whitened_.resize(0);
@@ -73,13 +73,13 @@ class DeformedRunMap {
   }
 
   // Takes those of the open modes that are known now for known as well.
-  bool HoldMore(const std::vector<int>& known) {
+  bool HoldMore(const std::vector<OptionalMode>& known) {
     std::vector<std::size_t> added;
     std::vector<std::size_t> left;
     std::vector<std::size_t> added_at;
     std::vector<std::size_t> left_at;
     for (std::size_t k = 0; k < open_.size(); ++k) {
-      const bool is_known = known[open_[k]] != kUnassigned;
+      const bool is_known = known[open_[k]].has_value();
       (is_known ? added : left).push_back(open_[k]);
       (is_known ? added_at : left_at).push_back(k);
     }
@@ -110,7 +110,7 @@ class DeformedRunMap {
 
   // The mode of the map that an open mode is, or kUnassigned if that does not show.
   // @param place  Of the mode in open().
-  int Match(std::size_t place, double max_sd) const {
+  OptionalMode Match(std::size_t place, double max_sd) const {
     const std::size_t i = open_[place];
     const Eigen::Index row = RowOf(i);
     const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
@@ -118,11 +118,11 @@ class DeformedRunMap {
     const Eigen::Matrix2d cov =
         covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
     if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
-    const int nearest = NearestOf(map_.modes[group_[i]], expected);
-    if (nearest == kUnassigned) return kUnassigned;
+    const OptionalMode nearest = NearestOf(map_.modes[group_[i]], expected);
+    if (!nearest) return kUnassigned;
     const Eigen::Matrix2d S =
         kBothDeformed * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
-    const bool agrees = SquaredMahalanobis(ModeAt(i, nearest) - expected, S) <= gate_;
+    const bool agrees = SquaredMahalanobis(ModeAt(i, *nearest) - expected, S) <= gate_;
     return agrees ? nearest : kUnassigned;
   }
 
@@ -137,7 +137,7 @@ class DeformedRunMap {
 
   // Takes more modes for known. With W = L⁻¹ P of the new ones and S the covariance of their
   // differences given the others, the new rows of L are [Wᵀ  L_S], S = L_S L_Sᵀ.
-  bool Extend(const std::vector<int>& known,
+  bool Extend(const std::vector<OptionalMode>& known,
               const std::vector<std::size_t>& added,
               const Eigen::MatrixXd& W) {
     const std::vector<Eigen::Index> rows = Rows(added);
@@ -151,7 +151,7 @@ class DeformedRunMap {
     Eigen::VectorXd differences(more);
     for (std::size_t k = 0; k < added.size(); ++k) {
       const std::size_t i = added[k];
-      differences.segment<2>(RowOf(k)) = ModeAt(i, known[i]) - positions_[i];
+      differences.segment<2>(RowOf(k)) = ModeAt(i, *known[i]) - positions_[i];
     }
     differences -= W.transpose() * whitened_;
     whitened_.conservativeResize(before + more);
@@ -193,8 +193,8 @@ class DeformedRunMap {
     }
   }
 
-  const Eigen::Vector2d& ModeAt(std::size_t i, int mode) const {
-    return map_.modes[group_[i]][static_cast<std::size_t>(mode)].p_map_landmark;
+  const Eigen::Vector2d& ModeAt(std::size_t i, GroupModeIndex mode) const {
+    return map_.modes[group_[i]][mode].p_map_landmark;
   }
 
   const BuildState& map_;
@@ -218,20 +218,20 @@ class DeformedRunMap {
 
 }  // namespace
 
-std::vector<int> GrowMatches(const MapperOptions& options,
-                             const RunMap& run_map,
-                             const BuildState& map,
-                             std::vector<int> known,
-                             const std::vector<bool>& fixed) {
+std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
+                                      const RunMap& run_map,
+                                      const BuildState& map,
+                                      std::vector<OptionalMode> known,
+                                      const std::vector<bool>& fixed) {
   DeformedRunMap deformed(options, run_map, map);
   std::vector<bool> settled = fixed;
   for (std::size_t i = 0; i < known.size(); ++i) {
-    if (known[i] != kUnassigned) settled[i] = true;
+    if (known[i]) settled[i] = true;
   }
   const auto hold = [&] {
     std::vector<std::size_t> open;
     for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i] == kUnassigned && !settled[i]) open.push_back(i);
+      if (!known[i] && !settled[i]) open.push_back(i);
     }
     return deformed.Hold(known, std::move(open));
   };
@@ -239,9 +239,9 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !deformed.open().empty();) {
     bool grew = false;
     for (std::size_t k = 0; k < deformed.open().size(); ++k) {
-      int& match = known[deformed.open()[k]];
+      OptionalMode& match = known[deformed.open()[k]];
       match = deformed.Match(k, max_sd);
-      grew = grew || match != kUnassigned;
+      grew = grew || match;
     }
     max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
     if (!grew) continue;
@@ -257,13 +257,13 @@ std::vector<int> GrowMatches(const MapperOptions& options,
   return known;
 }
 
-std::vector<int> FitDeformedRunMap(
+std::vector<OptionalMode> FitDeformedRunMap(
     const MapperOptions& options,
     const BuildState& map,
     const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
     RunMap* run_map) {
   constexpr int kMaxRounds = 4;
-  std::vector<int> known;
+  std::vector<OptionalMode> known;
   for (const GroupIndex group : run_map->build.modes.indices()) {
     for (std::size_t m = 0; m < run_map->build.modes[group].size(); ++m) {
       const auto& place = places[ModeIndex(known.size())];
@@ -275,7 +275,7 @@ std::vector<int> FitDeformedRunMap(
     std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build);
     if (!covariance) break;
     run_map->covariance = *std::move(covariance);
-    std::vector<int> grown =
+    std::vector<OptionalMode> grown =
         GrowMatches(options, *run_map, map, known, std::vector<bool>(known.size()));
     if (grown == known) break;
     known = std::move(grown);
@@ -286,16 +286,16 @@ std::vector<int> FitDeformedRunMap(
 
 std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
                                   const BuildState& map,
-                                  const std::vector<int>& known,
+                                  const std::vector<OptionalMode>& known,
                                   const RunMap& run_map) {
   std::vector<ModeIndex> modes;
   std::vector<Eigen::Vector2d> positions;
   std::size_t i = 0;
   for (const GroupIndex group : run_map.build.modes.indices()) {
     for (std::size_t m = 0; m < run_map.build.modes[group].size(); ++m, ++i) {
-      if (known[i] == kUnassigned) continue;
+      if (!known[i]) continue;
       modes.emplace_back(i);
-      positions.push_back(map.modes[group][static_cast<std::size_t>(known[i])].p_map_landmark);
+      positions.push_back(map.modes[group][*known[i]].p_map_landmark);
     }
   }
   std::vector<ModeIndex> held;
@@ -321,7 +321,7 @@ void Deform(const MapperOptions& options,
 
 void DeformOntoMap(const MapperOptions& options,
                    const BuildState& map,
-                   const std::vector<int>& known,
+                   const std::vector<OptionalMode>& known,
                    RunMap* run_map) {
   // The next solve goes on from where this one ends.
   constexpr int kSteps = 4;

@@ -25,18 +25,18 @@ namespace shiftmap {
 /// @param known  Per mode of the run map, flat, the mode of its group in the map, or kUnassigned.
 /// @param fixed  Per mode whether `known` is the last word on it.
 /// @return `known` with what was found.
-std::vector<int> GrowMatches(const MapperOptions& options,
-                             const RunMap& run_map,
-                             const BuildState& map,
-                             std::vector<int> known,
-                             const std::vector<bool>& fixed);
+std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
+                                      const RunMap& run_map,
+                                      const BuildState& map,
+                                      std::vector<OptionalMode> known,
+                                      const std::vector<bool>& fixed);
 
 /// Finds the modes of a deformed run map in the map and deforms it onto them, in turn until no more
 /// are found.
 /// @param places  Per mode of the run map, flat, where the map has it as far as is known yet. [m]
 /// @param run_map  Moved into the map frame.
 /// @return Per mode the mode of its group in the map, or kUnassigned.
-std::vector<int> FitDeformedRunMap(
+std::vector<OptionalMode> FitDeformedRunMap(
     const MapperOptions& options,
     const BuildState& map,
     const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
@@ -46,7 +46,7 @@ std::vector<int> FitDeformedRunMap(
 /// @param known  As of GrowMatches().
 std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
                                   const BuildState& map,
-                                  const std::vector<int>& known,
+                                  const std::vector<OptionalMode>& known,
                                   const RunMap& run_map);
 
 /// Deforms a run map, its trajectory with it, by a solve of its run with some of its modes held.
@@ -61,7 +61,7 @@ void Deform(const MapperOptions& options,
 /// @param known  As of GrowMatches().
 void DeformOntoMap(const MapperOptions& options,
                    const BuildState& map,
-                   const std::vector<int>& known,
+                   const std::vector<OptionalMode>& known,
                    RunMap* run_map);
 
 }  // namespace shiftmap

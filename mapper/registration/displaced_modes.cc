@@ -41,14 +41,12 @@ constexpr int kMaxRounds = 3;
 constexpr int kDeformationSteps = 10;
 constexpr double kDeformationTolerance = 1e-3;  // Of the cost, for a step.
 
-// Per mode which of the prior's modes it is, counted: those that have a number.
+// Per mode how many of the prior's modes, those that have a number, are before it.
 IndexedVector<ModeIndex, int> PriorNumbers(const BuildState& map) {
   IndexedVector<ModeIndex, int> numbers;
   int next = 0;
-  for (const std::vector<BuildMode>& group : map.modes) {
-    for (const BuildMode& mode : group) {
-      numbers.push_back(mode.number != kAbsent ? next++ : kUnassigned);
-    }
+  for (const GroupModes& group : map.modes) {
+    for (const BuildMode& mode : group) numbers.push_back(mode.number != kAbsent ? next++ : next);
   }
   return numbers;
 }
@@ -110,7 +108,7 @@ DisplacedModes Decide(const MapperOptions& options,
       decided.displaced[i] = true;
       continue;
     }
-    const ModeIndex mode = flat.Index(mode_match.group, mode_match.nearest);
+    const ModeIndex mode = flat.Index(mode_match.group, *mode_match.nearest);
     places.push_back(NearestMode(map, mode_match).p_map_landmark);
     met.push_back({i, numbers[mode], places.back()});
   }
@@ -137,10 +135,10 @@ DisplacedModes Decide(const MapperOptions& options,
 }
 
 // Per mode of the run map the prior's mode that it still is, or kUnassigned.
-std::vector<int> Undisplaced(const BuildState& map,
-                             const std::vector<ModeMatch>& mode_matches,
-                             const std::vector<bool>& displaced) {
-  std::vector<int> known;
+std::vector<OptionalMode> Undisplaced(const BuildState& map,
+                                      const std::vector<ModeMatch>& mode_matches,
+                                      const std::vector<bool>& displaced) {
+  std::vector<OptionalMode> known;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const bool stays = MatchesPrior(map, mode_matches[i]) && !displaced[i];
     known.push_back(stays ? mode_matches[i].nearest : kUnassigned);
@@ -212,7 +210,7 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
                                   const Alignment& alignment,
                                   RunMap* run_map) {
   DisplacedModes decided;
-  std::vector<int> known;  // Of what the run map is to be deformed onto.
+  std::vector<OptionalMode> known;  // Of what the run map is to be deformed onto.
   if (!IsStiff(*run_map)) {
     known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
   } else {

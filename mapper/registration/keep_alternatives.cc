@@ -41,14 +41,14 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  const RunMap& run_map,
                                                  const std::vector<ModeMatch>& mode_matches,
                                                  const BuildState& build,
-                                                 std::vector<int>* known) {
+                                                 std::vector<OptionalMode>* known) {
   const std::map<int, double> stays(frame.stays.begin(), frame.stays.end());
   KeptAlternatives kept;
-  std::vector<int> without = *known;
+  std::vector<OptionalMode> without = *known;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
     const auto stay = stays.find(mode_match.group.value());
-    if (stay == stays.end() || mode_match.nearest == kUnassigned || !apart[i]) continue;
+    if (stay == stays.end() || !mode_match.nearest || !apart[i]) continue;
     if (!LeavesDoubt(stay->second, decided)) continue;
     without[i] = kUnassigned;
     kept.doubts.push_back(

@@ -27,7 +27,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  const RunMap& run_map,
                                                  const std::vector<ModeMatch>& mode_matches,
                                                  const BuildState& build,
-                                                 std::vector<int>* known);
+                                                 std::vector<OptionalMode>* known);
 
 /// Whether a probability is neither that of `decided` nor that of its opposite.
 inline bool LeavesDoubt(double probability, double decided) {

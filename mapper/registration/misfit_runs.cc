@@ -33,7 +33,7 @@ struct RunAlone {
 };
 
 const BuildMode& ModeAt(const BuildState& build, const BuildModeRef& mode) {
-  return build.modes[mode.group][static_cast<std::size_t>(mode.mode)];
+  return build.modes[mode.group][mode.mode];
 }
 
 // The modes that a run has and another one, or the prior map, has as well.
@@ -54,7 +54,7 @@ RunAlone TakeAlone(const BuildState& build, RunIndex run, const std::vector<Buil
   RunAlone alone;
   alone.build.sensor = build.sensor;
   alone.build.modes = build.modes;
-  for (std::vector<BuildMode>& group : alone.build.modes) {
+  for (GroupModes& group : alone.build.modes) {
     for (BuildMode& mode : group) mode.number = kAbsent;
   }
   alone.build.runs.push_back(build.runs[run]);
@@ -82,7 +82,7 @@ void DropMistaken(const BuildState& build,
   for (std::size_t i = 0; i < shared.size(); ++i) {
     const Eigen::Vector2d& p = positions[alone->shared[i]];
     const double squared = (alone->places[i] - p).squaredNorm();
-    const std::vector<BuildMode>& group = build.modes[shared[i].group];
+    const GroupModes& group = build.modes[shared[i].group];
     if (std::any_of(group.begin(), group.end(), [&](const BuildMode& mode) {
           return kMistaken * (mode.p_map_landmark - p).squaredNorm() < squared;
         })) {

@@ -31,17 +31,17 @@ constexpr double kSamePlace = 1.0;
 
 // Per group and mode, how many runs have it. That the prior map does counts for nothing: landmarks
 // may have moved since.
-using Owners = IndexedVector<GroupIndex, std::vector<int>>;
+using Owners = IndexedVector<GroupIndex, IndexedVector<GroupModeIndex, int>>;
 
 Owners NoOwners(const BuildState& build) {
   Owners owners;
-  for (const std::vector<BuildMode>& group : build.modes) owners.emplace_back(group.size());
+  for (const GroupModes& group : build.modes) owners.emplace_back(group.size());
   return owners;
 }
 
 void AddOwner(const BuildRun& run, int change, Owners* owners) {
   for (const auto& [group, mode] : ModesOf(run)) {
-    (*owners)[group][static_cast<std::size_t>(mode)] += change;
+    (*owners)[group][mode] += change;
   }
 }
 
@@ -59,10 +59,11 @@ Agreement AgreementOf(
   int in_row = 0;
   for (const VisitIndex v : run.assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
-    if (run.assignment[v] == kUnassigned || !MakesMode(options, visit)) continue;
+    const OptionalMode mode = run.assignment[v];
+    if (!mode || !MakesMode(options, visit)) continue;
     if (visit.begin < begin || visit.begin > end) continue;
-    const std::vector<int>& group = others[visit.group];
-    if (group[static_cast<std::size_t>(run.assignment[v])] > 0) {
+    const auto& group = others[visit.group];
+    if (group[*mode] > 0) {
       ++agreement.shared;
       in_row = 0;
     } else if (std::any_of(group.begin(), group.end(), [](int count) { return count > 0; })) {
@@ -86,7 +87,7 @@ std::vector<AlignmentPoint> Reference(const BuildState& build,
   for (const MappingVisit& visit : run.data->visits) groups.insert(visit.group);
   std::vector<AlignmentPoint> points;
   for (const GroupIndex group : groups) {
-    for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
+    for (const GroupModeIndex m : build.modes[group].indices()) {
       if (others[group][m] == 0) continue;
       points.push_back(
           {group.value(), build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
@@ -103,21 +104,21 @@ Eigen::Vector2d PlaceOf(const ModeOptions& options,
 }
 
 // Per visit of a run the mode of others that it is at, or kUnassigned.
-IndexedVector<VisitIndex, int> MatchVisits(const ModeOptions& options,
-                                           const BuildState& build,
-                                           const Owners& others,
-                                           const BuildRun& run) {
-  IndexedVector<VisitIndex, int> matches;
+IndexedVector<VisitIndex, OptionalMode> MatchVisits(const ModeOptions& options,
+                                                    const BuildState& build,
+                                                    const Owners& others,
+                                                    const BuildRun& run) {
+  IndexedVector<VisitIndex, OptionalMode> matches;
   for (const MappingVisit& visit : run.data->visits) {
     const Eigen::Vector2d place = PlaceOf(options, run, visit);
     const GroupIndex group = visit.group;
     double least = kSamePlace;
-    int& match = matches.emplace_back(kUnassigned);
-    for (std::size_t m = 0; m < build.modes[group].size(); ++m) {
+    OptionalMode& match = matches.emplace_back(kUnassigned);
+    for (const GroupModeIndex m : build.modes[group].indices()) {
       const double distance = (build.modes[group][m].p_map_landmark - place).norm();
       if (others[group][m] == 0 || distance >= least) continue;
       least = distance;
-      match = static_cast<int>(m);
+      match = m;
     }
   }
   return matches;
@@ -201,26 +202,24 @@ double CostAmong(const MapperOptions& options,
   alone.modes.resize(build.modes.size());
   alone.runs.push_back(run);
   auto& assignment = alone.runs.front().assignment;
-  std::map<BuildModeRef, int> known;  // Modes of the build, by their index in `alone`.
-  std::vector<BuildModeRef> held;     // In `alone`.
+  std::map<BuildModeRef, GroupModeIndex> known;  // Modes of the build, by their index in `alone`.
+  std::vector<BuildModeRef> held;                // In `alone`.
   for (const VisitIndex v : assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
     const GroupIndex group = visit.group;
-    std::vector<BuildMode>& modes = alone.modes[group];
-    if (assignment[v] != kUnassigned) {
-      const auto mode = static_cast<std::size_t>(assignment[v]);
-      const auto [entry, added] =
-          known.try_emplace({visit.group, assignment[v]}, static_cast<int>(modes.size()));
+    GroupModes& modes = alone.modes[group];
+    if (const OptionalMode mode = assignment[v]) {
+      const auto [entry, added] = known.try_emplace({group, *mode}, modes.end_index());
       assignment[v] = entry->second;
       if (!added) continue;
-      modes.push_back(build.modes[group][mode]);
-      if (others[group][mode] > 0) held.push_back({visit.group, entry->second});
+      modes.push_back(build.modes[group][*mode]);
+      if (others[group][*mode] > 0) held.push_back({group, entry->second});
     } else {
       const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
       const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
         return (other.p_map_landmark - place).norm() < kSamePlace;
       });
-      assignment[v] = static_cast<int>(near - modes.begin());
+      assignment[v] = GroupModeIndex(near - modes.begin());
       if (near == modes.end()) modes.push_back({place, kAbsent, false});
     }
   }
@@ -229,7 +228,7 @@ double CostAmong(const MapperOptions& options,
   std::vector<Eigen::Vector2d> places;
   for (const auto& [group, mode] : held) {
     held_modes.push_back(flat.Index(group, mode));
-    places.push_back(alone.modes[group][static_cast<std::size_t>(mode)].p_map_landmark);
+    places.push_back(alone.modes[group][mode].p_map_landmark);
   }
   alone.priors = HoldModes(held_modes, places, options.modes.position_floor_m);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.

@@ -7,15 +7,15 @@ std::vector<ModeMatch> MatchNearest(const BuildState& run_map, const BuildState&
   std::vector<ModeMatch> mode_matches;
   ModeIndex flat;
   for (const GroupIndex group : run_map.modes.indices()) {
-    const std::vector<BuildMode>& known = map.modes[group];
-    for (std::size_t m = 0; m < run_map.modes[group].size(); ++m) {
-      ModeMatch mode_match{group, static_cast<int>(m), flat++};
-      for (std::size_t k = 0; k < known.size(); ++k) {
+    const GroupModes& known = map.modes[group];
+    for (const GroupModeIndex m : run_map.modes[group].indices()) {
+      ModeMatch mode_match{group, m, flat++};
+      for (const GroupModeIndex k : known.indices()) {
         const double squared =
             (known[k].p_map_landmark - run_map.modes[group][m].p_map_landmark).squaredNorm();
         if (squared >= mode_match.squared_m2) continue;
         mode_match.squared_m2 = squared;
-        mode_match.nearest = static_cast<int>(k);
+        mode_match.nearest = k;
       }
       mode_matches.push_back(mode_match);
     }
@@ -24,11 +24,11 @@ std::vector<ModeMatch> MatchNearest(const BuildState& run_map, const BuildState&
 }
 
 const BuildMode& NearestMode(const BuildState& map, const ModeMatch& mode_match) {
-  return map.modes[mode_match.group][static_cast<std::size_t>(mode_match.nearest)];
+  return map.modes[mode_match.group][*mode_match.nearest];
 }
 
 bool MatchesPrior(const BuildState& map, const ModeMatch& mode_match) {
-  return mode_match.nearest != kUnassigned && NearestMode(map, mode_match).number != kAbsent;
+  return mode_match.nearest && NearestMode(map, mode_match).number != kAbsent;
 }
 
 }  // namespace shiftmap

@@ -11,9 +11,9 @@ namespace shiftmap {
 /// A mode of a run map beside the mode of its group that is nearest to it in the map.
 struct ModeMatch {
   GroupIndex group;
-  int mode = 0;    ///< In the run map's group.
-  ModeIndex flat;  ///< In the run map.
-  int nearest = kUnassigned;
+  GroupModeIndex mode;  ///< In the run map's group.
+  ModeIndex flat;       ///< In the run map.
+  OptionalMode nearest = kUnassigned;
   double squared_m2 = std::numeric_limits<double>::infinity();
 };
 

@@ -37,15 +37,15 @@ std::vector<bool> ToldApart(const MapperOptions& options,
 }
 
 // The mode of the build that each mode of an aligned run map is, or kUnassigned.
-std::vector<int> KnownModes(const RunMapAlignment& aligned,
-                            const std::vector<ModeMatch>& mode_matches,
-                            const std::vector<bool>& displaced,
-                            const std::vector<bool>& apart,
-                            const BuildState& build) {
-  std::vector<int> modes;
+std::vector<OptionalMode> KnownModes(const RunMapAlignment& aligned,
+                                     const std::vector<ModeMatch>& mode_matches,
+                                     const std::vector<bool>& displaced,
+                                     const std::vector<bool>& apart,
+                                     const BuildState& build) {
+  std::vector<OptionalMode> modes;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
-    if (aligned.stayed && (*aligned.stayed)[i] != kUnassigned) {
+    if (aligned.stayed && (*aligned.stayed)[i]) {
       modes.push_back((*aligned.stayed)[i]);
       continue;
     }
@@ -56,12 +56,12 @@ std::vector<int> KnownModes(const RunMapAlignment& aligned,
 }
 
 // Per mode whether it meets the prior map and is not among those that stayed.
-std::vector<bool> Others(const std::vector<int>& stayed,
+std::vector<bool> Others(const std::vector<OptionalMode>& stayed,
                          const BuildState& build,
                          const std::vector<ModeMatch>& mode_matches) {
   std::vector<bool> others;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    others.push_back(MatchesPrior(build, mode_matches[i]) && stayed[i] == kUnassigned);
+    others.push_back(MatchesPrior(build, mode_matches[i]) && !stayed[i]);
   }
   return others;
 }
@@ -74,7 +74,7 @@ std::vector<KeptAlternatives> KeepDoubts(const MapperOptions& options,
                                          const RunMap& run_map,
                                          const std::vector<ModeMatch>& mode_matches,
                                          const BuildState& build,
-                                         std::vector<int>* known) {
+                                         std::vector<OptionalMode>* known) {
   std::vector<KeptAlternatives> doubts;
   const auto keep =
       [&](const StayedPosterior& frame, double decided, const std::vector<bool>& told_apart) {
@@ -114,7 +114,7 @@ bool Absorb(const MapperOptions& options,
   } else if (found) {
     displaced = found->displaced;
   }
-  std::vector<int> known(mode_matches.size(), kUnassigned);
+  std::vector<OptionalMode> known(mode_matches.size());
   if (aligned && aligned->deformed) {
     known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
   } else if (aligned) {
@@ -134,9 +134,9 @@ bool Absorb(const MapperOptions& options,
     // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
     const auto met = std::count_if(mode_matches.begin(),
                                    mode_matches.end(),
-                                   [](const ModeMatch& e) { return e.nearest != kUnassigned; });
+                                   [](const ModeMatch& e) { return e.nearest.has_value(); });
     if (2 * (std::ssize(known) - unknown) >= met) {
-      std::vector<int> grown = GrowMatches(options, run_map, *build, known, decided);
+      std::vector<OptionalMode> grown = GrowMatches(options, run_map, *build, known, decided);
       if (grown != known) {
         known = std::move(grown);
         DeformOntoMap(options, *build, known, &run_map);
@@ -144,21 +144,19 @@ bool Absorb(const MapperOptions& options,
     }
   }
   const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
-  IndexedVector<GroupIndex, std::vector<int>> becomes(run_map.build.modes.size());
+  IndexedVector<GroupIndex, IndexedVector<GroupModeIndex, GroupModeIndex>> becomes(
+      run_map.build.modes.size());
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
     const Eigen::Vector2d& position = positions[i];
     becomes[mode_match.group].push_back(
-        known[i] != kUnassigned
-            ? known[i]
-            : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
+        known[i] ? *known[i] : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
   }
   build->kept.insert(build->kept.end(), run_map.build.kept.begin(), run_map.build.kept.end());
   for (BuildRun& run : run_map.build.runs) {
     for (const VisitIndex v : run.assignment.indices()) {
-      int& assignment = run.assignment[v];
-      if (assignment == kUnassigned) continue;
-      assignment = becomes[run.data->visits[v].group][static_cast<std::size_t>(assignment)];
+      OptionalMode& assignment = run.assignment[v];
+      if (assignment) assignment = becomes[run.data->visits[v].group][*assignment];
     }
     build->runs.push_back(std::move(run));
   }
@@ -198,14 +196,15 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
 }
 
 // Per mode of a run map the mode of its group in the map where it stayed, or kUnassigned.
-std::vector<int> Stayed(const Explanation& explanation,
-                        const RunMap& run_map,
-                        const BuildState& build) {
+std::vector<OptionalMode> Stayed(const Explanation& explanation,
+                                 const RunMap& run_map,
+                                 const BuildState& build) {
   const FlatModes flat(build);
-  std::vector<int> modes(run_map.points.size(), kUnassigned);
+  std::vector<OptionalMode> modes(run_map.points.size());
   for (const Match& match : explanation.stayed) {
     const GroupIndex group(run_map.points[ModeIndex(match.other)].group);
-    modes[static_cast<std::size_t>(match.other)] = ModeIndex(match.reference) - flat.first[group];
+    modes[static_cast<std::size_t>(match.other)] =
+        GroupModeIndex(ModeIndex(match.reference) - flat.first[group]);
   }
   return modes;
 }

@@ -25,7 +25,7 @@ struct RunMapAlignment {
 
   /// Of a place that is confirmed (confirm_alignment.h): per mode, flat, the mode of its group in
   /// the map that it is, or kUnassigned.
-  std::optional<std::vector<int>> stayed;
+  std::optional<std::vector<OptionalMode>> stayed;
 
   /// Of a place that is confirmed: what may have stayed.
   StayedPosterior given = {};

@@ -43,7 +43,7 @@ void PlaceModes(double radius_m, BuildState* build) {
     if (positions[group].empty()) continue;
     build->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
   }
-  run.assignment.assign(run.data->visits.size(), 0);
+  run.assignment.assign(run.data->visits.size(), GroupModeIndex(0));
 }
 
 // Calibrates the odometry's scales, lag and noise and the sensor's errors and noise with every
@@ -63,8 +63,8 @@ void CalibrateOpen(const MapperOptions& options,
   run->motions = IntegrateMotions(*run->data, run->odometry);
   run->poses = DeadReckon(run->motions);
   for (const MappingVisit& visit : run->data->visits) {
-    std::vector<BuildMode>& modes = open.modes[visit.group];
-    run->assignment.push_back(static_cast<int>(modes.size()));
+    GroupModes& modes = open.modes[visit.group];
+    run->assignment.push_back(modes.end_index());
     const std::vector<Eigen::Vector2d> seen = VisitPositions(*run, visit);
     modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
   }
@@ -109,7 +109,7 @@ constexpr double kInconsistentShare = 0.02;
 
 int ModesBesideFirst(const BuildState& build) {
   int count = 0;
-  for (const std::vector<BuildMode>& group : build.modes) {
+  for (const GroupModes& group : build.modes) {
     count += std::max(0, static_cast<int>(group.size()) - 1);
   }
   return count;

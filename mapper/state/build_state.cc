@@ -41,7 +41,7 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
 
 void CopyBack(const Graph& graph, BuildState* build) {
   ModeIndex flat;
-  for (std::vector<BuildMode>& group : build->modes) {
+  for (GroupModes& group : build->modes) {
     for (BuildMode& mode : group) mode.p_map_landmark = graph.modes[flat++];
   }
   for (const RunIndex r : build->runs.indices()) {
@@ -60,8 +60,7 @@ void CopyBack(const Graph& graph, BuildState* build) {
 std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
   std::vector<BuildModeRef> modes;
   for (const VisitIndex v : run.assignment.indices()) {
-    if (run.assignment[v] == kUnassigned) continue;
-    modes.push_back({run.data->visits[v].group, run.assignment[v]});
+    if (run.assignment[v]) modes.push_back({run.data->visits[v].group, *run.assignment[v]});
   }
   std::sort(modes.begin(), modes.end());
   modes.erase(std::unique(modes.begin(), modes.end()), modes.end());
@@ -69,7 +68,7 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run) {
 }
 
 FlatModes::FlatModes(const BuildState& build) {
-  for (const std::vector<BuildMode>& group : build.modes) {
+  for (const GroupModes& group : build.modes) {
     first.push_back(end);
     end = end + static_cast<int>(group.size());
   }
@@ -77,7 +76,7 @@ FlatModes::FlatModes(const BuildState& build) {
 
 IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build) {
   IndexedVector<ModeIndex, Eigen::Vector2d> positions;
-  for (const std::vector<BuildMode>& group : build.modes) {
+  for (const GroupModes& group : build.modes) {
     for (const BuildMode& mode : group) positions.push_back(mode.p_map_landmark);
   }
   return positions;
@@ -95,7 +94,7 @@ void MoveBuild(const Se2& T_map_old, BuildState* build) {
   for (BuildRun& run : build->runs) {
     for (Se2& pose : run.poses) pose = T_map_old * pose;
   }
-  for (std::vector<BuildMode>& group : build->modes) {
+  for (GroupModes& group : build->modes) {
     for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
   }
   for (KeptAlternatives& kept : build->kept) {
@@ -130,9 +129,9 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
   return build;
 }
 
-int AddMode(GroupIndex group, const BuildMode& mode, BuildState* build) {
-  std::vector<BuildMode>& modes = build->modes[group];
-  const auto index = static_cast<int>(modes.size());
+GroupModeIndex AddMode(GroupIndex group, const BuildMode& mode, BuildState* build) {
+  GroupModes& modes = build->modes[group];
+  const GroupModeIndex index = modes.end_index();
   if (!build->priors.empty()) {
     ShiftPriors(FlatModes(*build).Index(group, index), 1, &build->priors);
   }
@@ -154,12 +153,12 @@ Graph MakeGraph(const MapperOptions& options, BuildState* build) {
     BuildRun& run = build->runs[r];
     graph.runs.push_back(MakeGraphRun(options, build->in_map_units, &run));
     for (const Sighting& sighting : run.data->sightings) {
-      const int mode = run.assignment[sighting.visit];
-      if (mode == kUnassigned) continue;
+      const OptionalMode mode = run.assignment[sighting.visit];
+      if (!mode) continue;
       const GroupIndex group = run.data->visits[sighting.visit].group;
       graph.observations.push_back({r,
                                     sighting.frame,
-                                    flat.Index(group, mode),
+                                    flat.Index(group, *mode),
                                     sighting.observation,
                                     ObservationNoise(sighting.observation, build->sensor),
                                     run.data->mean_squared_bearing});

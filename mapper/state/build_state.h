@@ -35,6 +35,19 @@ struct BuildMode {
   bool displaced = false;
 };
 
+/// The modes of a group.
+using GroupModes = IndexedVector<GroupModeIndex, BuildMode>;
+
+/// One of them, or none.
+using OptionalMode = std::optional<GroupModeIndex>;
+inline constexpr OptionalMode kUnassigned = std::nullopt;
+
+/// Its state in the chain of the group, where 0 is `absent`.
+inline int StateOf(OptionalMode mode) { return mode ? mode->value() + 1 : 0; }
+inline OptionalMode ModeOfState(int state) {
+  return state > 0 ? OptionalMode(GroupModeIndex(state - 1)) : kUnassigned;
+}
+
 /// One run in the build: its data, and what is estimated of it.
 struct BuildRun {
   const MappingRun* data = nullptr;
@@ -45,21 +58,19 @@ struct BuildRun {
   /// Kept from solve to solve while `odometry` stays close to where they were integrated.
   FrameMotions motions;
 
-  /// Per visit the index of its mode in the group, or kUnassigned: the visit's sightings are
-  /// clutter, or of a landmark at no known position.
-  IndexedVector<VisitIndex, int> assignment;
+  /// The mode of each visit, or kUnassigned: its sightings are clutter, or of a landmark at no
+  /// known position.
+  IndexedVector<VisitIndex, OptionalMode> assignment;
 };
-
-inline constexpr int kUnassigned = -1;
 
 /// What a mode beside another costs where solutions are compared, as BuildState::cost: the landmark
 /// would have had to move.
 inline constexpr double kModeCost = 10.0;
 
-/// A mode of a group, by its index there.
+/// A mode of some group.
 struct BuildModeRef {
   GroupIndex group;
-  int mode = 0;
+  GroupModeIndex mode;
 
   auto operator<=>(const BuildModeRef&) const = default;
 };
@@ -71,7 +82,7 @@ std::vector<BuildModeRef> ModesOf(const BuildRun& run);
 /// and discrete part (which mode held at which visit).
 struct BuildState {
   IndexedVector<RunIndex, BuildRun> runs;  ///< By begin.
-  IndexedVector<GroupIndex, std::vector<BuildMode>> modes;
+  IndexedVector<GroupIndex, GroupModes> modes;
   std::vector<RejectedRun> left_out;   ///< Runs taken out again, and why (unconstrained_runs.h).
   std::vector<WaitingRuns> waiting;    ///< Without a decided place (place_run_maps.h).
   std::vector<KeptAlternatives> kept;  ///< Of runs in the map (place_run_maps.h).
@@ -116,7 +127,9 @@ using StepCallback = std::function<bool(const BuildState&)>;
 /// All modes of a build in one list, that of its graph: groups in order, modes in order.
 struct FlatModes {
   explicit FlatModes(const BuildState& build);
-  ModeIndex Index(GroupIndex group, int mode) const { return first[group] + mode; }
+  ModeIndex Index(GroupIndex group, GroupModeIndex mode) const {
+    return first[group] + mode.value();
+  }
   std::size_t count() const { return static_cast<std::size_t>(end.value()); }
 
   IndexedVector<GroupIndex, ModeIndex> first;
@@ -142,8 +155,8 @@ BuildState StartBuild(const std::vector<Signature>& signatures,
                       const MapContent& prior,
                       const SensorCalibration& sensor);
 
-/// Adds a mode to a group and returns its index there; the priors' modes stay right.
-int AddMode(GroupIndex group, const BuildMode& mode, BuildState* build);
+/// Adds a mode to a group; the priors' modes stay right.
+GroupModeIndex AddMode(GroupIndex group, const BuildMode& mode, BuildState* build);
 
 /// The continuous part for the present assignment, at its present values.
 Graph MakeGraph(const MapperOptions& options, BuildState* build);

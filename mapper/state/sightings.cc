@@ -38,13 +38,13 @@ Innovation SightingInnovation(const BuildRun& run,
 const Eigen::Vector2d& AssignedPosition(const BuildState& build,
                                         const BuildRun& run,
                                         const Sighting& sighting) {
-  const auto mode = static_cast<std::size_t>(run.assignment[sighting.visit]);
-  return build.modes[run.data->visits[sighting.visit].group][mode].p_map_landmark;
+  const GroupModes& modes = build.modes[run.data->visits[sighting.visit].group];
+  return modes[*run.assignment[sighting.visit]].p_map_landmark;
 }
 
 bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sighting) {
   static const double gate = ChiSquareQuantile(0.999, 2);
-  if (run.assignment[sighting.visit] == kUnassigned) return false;
+  if (!run.assignment[sighting.visit]) return false;
   const Innovation innovation =
       SightingInnovation(run, sighting, AssignedPosition(build, run, sighting));
   return SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor)) <

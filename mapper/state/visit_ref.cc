@@ -23,11 +23,11 @@ const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref) {
   return build.runs[ref.run].data->visits[ref.visit];
 }
 
-int AssignmentOf(const BuildState& build, const VisitRef& ref) {
+OptionalMode AssignmentOf(const BuildState& build, const VisitRef& ref) {
   return build.runs[ref.run].assignment[ref.visit];
 }
 
-int& AssignmentOf(BuildState* build, const VisitRef& ref) {
+OptionalMode& AssignmentOf(BuildState* build, const VisitRef& ref) {
   return build->runs[ref.run].assignment[ref.visit];
 }
 

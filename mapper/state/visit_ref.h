@@ -19,7 +19,7 @@ IndexedVector<GroupIndex, std::vector<VisitRef>> VisitsByGroup(const BuildState&
 const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref);
 
 /// The mode that it is assigned to, or kUnassigned.
-int AssignmentOf(const BuildState& build, const VisitRef& ref);
-int& AssignmentOf(BuildState* build, const VisitRef& ref);
+OptionalMode AssignmentOf(const BuildState& build, const VisitRef& ref);
+OptionalMode& AssignmentOf(BuildState* build, const VisitRef& ref);
 
 }  // namespace shiftmap

@@ -28,7 +28,7 @@ struct StandingRun {
       }
     }
     run.data = &data;
-    run.assignment.assign(data.visits.size(), 0);
+    run.assignment.assign(data.visits.size(), GroupModeIndex(0));
     build.modes.resize(3);
     for (int group = 0; group < 3; ++group) {
       build.modes[GroupIndex(group)] = {{{1.0 + group, 0.0}, kAbsent},

@@ -26,7 +26,7 @@ class DoubtfulModes : public ::testing::Test {
     for (const GroupIndex group : std::vector<GroupIndex>{0, 1}) {
       problem_.modes.push_back({{{2.0, 1.0}, ModeNumber(1)}, {{2.5, 1.0}, kAbsent}});
       data_.visits.push_back({group, {}, {}, {}});
-      run.assignment.push_back(1);
+      run.assignment.push_back(GroupModeIndex(1));
     }
     problem_.runs.push_back(run);
     KeptAlternatives kept;
@@ -67,7 +67,7 @@ TEST_F(DoubtfulModes, LeaveOtherLandmarksAndOtherRunsAsTheyAre) {
 TEST_F(DoubtfulModes, AreSettledOnceTheyAreOne) {
   DropSettledAlternatives(&problem_);
   EXPECT_EQ(problem_.kept.size(), 1U);
-  problem_.runs.front().assignment[0] = 0;  // Merged.
+  problem_.runs.front().assignment[0] = GroupModeIndex(0);  // Merged.
   EXPECT_EQ(Mixed(0), Likelihoods());
   DropSettledAlternatives(&problem_);
   EXPECT_TRUE(problem_.kept.empty());

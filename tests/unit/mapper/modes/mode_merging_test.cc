@@ -27,7 +27,7 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   ASSERT_EQ(build.modes[group].size(), 1u);
   const std::size_t before = testing::CountModes(build);
   build.modes[group].push_back(build.modes[group].front());
-  AssignmentOf(&build, busiest->back()) = 1;
+  AssignmentOf(&build, busiest->back()) = GroupModeIndex(1);
   GraphSolver solver;
   const Graph graph = SolveContinuous(options, &build, &solver);
   const auto differences = ModeDifferences::Of(graph, &solver);
@@ -36,7 +36,7 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   EXPECT_EQ(merges.size(), 1u);
   MergeMemory(build).Merge(merges, &build);
   EXPECT_EQ(testing::CountModes(build), before);
-  for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), 0);
+  for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), GroupModeIndex(0));
 }
 
 TEST(DropUnusedModes, ModesOfThePriorMapStayThoughNothingHoldsThere) {
@@ -88,22 +88,24 @@ TEST(MergeMemory, MergesAgainWhereTheGroupIsAsItWas) {
   build.modes = {{{Eigen::Vector2d::Zero(), kAbsent}, {Eigen::Vector2d::Ones(), kAbsent}}};
   build.runs.resize(1);
   build.runs[0].data = &run;
-  build.runs[0].assignment = {0, 1};
+  const GroupModeIndex first = 0;
+  const GroupModeIndex second = 1;
+  build.runs[0].assignment = {first, second};
   const BuildState two_modes = build;
 
   MergeMemory memory(build);
   memory.Merge({{0, 0, 1}}, &build);
   EXPECT_EQ(testing::CountModes(build), 1u);
-  EXPECT_EQ(build.runs[0].assignment, (std::vector<int>{0, 0}));
+  EXPECT_EQ(build.runs[0].assignment, (std::vector<OptionalMode>{first, first}));
 
   BuildState again = two_modes;
   memory.MergeAgain(&again);
   EXPECT_EQ(again.runs[0].assignment, build.runs[0].assignment);
 
   BuildState other = two_modes;
-  other.runs[0].assignment = {1, 0};
+  other.runs[0].assignment = {second, first};
   memory.MergeAgain(&other);
-  EXPECT_EQ(other.runs[0].assignment, (std::vector<int>{1, 0}));
+  EXPECT_EQ(other.runs[0].assignment, (std::vector<OptionalMode>{second, first}));
 }
 
 }  // namespace

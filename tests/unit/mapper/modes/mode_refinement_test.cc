@@ -13,8 +13,8 @@ namespace shiftmap {
 namespace {
 
 // The modes that the visits of a group are assigned to.
-std::set<int> AssignedModes(const BuildState& build, GroupIndex group) {
-  std::set<int> assigned;
+std::set<OptionalMode> AssignedModes(const BuildState& build, GroupIndex group) {
+  std::set<OptionalMode> assigned;
   const auto visits = VisitsByGroup(build);
   for (const VisitRef& ref : visits[group]) assigned.insert(AssignmentOf(build, ref));
   return assigned;
@@ -67,7 +67,9 @@ TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
     const BuildState build = MapSingleRun(run, world.groups.size(), {});
     ASSERT_EQ(build.modes[0].size(), 2u) << seed;
     EXPECT_EQ(build.modes[1].size(), 0u) << seed;
-    EXPECT_EQ(AssignedModes(build, 0), (std::set<int>{0, 1})) << seed;
+    EXPECT_EQ(AssignedModes(build, 0),
+              (std::set<OptionalMode>{GroupModeIndex(0), GroupModeIndex(1)}))
+        << seed;
     const double moved =
         (build.modes[0][0].p_map_landmark - build.modes[0][1].p_map_landmark).norm();
     EXPECT_NEAR(moved, (world.groups[0].modes[0] - world.groups[1].modes[0]).norm(), 0.3) << seed;
@@ -136,7 +138,7 @@ TEST(ModeRefinement, SelectionStartsFromWhatThePriorMapKnew) {
     for (const SelectorKind kind : {SelectorKind::kViterbi, SelectorKind::kEm}) {
       options.modes.selector.kind = kind;
       SelectModes(options.modes, &build);
-      EXPECT_EQ(AssignedModes(build, 0), std::set<int>{likely - 1});
+      EXPECT_EQ(AssignedModes(build, 0), std::set<OptionalMode>{ModeOfState(likely)});
     }
     const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, 0, options.modes);
     const double relaxed = std::exp(-1.5e-6 * 3600.0);
@@ -162,7 +164,7 @@ TEST(ModeRefinement, VisitsThatNoModeExplainsAreAbsent) {
   const Eigen::VectorXd away = VisitLogLikelihood(build, visits[0], options.modes);
   EXPECT_LT(away[1], away[0]);
   EXPECT_GT(SelectModes(options.modes, &build), 0);
-  EXPECT_EQ(AssignedModes(build, 0), std::set<int>{kUnassigned});
+  EXPECT_EQ(AssignedModes(build, 0), std::set<OptionalMode>{kUnassigned});
   // They agree on a place, so they make a mode again.
   EXPECT_EQ(CreateModes(options.modes, &build), 1);
 }

@@ -32,7 +32,7 @@ class UnconstrainedRuns : public ::testing::Test {
     run.data = &data;
     for (const GroupIndex group : groups) {
       data.visits.push_back({group, {}, {}, {}});
-      run.assignment.push_back(0);
+      run.assignment.push_back(GroupModeIndex(0));
       auto& modes = problem_.modes[group];
       if (modes.empty()) modes.push_back({});
     }
@@ -82,7 +82,7 @@ TEST_F(UnconstrainedRuns, TheMostThatAreTiedStay) {
 TEST_F(UnconstrainedRuns, VisitsWithoutModeTieNothing) {
   Add("a", {0, 1, 2});
   Add("b", {0, 1, 2});
-  problem_.runs[1].assignment = {0, kUnassigned, kUnassigned};
+  problem_.runs[1].assignment = {GroupModeIndex(0), kUnassigned, kUnassigned};
   EXPECT_EQ(RemoveUnconstrainedRuns(&problem_), 1);
   EXPECT_EQ(Left(), Names{"a"});
 }

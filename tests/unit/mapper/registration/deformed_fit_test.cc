@@ -55,13 +55,13 @@ Road MakeRoad(std::mt19937_64& random) {
 }
 
 // What a rigid transform that fits the first landmarks finds.
-std::vector<int> RigidMatches(const Road& road, double gate_m) {
-  std::vector<int> known;
+std::vector<OptionalMode> RigidMatches(const Road& road, double gate_m) {
+  std::vector<OptionalMode> known;
   for (const GroupIndex i : road.map.modes.indices()) {
     const double distance =
         (road.map.modes[i][0].p_map_landmark - road.run_map.build.modes[i][0].p_map_landmark)
             .norm();
-    known.push_back(distance < gate_m ? 0 : kUnassigned);
+    known.push_back(distance < gate_m ? OptionalMode(GroupModeIndex(0)) : kUnassigned);
   }
   return known;
 }
@@ -73,14 +73,14 @@ TEST(GrowMatches, FollowsTheBendOfALongRun) {
   int grown = 0;
   for (int trial = 0; trial < 10; ++trial) {
     const Road road = MakeRoad(random);
-    const std::vector<int> known = RigidMatches(road, 0.3);
-    const std::vector<int> more =
+    const std::vector<OptionalMode> known = RigidMatches(road, 0.3);
+    const std::vector<OptionalMode> more =
         GrowMatches(options, road.run_map, road.map, known, std::vector<bool>(kLandmarks));
     for (std::size_t i = 0; i < known.size(); ++i) {
       EXPECT_TRUE(known[i] == kUnassigned || more[i] == known[i]) << i;
     }
-    rigid += static_cast<int>(std::count(known.begin(), known.end(), 0));
-    grown += static_cast<int>(std::count(more.begin(), more.end(), 0));
+    rigid += static_cast<int>(std::count(known.begin(), known.end(), GroupModeIndex(0)));
+    grown += static_cast<int>(std::count(more.begin(), more.end(), GroupModeIndex(0)));
   }
   EXPECT_LT(rigid, 7 * kLandmarks);
   EXPECT_GT(grown, 95 * kLandmarks / 10);
@@ -90,18 +90,18 @@ TEST(GrowMatches, LeavesAloneWhatMovedAndWhatIsDecided) {
   std::mt19937_64 random(testing::TestSeed(96));
   const MapperOptions options;
   Road road = MakeRoad(random);
-  const std::vector<int> known = RigidMatches(road, 0.3);
+  const std::vector<OptionalMode> known = RigidMatches(road, 0.3);
   std::vector<bool> fixed(kLandmarks);
   for (const GroupIndex moved : std::vector<GroupIndex>{14, 22, 35}) {
     road.map.modes[moved][0].p_map_landmark += Eigen::Vector2d(0.0, 4.0);
   }
   fixed[28] = true;
-  const std::vector<int> start = [&] {
-    std::vector<int> few = known;
+  const std::vector<OptionalMode> start = [&] {
+    std::vector<OptionalMode> few = known;
     for (const std::size_t i : {14u, 22u, 28u, 35u}) few[i] = kUnassigned;
     return few;
   }();
-  const std::vector<int> more = GrowMatches(options, road.run_map, road.map, start, fixed);
+  const std::vector<OptionalMode> more = GrowMatches(options, road.run_map, road.map, start, fixed);
   for (const std::size_t i : {14u, 22u, 28u, 35u}) EXPECT_EQ(more[i], kUnassigned) << i;
 }
 
@@ -118,18 +118,18 @@ TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
   const auto deform = [](const Eigen::Vector2d& p) {
     return Eigen::Vector2d(p.x(), p.y() + 0.01 * p.x() * p.x());
   };
-  std::vector<int> known;
-  for (std::vector<BuildMode>& group : map.modes) {
-    for (std::size_t m = 0; m < group.size(); ++m) {
+  std::vector<OptionalMode> known;
+  for (GroupModes& group : map.modes) {
+    for (const GroupModeIndex m : group.indices()) {
       group[m].p_map_landmark = deform(group[m].p_map_landmark);
-      known.push_back(static_cast<int>(m));
+      known.emplace_back(m);
     }
   }
   DeformOntoMap(options, map, known, &run_map);
   double before = 0.0;
   double after = 0.0;
   for (const GroupIndex g : map.modes.indices()) {
-    for (std::size_t m = 0; m < map.modes[g].size(); ++m) {
+    for (const GroupModeIndex m : map.modes[g].indices()) {
       const Eigen::Vector2d& target = map.modes[g][m].p_map_landmark;
       before += (straight.modes[g][m].p_map_landmark - target).squaredNorm();
       after += (run_map.build.modes[g][m].p_map_landmark - target).squaredNorm();

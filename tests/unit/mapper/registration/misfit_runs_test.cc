@@ -52,9 +52,9 @@ class MisfitRuns : public ::testing::Test {
     BuildRun& run = second.runs.front();
     for (const VisitIndex v : run.assignment.indices()) {
       const GroupIndex group = run.data->visits[v].group;
-      if (run.assignment[v] == kUnassigned) continue;
+      if (!run.assignment[v]) continue;
       if (joined.modes[group].empty()) joined.modes[group] = {second.modes[group].front()};
-      run.assignment[v] = 0;
+      run.assignment[v] = GroupModeIndex(0);
     }
     joined.runs.push_back(std::move(run));
     SolveContinuous(options_, &joined);

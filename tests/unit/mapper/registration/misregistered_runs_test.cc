@@ -51,18 +51,17 @@ class MisregisteredRuns : public ::testing::Test {
 
 // Moves a run from a key frame on, and all that it sees from there.
 void LaySecondMap(FrameIndex from, const Se2& T_there_here, BuildRun* run, BuildState* build) {
-  std::map<std::pair<GroupIndex, int>, int> become;
+  std::map<BuildModeRef, GroupModeIndex> become;
   for (FrameIndex i = from; i < run->poses.end_index(); ++i) {
     run->poses[i] = T_there_here * run->poses[i];
   }
   for (const VisitIndex v : run->assignment.indices()) {
     const MappingVisit& visit = run->data->visits[v];
-    int& assignment = run->assignment[v];
-    if (visit.begin < run->data->frames[from].stamp || assignment == kUnassigned) continue;
-    const auto [entry, added] = become.try_emplace({visit.group, assignment}, 0);
+    OptionalMode& assignment = run->assignment[v];
+    if (visit.begin < run->data->frames[from].stamp || !assignment) continue;
+    const auto [entry, added] = become.try_emplace({visit.group, *assignment});
     if (added) {
-      const Eigen::Vector2d& here =
-          build->modes[visit.group][static_cast<std::size_t>(assignment)].p_map_landmark;
+      const Eigen::Vector2d& here = build->modes[visit.group][*assignment].p_map_landmark;
       entry->second = AddMode(visit.group, {T_there_here * here, kAbsent, false}, build);
     }
     assignment = entry->second;

@@ -163,7 +163,7 @@ TEST(SummarizeSelection, SeesAWrongAssignment) {
   const SelectionSummary before = SummarizeSelection(options.modes, build);
   EXPECT_EQ(before.visits, static_cast<int>(run.visits.size()));
   EXPECT_NEAR(before.log_joint, before.best_log_joint, 1e-9);
-  for (int& assignment : build.runs[0].assignment) assignment = kUnassigned;
+  for (OptionalMode& assignment : build.runs[0].assignment) assignment = kUnassigned;
   const SelectionSummary after = SummarizeSelection(options.modes, build);
   EXPECT_LT(after.log_joint, after.best_log_joint);
   EXPECT_NEAR(after.best_log_joint, before.best_log_joint, 1e-9);
