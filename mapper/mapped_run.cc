@@ -54,7 +54,7 @@ MappedRun MakeMappedRun(const BuildState& build, RunIndex index) {
         SquaredMahalanobis(innovation.nu, ObservationNoise(sighting.observation, build.sensor));
   }
   mapped.T_map_start = StartPose(run);
-  for (const std::size_t motion : BrokenMotions(run.motions)) {
+  for (const FrameIndex motion : BrokenMotions(run.motions)) {
     mapped.moved.push_back(run.data->frames[motion].stamp);
   }
   return mapped;

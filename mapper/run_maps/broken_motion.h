@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
 #include <optional>
 
 #include "mapper/state/build_state.h"
@@ -13,7 +12,7 @@ namespace shiftmap {
 /// position after it, then: `kLeastMoved` at least, and four times as many as stay.
 /// @param build  One run, mapped by itself.
 /// @return  The motion from which key frame to the next.
-std::optional<std::size_t> FindBrokenMotion(const BuildState& build);
+std::optional<FrameIndex> FindBrokenMotion(const BuildState& build);
 
 inline constexpr int kLeastMoved = 6;
 

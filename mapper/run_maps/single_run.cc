@@ -235,7 +235,7 @@ BuildState MapSingleRun(const MappingRun& run,
   BuildState best = map(!by_parts);
   if (CostOf(first) <= CostOf(best)) best = std::move(first);
   while (IsInconsistent(best) && !(on_step && !on_step(best))) {
-    const std::optional<std::size_t> broken = FindBrokenMotion(best);
+    const std::optional<FrameIndex> broken = FindBrokenMotion(best);
     if (!broken) break;
     BreakMotion(*broken, &build.motions);
     BuildState broken_up = map(true);

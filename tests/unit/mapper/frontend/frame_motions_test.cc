@@ -46,7 +46,7 @@ TEST(FrameMotions, BrokenOnesTellNothingAndStayBroken) {
   BreakMotion(7, &motions);
   UpdateMotions(run, Scaled(0.1, 0.0, 0.0), &motions);
   ASSERT_EQ(motions.calibration.scale_v, std::exp(0.1));
-  EXPECT_EQ(BrokenMotions(motions), std::vector<std::size_t>{7});
+  EXPECT_EQ(BrokenMotions(motions), std::vector<FrameIndex>{7});
   const Eigen::Vector3d variances = MotionFrom(motions, 7, {}).cov.diagonal();
   EXPECT_GT(variances.head<2>().minCoeff(), 1e6);  // A kilometre.
   EXPECT_GT(variances.z(), 1e2);                   // Any heading.

@@ -84,10 +84,10 @@ TEST_F(RunPartsTest, TakeAboutTheTimeTheyAreTold) {
 }
 
 TEST_F(RunPartsTest, GoAcrossNoBrokenMotion) {
-  const std::size_t broken = run_.frames.size() / 3;
+  const FrameIndex broken(run_.frames.size() / 3);
   const RunParts parts(run_, 2.0 * DurationOf(run_), {broken});
   ASSERT_EQ(parts.size(), 2u);
-  EXPECT_EQ(parts.At(0).frames.size(), broken + 1);
+  EXPECT_EQ(parts.At(0).frames.end_index(), broken + 1);
   EXPECT_EQ(parts.At(1).frames.front().stamp, run_.frames[broken + 1].stamp);
 }
 

@@ -69,7 +69,7 @@ TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
     const BuildState build = MapSingleRun(run, world.groups.size(), {});
     const std::vector<Se2> truth = testing::TruePoses(world.runs[0], run);
     EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, truth), 1.5) << seed;
-    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    for (const GroupModes& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
     const double turned = (truth.front().Inverse() * truth.back()).yaw() -
                           DeadReckon(build.runs[0].motions).back().yaw();
     lost += std::abs(Se2(0.0, 0.0, turned).yaw()) > 1.0;
@@ -86,7 +86,7 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
     EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(world.runs[0], run)),
               1.0)
         << seed;
-    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    for (const GroupModes& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
   }
 }
 
@@ -118,8 +118,8 @@ TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
     const BuildState build = MapSingleRun(run, world.groups.size(), {});
     EXPECT_LT(testing::AlignedRmse(build.runs[0].poses, testing::TruePoses(carried, run)), 1.0)
         << seed;
-    for (const std::vector<BuildMode>& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
-    for (const std::size_t motion : BrokenMotions(build.runs[0].motions)) {
+    for (const GroupModes& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+    for (const FrameIndex motion : BrokenMotions(build.runs[0].motions)) {
       EXPECT_LT(ToSeconds(run.frames[motion].stamp - begin), 82.0) << seed;
       EXPECT_GT(ToSeconds(run.frames[motion + 1].stamp - begin), 78.0) << seed;
       ++broken;
