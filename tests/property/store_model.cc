@@ -75,6 +75,7 @@ bool StoreModel::IsSuperseded(std::size_t report, std::size_t version) const {
                              !other.evidence.empty() && !mine.evidence.empty();
            return (copy || other.run_hash == mine.run_hash) && other.vehicle == mine.vehicle &&
                   IsOfLine(IndexOf(other.version), version) &&
+                  !IsExcluded(other.run_hash, other.vehicle, other.begin) &&
                   std::tie(other.version, other.uuid) < std::tie(mine.version, mine.uuid);
          });
 }

@@ -369,6 +369,22 @@ TEST_F(LedgerTest, OfReportsAboutCopiesOfALogOneCountsWhicheverCameFirst) {
   expect_two([](ShiftReport* a, ShiftReport* b) { a->begin = b->begin = Stamp(); });
 }
 
+TEST_F(LedgerTest, AReportAboutACopyOfALogThatIsExcludedCounts) {
+  ShiftReport cut = EmptyReport(version_, "a", 1);
+  ShiftReport whole = EmptyReport(version_, "a", 2);
+  whole.begin = cut.begin;
+  cut.run_hash = std::string(64, 'b');
+  whole.run_hash = std::string(64, 'c');
+  cut.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
+  whole.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 2.0)};
+  MustReturn(cut);
+  EXPECT_THAT(MustReturn(whole).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
+  ASSERT_THAT(store_.Exclude("a", {cut.run_hash, "", {}, "cut off", {}}), IsOk());
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 2.0), 1e-12);
+  ASSERT_THAT(store_.Include("a", {cut.run_hash, "", {}, "", {}}), IsOk());
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 3.0), 1e-12);
+}
+
 TEST_F(LedgerTest, AReportAboutACopyOfAMappedLogDoesNotCount) {
   ShiftReport cut = EmptyReport(version_, "a", 1);
   cut.run_hash = std::string(64, 'b');
