@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mapper/covariance/gauge.h"
+#include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/registration/run_map_alignment.h"
@@ -141,8 +142,8 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);
       });
-  AlignedParts aligned{RunParts(data, DurationOf(data) * kPartVisits / static_cast<double>(visits)),
-                       {}};
+  const double part_s = DurationOf(data) * kPartVisits / static_cast<double>(visits);
+  AlignedParts aligned{RunParts(data, part_s, BrokenMotions(run.motions)), {}};
   const std::vector<AlignmentPoint> reference = Reference(build, others, run);
   std::vector<Eigen::Vector2d> positions;
   for (const AlignmentPoint& point : reference) positions.push_back(point.position);

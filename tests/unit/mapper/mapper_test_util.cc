@@ -56,6 +56,20 @@ std::vector<MapperInput> Inputs(const SimulatedWorld& world) {
   return inputs;
 }
 
+SimulatedRun CarriedMeanwhile(SimulatedRun run, Stamp begin, Stamp end) {
+  const auto cut = [&](auto* items) {
+    std::erase_if(*items,
+                  [&](const auto& item) { return begin <= item.stamp && item.stamp < end; });
+    for (auto& item : *items) {
+      if (item.stamp >= end) item.stamp -= end - begin;
+    }
+  };
+  cut(&run.run.odometry);
+  cut(&run.run.scans);
+  cut(&run.truth);
+  return run;
+}
+
 std::vector<Signature> SignaturesOf(const SimulatedWorld& world) {
   std::vector<Signature> signatures;
   for (const SimulatedGroup& group : world.groups) signatures.push_back(group.signature);

@@ -31,6 +31,10 @@ std::vector<MapperInput> Inputs(const SimulatedWorld& world);
 /// A run arranged for mapping, with the signatures of the world.
 MappingRun Arrange(const SimulatedWorld& world, const Run& run);
 
+/// The run without what it logged in [begin, end): the vehicle stands where it was at the end, by
+/// its log at once.
+SimulatedRun CarriedMeanwhile(SimulatedRun run, Stamp begin, Stamp end);
+
 /// The signatures of all groups of a world, ascending.
 std::vector<Signature> SignaturesOf(const SimulatedWorld& world);
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <map>
@@ -88,6 +89,30 @@ TEST_F(MisregisteredRuns, ArePutBack) {
       EXPECT_LT(error.translation().norm(), 0.2);
     }
   }
+}
+
+// No part of it is of before and after at once.
+TEST_F(MisregisteredRuns, OneWhoseVehicleWasCarriedIsPutBack) {
+  OpenWorldOptions options = World(1);
+  options.modes_per_group = 1;
+  SimulatedWorld world = testing::Simulate(options);
+  const Stamp begin = world.runs[1].truth.front().stamp;
+  world.runs[1] = testing::CarriedMeanwhile(
+      world.runs[1], begin + std::chrono::seconds(130), begin + std::chrono::seconds(170));
+  BuildState build = Solved(world);
+  ASSERT_EQ(build.runs.size(), 3u);
+  const BuildRun before = build.runs[1];
+  ASSERT_EQ(BrokenMotions(before.motions).size(), 1u);
+  const std::size_t modes = testing::CountModes(build);
+  LaySecondMap(0, Se2(12.0, 5.0, 0.4), &build.runs[1], &build);
+  EXPECT_EQ(RelocateMisregisteredRuns(options_, &build), 1);
+  for (const FrameIndex i : before.poses.indices()) {
+    const Se2 error = before.poses[i].Inverse() * build.runs[1].poses[i];
+    EXPECT_LT(error.translation().norm(), 0.5) << i.value();
+  }
+  GraphSolver solver;
+  AlternateModes(options_, &build, &solver);
+  EXPECT_EQ(testing::CountModes(build), modes);
 }
 
 TEST_F(MisregisteredRuns, LandmarksThatMovedAreNone) {

@@ -90,29 +90,13 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   }
 }
 
-// The run without what it logged in [begin, end): the vehicle stands where it was at the end, by
-// its log at once.
-SimulatedRun CarriedMeanwhile(SimulatedRun run, Stamp begin, Stamp end) {
-  const auto cut = [&](auto* items) {
-    std::erase_if(*items,
-                  [&](const auto& item) { return begin <= item.stamp && item.stamp < end; });
-    for (auto& item : *items) {
-      if (item.stamp >= end) item.stamp -= end - begin;
-    }
-  };
-  cut(&run.run.odometry);
-  cut(&run.run.scans);
-  cut(&run.truth);
-  return run;
-}
-
 // Where the way is short, noise of odometry may explain it as well.
 TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
   int broken = 0;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const SimulatedWorld world = testing::StaticWorld(seed);
     const Stamp begin = world.runs[0].truth.front().stamp;
-    const SimulatedRun carried = CarriedMeanwhile(
+    const SimulatedRun carried = testing::CarriedMeanwhile(
         world.runs[0], begin + std::chrono::seconds(80), begin + std::chrono::seconds(120));
     const MappingRun run = testing::Arrange(world, carried.run);
     const BuildState build = MapSingleRun(run, world.groups.size(), {});
@@ -136,7 +120,7 @@ TEST(MapSingleRun, ABuildSaysThatTheVehicleWasCarried) {
   ASSERT_THAT(whole, testing::IsOk());
   EXPECT_TRUE(whole->runs[0].moved.empty());
   inputs[0].run =
-      CarriedMeanwhile(
+      testing::CarriedMeanwhile(
           world.runs[0], begin + std::chrono::seconds(80), begin + std::chrono::seconds(120))
           .run;
   const StatusOr<MapperResult> carried = BuildMap(inputs, std::nullopt, {});
