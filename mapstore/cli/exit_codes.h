@@ -17,7 +17,7 @@ enum class ExitCode : int {
   kAttention = 8,     ///< Done, with something left that a person should see.
   kInternal = 70,     ///< A bug of ours.
   kTemporary = 75,    ///< Busy or full now: retry.
-  kStopped = 130,     ///< SIGINT or SIGTERM stopped it before it wrote anything.
+  kStopped = 130,     ///< SIGINT or SIGTERM stopped it; the message says what is written.
 };
 
 /// The exit code of a command that ended with `status`, by the table in proto/core/status.h.
