@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <sstream>
 #include <system_error>
 
 #include "mapper/nightly/candidate.h"
+#include "mapstore/core/memory_bound.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -34,13 +36,14 @@ StatusOr<std::string> KeyOf(const NightOptions& options,
     const std::uintmax_t size = std::filesystem::file_size(log.path, error);
     if (!error) bytes += size;
   }
+  constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
   const AreaBuildOptions& build = options.build;
   Sha256 hash;
   hash.Update(fmt::format("{} {} {} {} {} {} {} {}",
                           NightKey(logs, build),
                           decisions.size(),
                           bytes,
-                          build.max_memory_mib.value_or(0),
+                          build.max_memory_mib.value_or(MemoryBound() / kMib),
                           build.limits.max_range_m.value_or(0.0),
                           build.limits.max_speed_mps.value_or(0.0),
                           build.limits.max_yaw_rate_radps.value_or(0.0),

@@ -13,8 +13,8 @@
 namespace shiftmap {
 
 /// The runs, by LogHead::identity, that an earlier night left out of a build of these logs, if
-/// nothing has changed since that could change that: the files, this program, its options, or what
-/// is published, excluded, held or edited. Errors: those of the store.
+/// nothing has changed since that could change that: the files, this program, its options and
+/// memory, or what is published, excluded, held or edited. Errors: those of the store.
 StatusOr<std::set<std::string>> ReadLeftOut(const NightOptions& options,
                                             const std::string& area,
                                             const std::vector<LogHead>& logs,

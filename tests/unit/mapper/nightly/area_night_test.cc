@@ -5,19 +5,23 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "mapper/nightly/candidate.h"
+#include "mapper/nightly/left_out.h"
 #include "mapstore/cli/stop_signals.h"
 #include "mapstore/codec/run_log.h"
+#include "mapstore/core/memory_bound.h"
 #include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
@@ -276,6 +280,22 @@ TEST_F(AreaNightTest, OneRunAloneIsItsOwnJudge) {
   EXPECT_TRUE(night.published);
   ASSERT_TRUE(night.judgement);
   EXPECT_EQ(night.judgement->judged_by, JudgedBy::kOwnShifts);
+}
+
+TEST_F(AreaNightTest, WhatWasLeftOutForWantOfMemoryIsTriedWithMore) {
+  Night({Log(0)});
+  MapStore store = Store();
+  const std::vector<LogHead> logs = {Log(1)};
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_DATA, &before), 0);
+  rlimit lower = before;
+  lower.rlim_cur = static_cast<rlim_t>(MemoryBound() / 2);
+  ASSERT_EQ(setrlimit(RLIMIT_DATA, &lower), 0);
+  const std::set<std::string> left_out = {logs.front().identity()};
+  EXPECT_THAT(NoteLeftOut(night_, "floor", logs, left_out, &store), IsOk());
+  EXPECT_EQ(ReadLeftOut(night_, "floor", logs, &store).value(), left_out);
+  ASSERT_EQ(setrlimit(RLIMIT_DATA, &before), 0);
+  EXPECT_EQ(ReadLeftOut(night_, "floor", logs, &store).value(), std::set<std::string>());
 }
 
 }  // namespace
