@@ -32,7 +32,9 @@ StatusOr<std::vector<RunRecord>> OlderRuns(const std::string& area,
     keys.emplace(row.source, visit.signature, visit.begin, visit.end);
   }
   std::vector<RunRecord> older;
-  for (auto& [source, visits] : rows) {
+  for (auto& of_source : rows) {
+    const std::string& source = of_source.first;
+    std::vector<VisitEvidence>& visits = of_source.second;
     if (!line.contains(source)) continue;
     std::erase_if(visits, [&](const VisitEvidence& visit) {
       return keys.contains({source, visit.signature, visit.begin, visit.end});
