@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mapstore/map_store.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
@@ -24,8 +25,8 @@ StatusOr<AreaRow> FindOrInsertArea(Database& database, const std::string& area) 
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<AreaRow> found, FindArea(database, area));
   if (found) return *found;
   SHIFTMAP_ASSIGN_OR_RETURN(Statement insert,
-                            database.Prepare("INSERT INTO area (name) VALUES (?1)"));
-  insert.Bind(area);
+                            database.Prepare(InsertRowSql("area", "name, published_version_id")));
+  insert.Bind(area, std::optional<std::int64_t>());
   SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
   return AreaRow{database.LastInsertRowId(), std::nullopt};
 }
@@ -136,9 +137,7 @@ StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
   SHIFTMAP_RETURN_IF_ERROR(InsertRuns(database, area_id, version.version_id, provenance.runs));
   SHIFTMAP_RETURN_IF_ERROR(
       InsertOlderEvidence(database, area_id, version.version_id, provenance.older));
-  for (const RunRecord& run : provenance.runs) {
-    SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, area_id, version.version_id, run));
-  }
+  SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, version.version_id));
   SHIFTMAP_RETURN_IF_ERROR(
       InsertAudit(database, area_id, AuditAction::kCommit, std::to_string(version.number.value())));
   return version;
@@ -152,6 +151,7 @@ Status MapStore::State::MovePublished(std::int64_t area_id,
       database.Prepare("UPDATE area SET published_version_id = ?2 WHERE area_id = ?1"));
   update.Bind(area_id, version.version_id);
   SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+  SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, "area", fmt::format("area_id = {}", area_id)));
   return InsertAudit(database, area_id, action, std::to_string(version.number.value()), clock());
 }
 

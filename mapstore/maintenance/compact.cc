@@ -13,6 +13,7 @@
 #include "mapstore/map_store.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_rows.h"
@@ -55,19 +56,23 @@ constexpr const char* kDeleteCalibrations =
     "(SELECT kept_version_id FROM map_edit WHERE kept_version_id IS NOT NULL)";
 
 Status DeleteContent(Database& database, std::int64_t version_id) {
-  return ExecuteEach(database,
-                     {"DELETE FROM mode_rate WHERE version_id = ?1",
-                      "DELETE FROM mode_rhythm WHERE version_id = ?1",
-                      "DELETE FROM merged_mode WHERE version_id = ?1",
-                      "DELETE FROM mode WHERE version_id = ?1",
-                      "DELETE FROM landmark_group WHERE version_id = ?1",
-                      "DELETE FROM mode_covariance WHERE version_id = ?1",
-                      "DELETE FROM anonymous_landmark WHERE version_id = ?1",
-                      kDeleteCalibrations,
-                      "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
-                      "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
-                      "UPDATE version SET content_stored = 0 WHERE version_id = ?1"},
-                     version_id);
+  SHIFTMAP_RETURN_IF_ERROR(
+      ExecuteEach(database,
+                  {"DELETE FROM mode_rate WHERE version_id = ?1",
+                   "DELETE FROM mode_rhythm WHERE version_id = ?1",
+                   "DELETE FROM merged_mode WHERE version_id = ?1",
+                   "DELETE FROM mode WHERE version_id = ?1",
+                   "DELETE FROM landmark_group WHERE version_id = ?1",
+                   "DELETE FROM mode_covariance WHERE version_id = ?1",
+                   "DELETE FROM anonymous_landmark WHERE version_id = ?1",
+                   kDeleteCalibrations,
+                   "DELETE FROM ledger_checkpoint WHERE version_id = ?1",
+                   "UPDATE version_run SET trajectory = x'' WHERE version_id = ?1",
+                   "UPDATE version SET content_stored = 0 WHERE version_id = ?1"},
+                  version_id));
+  const std::string of_version = fmt::format("version_id = {}", version_id);
+  SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, "version_run", of_version));
+  return SetChecksums(database, "version", of_version);
 }
 
 // What a version says of the runs that it maps.
@@ -103,7 +108,9 @@ StatusOr<std::vector<LedgerKey>> FindSpentEvidence(Database& database,
       SHIFTMAP_ASSIGN_OR_RETURN(
           const std::optional<SetAside> aside,
           view.JudgeReported(rows.Int64(2), rows.Int64(4), StampFromNanoseconds(rows.Int64(0))));
-      counts = counts || !aside || aside == SetAside::kExcluded || aside == SetAside::kHeld;
+      // An exclusion of a copy of the log may make it count.
+      counts = counts || !aside || aside == SetAside::kExcluded || aside == SetAside::kHeld ||
+               aside == SetAside::kSameRun;
       if (counts) break;
     }
     if (counts) continue;

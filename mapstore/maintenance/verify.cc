@@ -6,6 +6,7 @@
 
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/schema/store_file.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/sqlite/transaction.h"
 
 namespace shiftmap {
@@ -73,7 +74,40 @@ Status VerifyReferences(Database& database, DefectList* defects) {
   }
 }
 
+// SQL of a row's key, for people.
+StatusOr<std::string> KeySql(Database& database, std::string_view table) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT name FROM pragma_table_info(?1) WHERE pk > 0 ORDER BY pk"));
+  query.Bind(table);
+  std::string sql;
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return sql;
+    sql += fmt::format(
+        "{}'{} ' || quote({})", sql.empty() ? "" : " || ', ' || ", query.Text(0), query.Text(0));
+  }
+}
+
 }  // namespace
+
+Status VerifyChecksums(Database& database, DefectList* defects) {
+  for (const char* const table : kChecksumTables) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string columns, ChecksumColumns(database, table));
+    SHIFTMAP_ASSIGN_OR_RETURN(const std::string key, KeySql(database, table));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        Statement rows,
+        database.Prepare(fmt::format(
+            "SELECT {} FROM {} WHERE checksum <> row_checksum({})", key, table, columns)));
+    rows.Bind();
+    for (;;) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
+      if (!row) break;
+      defects->Add(table, rows.Text(0), "its checksum is not that of its values");
+    }
+  }
+  return OkStatus();
+}
 
 Status VerifyFile(Database& database, DefectList* defects) {
   SHIFTMAP_RETURN_IF_ERROR(VerifyPages(database, defects));
@@ -88,6 +122,7 @@ StatusOr<VerifyResult> VerifyStore(const std::string& path) {
   VerifyResult result;
   DefectList defects(&result);
   for (const auto part : {VerifyFile,
+                          VerifyChecksums,
                           VerifyVersions,
                           VerifyEdits,
                           VerifyLedger,

@@ -33,10 +33,10 @@ struct VerifyResult {
 inline constexpr std::size_t kMaxDefects = 1000;
 
 /// Checks all that a store promises: SQLite's own checks of pages, indices and references; the
-/// schema; of every version the content hash, each covariance and the joint one positive definite,
-/// probabilities and rates, parent and published pointer; trajectories; of every report its visits,
-/// decisions and sightings, which of several reports about one run counts; every ledger checkpoint
-/// against filtering the ledger anew.
+/// schema; every row's checksum; of every version the content hash, each covariance and the joint
+/// one positive definite, probabilities and rates, parent and published pointer; trajectories; of
+/// every report its visits, decisions and sightings, which of several reports about one run counts;
+/// every ledger checkpoint against filtering the ledger anew.
 ///
 /// Reads the whole file in one read transaction.
 /// Errors: as MapStore::Open. What is wrong inside is no error but a defect.

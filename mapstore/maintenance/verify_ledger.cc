@@ -6,6 +6,7 @@
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/store/blob.h"
+#include "mapstore/store/report_rows.h"
 #include "mapstore/store/visibility_rows.h"
 
 namespace shiftmap {
@@ -33,25 +34,13 @@ Status VerifyReports(Database& database, DefectList* defects) {
               "shift_report",
               "SELECT uuid, 'ends before it begins' FROM shift_report WHERE end_ns < begin_ns",
               defects));
-  // Of reports about one run, that against the lowest version, then of the lowest UUID, comes
-  // first. A snapshot may lack the one that counts.
   SHIFTMAP_RETURN_IF_ERROR(
       AddRows(database,
               "shift_report",
-              "SELECT uuid, 'more than one report about its run comes first' FROM (SELECT "
-              "min(uuid) AS uuid "
-              "FROM shift_report r JOIN version v USING (version_id) WHERE "
-              "superseded = 0 GROUP BY area_id, identity, vehicle HAVING count(*) > 1)",
-              defects));
-  SHIFTMAP_RETURN_IF_ERROR(
-      AddRows(database,
-              "shift_report",
-              "SELECT r.uuid, 'comes first in place of a report against an older version' FROM "
-              "shift_report r "
-              "JOIN version v USING (version_id) JOIN shift_report o ON o.identity = r.identity "
-              "JOIN version ov ON ov.version_id = o.version_id WHERE r.superseded = 0 "
-              "AND o.superseded = 1 AND ov.area_id = v.area_id AND o.vehicle = r.vehicle AND "
-              "(ov.number, o.uuid) < (v.number, r.uuid)",
+              fmt::format("SELECT uuid, 'its place among the reports about its run is wrong' "
+                          "FROM shift_report x WHERE superseded <> EXISTS (SELECT 1 {} AND {})",
+                          SameRunSql("x.report_id"),
+                          kComesBeforeSql),
               defects));
   return AddRows(
       database,

@@ -32,6 +32,9 @@ class DefectList {
 /// Pages, indices, references, schema.
 Status VerifyFile(Database& database, DefectList* defects);
 
+/// Rows against their checksums.
+Status VerifyChecksums(Database& database, DefectList* defects);
+
 /// Areas, versions, content, trajectories.
 Status VerifyVersions(Database& database, DefectList* defects);
 

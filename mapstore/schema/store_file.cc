@@ -7,11 +7,15 @@
 #include "mapstore/core/folder.h"
 #include "mapstore/schema/schema.h"
 #include "mapstore/sqlite/place_database.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/sqlite/temporary_database.h"
 #include "mapstore/sqlite/transaction.h"
 
 namespace shiftmap {
 namespace {
+
+// Rows have checksums since this schema.
+constexpr std::int64_t kChecksumSchema = 10;
 
 StatusOr<bool> IsEmpty(Database& database) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t application,
@@ -108,6 +112,10 @@ Status CheckNoSnapshot(Database& database) {
 Status Migrate(Database& database, std::int64_t from) {
   for (std::int64_t version = from; version < kSchemaVersion; ++version) {
     SHIFTMAP_RETURN_IF_ERROR(database.Execute(kMigrations[static_cast<std::size_t>(version)]));
+    if (version + 1 != kChecksumSchema) continue;
+    for (const char* const table : kChecksumTables) {
+      SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, table));
+    }
   }
   return OkStatus();
 }

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "mapstore/sqlite/file_system.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/sqlite/sqlite_status.h"
 #include "proto/core/check.h"
 
@@ -98,7 +99,7 @@ void SetLimits(sqlite3* db) {
   sqlite3_limit(db, SQLITE_LIMIT_COLUMN, 100);
   sqlite3_limit(db, SQLITE_LIMIT_EXPR_DEPTH, 100);
   sqlite3_limit(db, SQLITE_LIMIT_COMPOUND_SELECT, 10);
-  sqlite3_limit(db, SQLITE_LIMIT_FUNCTION_ARG, 10);
+  sqlite3_limit(db, SQLITE_LIMIT_FUNCTION_ARG, 50);
   sqlite3_limit(db, SQLITE_LIMIT_ATTACHED, 2);
   sqlite3_limit(db, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 100);
   sqlite3_limit(db, SQLITE_LIMIT_VARIABLE_NUMBER, 50);
@@ -256,6 +257,7 @@ Status Database::SetUp(const Options& options) {
   SetDistrust(db);
   state_->lock_wait.emplace(options.busy_timeout, options.on_wait);
   sqlite3_busy_handler(db, LockWait::Wait, &*state_->lock_wait);
+  SHIFTMAP_RETURN_IF_ERROR(SqliteStatus(db, AddRowChecksum(db), name()));
   SHIFTMAP_RETURN_IF_ERROR(Execute("PRAGMA cell_size_check=ON"));
   // Opening is lazy: this is the first read of the file, where damage and locks show.
   SHIFTMAP_RETURN_IF_ERROR(QueryInt64("PRAGMA schema_version").status());

@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/version_rows.h"
 
 namespace shiftmap {
@@ -54,8 +55,7 @@ Status InsertAudit(Database& database,
                    Stamp written) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO audit (written_ns, area_id, action, subject) "
-                       "VALUES (?1, ?2, ?3, ?4)"));
+      database.Prepare(InsertRowSql("audit", "written_ns, area_id, action, subject")));
   row.Bind(ToNanoseconds(written), area_id, ToString(action), subject);
   return row.Execute();
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/blob.h"
 
 namespace shiftmap {
@@ -161,8 +162,9 @@ Status InsertCheckpoint(Database& database,
                         const Checkpoint& checkpoint) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO ledger_checkpoint (area_id, version_id, before_ns, "
-                       "newest_end_ns, rows_stored, states) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"));
+      database.Prepare(
+          InsertRowSql("ledger_checkpoint",
+                       "area_id, version_id, before_ns, newest_end_ns, rows_stored, states")));
   std::optional<std::int64_t> newest_end;
   if (checkpoint.states.newest_end) newest_end = ToNanoseconds(*checkpoint.states.newest_end);
   const std::string states = PackStates(checkpoint.states);

@@ -5,6 +5,8 @@
 #include <string>
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
+
 namespace shiftmap {
 namespace {
 
@@ -68,15 +70,16 @@ Status InsertSplitRuns(Database& database,
                        EditId edit,
                        const std::vector<std::string>& runs,
                        bool second) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare("INSERT INTO split_run (edit_id, run, second) VALUES (?1, ?2, ?3)"));
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement row,
+                            database.Prepare(InsertRowSql("split_run", "edit_id, run, second")));
   for (const std::string& run : runs) {
     row.Bind(edit.value(), run, second ? 1 : 0);
     SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   }
   return OkStatus();
 }
+
+std::string KeyOf(EditId edit) { return fmt::format("edit_id = {}", edit.value()); }
 
 // The first column of all rows.
 StatusOr<std::vector<std::int64_t>> ReadIds(Statement* query) {
@@ -171,6 +174,7 @@ StatusOr<EditId> InsertEdit(Database& database, std::int64_t area_id, const MapE
            kept);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   const EditId id(database.LastInsertRowId());
+  SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, "map_edit", KeyOf(id)));
   SHIFTMAP_RETURN_IF_ERROR(InsertSplitRuns(database, id, edit.first_runs, false));
   SHIFTMAP_RETURN_IF_ERROR(InsertSplitRuns(database, id, edit.second_runs, true));
   return id;
@@ -182,14 +186,13 @@ Status EndEdit(Database& database, EditId edit, const EditUndo& undo) {
       database.Prepare("UPDATE map_edit SET undone_ns = ?2, undone_by = ?3, undo_reason = ?4 "
                        "WHERE edit_id = ?1"));
   row.Bind(edit.value(), ToNanoseconds(undo.when), undo.author, undo.reason);
-  return row.Execute();
+  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  return SetChecksums(database, "map_edit", KeyOf(edit));
 }
 
 Status InsertVersionEdit(Database& database, std::int64_t version_id, EditId edit, bool holds) {
   SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare("INSERT INTO version_edit (version_id, edit_id, holds) "
-                       "VALUES (?1, ?2, ?3)"));
+      Statement row, database.Prepare(InsertRowSql("version_edit", "version_id, edit_id, holds")));
   row.Bind(version_id, edit.value(), holds ? 1 : 0);
   return row.Execute();
 }
@@ -292,7 +295,8 @@ Status SetEditedVersion(Database& database, std::int64_t version_id, std::int64_
       Statement row,
       database.Prepare("UPDATE version SET edited_version_id = ?2 WHERE version_id = ?1"));
   row.Bind(version_id, edited_version);
-  return row.Execute();
+  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  return SetChecksums(database, "version", fmt::format("version_id = {}", version_id));
 }
 
 }  // namespace shiftmap

@@ -4,8 +4,18 @@
 #include <algorithm>
 
 #include "mapstore/map/shift_report_check.h"
+#include "mapstore/sqlite/row_checksum.h"
 
 namespace shiftmap {
+namespace {
+
+// Of the exclusion that holds.
+constexpr char kEnd[] =
+    "UPDATE exclusion SET included_ns = ?4, checksum = row_checksum(area_id, run, vehicle, "
+    "since_ns, held, reason, excluded_ns, ?4) "
+    "WHERE area_id = ?1 AND run = ?2 AND vehicle = ?3 AND included_ns IS NULL ";
+
+}  // namespace
 
 StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
                                                 std::int64_t area_id,
@@ -35,10 +45,7 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
 StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
   if (!exclusion.held) {
     SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement hold,
-        database.Prepare("UPDATE exclusion SET included_ns = ?4 WHERE area_id = ?1 AND run = ?2 "
-                         "AND vehicle = ?3 AND held <> 0 AND included_ns IS NULL "
-                         "RETURNING since_ns"));
+        Statement hold, database.Prepare(std::string(kEnd) + "AND held <> 0 RETURNING since_ns"));
     hold.Bind(area_id, exclusion.run, exclusion.vehicle, ToNanoseconds(exclusion.excluded));
     SHIFTMAP_ASSIGN_OR_RETURN(const bool ended, hold.Step());
     if (ended) {
@@ -48,15 +55,18 @@ StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusi
   }
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO exclusion (area_id, run, vehicle, since_ns, held, reason, "
-                       "excluded_ns) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7) ON CONFLICT DO NOTHING"));
+      database.Prepare(
+          InsertRowSql("exclusion",
+                       "area_id, run, vehicle, since_ns, held, reason, excluded_ns, included_ns") +
+          " ON CONFLICT DO NOTHING"));
   row.Bind(area_id,
            exclusion.run,
            exclusion.vehicle,
            exclusion.vehicle.empty() ? std::int64_t{0} : ToNanoseconds(exclusion.since),
            exclusion.held ? 1 : 0,
            exclusion.reason,
-           ToNanoseconds(exclusion.excluded));
+           ToNanoseconds(exclusion.excluded),
+           std::optional<std::int64_t>());
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   return database.Changes() > 0;
 }
@@ -65,10 +75,7 @@ StatusOr<bool> EndExclusion(Database& database,
                             std::int64_t area_id,
                             const Exclusion& exclusion,
                             Stamp ended) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare("UPDATE exclusion SET included_ns = ?4 WHERE area_id = ?1 AND run = ?2 "
-                       "AND vehicle = ?3 AND included_ns IS NULL"));
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement row, database.Prepare(kEnd));
   row.Bind(area_id, exclusion.run, exclusion.vehicle, ToNanoseconds(ended));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   return database.Changes() > 0;

@@ -3,9 +3,9 @@
 
 #include <utility>
 
-#include "mapstore/core/clock.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/store/edit_rows.h"
+#include "mapstore/store/report_rows.h"
 
 namespace shiftmap {
 
@@ -243,34 +243,24 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
 // Of a report that does not come first of its run: whether one that comes before it is of the
 // view's line, had come by then, and is not of a copy that is excluded.
 StatusOr<bool> LedgerView::IsSuperseded(std::int64_t report_id) {
-  const std::string sql =
-      "SELECT o.version_id, o.identity, o.vehicle, o.begin_ns "
-      "FROM shift_report r JOIN version v USING (version_id), "
-      "shift_report o JOIN version ov ON ov.version_id = o.version_id "
-      "WHERE r.report_id = ?1 AND o.vehicle = r.vehicle AND ov.area_id = v.area_id "
-      "AND (ov.number, o.uuid) < (v.number, r.uuid) AND o.received_ns <= ?2 AND ";
-  // The second reads all reports of the area, and is needed for copies alone.
-  const std::string is_copy = fmt::format(
-      "o.begin_ns = r.begin_ns AND r.begin_ns >= {} AND o.first_visit_ns <= r.end_ns "
-      "AND r.first_visit_ns <= o.end_ns AND r.run_hash <> '' AND o.run_hash <> '' "
-      "AND (r.identity = r.run_hash OR o.identity = o.run_hash)",
-      ToNanoseconds(kFirstPlausibleStamp));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
-  for (const std::string& same_run : {std::string("o.identity = r.identity"), is_copy}) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Statement others, database_->Prepare(sql + same_run));
-    others.Bind(report_id, ToNanoseconds(known_.value_or(Stamp::max())));
-    for (;;) {
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
-      if (!row) break;
-      SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(others.Int64(0)));
-      const bool counts =
-          FindExclusion(
-              *exclusions, others.Text(1), others.Text(2), StampFromNanoseconds(others.Int64(3))) ==
-          nullptr;
-      if (place.relation != Relation::kOther && counts) return true;
-    }
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement others,
+      database_->Prepare(fmt::format("SELECT o.version_id, o.identity, o.vehicle, o.begin_ns {} "
+                                     "AND {} AND o.received_ns <= ?2",
+                                     SameRunSql(),
+                                     kComesBeforeSql)));
+  others.Bind(report_id, ToNanoseconds(known_.value_or(Stamp::max())));
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
+    if (!row) return false;
+    SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(others.Int64(0)));
+    const bool counts =
+        FindExclusion(
+            *exclusions, others.Text(1), others.Text(2), StampFromNanoseconds(others.Int64(3))) ==
+        nullptr;
+    if (place.relation != Relation::kOther && counts) return true;
   }
-  return false;
 }
 
 StatusOr<LedgerView::Place> LedgerView::PlaceOf(std::int64_t version_id) {

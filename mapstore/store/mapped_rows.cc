@@ -6,6 +6,7 @@
 #include <unordered_map>
 
 #include "mapstore/map/shift_report_check.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/blob.h"
 
 namespace shiftmap {
@@ -57,9 +58,9 @@ Status InsertMappedEvidence(Database& database,
                             const std::vector<VisitEvidence>& evidence) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO mapped_evidence (area_id, begin_ns, end_ns, version_id, "
-                       "run_id, signature, observation_count, log_likelihoods) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+      database.Prepare(InsertRowSql("mapped_evidence",
+                                    "area_id, begin_ns, end_ns, version_id, run_id, signature, "
+                                    "observation_count, log_likelihoods")));
   for (const VisitEvidence& visit : evidence) {
     const std::string log_likelihoods = PackLogLikelihoods(visit.modes);
     row.Bind(area_id,

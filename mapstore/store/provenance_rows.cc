@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/blob.h"
 #include "mapstore/store/mapped_rows.h"
 #include "mapstore/store/visibility_rows.h"
@@ -14,8 +15,8 @@ namespace {
 StatusOr<std::int64_t> FindOrInsertRun(Database& database, const RunRecord& run) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement insert,
-      database.Prepare("INSERT INTO run (sha256, name, vehicle, begin_ns, end_ns, identity) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT DO NOTHING"));
+      database.Prepare(InsertRowSql("run", "sha256, name, vehicle, begin_ns, end_ns, identity") +
+                       " ON CONFLICT DO NOTHING"));
   insert.Bind(run.sha256,
               run.name,
               run.vehicle,
@@ -81,8 +82,8 @@ Status InsertRuns(Database& database,
     // The same run named twice is one run.
     SHIFTMAP_ASSIGN_OR_RETURN(
         Statement row,
-        database.Prepare("INSERT INTO version_run (version_id, run_id, trajectory) "
-                         "VALUES (?1, ?2, ?3) ON CONFLICT DO NOTHING"));
+        database.Prepare(InsertRowSql("version_run", "version_id, run_id, trajectory") +
+                         " ON CONFLICT DO NOTHING"));
     const std::string trajectory = PackTrajectory(run.trajectory);
     row.Bind(version_id, run_id, BlobView{trajectory});
     SHIFTMAP_RETURN_IF_ERROR(row.Execute());

@@ -2,11 +2,13 @@
 #include "mapstore/store/report_rows.h"
 
 #include <algorithm>
+#include <set>
 #include <tuple>
 #include <utility>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/blob.h"
 
 namespace shiftmap {
@@ -32,9 +34,9 @@ Status InsertEvidence(Database& database,
                       const ShiftReport& report) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO visit_evidence (area_id, begin_ns, end_ns, report_id, "
-                       "signature, version_id, observation_count, log_likelihoods) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+      database.Prepare(InsertRowSql("visit_evidence",
+                                    "area_id, begin_ns, end_ns, report_id, signature, version_id, "
+                                    "observation_count, log_likelihoods")));
   for (const VisitEvidence* evidence : ByTime(report.evidence)) {
     const std::string log_likelihoods = PackLogLikelihoods(evidence->modes);
     row.Bind(area_id,
@@ -53,8 +55,8 @@ Status InsertEvidence(Database& database,
 Status InsertDecisions(Database& database, std::int64_t report_id, const ShiftReport& report) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO decision (report_id, decision_index, signature, mode, "
-                       "stamp_ns, log_odds) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"));
+      database.Prepare(InsertRowSql(
+          "decision", "report_id, decision_index, signature, mode, stamp_ns, log_odds")));
   std::int64_t index = 0;
   for (const Decision& decision : report.decisions) {
     row.Bind(report_id,
@@ -74,9 +76,10 @@ Status InsertSightings(Database& database,
                        const ShiftReport& report) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO sighting (report_id, sighting_index, area_id, signature, x_m, "
-                       "y_m, cov_xx_m2, cov_xy_m2, cov_yy_m2, count, first_ns, last_ns) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)"));
+      database.Prepare(InsertRowSql(
+          "sighting",
+          "report_id, sighting_index, area_id, signature, x_m, y_m, cov_xx_m2, cov_xy_m2, "
+          "cov_yy_m2, count, first_ns, last_ns")));
   std::int64_t index = 0;
   for (const UnmappedSighting& sighting : report.sightings) {
     row.Bind(report_id,
@@ -110,52 +113,54 @@ void Widen(std::optional<Stamp> first_visit, std::optional<Stamp>* from) {
   if (first_visit) *from = std::min(from->value_or(*first_visit), *first_visit);
 }
 
-// Of several reports of a vehicle about one run that against the lowest version comes first, then
-// that of the lowest UUID, whatever the order in which they came. Notes which do not come first.
-// @return Whether another one comes before this.
-StatusOr<bool> OrderAmongSameRun(Database& database,
-                                 std::int64_t area_id,
-                                 const VersionRow& version,
-                                 const ShiftReport& report,
-                                 InsertedReport* inserted) {
+// Notes which of the reports about the run of a new one do not come first.
+Status OrderAmongSameRun(Database& database, InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement others,
-      database.Prepare("SELECT report_id, first_visit_ns, number, uuid "
-                       "FROM shift_report r JOIN version v USING (version_id) "
-                       "WHERE identity = ?1 AND area_id = ?2 AND vehicle = ?3 UNION "
-                       "SELECT report_id, first_visit_ns, number, uuid "
-                       "FROM shift_report r JOIN version v USING (version_id) WHERE report_id IN "
-                       "(SELECT report_id FROM visit_evidence WHERE area_id = ?2 AND begin_ns "
-                       "BETWEEN ?4 AND ?5) "
-                       "AND vehicle = ?3 AND begin_ns = ?4 AND ?4 >= ?6 AND ?7 <= end_ns "
-                       "AND ?9 <> '' AND run_hash <> '' AND (?8 OR identity = run_hash)"));
-  const std::string uuid = LowerCaseUuid(report.uuid);
-  const std::string identity = IdentityOf(report);
-  others.Bind(identity,
-              area_id,
-              report.vehicle,
-              ToNanoseconds(report.begin),
-              ToNanoseconds(report.end),
-              ToNanoseconds(kFirstPlausibleStamp),
-              NanosecondsOf(inserted->changed_from),
-              report.run_uuid.empty() ? 1 : 0,
-              report.run_hash);
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement update,
-      database.Prepare("UPDATE shift_report SET superseded = 1 WHERE report_id = ?1"));
-  bool superseded = false;
+      database.Prepare(fmt::format(
+          "SELECT o.report_id, o.first_visit_ns, {} {}", kComesBeforeSql, SameRunSql())));
+  others.Bind(inserted->report_id);
+  std::set<std::int64_t> superseded;
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
-    if (!row) return superseded;
-    const auto other = std::make_tuple(VersionNumber(others.Int64(2)), others.Text(3));
-    if (other < std::make_tuple(version.number, uuid)) {
-      superseded = true;
+    if (!row) break;
+    if (others.Int64(2) != 0) {
+      superseded.insert(inserted->report_id);
       continue;
     }
     if (!others.IsNull(1)) Widen(StampFromNanoseconds(others.Int64(1)), &inserted->changed_from);
-    update.Bind(others.Int64(0));
-    SHIFTMAP_RETURN_IF_ERROR(update.Execute());
+    superseded.insert(others.Int64(0));
   }
+  for (const std::int64_t report_id : superseded) {
+    const std::string key = fmt::format("report_id = {}", report_id);
+    SHIFTMAP_RETURN_IF_ERROR(
+        database.Execute("UPDATE shift_report SET superseded = 1 WHERE " + key));
+    SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, "shift_report", key));
+  }
+  return OkStatus();
+}
+
+// Notes which versions were built from runs that reports are about. The areas have a plus so that
+// SQLite finds the runs, and the reports, by their own indices.
+// @param which  Of which reports or versions: SQL with one parameter.
+Status InsertMappedReports(Database& database, const char* which, std::int64_t id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement row,
+      database.Prepare(fmt::format(
+          "INSERT INTO mapped_report (report_id, version_id, checksum) "
+          "SELECT report_id, version_id, row_checksum(report_id, version_id) FROM ("
+          "SELECT r.report_id AS report_id, v.version_id AS version_id "
+          "FROM shift_report r JOIN version rv ON rv.version_id = r.version_id, "
+          "run JOIN version_run USING (run_id) JOIN version v ON v.version_id = "
+          "version_run.version_id WHERE {} AND +v.area_id = +rv.area_id AND "
+          "(run.identity = r.identity OR (run.sha256 = r.run_hash AND r.run_hash <> '') "
+          "OR (run.begin_ns = r.begin_ns AND run.vehicle = r.vehicle AND r.begin_ns >= {} "
+          "AND r.run_hash <> '' AND (r.identity = r.run_hash OR run.identity = run.sha256)))) "
+          "WHERE true ON CONFLICT DO NOTHING",
+          which,
+          ToNanoseconds(kFirstPlausibleStamp))));
+  row.Bind(id);
+  return row.Execute();
 }
 
 }  // namespace
@@ -179,14 +184,12 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   InsertedReport inserted;
   inserted.changed_from = first_visit;
   const std::string identity = IdentityOf(report);
-  const std::optional<std::int64_t> first_visit_ns = NanosecondsOf(first_visit);
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool superseded,
-                            OrderAmongSameRun(database, area_id, version, report, &inserted));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO shift_report (uuid, version_id, vehicle, run_hash, software, "
-                       "begin_ns, end_ns, received_ns, first_visit_ns, superseded, identity) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)"));
+      database.Prepare(InsertRowSql(
+          "shift_report",
+          "uuid, version_id, vehicle, run_hash, software, begin_ns, end_ns, received_ns, "
+          "first_visit_ns, superseded, identity")));
   row.Bind(uuid,
            version.version_id,
            report.vehicle,
@@ -195,33 +198,13 @@ StatusOr<InsertedReport> InsertReport(Database& database,
            ToNanoseconds(report.begin),
            ToNanoseconds(report.end),
            ToNanoseconds(received),
-           first_visit_ns,
-           superseded ? 1 : 0,
+           NanosecondsOf(first_visit),
+           0,
            identity);
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   inserted.report_id = database.LastInsertRowId();
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement mapped,
-      database.Prepare(
-          "INSERT INTO mapped_report (report_id, version_id) "
-          "SELECT ?1, version_id FROM run JOIN version_run USING (run_id) "
-          "WHERE identity = ?2 OR (sha256 = ?3 AND ?3 <> '') UNION "
-          "SELECT ?1, version_id FROM run JOIN version_run USING (run_id) "
-          "WHERE (run_id, version_id) IN (SELECT run_id, version_id FROM mapped_evidence "
-          "WHERE area_id = ?4 AND begin_ns BETWEEN ?5 AND ?6) "
-          "AND vehicle = ?7 AND begin_ns = ?5 AND ?5 >= ?8 AND ?9 <= end_ns "
-          "AND ?3 <> '' AND (?10 OR identity = sha256)"));
-  mapped.Bind(inserted.report_id,
-              identity,
-              report.run_hash,
-              area_id,
-              ToNanoseconds(report.begin),
-              ToNanoseconds(report.end),
-              report.vehicle,
-              ToNanoseconds(kFirstPlausibleStamp),
-              first_visit_ns,
-              report.run_uuid.empty() ? 1 : 0);
-  SHIFTMAP_RETURN_IF_ERROR(mapped.Execute());
+  SHIFTMAP_RETURN_IF_ERROR(OrderAmongSameRun(database, &inserted));
+  SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, "r.report_id = ?1", inserted.report_id));
   SHIFTMAP_RETURN_IF_ERROR(
       InsertEvidence(database, area_id, inserted.report_id, version.version_id, report));
   SHIFTMAP_RETURN_IF_ERROR(InsertDecisions(database, inserted.report_id, report));
@@ -229,33 +212,22 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   return inserted;
 }
 
-Status InsertMappedReports(Database& database,
-                           std::int64_t area_id,
-                           std::int64_t version_id,
-                           const RunRecord& run) {
-  std::optional<Stamp> first_visit;
-  for (const VisitEvidence& evidence : run.evidence) Widen(evidence.begin, &first_visit);
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare(
-          "INSERT INTO mapped_report (report_id, version_id) SELECT report_id, ?1 "
-          "FROM shift_report WHERE identity = ?2 OR (run_hash = ?3 AND ?3 <> '') UNION "
-          "SELECT report_id, ?1 FROM shift_report WHERE report_id IN "
-          "(SELECT report_id FROM visit_evidence WHERE area_id = ?4 AND begin_ns BETWEEN ?5 AND "
-          "?6) "
-          "AND vehicle = ?7 AND begin_ns = ?5 AND ?5 >= ?8 AND ?9 <= end_ns "
-          "AND run_hash <> '' AND (?10 OR identity = run_hash) ON CONFLICT DO NOTHING"));
-  row.Bind(version_id,
-           run.identity(),
-           run.sha256,
-           area_id,
-           ToNanoseconds(run.begin),
-           ToNanoseconds(run.end),
-           run.vehicle,
-           ToNanoseconds(kFirstPlausibleStamp),
-           NanosecondsOf(first_visit),
-           run.uuid.empty() ? 1 : 0);
-  return row.Execute();
+Status InsertMappedReports(Database& database, std::int64_t version_id) {
+  return InsertMappedReports(database, "v.version_id = ?1", version_id);
+}
+
+std::string SameRunSql(std::string_view report) {
+  return fmt::format(
+      "FROM shift_report r JOIN version v ON v.version_id = r.version_id "
+      "JOIN shift_report o ON o.vehicle = r.vehicle AND o.report_id <> r.report_id "
+      "AND (o.identity = r.identity OR (o.begin_ns = r.begin_ns AND r.begin_ns >= {} "
+      "AND o.run_hash <> '' AND r.run_hash <> '' "
+      "AND (o.identity = o.run_hash OR r.identity = r.run_hash) "
+      "AND o.first_visit_ns <= r.end_ns AND r.first_visit_ns <= o.end_ns)) "
+      "JOIN version ov ON ov.version_id = o.version_id AND ov.area_id = v.area_id "
+      "WHERE r.report_id = {}",
+      ToNanoseconds(kFirstPlausibleStamp),
+      report);
 }
 
 StatusOr<LedgerPosition> ReadLedgerPosition(Database& database) {

@@ -15,7 +15,17 @@ namespace shiftmap {
 
 /// A report is about a run that has its identity or log. A report about a log, by a clock that was
 /// set, is also about a run of its vehicle that begins at the same time, if one of the two logs has
-/// no UUID and each a visit before the other ends: one is a copy of the other that was cut off.
+/// no UUID: one is a copy of the other that was cut off. Of two reports each has a visit before the
+/// other ends, too.
+
+/// `FROM ... WHERE r.report_id = report`: the reports `o`, against the versions `ov`, about the run
+/// of a report `r`, against the version `v`.
+std::string SameRunSql(std::string_view report = "?1");
+
+/// Whether `o` comes before `r`, whichever came first: it is longer, as begin is the same, or else
+/// against a lower version, or of a lower UUID.
+inline constexpr char kComesBeforeSql[] =
+    "(o.end_ns > r.end_ns OR (o.end_ns = r.end_ns AND (ov.number, o.uuid) < (v.number, r.uuid)))";
 
 /// True if a report with this UUID is in the ledger, whatever the case of its letters.
 StatusOr<bool> HasReport(Database& database, const std::string& uuid);
@@ -38,10 +48,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       Stamp received);
 
 /// Notes which reports are about a run that a version was built from.
-Status InsertMappedReports(Database& database,
-                           std::int64_t area_id,
-                           std::int64_t version_id,
-                           const RunRecord& run);
+Status InsertMappedReports(Database& database, std::int64_t version_id);
 
 /// The reports in the ledger so far.
 StatusOr<LedgerPosition> ReadLedgerPosition(Database& database);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "mapstore/schema/store_file.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/checkpoint_rows.h"
 #include "mapstore/store/edit_rows.h"
 #include "mapstore/store/ledger_view.h"
@@ -38,8 +39,9 @@ Status CopyContent(Database& snapshot, std::int64_t version_id) {
         "INSERT INTO main.run SELECT * FROM source.run WHERE run_id IN "
         "(SELECT run_id FROM source.version_run WHERE version_id = ?1 UNION "
         "SELECT run_id FROM main.mapped_evidence)",
-        "INSERT INTO main.version_run (version_id, run_id, trajectory) "
-        "SELECT version_id, run_id, x'' FROM source.version_run WHERE version_id = ?1"}) {
+        "INSERT INTO main.version_run (version_id, run_id, trajectory, checksum) "
+        "SELECT version_id, run_id, x'', row_checksum(version_id, run_id, x'') "
+        "FROM source.version_run WHERE version_id = ?1"}) {
     SHIFTMAP_RETURN_IF_ERROR(Run(snapshot, sql, version_id));
   }
   return OkStatus();
@@ -67,13 +69,13 @@ Status CopyReported(Database& source,
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement rows,
       source.Prepare("SELECT begin_ns, end_ns, report_id, signature, version_id, "
-                     "observation_count, log_likelihoods FROM visit_evidence "
+                     "observation_count, log_likelihoods, checksum FROM visit_evidence "
                      "WHERE area_id = ?1 AND begin_ns >= ?2"));
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement insert,
       snapshot.Prepare("INSERT INTO main.visit_evidence (area_id, begin_ns, end_ns, report_id, "
-                       "signature, version_id, observation_count, log_likelihoods) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
+                       "signature, version_id, observation_count, log_likelihoods, checksum) "
+                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)"));
   rows.Bind(area_id, ToNanoseconds(from));
   for (;;) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, rows.Step());
@@ -93,7 +95,8 @@ Status CopyReported(Database& source,
                 rows.Blob(3),
                 version_id,
                 rows.Int64(5),
-                BlobView{rows.Blob(6)});
+                BlobView{rows.Blob(6)},
+                rows.Int64(7));
     SHIFTMAP_RETURN_IF_ERROR(insert.Execute());
   }
 }
@@ -156,9 +159,10 @@ Status CopyVersions(Database& source,
             version_id,
             version.statement_version_id));
   }
-  return snapshot.Execute(
+  SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute(
       "UPDATE main.version SET edited_version_id = NULL, parent_version_id = "
-      "iif(parent_version_id IN (SELECT version_id FROM main.version), parent_version_id, NULL)");
+      "iif(parent_version_id IN (SELECT version_id FROM main.version), parent_version_id, NULL)"));
+  return SetChecksums(snapshot, "version");
 }
 
 // The edits of the area, so that names follow. The versions that take them in are there.
@@ -168,6 +172,7 @@ Status CopyEdits(Database& snapshot, std::int64_t area_id) {
           "INSERT INTO main.map_edit SELECT * FROM source.map_edit WHERE area_id = ?1",
           area_id));
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("UPDATE main.map_edit SET kept_version_id = NULL"));
+  SHIFTMAP_RETURN_IF_ERROR(SetChecksums(snapshot, "map_edit"));
   SHIFTMAP_RETURN_IF_ERROR(
       snapshot.Execute("INSERT INTO main.split_run SELECT * FROM source.split_run "
                        "WHERE edit_id IN (SELECT edit_id FROM main.map_edit)"));
@@ -184,8 +189,9 @@ Status CopyRows(Database& source,
                 Stamp latest) {
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("PRAGMA defer_foreign_keys=ON"));
   SHIFTMAP_RETURN_IF_ERROR(Run(snapshot,
-                               "INSERT INTO main.area (area_id, name, published_version_id) "
-                               "SELECT area_id, name, ?2 FROM source.area WHERE area_id = ?1",
+                               "INSERT INTO main.area (area_id, name, published_version_id, "
+                               "checksum) SELECT area_id, name, ?2, row_checksum(name, ?2) "
+                               "FROM source.area WHERE area_id = ?1",
                                area_id,
                                version.version_id));
   SHIFTMAP_ASSIGN_OR_RETURN(std::optional<Checkpoint> checkpoint,
@@ -211,6 +217,7 @@ Status CopyRows(Database& source,
   }
   // What counts here is of the version's line, and nothing of the others is there.
   SHIFTMAP_RETURN_IF_ERROR(snapshot.Execute("UPDATE main.shift_report SET superseded = 0"));
+  SHIFTMAP_RETURN_IF_ERROR(SetChecksums(snapshot, "shift_report"));
   SHIFTMAP_RETURN_IF_ERROR(CopyVersions(source, snapshot, version, copied.versions));
   SHIFTMAP_RETURN_IF_ERROR(CopyEdits(snapshot, area_id));
   return CopyContent(snapshot, version.version_id);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "mapstore/sqlite/row_checksum.h"
 namespace shiftmap {
 
 SummaryKey SummaryKeyOf(const LedgerKey& row) {
@@ -50,27 +51,32 @@ Status InsertSummary(Database& database,
   const bool reported = row.report_id != 0;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement evidence,
-      database.Prepare(reported
-                           ? "INSERT INTO visit_evidence (area_id, begin_ns, end_ns, report_id, "
-                             "signature, version_id, observation_count, log_likelihoods) "
-                             "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"
-                           : "INSERT INTO mapped_evidence (area_id, begin_ns, end_ns, run_id, "
-                             "signature, version_id, observation_count, log_likelihoods) "
-                             "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"));
-  evidence.Bind(area_id,
-                begin_ns,
-                end_ns,
-                reported ? row.report_id : row.run_id,
-                row.signature,
-                row.version_id,
-                observations,
-                BlobView{log_likelihoods});
+      database.Prepare(InsertRowSql(
+          reported ? "visit_evidence" : "mapped_evidence",
+          fmt::format(
+              "area_id, begin_ns, end_ns, {}, observation_count, log_likelihoods",
+              reported ? "report_id, signature, version_id" : "version_id, run_id, signature"))));
+  const BlobView blob{log_likelihoods};
+  if (reported) {
+    evidence.Bind(area_id,
+                  begin_ns,
+                  end_ns,
+                  row.report_id,
+                  row.signature,
+                  row.version_id,
+                  observations,
+                  blob);
+  } else {
+    evidence.Bind(
+        area_id, begin_ns, end_ns, row.version_id, row.run_id, row.signature, observations, blob);
+  }
   SHIFTMAP_RETURN_IF_ERROR(evidence.Execute());
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement insert,
-      database.Prepare("INSERT INTO ledger_summary (area_id, begin_ns, end_ns, report_id, "
-                       "version_id, run_id, signature, visits, steps, gap_s) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"));
+      database.Prepare(InsertRowSql(
+          "ledger_summary",
+          "area_id, begin_ns, end_ns, report_id, version_id, run_id, signature, visits, steps, "
+          "gap_s")));
   insert.Bind(area_id,
               begin_ns,
               end_ns,

@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
+
 namespace shiftmap {
 namespace {
 
@@ -17,13 +19,6 @@ std::string Columns() {
   return columns;
 }
 
-// `?1, ?2, …`: the version and the columns.
-std::string Parameters() {
-  std::string parameters = "?1";
-  for (std::size_t i = 2; i <= 4 + kVehicleValues; ++i) parameters += fmt::format(", ?{}", i);
-  return parameters;
-}
-
 }  // namespace
 
 Status InsertVehicleRows(Database& database,
@@ -32,9 +27,7 @@ Status InsertVehicleRows(Database& database,
   if (vehicles.empty()) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare(fmt::format("INSERT INTO vehicle_calibration (version_id, {}) VALUES ({})",
-                                   Columns(),
-                                   Parameters())));
+      database.Prepare(InsertRowSql("vehicle_calibration", "version_id, " + Columns())));
   for (const VehicleCalibration& vehicle : vehicles) {
     std::apply(
         [&](const auto&... values) {

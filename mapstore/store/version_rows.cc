@@ -10,6 +10,7 @@
 
 #include "mapstore/core/nearest_name.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/content_rows.h"
 
 namespace shiftmap {
@@ -73,10 +74,9 @@ Status SetOwnProbabilities(Database& database,
 Status InsertStatement(Database& database,
                        std::int64_t version_id,
                        const std::vector<LandmarkGroup>& groups) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      Statement row,
-      database.Prepare("INSERT INTO stated_probability (version_id, signature, mode, probability) "
-                       "VALUES (?1, ?2, ?3, ?4)"));
+  SHIFTMAP_ASSIGN_OR_RETURN(Statement row,
+                            database.Prepare(InsertRowSql(
+                                "stated_probability", "version_id, signature, mode, probability")));
   for (const LandmarkGroup& group : groups) {
     for (int state = 0; state < group.chain.states(); ++state) {
       row.Bind(version_id,
@@ -90,7 +90,8 @@ Status InsertStatement(Database& database,
                             database.Prepare("UPDATE version SET statement_version_id = version_id "
                                              "WHERE version_id = ?1"));
   version.Bind(version_id);
-  return version.Execute();
+  SHIFTMAP_RETURN_IF_ERROR(version.Execute());
+  return SetChecksums(database, "version", fmt::format("version_id = {}", version_id));
 }
 
 // What the store has instead of an area that it does not have, for a message.
@@ -235,32 +236,34 @@ StatusOr<VersionRow> InsertVersion(Database& database,
                                    const Provenance& provenance) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare(
-          "INSERT INTO version (area_id, number, parent_version_id, content_hash, content_stored, "
-          "stamp_ns, ledger_position, statement_version_id, created_ns, tool, configuration, seed, "
+      database.Prepare(InsertRowSql(
+          "version",
+          "area_id, number, parent_version_id, content_hash, content_stored, stamp_ns, created_ns, "
+          "tool, configuration, seed, "
           "odometry_scale_v, odometry_scale_omega, odometry_lag_s, odometry_sd_log_scale, "
           "odometry_noise_v_m_per_sqrt_s, odometry_noise_omega_rad_per_sqrt_s, sensor_sd_range_m, "
           "sensor_sd_bearing_rad, sensor_sd_position_m, "
           "sensor_range_curvature_per_rad2, sensor_mean_squared_bearing_rad2, sensor_max_range_m, "
           "sensor_max_bearing_rad, sensor_detection_probability, "
           "sensor_occluded_visit_probability, sensor_clutter_density_per_m2, "
-          "sensor_new_landmark_density_per_m2) VALUES (?1, ?2, ?3, ?4, 1, ?5, ?6, ?7, ?8, ?9, "
-          "?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, ?24, ?25, ?26, "
-          "?27, ?28)"));
+          "sensor_new_landmark_density_per_m2, ledger_position, statement_version_id, "
+          "edited_version_id")));
   std::apply(
       [&](const auto&... calibration) {
         row.Bind(area_id,
                  version.number.value(),
                  version.parent_version_id,
                  version.content_hash,
+                 1,
                  ToNanoseconds(content.stamp),
-                 version.ledger_position.value(),
-                 version.statement_version_id,
                  ToNanoseconds(version.created),
                  provenance.tool,
                  provenance.configuration,
                  provenance.seed,
-                 calibration...);
+                 calibration...,
+                 version.ledger_position.value(),
+                 version.statement_version_id,
+                 std::optional<std::int64_t>());
       },
       CalibrationValues(content.calibration));
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());

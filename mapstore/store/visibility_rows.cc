@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "mapstore/sqlite/row_checksum.h"
 #include "mapstore/store/blob.h"
 #include "mapstore/store/ledger_view.h"
 
@@ -45,8 +46,8 @@ Status InsertVisibility(Database& database,
                         const std::vector<ModeVisibility>& visibility) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare("INSERT INTO mapped_visibility (version_id, run_id, signature, mode, scans) "
-                       "VALUES (?1, ?2, ?3, ?4, ?5)"));
+      database.Prepare(
+          InsertRowSql("mapped_visibility", "version_id, run_id, signature, mode, scans")));
   for (const ModeVisibility& mode : visibility) {
     const std::string scans = PackScans(mode.scans);
     row.Bind(version_id, run_id, mode.signature.text(), mode.mode.value(), BlobView{scans});

@@ -76,7 +76,8 @@ bool StoreModel::IsSuperseded(std::size_t report, std::size_t version) const {
            return (copy || other.run_hash == mine.run_hash) && other.vehicle == mine.vehicle &&
                   IsOfLine(IndexOf(other.version), version) &&
                   !IsExcluded(other.run_hash, other.vehicle, other.begin) &&
-                  std::tie(other.version, other.uuid) < std::tie(mine.version, mine.uuid);
+                  std::tie(mine.end, other.version, other.uuid) <
+                      std::tie(other.end, mine.version, mine.uuid);
          });
 }
 
@@ -109,8 +110,8 @@ bool StoreModel::Counts(std::size_t report, const VisitEvidence& visit, std::siz
     if (!IsInLine(built, version)) continue;
     if (known && IsInLine(built, *statement)) continue;
     for (const RunRecord& run : versions_[built].runs) {
-      const bool copy = !mine.run_hash.empty() && run.vehicle == mine.vehicle &&
-                        run.begin == mine.begin && !run.evidence.empty() && !mine.evidence.empty();
+      const bool copy =
+          !mine.run_hash.empty() && run.vehicle == mine.vehicle && run.begin == mine.begin;
       if (copy || run.sha256 == mine.run_hash) return false;
     }
   }

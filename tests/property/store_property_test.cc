@@ -193,7 +193,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     report.content_hash = hashes_[version];
     if (Chance(0.4)) report.run_hash = RunHash();
     report.begin = report.run_hash.empty() ? begin_ : BeginOfLog(report.run_hash);
-    report.end = begin_ + std::chrono::hours(72);
+    report.end = begin_ + std::chrono::hours(72) + std::chrono::seconds(Below(3));
     Stamp begin = RandomStamp();
     for (int i = Below(6); i > 0; --i) {
       const std::vector<LandmarkGroup>& groups = model_.versions()[version].content.groups;

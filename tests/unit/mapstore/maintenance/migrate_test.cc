@@ -62,7 +62,7 @@ TEST_P(MigrateTest, OpeningOnlyChecks) {
     EXPECT_THAT(MapStore::Open(path_, access),
                 StatusIs(StatusCode::kFailedPrecondition,
                          "schema version " + std::to_string(GetParam().schema) +
-                             ", this build reads 9; 'shiftmap-inspect migrate'"));
+                             ", this build reads 10; 'shiftmap-inspect migrate'"));
   }
   EXPECT_EQ(*HashFile(path_), before);
 }
@@ -126,7 +126,7 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   std::filesystem::remove(backup);
   ASSERT_THAT(MigrateStore(path_, backup), IsOk());
   EXPECT_THAT(MigrateStore(path_, dir_.File("c.db")),
-              StatusIs(StatusCode::kAlreadyExists, "schema 9 already"));
+              StatusIs(StatusCode::kAlreadyExists, "schema 10 already"));
   // The backup is the old store, which migrates to the same.
   ASSERT_THAT(MigrateStore(backup, ""), IsOk());
   MapStore first = *MapStore::Open(path_, MapStore::Access::kReadOnly);
@@ -300,6 +300,31 @@ TEST(MigrateDerivedTest, ChainsGetRhythms) {
   // The hours are alike.
   EXPECT_THAT(after.groups()[0].probabilities,
               IsNearMatrix(before.groups()[0].probabilities, 1e-9));
+}
+
+// Of two copies of a log the one against the older version counted, or both did, and a report about
+// a copy of a mapped log.
+TEST(MigrateDerivedTest, OfCopiesOfALogTheLongestCounts) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  std::filesystem::copy_file(Frozen("schema_9.db"), path);
+  ASSERT_THAT(MigrateStore(path, ""), IsOk());
+  const StatusOr<VerifyResult> verified = VerifyStore(path);
+  ASSERT_THAT(verified, IsOk());
+  EXPECT_TRUE(verified->clean()) << verified->defects[0].problem;
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadOnly);
+  std::vector<ReportSummary> reports = *store.Reports("floor");
+  ASSERT_THAT(reports, SizeIs(5));
+  std::sort(reports.begin(), reports.end(), [](const ReportSummary& a, const ReportSummary& b) {
+    return a.uuid < b.uuid;
+  });
+  for (const std::size_t cut : {0, 2}) {
+    ASSERT_THAT(reports[cut].set_aside, SizeIs(1));
+    EXPECT_EQ(reports[cut].set_aside[0].reason, SetAside::kSameRun);
+    EXPECT_THAT(reports[cut + 1].set_aside, SizeIs(0));
+  }
+  ASSERT_THAT(reports[4].set_aside, SizeIs(1));
+  EXPECT_EQ(reports[4].set_aside[0].reason, SetAside::kRunInMap);
 }
 
 // A snapshot of an older build is read after its migration, and still is no store.

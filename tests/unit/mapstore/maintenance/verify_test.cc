@@ -7,13 +7,19 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
+#include <bit>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <set>
 #include <string>
+#include <vector>
 
+#include "mapstore/maintenance/compact.h"
 #include "mapstore/map_store.h"
+#include "mapstore/sqlite/digest.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
@@ -117,7 +123,7 @@ const Damage kDamages[] = {
      "UPDATE mapped_evidence SET log_likelihoods = x'00'",
      "log-likelihoods are damaged"},
     {"SummaryOfNoRow",
-     "INSERT INTO ledger_summary VALUES (1, 1, 2, 1, 1, 0, 'L1', 3, 2, 0.5)",
+     "INSERT INTO ledger_summary VALUES (1, 1, 2, 1, 1, 0, 'L1', 3, 2, 0.5, 0)",
      "stands for no row"},
     {"MappedEvidenceOfNoRun",
      "DELETE FROM version_run WHERE version_id = 3",
@@ -141,13 +147,13 @@ const Damage kDamages[] = {
      "before the first visit"},
     {"Superseded",
      "UPDATE shift_report SET identity = (SELECT identity FROM shift_report WHERE report_id = 1)",
-     "more than one report"},
+     "place among the reports"},
     {"MappedReport", "DELETE FROM version_run", "not about a run"},
     {"Visibility",
-     "INSERT INTO mapped_visibility SELECT version_id, run_id, 'A', 1, x'00' FROM version_run",
+     "INSERT INTO mapped_visibility SELECT version_id, run_id, 'A', 1, x'00', 0 FROM version_run",
      "counts of scans are damaged"},
     {"VisibilityOfNoRun",
-     "INSERT INTO mapped_visibility SELECT 1, run_id, 'A', 1, zeroblob(128) FROM run",
+     "INSERT INTO mapped_visibility SELECT 1, run_id, 'A', 1, zeroblob(128), 0 FROM run",
      "its run is not of its version"},
     {"Sighting", "UPDATE sighting SET cov_xx_m2 = -1 WHERE report_id = 2", "covariance"},
     {"Checkpoint",
@@ -199,6 +205,212 @@ TEST(VerifyFileTest, ASnapshotOfASoundStoreIsSound) {
       ADD_FAILURE() << file << ": " << defect.table << ' ' << defect.row << ": " << defect.problem;
     }
   }
+}
+
+// A value with one bit flipped; NULL and empty ones become others.
+std::string Flipped(sqlite3_stmt* row, int bit) {
+  switch (sqlite3_column_type(row, 0)) {
+    case SQLITE_INTEGER:
+      return std::to_string(sqlite3_column_int64(row, 0) ^ (std::int64_t{1} << bit));
+    case SQLITE_FLOAT: {
+      const auto bits = std::bit_cast<std::uint64_t>(sqlite3_column_double(row, 0));
+      return fmt::format("{:.17e}", std::bit_cast<double>(bits ^ (std::uint64_t{1} << bit)));
+    }
+    case SQLITE_NULL:
+      return "1";
+    default: {
+      const auto* bytes = static_cast<const char*>(sqlite3_column_blob(row, 0));
+      std::string value(bytes, static_cast<std::size_t>(sqlite3_column_bytes(row, 0)));
+      if (value.empty()) value = "?";
+      value[value.size() / 2] = static_cast<char>(value[value.size() / 2] ^ 1);
+      std::string hex;
+      for (const char c : value) hex += fmt::format("{:02x}", static_cast<unsigned char>(c));
+      const bool text = sqlite3_column_type(row, 0) == SQLITE_TEXT;
+      return text ? "CAST(x'" + hex + "' AS TEXT)" : "x'" + hex + "'";
+    }
+  }
+}
+
+std::vector<std::vector<std::string>> Select(sqlite3* db, const std::string& sql) {
+  std::vector<std::vector<std::string>> rows;
+  sqlite3_stmt* query = nullptr;
+  EXPECT_EQ(sqlite3_prepare_v2(db, sql.c_str(), -1, &query, nullptr), SQLITE_OK) << sql;
+  while (sqlite3_step(query) == SQLITE_ROW) {
+    rows.emplace_back();
+    for (int i = 0; i < sqlite3_column_count(query); ++i) {
+      rows.back().emplace_back(reinterpret_cast<const char*>(sqlite3_column_text(query, i)));
+    }
+  }
+  sqlite3_finalize(query);
+  return rows;
+}
+
+// A store with a row in every table; version 1 is compacted.
+void MakeFullStore(const std::string& path) {
+  MakeStore(path);
+  MapStore::OpenOptions options;
+  options.access = MapStore::Access::kReadWrite;
+  options.checkpoint_rows = 1;
+  MapStore store = *MapStore::Open(path, options);
+  std::mt19937_64 random(TestSeed(33));
+  RandomMapOptions map;
+  map.groups = 4;
+  map.rhythms = 1;
+  map.vehicles = 1;
+  map.anonymous_landmarks = 1;
+  map.cross_block_share = 0.5;
+  MapContent content = RandomContent(random, map);
+  content.groups[0].merged = {{ModeNumber(77), content.groups[0].modes[0].number}};
+  LandmarkGroup& group = content.groups[1];
+  Eigen::MatrixXd rates = group.chain.rate_matrix();
+  rates(0, 1) *= 2.0;
+  rates(0, 0) = 0.0;
+  rates(0, 0) = -rates.row(0).sum();
+  group.chain = *ModeChain::FromRates(rates);
+  content.stamp = At(2000.0);
+  CommitOptions commit;
+  commit.parent = VersionNumber(2);
+  commit.states_probabilities = false;
+  RunRecord run{"new", std::string(64, '7'), "truck", At(700.0), At(709.0), {{At(700.0), Se2()}}};
+  run.evidence = {RandomEvidence(random, group, At(701.0), At(702.0))};
+  run.visibility = {{group.signature, group.modes[0].number, {}}};
+  const StatusOr<CommitResult> built =
+      store.Commit("mine", content, {"test", "{}", 0, {run}}, commit);
+  ASSERT_THAT(built, IsOk());
+  ASSERT_THAT(store.Exclude("mine", {"", "loader", At(0.0), "test", {}}), IsOk());
+  MapEdit split;
+  split.kind = EditKind::kSplit;
+  split.author = split.reason = "test";
+  split.signature = content.groups[2].signature;
+  split.mode = content.groups[2].modes[0].number;
+  split.p_map_landmark = content.groups[2].modes[0].p_map_landmark;
+  split.p_map_second = split.p_map_landmark + Eigen::Vector2d(5.0, 5.0);
+  split.sd_m = 0.1;
+  split.first_runs = {run.sha256};
+  ASSERT_THAT(store.Edit("mine", split), IsOk());
+  RetentionPolicy policy;
+  policy.keep_versions = 4;
+  ASSERT_THAT(CompactStore(path, policy, false), IsOk());
+  StatusOr<Database> database = Database::Open(path, {Database::Mode::kReadWrite});
+  ASSERT_THAT(
+      database->Execute("INSERT INTO ledger_summary SELECT area_id, begin_ns, end_ns, report_id, "
+                        "version_id, 0, signature, 3, 2, 0.5, 0 FROM visit_evidence LIMIT 1"),
+      IsOk());
+  ASSERT_THAT(SetChecksums(*database, "ledger_summary"), IsOk());
+}
+
+// Every column of every table: a bit that flips in a value is named with its table, and its row or,
+// where the content hash of a version is of it, the version.
+TEST(VerifyFileTest, FindsAFlippedBitInEveryColumn) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  const std::string damaged = dir.File("b.db");
+  MakeFullStore(path);
+  const StatusOr<VerifyResult> sound = VerifyStore(path);
+  ASSERT_THAT(sound, IsOk());
+  ASSERT_TRUE(sound->clean()) << sound->defects[0].table << sound->defects[0].row
+                              << sound->defects[0].problem;
+  const std::set<std::string> uncovered = {
+      "area.rows_since_checkpoint",  // When to make the next checkpoint; what it is changes no map.
+      "audit.audit_id",              // Rows are in its order in the file, which SQLite checks.
+      "exclusion.exclusion_id",      // The same. Nothing refers to it.
+  };
+  // What refers to a row says so if its key changes.
+  const std::set<std::string> referred = {"area.area_id",
+                                          "version.version_id",
+                                          "run.run_id",
+                                          "shift_report.report_id",
+                                          "map_edit.edit_id"};
+  const std::set<std::string> hashed = {"landmark_group",
+                                        "mode",
+                                        "mode_covariance",
+                                        "mode_rate",
+                                        "mode_rhythm",
+                                        "merged_mode",
+                                        "anonymous_landmark"};
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
+  const auto columns = Select(
+      db,
+      "SELECT m.name, c.name, (SELECT group_concat(name, ', ') FROM "
+      "pragma_table_info(m.name) WHERE pk > 0) FROM sqlite_schema m, pragma_table_info(m.name) c "
+      "WHERE m.type = 'table'");
+  EXPECT_GT(columns.size(), 200U);
+  int bit = 0;
+  for (const std::vector<std::string>& column : columns) {
+    const std::string& table = column[0];
+    const std::string name = table + "." + column[1];
+    if (uncovered.contains(name)) continue;
+    SCOPED_TRACE(name);
+    sqlite3_stmt* value = nullptr;
+    ASSERT_EQ(
+        sqlite3_prepare_v2(
+            db,
+            fmt::format("SELECT {}, {} FROM {} ORDER BY {}", column[1], column[2], table, column[2])
+                .c_str(),
+            -1,
+            &value,
+            nullptr),
+        SQLITE_OK);
+    ASSERT_EQ(sqlite3_step(value), SQLITE_ROW) << "no row";
+    std::string key;
+    std::string named;
+    for (int i = 1; i < sqlite3_column_count(value); ++i) {
+      const std::string text = reinterpret_cast<const char*>(sqlite3_column_text(value, i));
+      const bool quoted = sqlite3_column_type(value, i) == SQLITE_TEXT;
+      key += fmt::format("{}{}", i > 1 ? ", " : "", quoted ? "'" + text + "'" : text);
+    }
+    bit = 8 + (bit + 1) % 8;  // Not that of a key that is there.
+    const std::string flipped = Flipped(value, bit);
+    sqlite3_finalize(value);
+    std::filesystem::copy_file(path, damaged, std::filesystem::copy_options::overwrite_existing);
+    RunSql(damaged,
+           fmt::format("PRAGMA synchronous=OFF; UPDATE {} SET {} = {} WHERE ({}) = ({})",
+                       table,
+                       column[1],
+                       flipped,
+                       column[2],
+                       key));
+    const StatusOr<VerifyResult> result = VerifyStore(damaged);
+    ASSERT_THAT(result, IsOk());
+    const std::string expected = hashed.contains(table) ? "version" : table;
+    std::string all;
+    bool found = false;
+    for (const Defect& defect : result->defects) {
+      all += defect.table + " | " + defect.row + " | " + defect.problem + "\n";
+      found = found || referred.contains(name) || (defect.table == expected && !defect.row.empty());
+    }
+    EXPECT_TRUE(found) << flipped << " of " << key << ": " << all;
+  }
+  sqlite3_close(db);
+}
+
+// A bit that flips in the file: what rows hold is as it was, or verification tells.
+TEST(VerifyFileTest, FindsFlippedBitsOfTheFile) {
+  const TempDir dir;
+  const std::string path = dir.File("a.db");
+  const std::string damaged = dir.File("b.db");
+  MakeFullStore(path);
+  const auto digest = [](const std::string& file) {
+    StatusOr<Database> database = Database::Open(file, {});
+    return database.ok() ? DigestRows(*database) : StatusOr<std::string>(database.status());
+  };
+  const std::string whole = *digest(path);
+  const std::string bytes = ReadFile(path);
+  std::mt19937_64 random(TestSeed(34));
+  int harmful = 0;
+  for (int i = 0; i < 200; ++i) {
+    std::string flipped = bytes;
+    const std::size_t at = std::uniform_int_distribution<std::size_t>(0, bytes.size() - 1)(random);
+    flipped[at] = static_cast<char>(flipped[at] ^ (1 << (i % 8)));
+    WriteFile(damaged, flipped);
+    const StatusOr<std::string> got = digest(damaged);
+    if (got.ok() && *got == whole) continue;
+    ++harmful;
+    const StatusOr<VerifyResult> result = VerifyStore(damaged);
+    EXPECT_TRUE(!result.ok() || !result->clean()) << "byte " << at << ", bit " << i % 8;
+  }
+  EXPECT_GT(harmful, 20);
 }
 
 TEST(VerifyFileTest, FindsADamagedPage) {

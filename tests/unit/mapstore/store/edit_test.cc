@@ -13,6 +13,7 @@
 #include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
+#include "mapstore/sqlite/row_checksum.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tests/support/status_matchers.h"
@@ -130,10 +131,11 @@ class EditTest : public ::testing::Test {
     EXPECT_THAT(verified->defects[0].problem, ::testing::HasSubstr(problem));
   }
 
-  // Writes past the store.
+  // Writes past the store, with checksums that fit.
   void Change(const std::string& sql) {
     StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
     ASSERT_THAT(database->Execute(sql), IsOk());
+    ASSERT_THAT(SetChecksums(*database, "map_edit"), IsOk());
   }
 
   TempDir dir_;

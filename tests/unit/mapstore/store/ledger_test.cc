@@ -4,10 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 #include <utility>
 
+#include "mapstore/maintenance/compact.h"
 #include "mapstore/maintenance/verify.h"
 #include "mapstore/map_store.h"
 #include "tests/support/geometry_matchers.h"
@@ -326,7 +328,7 @@ TEST_F(LedgerTest, OfTwoReportsAboutOneRunOneCountsWhicheverCameFirst) {
 }
 
 // Without a UUID a copy of a log that was cut off is known by its vehicle and its begin.
-TEST_F(LedgerTest, OfReportsAboutCopiesOfALogOneCountsWhicheverCameFirst) {
+TEST_F(LedgerTest, OfReportsAboutCopiesOfALogTheLongestCountsWhicheverCameFirst) {
   ShiftReport cut = EmptyReport(version_, "a", 1);
   ShiftReport whole = EmptyReport(version_, "a", 2);
   whole.begin = cut.begin;
@@ -336,15 +338,15 @@ TEST_F(LedgerTest, OfReportsAboutCopiesOfALogOneCountsWhicheverCameFirst) {
   cut.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
   whole.evidence = cut.evidence;
   whole.evidence.push_back(TwoStateEvidence(At(1100.0), At(1200.0), 0.0, 2.0));
-  const double expected = Updated(Relaxed(0.7, 800.0), 3.0);
+  const double expected = Turn(Relaxed(0.7, 800.0)).See(3.0).Wait(200.0).See(2.0).P();
   EXPECT_THAT(MustReturn(whole).set_aside, IsEmpty());
-  EXPECT_THAT(MustReturn(cut).set_aside, IsEmpty());
+  EXPECT_THAT(MustReturn(cut).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
   EXPECT_NEAR(ProbabilityAt(std::nullopt), expected, 1e-12);
 
   MapStore other = OpenStore(dir_.File("other.db"));
   ASSERT_THAT(other.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {}), IsOk());
   ASSERT_THAT(other.Return(cut), IsOk());
-  EXPECT_THAT(other.Return(whole)->set_aside, ElementsAre(IsAside(SetAside::kSameRun, 2)));
+  EXPECT_THAT(other.Return(whole)->set_aside, IsEmpty());
   EXPECT_NEAR(other.LoadAt("a")->groups()[0].probabilities(1), expected, 1e-12);
 
   // Not those of two runs: of another vehicle, of two UUIDs, live, or of a clock that was not set.
@@ -373,16 +375,68 @@ TEST_F(LedgerTest, AReportAboutACopyOfALogThatIsExcludedCounts) {
   ShiftReport cut = EmptyReport(version_, "a", 1);
   ShiftReport whole = EmptyReport(version_, "a", 2);
   whole.begin = cut.begin;
+  cut.end = At(1000.0);
   cut.run_hash = std::string(64, 'b');
   whole.run_hash = std::string(64, 'c');
   cut.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 3.0)};
   whole.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 2.0)};
-  MustReturn(cut);
-  EXPECT_THAT(MustReturn(whole).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
-  ASSERT_THAT(store_.Exclude("a", {cut.run_hash, "", {}, "cut off", {}}), IsOk());
-  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 2.0), 1e-12);
-  ASSERT_THAT(store_.Include("a", {cut.run_hash, "", {}, "", {}}), IsOk());
+  MustReturn(whole);
+  EXPECT_THAT(MustReturn(cut).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
+  ASSERT_THAT(store_.Exclude("a", {whole.run_hash, "", {}, "damaged", {}}), IsOk());
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 3.0), 1e-12);
+  ASSERT_THAT(store_.Include("a", {whole.run_hash, "", {}, "", {}}), IsOk());
+  EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 2.0), 1e-12);
+}
+
+// Whatever comes before what: two copies of a log, the exclusion of the longest, a compaction.
+TEST_F(LedgerTest, TheLongestCopyOfALogCountsInEveryOrder) {
+  const double value = Relaxed(0.7, 800.0);
+  std::array<int, 4> steps{0, 1, 2, 3};
+  int orders = 0;
+  do {
+    const TempDir dir;
+    const std::string path = dir.File("a.db");
+    MapStore store = OpenStore(path);
+    const CommitResult first = *store.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, {});
+    CommitOptions options;
+    options.parent = first.version;
+    options.states_probabilities = false;
+    const CommitResult second =
+        *store.Commit("a", TwoStateContent(kRate, 0.7, At(0.0)), {}, options);
+    // The longer a copy, the newer its version and the higher its UUID.
+    std::array<ShiftReport, 2> copies{EmptyReport(first, "a", 1), EmptyReport(second, "a", 2)};
+    for (int i = 0; i < 2; ++i) {
+      ShiftReport& copy = copies[static_cast<std::size_t>(i)];
+      copy.begin = copies[0].begin;
+      copy.end = At(1000.0 + i);
+      copy.run_hash = std::string(64, static_cast<char>('b' + i));
+      copy.evidence = {TwoStateEvidence(At(800.0), At(900.0), 0.0, 1.0 + i)};
+    }
+    const std::string longest = copies[1].run_hash;
+    for (const int step : steps) {
+      if (step < 2) {
+        ASSERT_THAT(store.Return(copies[static_cast<std::size_t>(step)]), IsOk());
+      } else if (step == 2) {
+        ASSERT_THAT(store.Exclude("a", {longest, "", {}, "damaged", {}}), IsOk());
+      } else {
+        RetentionPolicy policy;
+        policy.keep_versions = 1;
+        policy.evidence_before = At(5000.0);
+        ASSERT_THAT(CompactStore(path, policy, false), IsOk());
+      }
+    }
+    const auto probability = [&] {
+      return store.LoadAt("a", std::nullopt, At(900.0))->groups()[0].probabilities(1);
+    };
+    EXPECT_NEAR(probability(), Updated(value, 1.0), 1e-12);
+    ASSERT_THAT(store.Include("a", {longest, "", {}, "", {}}), IsOk());
+    EXPECT_NEAR(probability(), Updated(value, 2.0), 1e-12);
+    const StatusOr<VerifyResult> verified = VerifyStore(path);
+    ASSERT_THAT(verified, IsOk());
+    EXPECT_THAT(verified->defects, IsEmpty());
+    ++orders;
+  } while (std::next_permutation(steps.begin(), steps.end()));
+  EXPECT_EQ(orders, 24);
 }
 
 TEST_F(LedgerTest, AReportAboutACopyOfAMappedLogDoesNotCount) {

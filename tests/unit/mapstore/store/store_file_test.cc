@@ -159,11 +159,11 @@ TEST_F(StoreFileTest, OtherDatabasesAreNotMapStores) {
 
 TEST_F(StoreFileTest, NewerSchemaIsNamed) {
   MakeStore();
-  ExecuteRaw("PRAGMA user_version = 10");
+  ExecuteRaw("PRAGMA user_version = 11");
   EXPECT_THAT(MapStore::Open(path_, Access::kReadOnly),
               StatusIs(StatusCode::kFailedPrecondition,
                        "map store '" + path_ +
-                           "': schema version 10, this build reads 9; it needs a newer build"));
+                           "': schema version 11, this build reads 10; it needs a newer build"));
 }
 
 TEST_F(StoreFileTest, MissingTableIsDamage) {
