@@ -29,14 +29,6 @@ std::set<EditId> IdsOf(const std::vector<MapEdit>& edits) {
   return ids;
 }
 
-std::set<EditId> IdsInForce(const std::vector<MapEdit>& edits) {
-  std::set<EditId> ids;
-  for (const MapEdit& edit : edits) {
-    if (!edit.undone) ids.insert(edit.id);
-  }
-  return ids;
-}
-
 // "3: rename 'L07': replaced (surveyor)"
 std::string Subject(EditId id,
                     const MapEdit& edit,
@@ -161,10 +153,10 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   const std::int64_t area_id = area_row.area_id;
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
-                            ReadHeldEdits(database, area_id, published.version_id));
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      EditedMap map, RecomputeContent(database, area_id, published, IdsInForce(held), false));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::set<EditId> stay,
+                            EditsThatStay(database, area_id, published));
+  SHIFTMAP_ASSIGN_OR_RETURN(EditedMap map,
+                            RecomputeContent(database, area_id, published, stay, false));
 
   edit.made = state_->clock();
   edit.landmark = map.names().Landmark(edit.signature);
@@ -269,7 +261,7 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
   }
   std::optional<VersionRow> version;
   if (holds && !result.rests_on) {
-    std::set<EditId> wanted = IdsInForce(held);
+    SHIFTMAP_ASSIGN_OR_RETURN(std::set<EditId> wanted, EditsThatStay(database, area_id, published));
     wanted.erase(id);
     const StatusOr<EditedMap> map = RecomputeContent(database, area_id, published, wanted, false);
     if (!map.ok() && map.status().code() != StatusCode::kFailedPrecondition) {
@@ -344,7 +336,7 @@ StatusOr<VersionNumber> MapStore::WithEditsInForce(const std::string& area, Vers
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, ReadEdits(database, area_id));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
                             ReadHeldEdits(database, area_id, row.version_id));
-  std::set<EditId> wanted;
+  SHIFTMAP_ASSIGN_OR_RETURN(std::set<EditId> wanted, EditsThatStay(database, area_id, row));
   for (const MapEdit& edit : edits) {
     if (edit.undone) continue;
     SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::int64_t> first,

@@ -239,11 +239,13 @@ Status CompactArea(Database& database,
               "SELECT version_id FROM version v WHERE area_id = ?1 AND content_stored = 1 "
               "AND version_id <> coalesce((SELECT published_version_id FROM area a "
               "WHERE a.area_id = ?1), 0) "
-              // The build that the published version is an edit of.
-              "AND version_id <> coalesce((SELECT edited_version_id FROM area a JOIN version p "
-              "ON p.version_id = a.published_version_id WHERE a.area_id = ?1), 0) "
               "AND (SELECT count(*) FROM version n "
-              "WHERE n.area_id = ?1 AND n.number > v.number) >= ?2",
+              "WHERE n.area_id = ?1 AND n.number > v.number) >= ?2 "
+              // Builds that a version which is kept is an edit of.
+              "AND NOT EXISTS (SELECT 1 FROM version e JOIN area a USING (area_id) "
+              "WHERE e.edited_version_id = v.version_id AND (e.version_id = "
+              "a.published_version_id OR (SELECT count(*) FROM version n "
+              "WHERE n.area_id = ?1 AND n.number > e.number) < ?2))",
               area_id,
               policy.keep_versions));
   for (const std::int64_t version_id : old) {

@@ -35,8 +35,8 @@ StatusOr<EditedMap> ReadMap(Database& database, std::int64_t area_id, const Vers
   return EditedMap(std::move(content), std::move(held));
 }
 
-// The map that an edit was made on.
-StatusOr<EditedMap> MapBefore(Database& database, std::int64_t area_id, const MapEdit& edit) {
+// The version that an edit was made on.
+StatusOr<VersionRow> VersionBefore(Database& database, const MapEdit& edit) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::int64_t> first,
                             FirstVersionWith(database, edit.id));
   if (!first) return DataLoss("{}: edit {}: no version", database.name(), edit.id.value());
@@ -44,8 +44,11 @@ StatusOr<EditedMap> MapBefore(Database& database, std::int64_t area_id, const Ma
   if (!version.parent_version_id) {
     return DataLoss("{}: edit {}: its version has no parent", database.name(), edit.id.value());
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent,
-                            GetVersionById(database, *version.parent_version_id));
+  return GetVersionById(database, *version.parent_version_id);
+}
+
+StatusOr<EditedMap> MapBefore(Database& database, std::int64_t area_id, const MapEdit& edit) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow parent, VersionBefore(database, edit));
   if (!parent.content_stored) {
     return FailedPrecondition(
         "{}: edit {} cannot be taken out: version {}, which has what it took away, was compacted "
@@ -98,6 +101,26 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
     if (gone) map.Reserve(edit);
   }
   return map;
+}
+
+StatusOr<std::set<EditId>> EditsThatStay(Database& database,
+                                         std::int64_t area_id,
+                                         const VersionRow& version) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow base, BaseOf(database, version));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> of_base,
+                            ReadHeldEdits(database, area_id, base.version_id));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
+                            ReadHeldEdits(database, area_id, version.version_id));
+  std::set<EditId> stay;
+  for (const MapEdit& edit : held) {
+    bool stays = !edit.undone;
+    if (!stays && Holds(of_base, edit.id) && EditedMap::TakesAway(edit)) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow before, VersionBefore(database, edit));
+      stays = !before.content_stored;
+    }
+    if (stays) stay.insert(edit.id);
+  }
+  return stay;
 }
 
 StatusOr<bool> CanRemove(Database& database,

@@ -25,6 +25,12 @@ StatusOr<EditedMap> RecomputeContent(Database& database,
                                      const std::set<EditId>& wanted,
                                      bool lenient);
 
+/// The edits that a version holds and that are in force, and of those that were taken back the ones
+/// that stay in it: what they took away was compacted away.
+StatusOr<std::set<EditId>> EditsThatStay(Database& database,
+                                         std::int64_t area_id,
+                                         const VersionRow& version);
+
 /// Whether an edit that a version holds can be taken out of it.
 StatusOr<bool> CanRemove(Database& database,
                          std::int64_t area_id,

@@ -505,6 +505,58 @@ TEST_F(EditTest, CompactingKeepsWhatEditsNeed) {
   ExpectClean();
 }
 
+// Rolled back to a build that holds an edit which was taken back since. Once what the edit took
+// away is compacted, the map stays as it is, and can be built on and edited.
+TEST_F(EditTest, AnEditTakenBackStaysInABuildOnceWhatItTookAwayIsCompacted) {
+  MapEdit merge = Make(EditKind::kMerge, 0);
+  merge.mode = content_.groups[0].modes.back().number;
+  merge.into = content_.groups[0].modes.front().number;
+  ASSERT_NE(merge.mode, merge.into);
+  MapEdit calibration;
+  calibration.kind = EditKind::kCalibration;
+  calibration.author = calibration.reason = "test";
+  calibration.vehicle = content_.vehicles[0].vehicle;
+  calibration.since = content_.vehicles[0].stamp;
+  for (const MapEdit& edit : {Make(EditKind::kRetire, 0), merge, calibration}) {
+    SCOPED_TRACE(::shiftmap::NameOf(edit.kind));
+    const EditResult made = Edit(edit);
+    const CommitResult built = Build();
+    const std::string map = ContentHash(store_.LoadAt("floor")->content());
+    Undo(made.edit);
+    ASSERT_EQ(*store_.Rollback("floor"), built.version);
+    RetentionPolicy policy;
+    policy.keep_versions = 1;
+    ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+    const StatusOr<VersionNumber> prior = store_.WithEditsInForce("floor", built.version);
+    ASSERT_THAT(prior, IsOk());
+    EXPECT_EQ(*prior, built.version);
+    EXPECT_EQ(ContentHash(store_.LoadAt("floor")->content()), map);
+    const EditResult other = Edit(Rename(2, "gate"));
+    Undo(other.edit);
+    Build();
+    ExpectClean();
+    // For the next edit.
+    CommitOptions options;
+    options.replace = true;
+    options.states_probabilities = false;
+    ASSERT_THAT(store_.Commit("floor", content_, {"test", "", 0, {}}, options), IsOk());
+  }
+}
+
+// A version that is kept can be edited after a rollback to it, so that the build which it is an
+// edit of is kept too.
+TEST_F(EditTest, CompactingKeepsTheBuildThatAKeptVersionIsAnEditOf) {
+  const EditResult first = Edit(Rename(0, "gate"));
+  Build();
+  RetentionPolicy policy;
+  policy.keep_versions = 2;
+  ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
+  ASSERT_EQ(*store_.Rollback("floor"), first.version->version);
+  Edit(Rename(1, "door"));
+  Undo(first.edit);
+  ExpectClean();
+}
+
 TEST_F(EditTest, AResetCalibrationIsWhatWasKnownBefore) {
   MapContent later = content_;
   later.vehicles[0].stamp = At(50.0);
