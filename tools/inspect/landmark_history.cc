@@ -57,6 +57,12 @@ std::vector<ModeHistory> ModesOf(const LandmarkRecords& records) {
       if (is_new) {
         history.number = mode.number;
         history.first_version = version.version;
+        history.or_before =
+            version.parent && std::none_of(records.versions.begin(),
+                                           records.versions.end(),
+                                           [&](const LandmarkInVersion& other) {
+                                             return other.version == *version.parent;
+                                           });
       }
       if (is_new || Moved(history.positions.back(), mode)) history.positions.push_back(position);
       history.position = position;
@@ -107,6 +113,7 @@ void Connect(std::vector<HistoryVisit>* visits, std::vector<ModeHistory>* modes)
     });
     if (mode == modes->end()) continue;
     visit.known_since = mode->first_version;
+    visit.or_before = mode->or_before;
     if (visit.set_aside || visit.observations == 0) continue;
     ++mode->visits;
     if (!mode->first_visit) mode->first_visit = i;

@@ -59,6 +59,7 @@ struct HistoryVisit {
 
   /// The first version of the line that has current_mode; nothing for kAbsent.
   std::optional<VersionNumber> known_since;
+  bool or_before = false;  ///< As ModeHistory::or_before.
 
   std::optional<Decision> decision;   ///< The localizer's last one inside the visit.
   std::optional<SetAside> set_aside;  ///< Why the row does not count; nothing: it counts.
@@ -86,7 +87,8 @@ struct ModeHistory {
   Stamp last_seen;                        ///< Mode::last_seen of `position`.
   std::optional<ModeNumber> merged_into;  ///< The mode that stands for it now.
   bool gone = false;                      ///< The version does not have it: merged, or removed.
-  VersionNumber first_version;            ///< The oldest stored version of the line that has it.
+  VersionNumber first_version;            ///< The oldest stored version of the line that has it,
+  bool or_before = false;                 ///< whose parent is not stored: it may have had it, too.
 
   /// Visits that count, saw the landmark, and by their evidence alone have this as most likely
   /// mode; their number, and the first and last of them as indices in LandmarkHistory::visits.

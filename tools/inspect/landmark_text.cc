@@ -114,6 +114,7 @@ Json ModeJson(const ModeHistory& mode, const std::vector<HistoryVisit>& visits) 
           {"gone", mode.gone},
           {"merged_into", mode.merged_into ? Json(mode.merged_into->value()) : Json(nullptr)},
           {"first_version", mode.first_version.value()},
+          {"first_version_or_before", mode.or_before},
           {"visits", mode.visits},
           {"first_visit_s", stamp(mode.first_visit)},
           {"last_visit_s", stamp(mode.last_visit)},
@@ -147,6 +148,7 @@ Json VisitJson(const HistoryVisit& visit) {
       {"log_odds", visit.log_odds},
       {"current_mode", visit.current_mode ? Json(visit.current_mode->value()) : Json(nullptr)},
       {"known_since_version", visit.known_since ? Json(visit.known_since->value()) : Json(nullptr)},
+      {"known_since_or_before", visit.or_before},
       {"decision", decision},
       {"set_aside", visit.set_aside ? Json(Describe(*visit.set_aside)) : Json(nullptr)},
       {"probabilities",
@@ -262,7 +264,7 @@ std::string ModesText(const LandmarkHistory& history, const TextStyle& style) {
                   seen(mode.last_visit),
                   NoteText(mode),
                   fmt::format("{}", mode.visits),
-                  fmt::format("{}", mode.first_version.value()),
+                  fmt::format("{}{}", mode.or_before ? "<=" : "", mode.first_version.value()),
                   seen(mode.first_visit)},
                  mode.gone ? Emphasis::kFaint : Emphasis::kNone);
   }

@@ -4,12 +4,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
+#include <nlohmann/json.hpp>
 
+#include "mapstore/maintenance/compact.h"
 #include "mapstore/map_store.h"
 #include "tests/support/status_matchers.h"
 #include "tests/support/temp_dir.h"
 #include "tests/unit/tools/inspect/landmark_test_util.h"
+#include "tools/inspect/landmark_text.h"
 
 namespace shiftmap {
 namespace {
@@ -185,6 +189,33 @@ TEST_F(LandmarkHistoryTest, ModesKnowTheirVersionsVisitsAndMoves) {
   EXPECT_EQ(two.first_version, second_.version);
   EXPECT_THAT(two.positions, SizeIs(1));
   EXPECT_FALSE(two.gone);
+}
+
+// The version that had a mode first may be compacted away: then the oldest that is left is a bound.
+TEST_F(LandmarkHistoryTest, AModeSaysThatItMayBeOlderThanTheVersionsThatAreLeft) {
+  const LandmarkHistory before = Load("A");
+  ASSERT_THAT(before.modes, SizeIs(2));
+  EXPECT_FALSE(before.modes[0].or_before);
+  EXPECT_FALSE(before.modes[1].or_before);
+  RetentionPolicy policy;
+  policy.keep_versions = 1;
+  ASSERT_THAT(CompactStore(dir_.File("a.db"), policy, false), IsOk());
+  const LandmarkHistory after = Load("A");
+  ASSERT_THAT(after.modes, SizeIs(2));
+  for (const ModeHistory& mode : after.modes) {
+    EXPECT_EQ(mode.first_version, second_.version);
+    EXPECT_TRUE(mode.or_before);
+  }
+  const auto since = [](const LandmarkHistory& history) {
+    return std::any_of(history.visits.begin(), history.visits.end(), [](const HistoryVisit& visit) {
+      return visit.known_since && visit.or_before;
+    });
+  };
+  EXPECT_FALSE(since(before));
+  EXPECT_TRUE(since(after));
+  const Json json = HistoryJson(after, 0);
+  EXPECT_EQ(json["modes"][0]["first_version_or_before"], true);
+  EXPECT_THAT(ModesText(after, {}), ::testing::HasSubstr("<=2"));
 }
 
 TEST_F(LandmarkHistoryTest, AMergedModeNamesTheOneThatStandsForIt) {
