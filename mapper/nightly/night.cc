@@ -305,6 +305,7 @@ StatusOr<AreaNight> RunArea(const NightOptions& options,
                             const std::string& area,
                             const AreaLogs& files,
                             Context& context) {
+  context.SayEachOnce();  // Of logs that it builds from several times.
   const AreaLogs all = WithoutCopies(files);
   std::vector<std::string> unset;
   const AreaLogs logs = WithoutUnsetClocks(all, &unset);

@@ -23,14 +23,26 @@ void Context::Report(const Json& document, const std::string& text) {
   summary_ = InertLine(RenderMarks(text.substr(0, text.find('\n')), /*colour=*/false));
 }
 
-void Context::Warn(const std::string& message) const { spdlog::warn("{}", InertLine(message)); }
+void Context::Warn(const std::string& message) const {
+  if (IsNew(message)) spdlog::warn("{}", InertLine(message));
+}
+
+void Context::SayEachOnce() {
+  if (!said_) said_.emplace();
+}
+
+bool Context::IsNew(const std::string& message) const {
+  return !said_ || said_->insert(message).second;
+}
 
 void Context::Attend(const std::string& message, ExitCode code) {
   done_code_ = code;
   Warn(message);
 }
 
-void Context::Inform(const std::string& message) const { spdlog::info("{}", InertLine(message)); }
+void Context::Inform(const std::string& message) const {
+  if (IsNew(message)) spdlog::info("{}", InertLine(message));
+}
 
 std::unique_ptr<Progress> Context::MakeProgress() const {
   const bool visible = !quiet() && err_ == &std::cerr && StandardErrorIsTerminal();

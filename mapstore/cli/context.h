@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <ostream>
+#include <set>
 #include <string>
 
 #include "mapstore/cli/exit_codes.h"
@@ -53,6 +54,10 @@ class Context {
   /// says otherwise.
   void Warn(const std::string& message) const;
 
+  /// From here on the same warning or information is given once, as of a command that does a work
+  /// again and again.
+  void SayEachOnce();
+
   /// As Warn(), for what a person should see though the command is done: its exit code is then
   /// `code`.
   void Attend(const std::string& message, ExitCode code = ExitCode::kAttention);
@@ -80,6 +85,8 @@ class Context {
   ExitCode done_code() const { return done_code_; }
 
  private:
+  bool IsNew(const std::string& message) const;
+
   CommonOptions options_;
   std::ostream* err_;
   TextStyle style_;
@@ -88,6 +95,7 @@ class Context {
   std::string output_;
   std::string summary_;
   ExitCode done_code_ = ExitCode::kDone;
+  mutable std::optional<std::set<std::string>> said_;  // If each is to be said once.
 };
 
 /// The document as text: indented, UTF-8, numbers that survive a round trip, a newline at the end.

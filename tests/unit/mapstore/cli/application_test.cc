@@ -366,6 +366,26 @@ TEST(Application, WhatAPersonShouldSeeHasItsExitCode) {
   EXPECT_EQ(outcome.err, "shiftmap-test: warning: one log is left out\n");
 }
 
+TEST(Application, WarnsOfTheSameOnceIfACommandSaysSo) {
+  Program program;
+  program.body = [](Context& context) {
+    context.Warn("again");
+    context.Warn("again");
+    for (int i = 0; i < 2; ++i) {
+      context.SayEachOnce();
+      context.Warn("once");
+      context.Inform("once, too");
+      context.Warn("another");
+    }
+    context.Report({}, "");
+    return OkStatus();
+  };
+  EXPECT_EQ(program.Run({"measure", "a"}).err,
+            "shiftmap-test: warning: again\nshiftmap-test: warning: again\n"
+            "shiftmap-test: warning: once\nshiftmap-test: info: once, too\n"
+            "shiftmap-test: warning: another\n");
+}
+
 // Nothing that a name holds moves the cursor or begins a line.
 TEST(Application, WhatIsPrintedIsInert) {
   const std::string hostile =
