@@ -9,6 +9,7 @@
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
 #include "mapstore/store/checkpoint_upkeep.h"
+#include "mapstore/store/exclusion_rows.h"
 #include "mapstore/store/report_rows.h"
 #include "mapstore/store/report_summary.h"
 #include "mapstore/store/store_state.h"
@@ -21,13 +22,17 @@ std::string By(const std::string& subject, const std::string& by) {
   return by.empty() ? subject : fmt::format("{} by {}", subject, by);
 }
 
+Stamp EndOf(const ShiftReport& report) {
+  Stamp end = report.end;
+  for (const VisitEvidence& visit : report.evidence) end = std::max(end, visit.end);
+  return end;
+}
+
 }  // namespace
 
 Status MapStore::CheckClock(const ShiftReport& report) const {
-  Stamp end = report.end;
-  for (const VisitEvidence& visit : report.evidence) end = std::max(end, visit.end);
   return CheckNotInFuture(fmt::format("{}: shift report {}", state_->database.name(), report.uuid),
-                          end,
+                          EndOf(report),
                           state_->clock(),
                           state_->clock_tolerance_s);
 }
@@ -53,6 +58,29 @@ StatusOr<MapStore::State::Reportable> MapStore::State::FindReported(const ShiftR
   return Reportable{area_row, std::move(version)};
 }
 
+Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report, const Reportable& reported) {
+  const Stamp end = EndOf(report);
+  // A recorded log may be localized on a newer map.
+  const bool live = report.run_hash.empty();
+  if (!live || end + FromSeconds(clock_tolerance_s) >= reported.version.stamp) return OkStatus();
+  Exclusion hold;
+  hold.run = LowerCaseUuid(report.run_uuid.empty() ? report.uuid : report.run_uuid);
+  hold.held = true;
+  hold.excluded = clock();
+  hold.reason = fmt::format(
+      "its clock is behind: it ends at {} UTC, and was driven on version {}, which is of {} UTC",
+      FormatUtc(end),
+      reported.version.number.value(),
+      FormatUtc(reported.version.stamp));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool added,
+                            InsertExclusion(database, reported.area.area_id, hold));
+  if (!added) return OkStatus();
+  return InsertAudit(database,
+                     reported.area.area_id,
+                     AuditAction::kHold,
+                     fmt::format("run {}: {}", hold.run, hold.reason));
+}
+
 StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
                                                   const Reportable& reported,
                                                   const std::string& by) {
@@ -63,6 +91,7 @@ StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const InsertedReport inserted,
                             InsertReport(database, area_row.area_id, version, report, clock()));
+  SHIFTMAP_RETURN_IF_ERROR(HoldIfBeforeItsMap(report, reported));
   ReturnResult result;
   result.evidence_rows = static_cast<int>(report.evidence.size());
   std::string owner = AreaName(report.area);

@@ -103,6 +103,10 @@ struct MapStore::State {
   /// Inside a transaction. Errors: as MapStore::Return.
   StatusOr<Reportable> FindReported(const ShiftReport& report);
 
+  /// Holds the run of a live shift that ended before the newest run in the version that it was
+  /// driven on, by more than the clock's tolerance: its clock was behind.
+  Status HoldIfBeforeItsMap(const ShiftReport& report, const Reportable& reported);
+
   /// Adds the rows of a report that is not there yet, inside a transaction.
   StatusOr<ReturnResult> AddReport(const ShiftReport& report,
                                    const Reportable& reported,

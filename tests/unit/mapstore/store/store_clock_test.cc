@@ -2,6 +2,7 @@
 //
 // Stamps that are ahead of the host's clock: refused, and without effect where an older build let
 // them in.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
@@ -59,6 +60,39 @@ TEST_F(StoreClockTest, AReportFromTheFutureIsRefusedWithBothTimes) {
   EXPECT_EQ(store.CheckClock(Report(version, 1601.0, 2)), refused);
   EXPECT_TRUE(ReadFile(path_) == before);
   EXPECT_THAT(Open(1000.0, 601.0).Return(Report(version, 1601.0, 2)), IsOk());
+}
+
+// Nobody can drive on a map before the newest run in it ended. A log can be localized on it later.
+TEST_F(StoreClockTest, AShiftThatEndsBeforeItsMapIsHeld) {
+  const CommitResult version = Make();
+  MapStore store = Open(1000.0);
+  const auto reasons = [](const StatusOr<ReturnResult>& result) {
+    std::vector<SetAside> list;
+    for (const SetAsideRows& rows : result->set_aside) list.push_back(rows.reason);
+    return list;
+  };
+  EXPECT_THAT(reasons(store.Return(Report(version, -600.0, 1))), ::testing::IsEmpty());
+  ShiftReport of_log = Report(version, -601.0, 2);
+  of_log.run_hash = std::string(64, 'a');
+  EXPECT_THAT(reasons(store.Return(of_log)), ::testing::IsEmpty());
+  const double before = Present(Open(1000.0), At(0.0));
+
+  ShiftReport behind = Report(version, -601.0, 3);
+  behind.evidence[0].modes[0].log_likelihood = 5.0;  // It does not see the landmark.
+  behind.run_uuid = "00000000-0000-4000-8000-00000000000A";
+  EXPECT_THAT(reasons(store.Return(behind)), ::testing::ElementsAre(SetAside::kHeld));
+  EXPECT_EQ(Present(Open(1000.0), At(0.0)), before);
+  const std::vector<Exclusion> held = *store.Exclusions("a");
+  ASSERT_EQ(held.size(), 1U);
+  EXPECT_TRUE(held[0].held);
+  EXPECT_EQ(held[0].run, "00000000-0000-4000-8000-00000000000a");
+  EXPECT_EQ(held[0].reason,
+            "its clock is behind: it ends at 2023-11-14 22:03:19 UTC, and was driven on version 1, "
+            "which is of 2023-11-14 22:13:20 UTC");
+  // Who knows better takes it in.
+  ASSERT_THAT(store.Include("a", {held[0].run, "", {}, "", {}}), IsOk());
+  EXPECT_LT(Present(Open(1000.0), At(0.0)), before);
+  EXPECT_TRUE(VerifyStore(path_)->clean());
 }
 
 TEST_F(StoreClockTest, AVisitFromTheFutureInAReportOfTodayIsRefused) {
