@@ -19,7 +19,8 @@ struct RetentionPolicy {
   int keep_versions = 30;
 
   /// Evidence rows of visits that ended before this, and the decisions of such shifts, go unless
-  /// they count for a version whose content is kept. Nothing: all stay.
+  /// they count for a version whose content is kept, or would without another copy of their log.
+  /// Nothing: all stay.
   std::optional<Stamp> evidence_before;
 
   /// Of evidence that began before this, rows go that repeat others, as the published version sees
