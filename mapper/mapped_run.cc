@@ -40,6 +40,7 @@ MappedRun MakeMappedRun(const BuildState& build, RunIndex index) {
   mapped.anonymous_observations = run.data->anonymous_observations;
   mapped.odometry = run.odometry;
   mapped.sensor_bias = run.sensor_bias;
+  mapped.variance_factor = run.variance_factor;
   for (const FrameIndex f : run.poses.indices()) {
     mapped.trajectory.push_back({run.data->frames[f].stamp, run.poses[f]});
   }

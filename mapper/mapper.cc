@@ -26,6 +26,7 @@
 #include "mapper/registration/misregistered_runs.h"
 #include "mapper/registration/place_run_maps.h"
 #include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/run_variances.h"
 #include "mapper/run_maps/single_run.h"
 #include "mapper/state/build_state.h"
 
@@ -241,7 +242,8 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
   return OkStatus();
 }
 
-// What is discrete in all runs together, and the noise. Returns the outer iterations.
+// What is discrete in all runs together, the noise and its correlation. Returns the outer
+// iterations.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
   build->loss_reach = kLossReach;
   GraphSolver solver;  // Rounds of noise go on from where this ends.
@@ -250,13 +252,15 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   if (AllWait(*build)) return iterations;
   SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
-  if (!options.calibrate) return iterations;
-  build->sensor = EstimateDetection(*build, options.modes);
-  CalibrateNoise(options, {}, build, &solver, watch->During("noise", 0.7));
-  SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
-  SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+  if (options.calibrate) {
+    build->sensor = EstimateDetection(*build, options.modes);
+    CalibrateNoise(options, {}, build, &solver, watch->During("noise", 0.7));
+    SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
+    SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+  }
+  if (EstimateRunVariances(options, build)) SolveContinuous(options, build, &solver);
   return iterations;
 }
 
@@ -428,7 +432,8 @@ Status Conclude(const GroupSignatures& signatures,
   Graph graph;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphPosterior> posterior,
                             Linearize(options, build, &graph));
-  const JointCovariance covariance = MapCovariance(graph, *posterior, ScaleOf(options, *build));
+  const JointCovariance covariance =
+      MapCovariance(graph, *posterior, ScaleOf(options, *build), build->disagreement);
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
                             MakeMapContent(*build, signatures, prior, covariance, options));
   result->content = std::move(output.content);
@@ -449,6 +454,7 @@ Status Conclude(const GroupSignatures& signatures,
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;
   }
   result->modes_merged = build->modes_merged;
+  result->disagreement = build->disagreement;
   result->selection = SummarizeSelection(options.modes, *build);
   return OkStatus();
 }

@@ -25,6 +25,7 @@ Json RunJson(const MappedRun& run, const ImplausibleItems& dropped) {
           {"implausible_observations", dropped.observations},
           {"implausible_odometry", dropped.odometry},
           {"chi2", run.chi2},
+          {"variance_factor", run.variance_factor},
           {"moved_s", moved},
           {"T_map_start", {run.T_map_start.x(), run.T_map_start.y(), run.T_map_start.yaw()}},
           {"odometry",
@@ -239,6 +240,7 @@ Json BuildJson(const std::string& area,
   document["modes_created"] = result.modes_created;
   document["modes_merged"] = result.modes_merged;
   document["outer_iterations"] = result.outer_iterations;
+  document["disagreement"] = result.disagreement;
   document["selection"] = {{"visits", result.selection.visits},
                            {"uncertain_visits", result.selection.uncertain_visits},
                            {"log_joint", result.selection.log_joint},

@@ -99,6 +99,20 @@ JointCovariance TiledCovariance(const Graph& graph,
   return JointCovariance(std::move(diagonal), std::move(cross));
 }
 
+// Of all modes.
+Eigen::MatrixXd PriorInformation(const Graph& graph) {
+  const Eigen::Index rows = 2 * graph.modes.end_index();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(rows, rows);
+  for (const GraphPrior& prior : graph.priors) {
+    std::vector<Eigen::Index> at;
+    for (const ModeIndex mode : prior.modes) {
+      at.insert(at.end(), {Eigen::Index{2} * mode, Eigen::Index{2} * mode + 1});
+    }
+    information(at, at) += prior.information;
+  }
+  return information;
+}
+
 }  // namespace
 
 std::optional<ModeDifferences> ModeDifferences::Of(const Graph& graph, GraphSolver* solver) {
@@ -141,9 +155,13 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
 
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
-                              const ScaleUncertainty& scale) {
+                              const ScaleUncertainty& scale,
+                              double disagreement) {
   if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale);
-  const Eigen::MatrixXd cov = posterior.ModeCovariance();
+  const Eigen::MatrixXd posterior_cov = posterior.ModeCovariance();
+  const Eigen::MatrixXd cov = disagreement * posterior_cov - (disagreement - 1.0) * posterior_cov *
+                                                                 PriorInformation(graph) *
+                                                                 posterior_cov;
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, GaugeDirections(graph.modes), scale);
   return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
 }

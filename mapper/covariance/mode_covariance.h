@@ -77,9 +77,12 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 ///
 /// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
-/// @param posterior  LinearizeForMap() of the graph.
+/// @param posterior     LinearizeForMap() of the graph.
+/// @param disagreement  BuildState::disagreement F. With prior information Λ, the covariance of
+///                      the graph's minimum is F P - (F - 1) P Λ P. Not beyond kMaxJointModes.
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
-                              const ScaleUncertainty& scale);
+                              const ScaleUncertainty& scale,
+                              double disagreement);
 
 }  // namespace shiftmap

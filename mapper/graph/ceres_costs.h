@@ -15,7 +15,8 @@ namespace shiftmap {
 /// bias b (3).
 class MotionCost final : public ceres::SizedCostFunction<3, 3, 3, 3, 3> {
  public:
-  explicit MotionCost(const MotionIncrement& motion) : residual_(motion) {}
+  MotionCost(const MotionIncrement& motion, double variance_factor)
+      : residual_(motion, variance_factor) {}
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;

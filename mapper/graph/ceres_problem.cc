@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "mapper/graph/ceres_costs.h"
+#include "mapper/graph/residuals.h"
 #include "mapper/graph/robust_loss.h"
 
 namespace shiftmap {
@@ -102,12 +103,13 @@ CeresProblem::CeresProblem(const Graph& graph, Weighting weighting) : problem_(P
 void CeresProblem::AddMotions(const GraphRun& run, RunIndex index) {
   auto& poses = poses_[index];
   for (const FrameIndex i : run.motions.indices()) {
-    residuals_.push_back(problem_.AddResidualBlock(new MotionCost(run.motions[i]),
-                                                   nullptr,
-                                                   poses[i].data(),
-                                                   poses[i + 1].data(),
-                                                   corrections_[index].data(),
-                                                   biases_[index].data()));
+    residuals_.push_back(
+        problem_.AddResidualBlock(new MotionCost(run.motions[i], run.variance_factor),
+                                  nullptr,
+                                  poses[i].data(),
+                                  poses[i + 1].data(),
+                                  corrections_[index].data(),
+                                  biases_[index].data()));
   }
 }
 
@@ -125,10 +127,10 @@ void CeresProblem::AddCalibrationPriors(const GraphRun& run, RunIndex index) {
 }
 
 void CeresProblem::AddObservations(const Graph& graph, Weighting weighting) {
-  const RobustLoss loss(graph.loss_scale, graph.loss_reach);
+  const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
   for (const GraphObservation& item : graph.observations) {
     residuals_.push_back(problem_.AddResidualBlock(new ObservationCost(item),
-                                                   new ObservationLoss(loss, weighting),
+                                                   new ObservationLoss(losses[item.run], weighting),
                                                    poses_[item.run][item.frame].data(),
                                                    modes_[item.mode].data(),
                                                    biases_[item.run].data()));

@@ -38,6 +38,10 @@ struct GraphRun {
   /// Systematic errors of this vehicle's sensor, with a zero-mean Gaussian prior.
   SensorBias sensor_bias = SensorBias::Zero();
   SensorBias sensor_bias_sd = SensorBias::Ones();
+
+  /// What the losses of this run's motions and observations are divided by: their errors are
+  /// correlated, so that they tell less than as many independent ones of the same noise.
+  double variance_factor = 1.0;
 };
 
 /// An observation, switched to the mode that the selector names.

@@ -20,6 +20,7 @@ namespace {
 // Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
 constexpr double kInlierProbability = 0.999;
 
+// Under the noise of the run, here and below, whatever its variance factor.
 Eigen::Vector3d ResidualOf(const GraphRun& run, FrameIndex motion) {
   return MotionResidual(run.motions[motion])
       .At(run.poses[motion], run.poses[motion + 1], run.correction, run.sensor_bias[kLogRangeScale])
@@ -94,15 +95,19 @@ std::unique_ptr<GraphPosterior> LinearizeGraph(
 }
 
 GraphResiduals PresentResiduals(const Graph& graph) {
-  const RobustLoss loss(graph.loss_scale, graph.loss_reach);
+  const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
   GraphResiduals present;
   for (const GraphRun& run : graph.runs) {
     Eigen::Matrix3Xd& motions = present.motions.emplace_back(3, std::ssize(run.motions));
-    for (const FrameIndex i : run.motions.indices()) motions.col(i.value()) = ResidualOf(run, i);
+    for (const FrameIndex i : run.motions.indices()) {
+      motions.col(i.value()) = ResidualOf(run, i) / std::sqrt(run.variance_factor);
+    }
   }
   present.observations.resize(2, std::ssize(graph.observations));
   for (const ObservationIndex i : graph.observations.indices()) {
-    const Eigen::Vector2d r = ResidualOf(graph, graph.observations[i]);
+    const GraphObservation& item = graph.observations[i];
+    const RobustLoss& loss = losses[item.run];
+    const Eigen::Vector2d r = ResidualOf(graph, item);
     const double squared = r.squaredNorm();
     present.observations.col(i.value()) =
         loss.Slope(squared) / std::sqrt(loss.Curvature(squared)) * r;

@@ -23,11 +23,11 @@ Matrix SqrtInformation(const Matrix& cov) {
 
 }  // namespace
 
-MotionResidual::MotionResidual(const MotionIncrement& motion)
+MotionResidual::MotionResidual(const MotionIncrement& motion, double variance_factor)
     : T_i_j_(motion.T_begin_end), R_i_j_(T_i_j_.Rotation()), J_calibration_(motion.J_calibration) {
   const Eigen::Matrix3d floor = Eigen::Matrix3d::Identity() * (kMinMotionSd * kMinMotionSd);
   // Yaw by itself, and what it does not explain of x and y: so each has a noise of its own.
-  const Eigen::Matrix3d from_yaw = (motion.cov + floor).reverse();
+  const Eigen::Matrix3d from_yaw = variance_factor * (motion.cov + floor).reverse();
   sqrt_information_ = SqrtInformation<Eigen::Matrix3d>(from_yaw).reverse();
 }
 
@@ -147,6 +147,14 @@ Eigen::Vector2d ObservationResidual::ResidualAt(const Se2& T_map_vehicle,
                                              bias,
                                              observation_->mean_squared_bearing)
                                  .nu;
+}
+
+IndexedVector<RunIndex, RobustLoss> LossesOf(const Graph& graph) {
+  IndexedVector<RunIndex, RobustLoss> losses;
+  for (const GraphRun& run : graph.runs) {
+    losses.emplace_back(graph.loss_scale, graph.loss_reach, run.variance_factor);
+  }
+  return losses;
 }
 
 }  // namespace shiftmap

@@ -8,6 +8,8 @@
 
 #include "localizer/models/motion_model.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/robust_loss.h"
+#include "mapper/index.h"
 #include "mapstore/geometry/arc_factors.h"
 
 namespace shiftmap {
@@ -27,7 +29,8 @@ class MotionResidual {
     Eigen::Matrix<double, 3, 4> J_calibration;  ///< By (correction c, log range scale s).
   };
 
-  explicit MotionResidual(const MotionIncrement& motion);
+  /// @param variance_factor  By which Σ is multiplied.
+  explicit MotionResidual(const MotionIncrement& motion, double variance_factor = 1.0);
 
   /// @param R_map_i  Of T_map_i, here and below: many residuals share its sine and cosine.
   Linear At(const Se2& T_map_i,
@@ -107,5 +110,8 @@ class ObservationResidual {
   const GraphObservation* observation_;
   Eigen::Matrix2d sqrt_information_;
 };
+
+/// The losses of the observations of each run.
+IndexedVector<RunIndex, RobustLoss> LossesOf(const Graph& graph);
 
 }  // namespace shiftmap

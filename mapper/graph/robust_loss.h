@@ -32,8 +32,13 @@ class RobustLoss {
  public:
   /// @param scale  c > 0, in standard deviations.
   /// @param reach  Largest ‖r‖ that pulls, in standard deviations.
-  explicit RobustLoss(double scale, double reach = std::numeric_limits<double>::infinity())
-      : squared_scale_(scale * scale), squared_reach_(reach * reach), kappa_(Kappa(scale)) {}
+  /// @param variance_factor  By which all of the loss is divided (GraphRun::variance_factor).
+  explicit RobustLoss(double scale,
+                      double reach = std::numeric_limits<double>::infinity(),
+                      double variance_factor = 1.0)
+      : squared_scale_(scale * scale),
+        squared_reach_(reach * reach),
+        kappa_(Kappa(scale) / variance_factor) {}
 
   /// ρ/2, and below. @param squared  ‖r‖².
   double HalfLoss(double squared) const {

@@ -107,25 +107,30 @@ class FactorProducts {
 
 }  // namespace
 
-SegmentLinearizer::SegmentLinearizer(const Graph& graph)
-    : graph_(graph), loss_(graph.loss_scale, graph.loss_reach) {
+SegmentLinearizer::SegmentLinearizer(const Graph& graph) : graph_(graph), losses_(LossesOf(graph)) {
   for (const GraphRun& run : graph.runs) {
-    motions_.emplace_back(run.motions.begin(), run.motions.end());
+    auto& motions = motions_.emplace_back();
+    motions.reserve(run.motions.size());
+    for (const MotionIncrement& motion : run.motions) {
+      motions.emplace_back(motion, run.variance_factor);
+    }
   }
   observations_.reserve(graph.observations.size());
   for (const GraphObservation& item : graph.observations) observations_.emplace_back(item);
 }
 
-double SegmentLinearizer::WeightOf(LossWeighting weighting, double squared_residual) const {
+double SegmentLinearizer::WeightOf(const RobustLoss& loss,
+                                   LossWeighting weighting,
+                                   double squared_residual) {
   switch (weighting) {
     case LossWeighting::kWeights:
-      return loss_.Weight(squared_residual);
+      return loss.Weight(squared_residual);
     case LossWeighting::kStepCurvature:
-      return loss_.StepCurvature(squared_residual);
+      return loss.StepCurvature(squared_residual);
     case LossWeighting::kCurvature:
       break;
   }
-  return loss_.Curvature(squared_residual);
+  return loss.Curvature(squared_residual);
 }
 
 SegmentLinearizer::Rotations SegmentLinearizer::RotationsOf(const GraphSegment& segment) const {
@@ -166,6 +171,7 @@ ObservationResidual::Linear SegmentLinearizer::ObservationAt(const GraphSegment&
 double SegmentLinearizer::Linearize(const GraphSegment& segment,
                                     LossWeighting weighting,
                                     SegmentSystem* system) const {
+  const RobustLoss& loss = losses_[segment.run];
   const Rotations R_map_vehicle = RotationsOf(segment);
   double cost = 0.0;
   for (FrameIndex i = segment.first; i < segment.last; ++i) {
@@ -180,11 +186,11 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
     const ObservationIndex index = segment.observations[k];
     const ObservationResidual::Linear linear = ObservationAt(segment, R_map_vehicle, index);
     const double squared = linear.r.squaredNorm();
-    cost += loss_.HalfLoss(squared);
+    cost += loss.HalfLoss(squared);
     // The slope is by the weight, whatever the matrix is by.
-    const double weight = WeightOf(weighting, squared);
+    const double weight = WeightOf(loss, weighting, squared);
     const FactorProducts<2, 3, 3, 2> products(
-        Eigen::Vector2d(loss_.Slope(squared) / weight * linear.r),
+        Eigen::Vector2d(loss.Slope(squared) / weight * linear.r),
         linear.J_pose,
         linear.J_bias,
         linear.J_landmark,
@@ -198,6 +204,7 @@ double SegmentLinearizer::Linearize(const GraphSegment& segment,
 
 double SegmentLinearizer::Cost(const GraphSegment& segment) const {
   const GraphRun& run = graph_.runs[segment.run];
+  const RobustLoss& loss = losses_[segment.run];
   const Rotations R_map_vehicle = RotationsOf(segment);
   double cost = 0.0;
   for (FrameIndex i = segment.first; i < segment.last; ++i) {
@@ -211,12 +218,12 @@ double SegmentLinearizer::Cost(const GraphSegment& segment) const {
   }
   for (const ObservationIndex index : segment.observations) {
     const GraphObservation& item = graph_.observations[index];
-    cost += loss_.HalfLoss(observations_[index]
-                               .ResidualAt(run.poses[item.frame],
-                                           R_map_vehicle[FrameIndex(item.frame - segment.first)],
-                                           graph_.modes[item.mode],
-                                           run.sensor_bias)
-                               .squaredNorm());
+    cost += loss.HalfLoss(observations_[index]
+                              .ResidualAt(run.poses[item.frame],
+                                          R_map_vehicle[FrameIndex(item.frame - segment.first)],
+                                          graph_.modes[item.mode],
+                                          run.sensor_bias)
+                              .squaredNorm());
   }
   return cost;
 }

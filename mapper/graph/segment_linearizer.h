@@ -28,8 +28,6 @@ class SegmentLinearizer {
   /// @param graph  Must outlive this; its values may change, its shape may not.
   explicit SegmentLinearizer(const Graph& graph);
 
-  double WeightOf(LossWeighting weighting, double squared_residual) const;
-
   /// Adds a segment's normal equations up. Returns half the sum of its losses.
   double Linearize(const GraphSegment& segment,
                    LossWeighting weighting,
@@ -52,11 +50,14 @@ class SegmentLinearizer {
     for (std::size_t i = 0; i < segment.observations.size(); ++i) {
       const ObservationResidual::Linear linear =
           ObservationAt(segment, R_map_vehicle, segment.observations[i]);
-      add_observation(i, std::sqrt(WeightOf(weighting, linear.r.squaredNorm())), linear);
+      add_observation(
+          i, std::sqrt(WeightOf(losses_[segment.run], weighting, linear.r.squaredNorm())), linear);
     }
   }
 
  private:
+  static double WeightOf(const RobustLoss& loss, LossWeighting weighting, double squared_residual);
+
   using Rotations = IndexedVector<FrameIndex, Eigen::Matrix2d>;  // From a segment's first frame on.
 
   Rotations RotationsOf(const GraphSegment& segment) const;
@@ -68,7 +69,7 @@ class SegmentLinearizer {
                                             ObservationIndex observation) const;
 
   const Graph& graph_;
-  RobustLoss loss_;
+  IndexedVector<RunIndex, RobustLoss> losses_;
   IndexedVector<RunIndex, IndexedVector<FrameIndex, MotionResidual>> motions_;
   IndexedVector<ObservationIndex, ObservationResidual> observations_;
 };

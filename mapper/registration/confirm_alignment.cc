@@ -30,19 +30,18 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
                                      const std::optional<MapContent>& prior,
                                      const BuildState& build,
                                      const std::set<GroupIndex>& groups,
-                                     const std::vector<ModeIndex>& modes,
-                                     double run_map_factor) {
+                                     const std::vector<ModeIndex>& modes) {
   JointPoints map;
   BuildState solved = build;
   if (build.runs.empty()) {
     std::vector<int> rows;
     for (const ModeIndex mode : modes) rows.push_back(mode.value());
-    map.covariance = run_map_factor * prior.value().covariance.Dense(rows);
+    map.covariance = prior.value().covariance.Dense(rows);
   } else {
     if (build.runs.size() > 1 || prior) SolveContinuous(options, &solved);
     std::optional<Eigen::MatrixXd> covariance = CovarianceOfModes(options, modes, &solved);
     if (!covariance) return std::nullopt;
-    const double factor = prior ? run_map_factor : VarianceFactor(options, solved);
+    const double factor = prior ? 1.0 : VarianceFactor(options, solved);
     map.covariance = factor * *covariance;
   }
   for (const GroupIndex group : groups) {
@@ -115,7 +114,7 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
   const std::vector<ModeIndex> modes = ModesOfGroups(build, groups);
   if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
   const double factor = VarianceFactor(options, run_map.build);
-  const std::optional<JointPoints> map = MapPoints(options, prior, build, groups, modes, factor);
+  const std::optional<JointPoints> map = MapPoints(options, prior, build, groups, modes);
   if (!map) return std::nullopt;
   std::optional<Explanations> explanations = Explain(*map,
                                                      {run_map.points, factor * run_map.covariance},

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/run_maps/variance_factor.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -9,7 +8,6 @@
 #include <vector>
 
 #include "mapper/covariance/gauge.h"
-#include "mapper/graph/graph_posterior.h"
 
 namespace shiftmap {
 namespace {
@@ -18,7 +16,7 @@ namespace {
 constexpr int kBlocks = 20;
 
 // The mean over draws is of kBlocks terms each.
-constexpr int kDraws = 8;
+constexpr int kDraws = 4;
 
 // Of a build that nothing is known of.
 constexpr double kUnknown = 1e4;
@@ -46,28 +44,45 @@ FrameBlocks StretchesOf(const Graph& graph) {
 
 }  // namespace
 
+std::optional<ShapeCovariance> ShapeCovariance::Of(const Graph& graph) {
+  ShapeCovariance shape;
+  shape.posterior_ = LinearizeGraph(graph);
+  if (!shape.posterior_) return std::nullopt;
+  shape.G_.resize(2 * graph.modes.end_index(), 4);
+  shape.G_ << GaugeDirections(graph.modes), OffsetsFromCentroid(graph.modes).normalized();
+  Eigen::MatrixXd covariance = shape.posterior_->ModeCovariance();
+  const STransformation change(shape.G_, covariance * shape.G_);
+  covariance -= shape.G_ * change.W.transpose() + change.W * shape.G_.transpose();
+  shape.llt_.compute(covariance + shape.G_ * shape.G_.transpose());
+  if (shape.llt_.info() != Eigen::Success) return std::nullopt;
+  return shape;
+}
+
+double VarianceFactor(const Graph& graph, const ShapeCovariance& shape, std::uint64_t seed) {
+  const FrameBlocks blocks = StretchesOf(graph);
+  const auto sum_of_squares = [&](const GraphResiduals& residuals) {
+    return shape.Whiten(shape.posterior().ModeStepsByBlock(residuals, blocks, kBlocks))
+        .squaredNorm();
+  };
+  std::mt19937_64 random(seed);
+  Eigen::Array<double, kDraws, 1> drawn;
+  const std::vector<GraphResiduals> left = shape.posterior().DrawFitResiduals(kDraws, random);
+  for (int k = 0; k < kDraws; ++k) drawn[k] = sum_of_squares(left[static_cast<std::size_t>(k)]);
+  const double expected = drawn.mean();
+  const double excess = sum_of_squares(PresentResiduals(graph)) / expected - 1.0;
+  if (!std::isfinite(excess)) return kUnknown;
+  if (excess <= 0.0) return 1.0;
+  // What would be seen of white noise is subtracted: else noise would count as an excess.
+  const double chance = (drawn / expected - 1.0).square().sum() / (kDraws - 1);
+  return 1.0 + std::max(0.0, excess - chance / excess);
+}
+
 double VarianceFactor(const MapperOptions& options, const BuildState& build) {
   BuildState own = build;
   const Graph graph = MakeGraph(options, &own);
   if (graph.modes.size() <= 2) return 1.0;
-  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
-  if (!posterior) return kUnknown;
-  const Eigen::MatrixXd basis = ShapeDirections(graph.modes);
-  const Eigen::LLT<Eigen::MatrixXd> llt(basis.transpose() * posterior->ModeCovariance() * basis);
-  if (llt.info() != Eigen::Success) return kUnknown;
-  const FrameBlocks blocks = StretchesOf(graph);
-  const auto sum_of_squares = [&](const GraphResiduals& residuals) {
-    const Eigen::MatrixXd steps =
-        basis.transpose() * posterior->ModeStepsByBlock(residuals, blocks, kBlocks);
-    return llt.matrixL().solve(steps).squaredNorm();
-  };
-  std::mt19937_64 random(options.seed);
-  double expected = 0.0;
-  for (const GraphResiduals& left : posterior->DrawFitResiduals(kDraws, random)) {
-    expected += sum_of_squares(left) / kDraws;
-  }
-  const double factor = sum_of_squares(PresentResiduals(graph)) / expected;
-  return std::isfinite(factor) ? std::max(1.0, factor) : kUnknown;
+  const std::optional<ShapeCovariance> shape = ShapeCovariance::Of(graph);
+  return shape ? VarianceFactor(graph, *shape, options.seed) : kUnknown;
 }
 
 }  // namespace shiftmap

@@ -23,6 +23,7 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   UpdateMotions(*run->data, run->odometry, &run->motions);
   GraphRun result;
   result.poses = run->poses;
+  result.variance_factor = run->variance_factor;
   for (const IntegratedMotion& motion : run->motions.between_frames) {
     result.motions.push_back(motion.WithNoise(run->odometry.noise_v, run->odometry.noise_omega));
   }

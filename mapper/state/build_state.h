@@ -55,6 +55,8 @@ struct BuildRun {
   OdometryCalibration odometry;          ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
 
+  double variance_factor = 1.0;  ///< As in GraphRun.
+
   /// Kept from solve to solve while `odometry` stays close to where they were integrated.
   FrameMotions motions;
 
@@ -107,6 +109,10 @@ struct BuildState {
 
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
   double sd_scale = 0.0;
+
+  /// By how much more than they tell runs disagree with each other and with the prior map: a
+  /// variance factor of all of them that does not change how they weigh against the prior map.
+  double disagreement = 1.0;
 
   bool open = false;  ///< As in Graph.
 

@@ -17,10 +17,10 @@
 #include "tools/experiment/localizer_recorded_command.h"
 #include "tools/experiment/localizer_states_command.h"
 #include "tools/experiment/localizer_utias_command.h"
+#include "tools/experiment/map_consistency_command.h"
 #include "tools/experiment/nights_command.h"
 #include "tools/experiment/papers_command.h"
 #include "tools/experiment/recurring_chains_command.h"
-#include "tools/experiment/run_maps_command.h"
 #include "tools/experiment/scale_command.h"
 #include "tools/experiment/tiv_approximations_command.h"
 #include "tools/experiment/tiv_mine_command.h"
@@ -47,10 +47,10 @@ void AddExperiments(Application* application) {
   AddLocalizerRecordedExperiment(application);
   AddLocalizerUtiasExperiment(application);
   AddLocalizerStatesExperiment(application);
+  AddMapConsistencyExperiment(application);
   AddNightsExperiment(application);
   AddPapersCommand(application);
   AddRecurringChainsExperiment(application);
-  AddRunMapsExperiment(application);
   AddScaleExperiment(application);
   AddTivApproximationsExperiment(application);
   AddTivMineExperiments(application);

@@ -4,12 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <set>
 
 #include "mapper/covariance/gauge.h"
+#include "tests/support/circle_graph.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 
@@ -78,9 +80,9 @@ TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
     }
     constexpr double kScale = 0.02;
     const auto posterior = LinearizeForMap(graph);
-    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}).Dense();
-    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}).Dense();
-    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}).Dense();
+    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}, 1.0).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}, 1.0).Dense();
+    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}, 1.0).Dense();
     EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
   }
 }
@@ -89,7 +91,7 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;
   const auto posterior = LinearizeForMap(graph);
-  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale});
+  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale}, 1.0);
   const Eigen::MatrixXd dense = AddScaleUncertainty(
       graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
   for (int i = 0; i < blocks.size(); ++i) {
@@ -103,6 +105,26 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(blocks.Dense());
   EXPECT_GT(solver.eigenvalues().minCoeff(), 0.0);
+}
+
+// The minimum weighs prior and runs by covariances P₀ and P₁; the runs' errors have F P₁.
+TEST(ModeCovariance, DisagreementIsOfTheRunsAndNotOfThePrior) {
+  constexpr double kDisagreement = 5.0;
+  Graph graph = Corridor(20);
+  for (const bool with_prior : {false, true}) {
+    if (with_prior) graph.priors = {testing::MakeModesPrior(graph)};
+    const auto posterior = LinearizeForMap(graph);
+    const Eigen::MatrixXd P = posterior->ModeCovariance();
+    Eigen::MatrixXd expected = kDisagreement * P;
+    if (with_prior) {
+      const Eigen::MatrixXd prior = graph.priors.front().information;
+      const Eigen::MatrixXd of_runs = P.inverse() - prior;
+      expected = P * (prior + kDisagreement * of_runs) * P;
+    }
+    expected = ReferToPositions(graph.modes, expected);
+    EXPECT_THAT(MapCovariance(graph, *posterior, {}, kDisagreement).Dense(),
+                testing::IsNearMatrix(expected, 1e-6 * expected.norm()));
+  }
 }
 
 TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {

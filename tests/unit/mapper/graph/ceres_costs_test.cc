@@ -82,7 +82,7 @@ TEST_F(CostFunctions, MotionJacobians) {
     motion.J_calibration.col(2) = Normal(3, 0.3);
     const Se2 T_map_i = Se2::Exp(Normal(3, 2.0));
     const Se2 T_map_j = T_map_i * motion.T_begin_end * Se2::Exp(Normal(3, 0.2));
-    const MotionCost cost(motion);
+    const MotionCost cost(motion, 4.0);
     ExpectJacobiansAreDerivatives(
         cost, {PoseBlock(T_map_i), PoseBlock(T_map_j), Normal(3, 0.1), Normal(3, 0.05)});
   }
@@ -97,10 +97,10 @@ TEST_F(CostFunctions, MotionResidualIsTheWhitenedCorrectedError) {
   const Se2 T_map_j =
       T_map_i * motion.T_begin_end * Se2::Exp(motion.J_calibration * correction) * Se2::Exp(error);
   const Eigen::VectorXd residual =
-      Residual(MotionCost(motion),
+      Residual(MotionCost(motion, 4.0),
                {PoseBlock(T_map_i), PoseBlock(T_map_j), correction, Eigen::Vector3d::Zero()});
   const Eigen::Matrix3d cov = motion.cov + 1e-8 * Eigen::Matrix3d::Identity();
-  EXPECT_NEAR(residual.squaredNorm(), error.dot(cov.inverse() * error), 1e-9);
+  EXPECT_NEAR(residual.squaredNorm(), error.dot(cov.inverse() * error) / 4.0, 1e-9);
 }
 
 TEST_F(CostFunctions, ObservationJacobians) {

@@ -24,6 +24,7 @@ std::vector<Graph> SolvedGraphs() {
   graphs.push_back(MakeCircleGraph({.runs = 1, .frames = 80, .modes = 4}, 13));
   graphs.push_back(MakeCircleGraph({.runs = 3, .frames = 110, .modes = 6}, 17));
   graphs.back().anchor_run = 1;
+  graphs.back().runs[0].variance_factor = 4.0;
   graphs.push_back(MakeCircleGraph({.runs = 2, .frames = 70, .modes = 6}, 5));
   graphs.back().priors = {MakeModesPrior(graphs.back())};
   for (Graph& graph : graphs) {

@@ -220,6 +220,23 @@ TEST_F(Posterior, ModeCovarianceIsThatOfTheDenseProblem) {
   }
 }
 
+TEST_F(Posterior, AVarianceFactorIsThatOfMotionsAndObservations) {
+  constexpr double kFactor = 4.0;
+  Graph graph = RandomGraph({}, random_);
+  Graph noisier = graph;
+  graph.runs.front().variance_factor = kFactor;
+  for (MotionIncrement& motion : noisier.runs.front().motions) motion.cov *= kFactor;
+  for (GraphObservation& item : noisier.observations) item.cov_z *= kFactor;
+  ASSERT_TRUE(SolveGraph({100}, &graph).converged);
+  ASSERT_TRUE(SolveGraph({100}, &noisier).converged);
+  for (const ModeIndex m : graph.modes.indices()) {
+    EXPECT_THAT(graph.modes[m], testing::IsNearMatrix(noisier.modes[m], 1e-4));
+  }
+  const Eigen::MatrixXd expected = ComputeModeCovariance(noisier).value();
+  EXPECT_THAT(ComputeModeCovariance(graph).value(),
+              testing::IsNearMatrix(expected, 1e-3 * expected.cwiseAbs().maxCoeff()));
+}
+
 TEST_F(Posterior, ModesFollowAScaleThatIsFixedAsInTheDenseProblem) {
   Graph graph = RandomGraph({}, random_);
   GraphRun& run = graph.runs.front();

@@ -59,6 +59,16 @@ TEST(RobustLoss, NoStepByItsStepCurvatureGoesUp) {
   EXPECT_NEAR(step, GaussianMean([&](double t) { return loss.Curvature(t); }), 0.03);
 }
 
+TEST(RobustLoss, AVarianceFactorDividesItAndMovesNoLimit) {
+  const RobustLoss loss(2.5, 50.0, 4.0);
+  const RobustLoss whole(2.5, 50.0);
+  for (const double squared : {0.1, 5.0, 2400.0, 2600.0}) {
+    EXPECT_DOUBLE_EQ(4.0 * loss.HalfLoss(squared), whole.HalfLoss(squared));
+    EXPECT_DOUBLE_EQ(4.0 * loss.Slope(squared), whole.Slope(squared));
+    EXPECT_DOUBLE_EQ(4.0 * loss.Curvature(squared), whole.Curvature(squared));
+  }
+}
+
 TEST(RobustLoss, FarOutliersStillHaveCurvature) {
   const RobustLoss loss(2.5);
   EXPECT_GT(loss.Curvature(1e6), 1e-7);

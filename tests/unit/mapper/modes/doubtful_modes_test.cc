@@ -101,7 +101,7 @@ TEST(BuildMapWithDoubtfulModes, KeepsBothPlacesWithTheProbabilitiesOfTheAlternat
       while (world.groups[group].signature != observation.signature) ++group;
       if (group < kDoubtful) continue;
       const double direction = group == kDoubtful ? 9.0 : 2.0 * static_cast<double>(group);
-      const Eigen::Vector2d moved_by = (group == kDoubtful ? 0.6 : 2.5) *
+      const Eigen::Vector2d moved_by = (group == kDoubtful ? 0.56 : 2.5) *
                                        Eigen::Vector2d(std::cos(direction), std::sin(direction));
       const Eigen::Vector2d p =
           pose.Inverse() * (pose * observation.PositionInVehicle() + moved_by);

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/run_maps/run_variances.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "mapper/covariance/gauge.h"
+#include "mapper/modes/mode_merging.h"
+#include "mapper/parallel.h"
+#include "mapper/run_maps/variance_factor.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/geometry/se2.h"
+
+namespace shiftmap {
+namespace {
+
+// Translation, rotation and scale.
+constexpr double kGauge = 4.0;
+
+// What is known before: the covariances are right, as so many degrees of freedom would tell.
+constexpr double kPriorDof = 10.0;
+
+// Of a run by itself, from where it is in the build. [-]
+constexpr double kCostTolerance = 1e-4;
+
+// Factors up to this one move the minimum by next to nothing.
+constexpr double kNegligible = 1.5;
+
+// A mode whose difference is less probable, beside those of the others, is an outlier.
+constexpr double kOutlier = 1e-4;
+
+// None is where the mean square is not larger.
+constexpr double kAsExpected = 1.5;
+
+// Fewer modes have no outliers.
+constexpr int kMinModes = 6;
+
+// A run of a build by itself, with the modes that it has.
+BuildState RunByItself(const BuildState& build, RunIndex run) {
+  BuildState alone;
+  alone.sensor = build.sensor;
+  alone.loss_reach = build.loss_reach;
+  alone.modes = build.modes;
+  for (GroupModes& group : alone.modes) {
+    for (BuildMode& mode : group) mode.number = kAbsent;
+  }
+  alone.runs.push_back(build.runs[run]);
+  DropUnusedModes(&alone);
+  return alone;
+}
+
+// What a run by itself tells of its variance.
+struct RunVariance {
+  double factor = 1.0;
+  Disagreement disagreement;  // With the build, under that factor.
+};
+
+// How the positions of a build's modes differ from others as a whole, two rows a mode. [m]
+std::optional<Eigen::VectorXd> DifferenceOf(
+    const IndexedVector<ModeIndex, Eigen::Vector2d>& own,
+    const IndexedVector<ModeIndex, Eigen::Vector2d>& other) {
+  std::vector<PointPair> pairs;
+  for (const ModeIndex m : own.indices()) pairs.push_back({own[m], other[m]});
+  const StatusOr<Se2> T_own_other = AlignRigid2d(pairs);
+  if (!T_own_other.ok()) return std::nullopt;
+  Eigen::VectorXd difference(2 * own.end_index());
+  for (const ModeIndex m : own.indices()) {
+    difference.segment<2>(2 * m) = *T_own_other * other[m] - own[m];
+  }
+  return difference;
+}
+
+std::optional<RunVariance> VarianceOf(const MapperOptions& options,
+                                      bool is_solved,
+                                      BuildState alone) {
+  const IndexedVector<ModeIndex, Eigen::Vector2d> joint = ModePositions(alone);
+  if (joint.size() <= 2 || std::ssize(joint) > options.confirmation.max_modes) return std::nullopt;
+  const Graph graph = is_solved ? MakeGraph(options, &alone) : SolveContinuous(options, &alone);
+  const std::optional<ShapeCovariance> shape = ShapeCovariance::Of(graph);
+  if (!shape) return std::nullopt;
+  const std::optional<Eigen::VectorXd> difference = DifferenceOf(graph.modes, joint);
+  if (!difference) return std::nullopt;
+  const double factor = VarianceFactor(graph, *shape, options.seed);
+  const double squares = shape->Whiten(*difference).squaredNorm() / factor;
+  const double dof = static_cast<double>(difference->size()) - kGauge;
+  if (squares <= kAsExpected * dof) return RunVariance{factor, {squares, dof}};
+  return RunVariance{factor, DisagreementOf(shape->Information() / factor, *difference, dof)};
+}
+
+// The quantile of the square of a mode's difference, of two degrees of freedom, by the mean square
+// of others, of `dof` degrees of freedom, which is theirs by Fisher's distribution.
+double OutlierLimit(double dof) { return dof * (std::pow(kOutlier, -2.0 / dof) - 1.0); }
+
+}  // namespace
+
+Disagreement DisagreementOf(Eigen::MatrixXd information,
+                            const Eigen::VectorXd& difference,
+                            double dof) {
+  Eigen::VectorXd weighted = information * difference;
+  Disagreement left{difference.dot(weighted), dof};
+  Disagreement result = left;
+  std::vector<Eigen::Index> modes;
+  for (Eigen::Index m = 0; 2 * m < difference.size(); ++m) modes.push_back(m);
+  const std::size_t least = std::max<std::size_t>(kMinModes, modes.size() / 2);
+  while (modes.size() > least && left.squares > kAsExpected * left.dof) {
+    const auto decrease = [&](Eigen::Index m) {
+      const Eigen::Vector2d of_mode = weighted.segment<2>(2 * m);
+      return of_mode.dot(information.block<2, 2>(2 * m, 2 * m).inverse() * of_mode);
+    };
+    const auto worst = std::max_element(
+        modes.begin(), modes.end(), [&](auto a, auto b) { return decrease(a) < decrease(b); });
+    const double squares = decrease(*worst);
+    left.squares -= squares;
+    left.dof -= 2.0;
+    if (squares > OutlierLimit(left.dof) * std::max(1.0, left.squares / left.dof)) result = left;
+    // The others' marginal.
+    const Eigen::Index at = 2 * *worst;
+    const Eigen::MatrixXd gain =
+        information.middleCols<2>(at) * information.block<2, 2>(at, at).inverse();
+    weighted -= gain * weighted.segment<2>(at).eval();
+    information.noalias() -= gain * information.middleRows<2>(at).eval();
+    modes.erase(worst);
+  }
+  return result;
+}
+
+namespace {
+
+using RunVariances = IndexedVector<RunIndex, std::optional<RunVariance>>;
+
+// By how much more than they tell runs differ from the prior map and each other.
+double DisagreementFactor(const BuildState& build, const RunVariances& variances) {
+  const FlatModes flat(build);
+  const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(build);
+  IndexedVector<ModeIndex, bool> is_known(positions.size(), false);
+  double squares = kPriorDof;
+  double dof = build.priors.empty() ? kGauge : 0.0;
+  for (const RunIndex r : variances.indices()) {
+    if (!variances[r]) continue;
+    squares += variances[r]->disagreement.squares;
+    dof += variances[r]->disagreement.dof;
+    for (const BuildModeRef& mode : ModesOf(build.runs[r])) {
+      is_known[flat.Index(mode.group, mode.mode)] = true;
+    }
+  }
+  for (const GraphPrior& prior : build.priors) {
+    Eigen::VectorXd difference = -prior.mean;
+    for (std::size_t i = 0; i < prior.modes.size(); ++i) {
+      difference.segment<2>(static_cast<Eigen::Index>(2 * i)) += positions[prior.modes[i]];
+      is_known[prior.modes[i]] = true;
+    }
+    const Disagreement of_prior =
+        DisagreementOf(prior.information, difference, static_cast<double>(difference.size()));
+    squares += of_prior.squares;
+    dof += of_prior.dof;
+  }
+  // What the common map takes.
+  dof -= 2.0 * static_cast<double>(std::count(is_known.begin(), is_known.end(), true));
+  return std::max(1.0, squares / (kPriorDof + std::max(0.0, dof)));
+}
+
+}  // namespace
+
+bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
+  MapperOptions of_one = options;
+  of_one.threads = 1;
+  of_one.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
+  const bool is_alone = build->runs.size() == 1 && build->priors.empty();
+  RunVariances variances(build->runs.size());
+  ForEachIndex(variances.size(), options.threads, [&](std::size_t i) {
+    const RunIndex r(i);
+    variances[r] = VarianceOf(of_one, is_alone, RunByItself(*build, r));
+  });
+  const double disagreement = DisagreementFactor(*build, variances);
+  const bool has_joint_covariance = FlatModes(*build).count() <= kMaxJointModes;
+  if (has_joint_covariance) build->disagreement = disagreement;
+  double largest = 1.0;
+  for (const RunIndex r : variances.indices()) {
+    double& factor = build->runs[r].variance_factor;
+    if (variances[r]) factor = variances[r]->factor * (has_joint_covariance ? 1.0 : disagreement);
+    largest = std::max(largest, factor);
+  }
+  return largest > kNegligible;
+}
+
+}  // namespace shiftmap

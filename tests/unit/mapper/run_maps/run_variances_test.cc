@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/run_maps/run_variances.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <map>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "tests/support/random_map.h"
+#include "tests/unit/mapper/mapper_test_util.h"
+
+namespace shiftmap {
+namespace {
+
+Eigen::MatrixXd RandomCovariance(Eigen::Index size, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const Eigen::MatrixXd root =
+      Eigen::MatrixXd::NullaryExpr(size, size, [&](auto, auto) { return normal(random); });
+  return root * root.transpose() / static_cast<double>(size) +
+         0.1 * Eigen::MatrixXd::Identity(size, size);
+}
+
+Eigen::VectorXd Draw(const Eigen::MatrixXd& covariance, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const Eigen::VectorXd noise =
+      Eigen::VectorXd::NullaryExpr(covariance.rows(), [&](auto) { return normal(random); });
+  return covariance.llt().matrixL() * noise;
+}
+
+TEST(DisagreementOf, IsTheSumOfSquares) {
+  std::mt19937_64 random(testing::TestSeed(1));
+  const Eigen::MatrixXd covariance = RandomCovariance(20, random);
+  const Eigen::VectorXd difference = Draw(covariance, random);
+  const Disagreement all = DisagreementOf(covariance.inverse(), difference, 20.0);
+  EXPECT_NEAR(all.squares, difference.dot(covariance.llt().solve(difference)), 1e-8);
+  EXPECT_EQ(all.dof, 20.0);
+}
+
+// Without the outliers it is the sum of squares of the marginal of the others.
+TEST(DisagreementOf, LeavesOutModesThatDifferByThemselves) {
+  std::mt19937_64 random(testing::TestSeed(2));
+  for (const double scale : {1.0, 4.0}) {  // Also where all differ by more than they should.
+    const Eigen::MatrixXd covariance = RandomCovariance(24, random);
+    Eigen::VectorXd difference = scale * Draw(covariance, random);
+    difference.segment<2>(6) += scale * Eigen::Vector2d(20.0, 0.0);
+    difference.segment<2>(18) += scale * Eigen::Vector2d(0.0, -30.0);
+    std::vector<Eigen::Index> rows;
+    for (Eigen::Index row = 0; row < 24; ++row) {
+      if (row / 2 != 3 && row / 2 != 9) rows.push_back(row);
+    }
+    const Eigen::VectorXd others = difference(rows);
+    const Disagreement found = DisagreementOf(covariance.inverse(), difference, 24.0);
+    EXPECT_EQ(found.dof, 20.0) << scale;
+    EXPECT_NEAR(found.squares,
+                others.dot(covariance(rows, rows).llt().solve(others)),
+                1e-6 * found.squares);
+  }
+}
+
+TEST(DisagreementOf, KeepsHalfOfTheModes) {
+  std::mt19937_64 random(testing::TestSeed(3));
+  const Eigen::MatrixXd covariance = RandomCovariance(20, random);
+  Eigen::VectorXd difference = Draw(covariance, random);
+  for (Eigen::Index m = 0; m < 4; ++m) difference[2 * m] += 1e3 * static_cast<double>(m + 1);
+  EXPECT_EQ(DisagreementOf(covariance.inverse(), difference, 20.0).dof, 12.0);
+  for (Eigen::Index m = 4; m < 10; ++m) difference[2 * m] -= 1e5 * static_cast<double>(m * m);
+  EXPECT_GE(DisagreementOf(covariance.inverse(), difference, 20.0).dof, 10.0);
+}
+
+// NEES per degree of freedom of maps of two runs. Their ranges are wrong for half a minute, each
+// landmark's by its own error.
+double NeesPerDof(const MapperOptions& mapper, double sd_lasting_m) {
+  std::mt19937_64 random(testing::TestSeed(4));
+  std::normal_distribution<double> normal;
+  testing::MapConsistency maps;
+  for (std::uint64_t seed = 301; seed <= 310; ++seed) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.modes_per_group = 1;
+    options.runs = 2;
+    options.duration_s = 300.0;
+    options.scan_rate_hz = 4.0;
+    SimulatedWorld world = testing::Simulate(options);
+    for (SimulatedRun& run : world.runs) {
+      std::map<std::pair<Signature, int>, double> errors;
+      for (Scan& scan : run.run.scans) {
+        const double at_s = ToSeconds(scan.stamp - run.run.scans.front().stamp);
+        for (Observation& observation : scan.observations) {
+          const auto key = std::pair(observation.signature, static_cast<int>(at_s / 30.0));
+          const auto [error, is_new] = errors.try_emplace(key, 0.0);
+          if (is_new) error->second = sd_lasting_m * normal(random);
+          observation.z[0] = std::max(0.1, observation.z[0] + error->second);
+        }
+      }
+    }
+    maps.Add(testing::MeasureConsistency(
+        BuildMap(testing::Inputs(world), std::nullopt, mapper).value().content, world));
+  }
+  return maps.nees / maps.dof;
+}
+
+class EstimateRunVariancesTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    mapper_.sd_range_scale = 0.0;  // All sensors know how long a metre is.
+    mapper_.sd_run_range_scale = 0.0;
+  }
+
+  MapperOptions mapper_;
+};
+
+TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereNoiseIsAsAssumed) {
+  const double nees = NeesPerDof(mapper_, 0.0);
+  EXPECT_GT(nees, 0.7);
+  EXPECT_LT(nees, 1.3);
+}
+
+TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
+  const double nees = NeesPerDof(mapper_, 0.1);
+  EXPECT_GT(nees, 0.4);
+  EXPECT_LT(nees, 2.0);
+  mapper_.confirmation.max_modes = 0;
+  EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
+}
+
+}  // namespace
+}  // namespace shiftmap
