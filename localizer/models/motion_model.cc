@@ -85,15 +85,6 @@ void AppendSilence(Duration silence, MotionSum* sum) {
   if (silence > Duration::zero()) sum->Append(0.0, 0.0, std::min(ToSeconds(silence), kMaxSilence));
 }
 
-// At a time that is the sample's to tell of.
-Eigen::Vector3d ScaledVelocity(const OdometrySample& sample,
-                               Stamp stamp,
-                               const OdometryCalibration& calibration) {
-  const Duration hold = FromSeconds(kOdometryHold);
-  if (stamp < sample.stamp - hold || stamp > sample.stamp + hold) return Eigen::Vector3d::Zero();
-  return {calibration.scale_v * sample.v_mps, 0.0, calibration.scale_omega * sample.omega_radps};
-}
-
 }  // namespace
 
 PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion) {
@@ -166,7 +157,6 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
   std::size_t i = std::min(*hint, odometry.size() - 1);
   while (i > 0 && odometry[i].stamp > now) --i;
   while (i + 1 < odometry.size() && odometry[i + 1].stamp <= now) ++i;
-  const Eigen::Vector3d begin_velocity = ScaledVelocity(odometry[i], now, calibration);
 
   MotionSum sum;
   while (now < last) {
@@ -185,12 +175,7 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
     if (!final_sample && odometry[i + 1].stamp <= now) ++i;
   }
   *hint = i;
-
-  // T(lag) = D(begin - lag)⁻¹ D(end - lag) for the dead-reckoned path D.
-  IntegratedMotion motion = sum.Result();
-  const Eigen::Vector3d end_velocity = ScaledVelocity(odometry[i], last, calibration);
-  motion.J_calibration.col(2) = motion.T_begin_end.InverseAdjoint() * begin_velocity - end_velocity;
-  return motion;
+  return sum.Result();
 }
 
 MotionIncrement IntegrateMotion(std::span<const OdometrySample> odometry,

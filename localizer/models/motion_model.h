@@ -20,8 +20,8 @@ struct MotionIncrement {
   /// Of the perturbation T_begin_end·Exp(ξ), order (x, y, yaw), in the end frame. [m, m, rad]
   Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
 
-  /// dξ / d(log scale_v, log scale_omega, lag_s). The lag column is zero where the motion is
-  /// steady.
+  /// dξ / d(log scale_v, log scale_omega, lag_s). The lag column is zero here: it takes more
+  /// of a log than the motion's (IntegrateMotions()).
   Eigen::Matrix3d J_calibration = Eigen::Matrix3d::Zero();
 };
 

@@ -2,12 +2,46 @@
 #include "mapper/frontend/frame_motions.h"
 
 #include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "mapper/frontend/smooth_odometry.h"
 
 namespace shiftmap {
 namespace {
 
 // Variance per squared noise of odometry of a motion that tells nothing. [s]
 constexpr double kNothing = 1e12;
+
+// Derivative of motions by the lag, without the noise of odometry: mapper/METHOD.md, 3. One sample
+// long, so that the samples before and after an end weigh the same.
+class ByLag {
+ public:
+  ByLag(const MappingRun& run, const OdometryCalibration& calibration)
+      : odometry_(SmoothOdometry(run.odometry)),
+        step_s_(SamplePeriod(run.odometry)),
+        sooner_(calibration),
+        later_(calibration) {
+    sooner_.lag_s -= 0.5 * step_s_;
+    later_.lag_s += 0.5 * step_s_;
+  }
+
+  Eigen::Vector3d Between(Stamp begin, Stamp end) {
+    const auto motion = [&](const OdometryCalibration& calibration, std::size_t* hint) {
+      return IntegrateOdometry(odometry_, begin, end, calibration, hint).T_begin_end;
+    };
+    const Se2 T_begin_sooner = motion(sooner_, &hint_sooner_);
+    return (T_begin_sooner.Inverse() * motion(later_, &hint_later_)).Log() / step_s_;
+  }
+
+ private:
+  std::vector<OdometrySample> odometry_;
+  double step_s_;
+  OdometryCalibration sooner_;
+  OdometryCalibration later_;
+  std::size_t hint_sooner_ = 0;
+  std::size_t hint_later_ = 0;
+};
 
 }  // namespace
 
@@ -19,10 +53,14 @@ Eigen::Vector3d CorrectionBetween(const OdometryCalibration& from, const Odometr
 
 FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& calibration) {
   FrameMotions motions{calibration, {}};
+  ByLag by_lag(run, calibration);
   std::size_t hint = 0;
   for (FrameIndex i; i + 1 < run.frames.end_index(); ++i) {
-    motions.between_frames.push_back(IntegrateOdometry(
-        run.odometry, run.frames[i].stamp, run.frames[i + 1].stamp, calibration, &hint));
+    const Stamp begin = run.frames[i].stamp;
+    const Stamp end = run.frames[i + 1].stamp;
+    IntegratedMotion motion = IntegrateOdometry(run.odometry, begin, end, calibration, &hint);
+    motion.J_calibration.col(2) = by_lag.Between(begin, end);
+    motions.between_frames.push_back(motion);
   }
   return motions;
 }

@@ -7,11 +7,15 @@
 #include <map>
 #include <string>
 
+#include "mapper/frontend/frame_motions.h"
 #include "mapper/mapper.h"
 #include "mapstore/geometry/angle.h"
 #include "proto/core/check.h"
 #include "tests/support/status_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
+#include "tools/sim/landmark_sensor.h"
+#include "tools/sim/odometry_motion.h"
+#include "tools/sim/random.h"
 
 namespace shiftmap {
 namespace {
@@ -86,6 +90,85 @@ TEST(CalibrateVehicles, NinetyFivePercentHoldTheTruth) {
     // 23 of 24 are to be expected; less than 19 has a probability of 0.1 %.
     EXPECT_GE(of.held, 19) << name;
   }
+}
+
+OpenWorldOptions WithGoodSensor(std::uint64_t seed) {
+  OpenWorldOptions options = testing::SmallWorld(seed);
+  options.runs = 1;
+  options.modes_per_group = 1;
+  options.odometry.lag_s = 0.1;
+  options.odometry.noise_v = 0.03;  // Slip, about as much as AddNoise() adds along the way.
+  options.sensor.sd_range_m = 0.02;
+  options.sensor.sd_bearing_rad = 0.005;
+  return options;
+}
+
+// White noise of samples, which the motion does not have.
+void AddNoise(std::uint64_t seed, shiftmap::Run* run) {
+  Random random = MakeRandom(seed, 100);
+  for (OdometrySample& sample : run->odometry) {
+    sample.v_mps += Gaussian(0.1, &random);
+    sample.omega_radps += Gaussian(0.05, &random);
+  }
+}
+
+// Round a circle at one speed.
+shiftmap::Run SteadyRun(const OpenWorldOptions& options, const SimulatedWorld& world) {
+  constexpr Velocity kVelocity{1.0, 0.2};
+  constexpr int kScanEvery = 4;
+  Random random = MakeRandom(options.seed, 101);
+  const double tick_s = 1.0 / options.odometry_rate_hz;
+  shiftmap::Run run;
+  run.info = world.runs[0].run.info;
+  StampedPose pose{options.start, Se2(0.5 * options.size_m, 2.0, 0.0)};
+  for (int tick = 0; tick * tick_s < options.duration_s; ++tick) {
+    run.odometry.push_back({pose.stamp, kVelocity.v_mps, kVelocity.omega_radps});
+    if (tick % kScanEvery == 0) {
+      run.scans.push_back(SenseLandmarks(
+          world.groups, world.runs[0].active_mode, pose, options.sensor, 0.0, {}, &random));
+    }
+    pose.stamp += FromSeconds(tick_s);
+    pose.T_map_vehicle =
+        pose.T_map_vehicle * TrueMotion(kVelocity, tick_s, options.odometry, &random);
+  }
+  return run;
+}
+
+TEST(CalibrateVehicles, NoiseOfOdometryDoesNotPassForALag) {
+  constexpr int kRuns = 60;
+  Coverage coverage;
+  double squared_error = 0.0;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    const OpenWorldOptions options = WithGoodSensor(seed);
+    std::vector<MapperInput> inputs = testing::Inputs(testing::Simulate(options));
+    AddNoise(seed, &inputs[0].run);
+    const Interval lag = Build(inputs).vehicles.front().lag_s;
+    coverage.Add(lag, options.odometry.lag_s);
+    squared_error += std::pow(lag.value - options.odometry.lag_s, 2);
+  }
+  RecordProperty("held", coverage.held);
+  RecordProperty("rms_s", std::to_string(std::sqrt(squared_error / kRuns)));
+  EXPECT_GE(coverage.held, 52);  // Of 57 to be expected.
+  EXPECT_LT(std::sqrt(squared_error / kRuns), 0.008);
+}
+
+TEST(CalibrateVehicles, ASteadyDriveTellsNoLag) {
+  constexpr int kRuns = 60;
+  Coverage coverage;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    const OpenWorldOptions options = WithGoodSensor(seed);
+    const SimulatedWorld world = testing::Simulate(options);
+    MapperInput input = testing::Inputs(world)[0];
+    input.run = SteadyRun(options, world);
+    AddNoise(seed, &input.run);
+    const Interval lag = Build({input}).vehicles.front().lag_s;
+    EXPECT_GT(lag.high - lag.low, 0.9 * 2.0 * 1.96 * kLagSd) << seed;
+    // One speed goes with any lag.
+    Random random = MakeRandom(seed, 102);
+    coverage.Add(lag, Gaussian(kLagSd, &random));
+  }
+  RecordProperty("held", coverage.held);
+  EXPECT_GE(coverage.held, 52);  // Of 57 to be expected.
 }
 
 TEST(CalibrateVehicles, MoreRunsTellMore) {

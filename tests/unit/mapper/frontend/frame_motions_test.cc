@@ -3,11 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
 
 #include "tests/unit/mapper/mapper_test_util.h"
+#include "tools/sim/random.h"
 
 namespace shiftmap {
 namespace {
@@ -63,6 +65,36 @@ TEST(FrameMotions, AreLinearNearby) {
     EXPECT_LT((T_linear.Inverse() * T_integrated).Log().norm(), 5e-4) << i.value();
     EXPECT_EQ(MotionFrom(integrated, i, near).T_begin_end.translation(),
               T_integrated.translation());
+  }
+}
+
+// Where odometry has no noise.
+TEST(FrameMotions, AreLinearInTheLagNearby) {
+  const MappingRun run = SomeRun();
+  constexpr double kLag = 0.05;  // Half a sample.
+  const FrameMotions motions = IntegrateMotions(run, Scaled(0.05, 0.02, 0.0));
+  const FrameMotions sooner = IntegrateMotions(run, Scaled(0.05, 0.02, -kLag));
+  const FrameMotions later = IntegrateMotions(run, Scaled(0.05, 0.02, kLag));
+  double largest = 0.0;
+  for (const FrameIndex i : motions.between_frames.indices()) {
+    const Se2 T_change =
+        sooner.between_frames[i].T_begin_end.Inverse() * later.between_frames[i].T_begin_end;
+    const Eigen::Vector3d by_lag = motions.between_frames[i].J_calibration.col(2);
+    EXPECT_LT((T_change.Log() - 2.0 * kLag * by_lag).norm(), 1e-3) << i.value();
+    largest = std::max(largest, by_lag.norm());
+  }
+  EXPECT_GT(largest, 0.2);
+}
+
+TEST(FrameMotions, NoiseOfSamplesTellsNothingOfTheLag) {
+  MappingRun run = SomeRun();
+  Random random = MakeRandom(1, 1);
+  for (OdometrySample& sample : run.odometry) {
+    sample.v_mps = 1.0 + Gaussian(0.1, &random);
+    sample.omega_radps = 0.2 + Gaussian(0.05, &random);
+  }
+  for (const IntegratedMotion& motion : IntegrateMotions(run, {}).between_frames) {
+    EXPECT_LT(motion.J_calibration.col(2).norm(), 0.01);
   }
 }
 
