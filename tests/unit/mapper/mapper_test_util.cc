@@ -11,6 +11,9 @@
 #include "mapper/covariance/gauge.h"
 #include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
+#include "tools/sim/landmark_sensor.h"
+#include "tools/sim/odometry_motion.h"
+#include "tools/sim/random.h"
 
 namespace shiftmap::testing {
 
@@ -34,6 +37,49 @@ SimulatedWorld StaticWorld(std::uint64_t seed) {
   options.modes_per_group = 1;
   options.duration_s = 200.0;
   return Simulate(options);
+}
+
+SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
+  constexpr double kWay = 200.0;
+  constexpr double kTick = 0.1;
+  constexpr int kTicks = 4500;
+  constexpr int kTicksPerScan = 2;
+  const OdometryCalibration odometry{.noise_v = 0.02, .noise_omega = 0.005};
+  const SensorCalibration sensor{
+      .sd_range_m = 0.1, .sd_bearing_rad = 0.02, .detection_probability = 0.8};
+  Random random = MakeRandom(seed, 0);
+  SimulatedWorld world;
+  for (int i = 0; i < 16; ++i) {
+    const double x = Uniform(0.0, 12.0, &random) + (i < 8 ? 0.0 : kWay);
+    world.groups.push_back(
+        {Signature(fmt::format("{:02}", i)), {{x, Uniform(-6.0, 8.0, &random)}}});
+  }
+  const std::vector<Eigen::Vector2d> way = {
+      {10.0, 2.0}, {kWay, 1.0}, {kWay + 11.0, 3.0}, {kWay + 9.0, -3.0}, {10.0, -1.0}, {0.0, 0.0}};
+  for (int r = 0; r < runs; ++r) {
+    SimulatedRun& simulated = world.runs.emplace_back();
+    simulated.active_mode.assign(world.groups.size(), ModeNumber(1));
+    simulated.run.info.vehicle = "v";
+    const Stamp begin = StampFromSeconds(1.7676e9 + r * kSecondsPerDay);
+    Se2 T_map_vehicle;
+    std::size_t next = 0;
+    for (int tick = 0; tick < kTicks; ++tick) {
+      const Stamp stamp = begin + FromSeconds(tick * kTick);
+      simulated.truth.push_back({stamp, T_map_vehicle});
+      Eigen::Vector2d to = T_map_vehicle.Inverse() * way[next % way.size()];
+      if (to.norm() < 1.0) to = T_map_vehicle.Inverse() * way[++next % way.size()];
+      const double turn = std::atan2(to.y(), to.x());
+      const Velocity logged{1.5 * std::max(0.15, 1.0 - std::abs(turn)),
+                            std::clamp(turn, -0.8, 0.8)};
+      simulated.run.odometry.push_back({stamp, logged.v_mps, logged.omega_radps});
+      if (tick % kTicksPerScan == 0) {
+        simulated.run.scans.push_back(SenseLandmarks(
+            world.groups, simulated.active_mode, simulated.truth.back(), sensor, 0.0, {}, &random));
+      }
+      T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, &random);
+    }
+  }
+  return world;
 }
 
 std::size_t CountModes(const BuildState& build) {

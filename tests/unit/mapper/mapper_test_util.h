@@ -19,6 +19,10 @@ OpenWorldOptions SmallWorld(std::uint64_t seed);
 /// One run of a world whose landmarks stand still.
 SimulatedWorld StaticWorld(std::uint64_t seed);
 
+/// Two halls of eight landmarks each, 200 m apart with none in between, and runs that go to and fro
+/// by odometry that loses some metres on the way.
+SimulatedWorld TwoHalls(std::uint64_t seed, int runs);
+
 /// Modes of all groups.
 std::size_t CountModes(const BuildState& build);
 
