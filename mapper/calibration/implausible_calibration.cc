@@ -65,12 +65,13 @@ std::string ImplausibleCalibration(const BuildState& build) {
   }
   if (LogOddsOfReversedTurns(run) > kSurelyReversed) {
     return "it fits only if it turns the other way than odometry says: bearings or yaw rates of "
-           "the "
-           "wrong sign";
+           "the wrong sign";
   }
   if (!IsScale(run.odometry.scale_v)) {
-    return fmt::format("it fits only with speeds of {:.2f} times what odometry says",
-                       run.odometry.scale_v);
+    return fmt::format(
+        "it fits only with speeds of {:.2f} times what odometry says: {}",
+        run.odometry.scale_v,
+        run.odometry.scale_v < 1.0 ? "another unit, or reversed odometry" : "another unit");
   }
   if (!IsScale(run.odometry.scale_omega)) {
     return fmt::format("it fits only with yaw rates of {:.2f} times what odometry says",

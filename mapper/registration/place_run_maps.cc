@@ -21,19 +21,29 @@ namespace shiftmap {
 namespace {
 
 // Per mode of an aligned run map whether it is told apart from what it is nearest to.
+// @param deformed  The run map may be bent as its covariance says, and the map as much; else the
+//                  alignment is all that is uncertain.
 std::vector<bool> ToldApart(const MapperOptions& options,
                             const RunMapAlignment& aligned,
                             const RunMap& run_map,
-                            const std::vector<ModeMatch>& mode_matches) {
+                            const std::vector<ModeMatch>& mode_matches,
+                            bool deformed) {
   const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
   const double floor = options.modes.position_floor_m;
   const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
   std::vector<bool> apart;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor;
+    const Eigen::Index row = RowOf(i);
+    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor +
+                            (deformed ? run_map.covariance.block<2, 2>(row, row).trace() : 0.0);
     apart.push_back(mode_matches[i].squared_m2 >= gate * variance);
   }
   return apart;
+}
+
+// Whether fewer than kMinTyingModes of these modes are where the map has them.
+bool AreTooFew(const std::vector<OptionalMode>& known) {
+  return std::ssize(known) - std::count(known.begin(), known.end(), kUnassigned) < kMinTyingModes;
 }
 
 // The mode of the build that each mode of an aligned run map is, or kUnassigned.
@@ -118,12 +128,18 @@ bool Absorb(const MapperOptions& options,
   if (aligned && aligned->deformed) {
     known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
   } else if (aligned) {
-    const std::vector<bool> apart = ToldApart(options, *aligned, run_map, mode_matches);
+    std::vector<bool> apart = ToldApart(options, *aligned, run_map, mode_matches, false);
     known = KnownModes(*aligned, mode_matches, displaced, apart, *build);
+    // As of places far from each other: no rigid transform puts all where the map has them.
+    const bool deformed = AreTooFew(known);
+    if (deformed) {
+      apart = ToldApart(options, *aligned, run_map, mode_matches, true);
+      known = KnownModes(*aligned, mode_matches, displaced, apart, *build);
+    }
     const std::vector<KeptAlternatives> doubts =
         KeepDoubts(options, *aligned, found, apart, run_map, mode_matches, *build, &known);
-    const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
-    if (std::ssize(known) - unknown < kMinTyingModes) return false;
+    if (AreTooFew(known)) return false;
+    if (deformed) DeformOntoMap(options, *build, known, &run_map);
     build->kept.insert(build->kept.end(), doubts.begin(), doubts.end());
     std::vector<bool> decided;  // With all modes of the prior at once.
     for (std::size_t i = 0; i < mode_matches.size(); ++i) {
@@ -135,6 +151,7 @@ bool Absorb(const MapperOptions& options,
     const auto met = std::count_if(mode_matches.begin(),
                                    mode_matches.end(),
                                    [](const ModeMatch& e) { return e.nearest.has_value(); });
+    const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
     if (2 * (std::ssize(known) - unknown) >= met) {
       std::vector<OptionalMode> grown = GrowMatches(options, run_map, *build, known, decided);
       if (grown != known) {
