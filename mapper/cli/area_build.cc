@@ -14,6 +14,7 @@
 #include "mapper/cli/objections.h"
 #include "mapper/cli/run_copies.h"
 #include "mapper/cli/run_loader.h"
+#include "mapper/frontend/mapping_run.h"
 #include "mapper/map_edits.h"
 #include "mapper/selection/selector.h"
 #include "mapper/tree/tree_builder.h"
@@ -22,6 +23,7 @@
 #include "mapstore/cli/version.h"
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
+#include "mapstore/core/inert_text.h"
 #include "mapstore/core/memory_bound.h"
 #include "mapstore/prior_version.h"
 
@@ -468,6 +470,22 @@ std::vector<SomeRun> NotGiven(std::vector<SomeRun> runs, const std::vector<Mappe
   return runs;
 }
 
+// Codes on vehicles are no landmarks.
+void WarnOfMoving(const std::vector<MapperInput>& inputs,
+                  const FrontEndOptions& options,
+                  const Context& context) {
+  for (const MapperInput& input : inputs) {
+    for (const auto& [signature, count] : MovingSightings(input.run, options)) {
+      context.Warn(
+          fmt::format("run '{}': landmark '{}' moves while it is in view, as a code on a vehicle: "
+                      "{} sightings are left out",
+                      input.name,
+                      InertLine(signature.text()),
+                      count));
+    }
+  }
+}
+
 void WarnOfOdd(const MapperResult& result, const Context& context) {
   for (const MappedRun& run : result.runs) {
     for (const Stamp stamp : run.moved) {
@@ -590,6 +608,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
   AreaBuild build;
+  if (options.engine != "tree") WarnOfMoving(runs.inputs, mapper_options.front_end, context);
   build.at_two_places = AtTwoPlaces(runs.inputs, prior.known_runs);
   build.not_given = NotGiven(std::move(prior.waiting), runs.inputs);
   for (const RunRecord& run : NotGiven(std::move(prior.fallen_out), runs.inputs)) {

@@ -3,9 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
+#include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
+#include "mapper/frontend/moving_visits.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -65,9 +70,19 @@ double DurationOf(const MappingRun& run) {
   return ToSeconds(run.frames.back().stamp - run.frames.front().stamp);
 }
 
-MappingRun MakeMappingRun(const Run& run,
-                          const std::vector<Signature>& signatures,
-                          const FrontEndOptions& options) {
+namespace {
+
+const Signature& SignatureOf(const MappingVisit& visit, const std::vector<Signature>& signatures) {
+  return signatures[static_cast<std::size_t>(visit.group.value())];
+}
+
+bool NoneMoves(Stamp /*stamp*/, const Signature& /*signature*/) { return false; }
+
+// @param moving  Whether a sighting is left out because its landmark moves.
+MappingRun Arrange(const Run& run,
+                   const std::vector<Signature>& signatures,
+                   const FrontEndOptions& options,
+                   const std::function<bool(Stamp, const Signature&)>& moving) {
   MappingRun out;
   out.info = run.info;
   out.odometry = run.odometry;
@@ -75,7 +90,10 @@ MappingRun MakeMappingRun(const Run& run,
   out.end = EndOf(run);
   for (const Scan& scan : run.scans) {
     out.scan_stamps.push_back(scan.stamp);
-    const UsableSightings usable = FindUsableSightings(scan, options);
+    UsableSightings usable = FindUsableSightings(scan, options);
+    std::erase_if(usable.named, [&](int index) {
+      return moving(scan.stamp, scan.observations[static_cast<std::size_t>(index)].signature);
+    });
     out.anonymous_observations += static_cast<int>(usable.anonymous.size());
     out.duplicate_observations += usable.duplicate;
     out.near_observations += usable.near;
@@ -91,6 +109,37 @@ MappingRun MakeMappingRun(const Run& run,
   }
   if (squared_ranges > 0.0) out.mean_squared_bearing /= squared_ranges;
   return out;
+}
+
+}  // namespace
+
+MappingRun MakeMappingRun(const Run& run,
+                          const std::vector<Signature>& signatures,
+                          const FrontEndOptions& options) {
+  MappingRun all = Arrange(run, signatures, options, NoneMoves);
+  std::map<Signature, std::map<Stamp, Stamp>> moving;  // Begins and ends of visits.
+  for (const VisitIndex v : FindMovingVisits(all)) {
+    const MappingVisit& visit = all.visits[v];
+    moving[SignatureOf(visit, signatures)].emplace(visit.begin, visit.end);
+  }
+  if (moving.empty()) return all;
+  return Arrange(run, signatures, options, [&](Stamp stamp, const Signature& signature) {
+    const auto visits = moving.find(signature);
+    if (visits == moving.end()) return false;
+    const auto after = visits->second.upper_bound(stamp);
+    return after != visits->second.begin() && stamp <= std::prev(after)->second;
+  });
+}
+
+std::map<Signature, int> MovingSightings(const Run& run, const FrontEndOptions& options) {
+  const std::vector<Signature> signatures = CollectSignatures({&run}, {});
+  const MappingRun all = Arrange(run, signatures, options, NoneMoves);
+  std::map<Signature, int> moving;
+  for (const VisitIndex v : FindMovingVisits(all)) {
+    const MappingVisit& visit = all.visits[v];
+    moving[SignatureOf(visit, signatures)] += static_cast<int>(visit.sightings.size());
+  }
+  return moving;
 }
 
 }  // namespace shiftmap

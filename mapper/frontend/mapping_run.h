@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -68,10 +69,14 @@ std::vector<Signature> CollectSignatures(const std::vector<const Run*>& runs,
 /// From the first key frame to the last, of which there is one at least. [s]
 double DurationOf(const MappingRun& run);
 
-/// Arranges a valid run for mapping. The run may have no sighting at all.
+/// Arranges a valid run for mapping, without visits of landmarks that move while they are in view
+/// (FindMovingVisits). The run may have no sighting at all.
 /// @param signatures  Ascending, holding every signature of the run.
 MappingRun MakeMappingRun(const Run& run,
                           const std::vector<Signature>& signatures,
                           const FrontEndOptions& options);
+
+/// Of landmarks that move while they are in view, how many sightings MakeMappingRun() leaves out.
+std::map<Signature, int> MovingSightings(const Run& run, const FrontEndOptions& options);
 
 }  // namespace shiftmap
