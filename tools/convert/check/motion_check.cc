@@ -49,8 +49,14 @@ struct Units {
   double v;
   double omega;
 };
-constexpr std::array<Units, 4> kUnits = {
-    {{1.0, 1.0}, {1.0, kRadPerDegree}, {1e-3, 1.0}, {1.0 / 3.6, 1.0}}};
+constexpr double kMpsPerMilePerHour = 0.44704;
+constexpr std::array<Units, 7> kUnits = {{{1.0, 1.0},
+                                          {1.0, kRadPerDegree},
+                                          {1e-3, 1.0},
+                                          {1.0 / 3.6, 1.0},
+                                          {kMpsPerMilePerHour, 1.0},
+                                          {1.0, 2.0},
+                                          {1.0, 0.5}}};
 
 Eigen::Vector2d AsLogged(const Observation& observation) { return observation.PositionInVehicle(); }
 Eigen::Vector2d Turn(const Observation& observation, double xx, double xy, double yx, double yy) {
@@ -64,6 +70,7 @@ Eigen::Vector2d TurnedLeft(const Observation& o) { return Turn(o, 0, -1, 1, 0); 
 Eigen::Vector2d TurnedRight(const Observation& o) { return Turn(o, 0, 1, -1, 0); }
 Eigen::Vector2d Swapped(const Observation& o) { return Turn(o, 0, 1, 1, 0); }
 Eigen::Vector2d SwappedReversed(const Observation& o) { return Turn(o, 0, -1, -1, 0); }
+Eigen::Vector2d Feet(const Observation& o) { return 0.3048 * AsLogged(o); }
 Eigen::Vector2d Millimetres(const Observation& o) { return 1e-3 * AsLogged(o); }
 Eigen::Vector2d Degrees(const Observation& observation) {
   Observation undone = observation;
@@ -81,6 +88,8 @@ struct Alternative {
 
 constexpr const char* kSignAdvice =
     "bearings and yaw rates are counter-clockwise, y is to the left; turn the sign of one";
+constexpr const char* kWheelAdvice =
+    "see whether the yaw rate is made from one wheel, or with another wheel base";
 constexpr const char* kMountAdvice =
     "give the sensor's mounting on the vehicle; x is forward, also in the speed";
 
@@ -125,6 +134,7 @@ constexpr std::array<Alternative, MotionCheck::kAlternatives> kTried = {{
      "write ranges in metres",
      Millimetres,
      0},
+    {"range_feet", "ranges fit the motion in feet", "write ranges in metres", Feet, 0},
     {"bearing_degrees",
      "bearings fit the motion in degrees",
      "write bearings in radians",
@@ -145,6 +155,21 @@ constexpr std::array<Alternative, MotionCheck::kAlternatives> kTried = {{
      "write metres per second",
      AsLogged,
      3},
+    {"speed_unit",
+     "speeds fit the landmarks in miles per hour",
+     "write metres per second",
+     AsLogged,
+     4},
+    {"yaw_rate_scale",
+     "yaw rates are half of what landmarks show, or less",
+     kWheelAdvice,
+     AsLogged,
+     5},
+    {"yaw_rate_scale",
+     "yaw rates are twice what landmarks show, or more",
+     kWheelAdvice,
+     AsLogged,
+     6},
     {"bearing_sign",
      "yaw rates fit the landmarks in degrees per second and with the other sign",
      kSignAdvice,
@@ -228,6 +253,7 @@ void MotionCheck::AddPair(const Anchor& first, const Observation& second) {
     const PairMotion motion = MotionOf(
         tried.position(first.observation), tried.position(second), T_first_second[tried.units]);
     const double other = motion.misfit();
+    if (other <= kBadMisfit) ++tallies_[i].fitting;
     if (motion.total() < kMinOtherMotionM || std::abs(other - misfit) < kChange) continue;
     if (i == 0) ++turning_;
     Tally& tally = tallies_[i];
@@ -243,7 +269,7 @@ std::optional<double> MotionCheck::MedianMisfit() const {
 }
 
 bool MotionCheck::Holds(const Tally& tally) const {
-  return tally.changed >= kMinPairs &&
+  return tally.changed >= kMinPairs && 2 * tally.fitting >= pairs_ &&
          static_cast<double>(tally.better) >= kBetterShare * static_cast<double>(tally.changed) &&
          static_cast<double>(Median(tally.misfits)) <= kGoodMisfit;
 }

@@ -26,8 +26,8 @@ namespace shiftmap {
 /// 0 for a perfect fit, 1 where the landmark moves the wrong way. Each mistake that loggers make
 /// (a sign, a unit, a sensor that looks backwards) is an alternative: the same pairs with the
 /// mistake undone. An alternative holds if it fits better in at least four of five pairs that it
-/// changes, twenty pairs at least, and fits them well. Landmarks that were moved, misread codes and
-/// noise are few of the pairs and change nothing.
+/// changes, twenty pairs at least, and fits them well, and most of all pairs. Landmarks that were
+/// moved, misread codes and noise are few of the pairs and change nothing.
 ///
 /// A mirrored sensor and a yaw rate of the wrong sign give the same pairs, as do a reversed sensor
 /// and a speed of the wrong sign.
@@ -47,11 +47,11 @@ class MotionCheck {
   std::optional<double> MedianMisfit() const;
 
   /// What is tried in place of the log's numbers.
-  static constexpr std::size_t kAlternatives = 13;
+  static constexpr std::size_t kAlternatives = 17;
 
  private:
   /// Odometry with a unit undone.
-  static constexpr std::size_t kOdometries = 4;
+  static constexpr std::size_t kOdometries = 7;
   using Poses = std::array<Se2, kOdometries>;
 
   struct Anchor {
@@ -61,6 +61,7 @@ class MotionCheck {
   };
   /// Pairs that an alternative changes.
   struct Tally {
+    std::int64_t fitting = 0;  // Of all pairs.
     std::int64_t changed = 0;
     std::int64_t better = 0;
     std::vector<float> misfits;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -21,14 +22,23 @@ struct PairMotion {
   double misfit() const { return total() > 0.0 ? (seen - expected).norm() / total() : 0.0; }
 };
 
-/// The observations of a scan whose signature no other one has.
+/// Of each signature that stands at one place of a scan its first observation: a recorder may write
+/// one twice.
 inline std::vector<const Observation*> IdentifiedOnce(const Scan& scan) {
-  std::map<std::string, int> times;
-  for (const Observation& observation : scan.observations) ++times[observation.signature.text()];
-  std::vector<const Observation*> once;
+  constexpr double kOnePlaceM = 0.5;
+  std::map<std::string, std::vector<const Observation*>> seen;
   for (const Observation& observation : scan.observations) {
-    const std::string& signature = observation.signature.text();
-    if (!signature.empty() && times[signature] == 1) once.push_back(&observation);
+    if (!observation.signature.anonymous())
+      seen[observation.signature.text()].push_back(&observation);
+  }
+  std::vector<const Observation*> once;
+  for (const auto& [signature, observations] : seen) {
+    const Eigen::Vector2d first = observations.front()->PositionInVehicle();
+    const bool one_place =
+        std::all_of(observations.begin(), observations.end(), [&](const Observation* other) {
+          return (other->PositionInVehicle() - first).norm() < kOnePlaceM;
+        });
+    if (one_place) once.push_back(observations.front());
   }
   return once;
 }

@@ -89,6 +89,19 @@ const std::vector<Mistake>& Mistakes() {
       {"YawRateDegrees", "yaw_rate_unit", for_odometry(1.0, 1.0 / kDegree)},
       {"SpeedMillimetres", "speed_unit", for_odometry(1000.0, 1.0)},
       {"SpeedKilometresPerHour", "speed_unit", for_odometry(3.6, 1.0)},
+      {"SpeedMilesPerHour", "speed_unit", for_odometry(2.237, 1.0)},
+      {"RangeFeet", "range_feet", for_z(3.281, 1.0)},
+      {"YawRateHalf", "yaw_rate_scale", for_odometry(1.0, 0.5)},
+      {"YawRateDouble", "yaw_rate_scale", for_odometry(1.0, 2.0)},
+      {"BearingClockwiseInRowsWrittenTwice",
+       "bearing_sign",
+       [](Run* run) {
+         for (Scan& scan : run->scans) {
+           for (Observation& observation : scan.observations) observation.z.y() *= -1.0;
+           const std::vector<Observation> rows = scan.observations;
+           scan.observations.insert(scan.observations.end(), rows.begin(), rows.end());
+         }
+       }},
       {"OdometryZero", "odometry_frozen", for_odometry(0.0, 0.0)},
       {"YawRateZero", "yaw_rate_zero", for_odometry(1.0, 0.0)},
       {"DetectionsRepeated",
